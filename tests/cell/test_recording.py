@@ -22,3 +22,17 @@ def test_a_recording_is_empty_until_something_is_recorded():
     sample = Sample(3)
     assert (sample.stamp_s, dict(sample.robots), sample.observations) == (None, {}, ())
     assert (dict(sample.images), dict(sample.background)) == ({}, {})
+
+
+def test_images_are_found_by_sample_and_camera():
+    """Each under its own number, whatever its place in the file; samples without images have none."""
+    samples = (
+        Sample(7, images={"left": "images/a.png", "right": "images/b.png"}),
+        Sample(3),
+        Sample(2, images={"left": "c"}),
+    )
+    assert Recording(samples).image_paths() == {
+        (7, "left"): "images/a.png",
+        (7, "right"): "images/b.png",
+        (2, "left"): "c",
+    }

@@ -116,6 +116,21 @@ def test_picker_copy_button_and_slider(written: Path) -> None:
     assert said["after_a_bar"] == "7"
 
 
+def test_units_of_the_answer_are_seen_at_all_widths(written: Path, tmp_path: Path) -> None:
+    """The table of an answer fits its card; one that does not has a shade at the edge beyond which it goes on."""
+    narrowed = "document.querySelector('.answer .scroll').style.width = '3rem'"
+    shade = "getComputedStyle(document.querySelector('.answer .scroll')).backgroundImage.includes('gradient')"
+    beyond = "(box => box.scrollWidth - box.clientWidth)(document.querySelector('.answer .scroll'))"
+    with browsing(tmp_path) as tab:
+        for width in (390, 479, 485, 500, 530, 560, 605, 700):
+            tab.resize(width, 900)
+            tab.go(written.as_uri(), ".answer .scroll")
+            assert tab.value(beyond) == 0, width
+        tab.value(narrowed)
+        assert tab.value(beyond) > 0
+        assert tab.value(shade)
+
+
 def test_the_scene_is_unpacked_under_the_policy(written: Path, tmp_path: Path) -> None:
     """It takes the place of the still image, and the slider its sample; nothing is fetched, no error is told."""
     with browsing(tmp_path) as tab:

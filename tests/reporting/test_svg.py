@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.reporting.svg import nice_ceiling, three_digits
+from basecal.reporting.svg import nice_ceiling, three_digits, wrapped_label
 
 
 @pytest.mark.parametrize(
@@ -14,6 +14,19 @@ from basecal.reporting.svg import nice_ceiling, three_digits
 def test_numbers_are_read_without_exponents(value, shown):
     """Three digits, thousands set apart."""
     assert three_digits(value) == shown
+
+
+def test_labels_are_wrapped():
+    """By words, and within one that is longer than a line; the rest of too many is cut; the whole is the title."""
+    svg = wrapped_label("board of <6> tags", 8, (3.0, 4.0), "end")
+    assert svg.startswith(
+        '<text class="tick" x="3.0" y="4.0" text-anchor="end"><title>board of &lt;6&gt; tags</title>board of'
+    )
+    assert '<tspan x="3.0" dy="1.15em">&lt;6&gt; tags</tspan></text>' in svg
+    assert ">abcd<tspan" in wrapped_label("abcdef", 4, (0.0, 0.0), "middle")
+    assert svg.count("<tspan") == 1
+    assert ">a b…</text>" in wrapped_label("a b c d e f", 4, (0.0, 0.0), "middle", 1)
+    assert "></text>" in wrapped_label("", 4, (0.0, 0.0), "middle")
 
 
 @pytest.mark.parametrize(("value", "above"), [(0.3, 0.5), (1.0, 1.0), (2.1, 2.5), (70.0, 100.0), (0.0, 1.0)])

@@ -149,7 +149,7 @@ def test_the_cause_comes_before_what_follows_from_it() -> None:
 def test_validation_and_outliers_are_told() -> None:
     """Held-out errors, the answer's change in sigmas (the root of its square) and all that is left out are told."""
     left_out = (
-        Outlier(3, "wrist", "led", (4, 5), "8 px off"),
+        Outlier(3, "wrist", "led", (4, 5), "8 px off", "images/wrist/IMG_4.png"),
         Outlier(7, "wrist", "led", (), "the arm was 12 sigmas off"),
     )
     validation = Validation("k-fold", 5, 0.25, 4.1e-4, np.radians(0.052), 6.25)
@@ -157,7 +157,7 @@ def test_validation_and_outliers_are_told() -> None:
     for said in (
         "cross-validation error (k-fold, 5 folds), rms: 0.41 mm and 0.052 deg at the target, 0.25 px",
         "fold spread over predicted sigma: 2.50",
-        "outlier: sample 3, led by wrist, points 4, 5: 8 px off",
+        "outlier: sample 3 (IMG_4.png), led by wrist, points 4, 5: 8 px off",
         "outlier: sample 7, led by wrist, the whole view: the arm was 12 sigmas off",
     ):
         assert said in text

@@ -118,6 +118,7 @@ class Outlier:
         target: What it saw.
         ids: Which points; none if the whole view is left out.
         reason: In words.
+        image: Path of its image as in the recording; None if none was recorded.
     """
 
     sample: Whole
@@ -125,6 +126,7 @@ class Outlier:
     target: str
     ids: tuple[Whole, ...]
     reason: str
+    image: str | None = None
 
 
 @dataclass(frozen=True)

@@ -159,3 +159,7 @@ class Recording:
         """One line."""
         views = sum(len(sample.observations) for sample in self.samples)
         return f"<recording of {len(self.samples)} samples, {views} views>"
+
+    def image_paths(self) -> dict[tuple[int, str], str]:
+        """Paths of the images, by number of the sample and camera."""
+        return {(s.sample, camera): path for s in self.samples for camera, path in s.images.items()}

@@ -47,7 +47,7 @@ def verification_text(verification: Verification) -> str:
             "targets, with both arms rotated, or calibrate from more samples first."
         ]
     elif not verification.moved:
-        lines = [f"NOT MOVED: {count} agree with the calibration (p = {verification.chance:.2g})"]
+        lines = [f"NOT MOVED: {count} agree with the calibration"]
     else:
         likeliest = _shift_sentence(verification.shift)
         lines = [f"MOVED: {count} are not explained (p = {verification.chance:.2g}); most likely {likeliest}"]

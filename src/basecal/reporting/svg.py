@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from html import escape
+from textwrap import wrap
 
 from basecal.geometry import Array
 
@@ -31,6 +32,28 @@ def drawing(width: float, height: float, label: str, *inside: str, stretch: bool
     """A drawing with a name for those who cannot see it; `stretch` lets it fill any box."""
     view = {"viewBox": f"0 0 {width:g} {height:g}", "preserveAspectRatio": "none" if stretch else None}
     return element("svg", element("title", text(label)), *inside, role="img", **view)
+
+
+def wrapped_label(label: str, characters: int, place: tuple[float, float], anchor: str, most_lines: int = 99) -> str:
+    """A label as lines below one another; words are broken if they are longer than a line.
+
+    Args:
+        label: What it says; in full as its title, too.
+        characters: Of a line, at most.
+        place: x and y of the first line.
+        anchor: Where a line has its x: `start`, `middle` or `end`.
+        most_lines: Of which the last ends with an ellipsis if there were more.
+    """
+    lines = label_lines(label, characters, most_lines)
+    x, y = (f"{value:.1f}" for value in place)
+    more = [element("tspan", text(line), x=x, dy="1.15em") for line in lines[1:]]
+    title = element("title", text(label))
+    return element("text", title, text(lines[0]), *more, class_="tick", x=x, y=y, text_anchor=anchor)
+
+
+def label_lines(label: str, characters: int, most_lines: int = 99) -> list[str]:
+    """The lines of `wrapped_label`."""
+    return wrap(label, max(characters, 2), max_lines=most_lines, placeholder="…", break_on_hyphens=False) or [""]
 
 
 def segments(ends: Iterable[Array | tuple[Array, Array]]) -> str:

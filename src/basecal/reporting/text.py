@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from basecal.accuracy.phrases.outlier import name_sample
 from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
 from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
 from basecal.effects.registry import RANDOM_EFFECTS
@@ -187,7 +188,7 @@ def outlier_sentences(calibration: Calibration) -> Iterator[str]:
     for outlier in calibration.outliers or ():
         part = f"points {', '.join(map(str, outlier.ids[:_SHOWN_IDS]))}" if outlier.ids else "the whole view"
         more = ", ..." if len(outlier.ids) > _SHOWN_IDS else ""
-        place = f"sample {outlier.sample}, {outlier.target} by {outlier.camera}"
+        place = f"{name_sample(outlier.sample, outlier.image)}, {outlier.target} by {outlier.camera}"
         yield f"{place}, {part}{more}: {outlier.reason}"
 
 

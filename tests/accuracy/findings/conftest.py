@@ -33,6 +33,7 @@ def stand_in(**changed):
         "contradicted_sigmas": (),
         "systematic_error": None,
         "lens_structures": (),
+        "images": {},
     }
     return SimpleNamespace(**usual | changed)
 

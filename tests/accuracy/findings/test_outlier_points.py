@@ -11,7 +11,7 @@ from basecal.accuracy.findings.outlier_points import outlier_points
 @pytest.fixture(autouse=True)
 def reason(monkeypatch):
     """The words of a reason have tests of their own."""
-    monkeypatch.setattr(module, "outlier_reason", lambda _: "the reason")
+    monkeypatch.setattr(module, "list_outliers", lambda outliers, _: f"At sample {outliers[0].sample}, the reason.")
 
 
 @pytest.mark.parametrize(("kept", "severity"), [(27, "info"), (26, "warning")])

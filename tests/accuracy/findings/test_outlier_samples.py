@@ -120,7 +120,8 @@ def robust(left_out=(), kept=(), agreeing=(), errors=(), points=(), samples=100)
     outliers = tuple(LeftOut(k, "wrist", "board", (), 40.0, 0.02, 0.01) for k in left_out)
     of_points = tuple(LeftOut(k, "wrist", "board", (3,), 9.0, off_px=2.0) for k in points)
     found = RobustSolution(solution, (*outliers, *of_points), None, samples, 0, tuple(agreeing))
-    return SimpleNamespace(robust=found, solution=solution, recorded=SimpleNamespace(groups=()))
+    images = {(number, "wrist"): f"images/wrist/IMG_{number + 1}.png" for number in left_out}
+    return SimpleNamespace(robust=found, solution=solution, recorded=SimpleNamespace(groups=()), images=images)
 
 
 @pytest.mark.parametrize(
@@ -128,11 +129,11 @@ def robust(left_out=(), kept=(), agreeing=(), errors=(), points=(), samples=100)
     [
         ((7, 8, 9), range(7), "As if after sample 6 a base, a mount or the target had been moved"),
         ((0, 1, 2), range(3, 9), "As if before sample 3 a base, a mount or the target had been elsewhere"),
-        ((7, 8), range(7), "Look at them, and record with arms at rest"),
-        ((2, 8, 9), range(3, 8), "Look at them, and record with arms at rest"),
-        ((0, 1, 9), range(3, 9), "Look at them, and record with arms at rest"),
-        ((4,), range(3), "Look at it, and record with arms at rest"),
-        ((0, 1, 2), (), "Look at them, and record with arms at rest"),
+        ((7, 8), range(7), "Look at them (samples count from 0), and record with arms at rest"),
+        ((2, 8, 9), range(3, 8), "Look at them (samples count from 0), and record with arms at rest"),
+        ((0, 1, 9), range(3, 9), "Look at them (samples count from 0), and record with arms at rest"),
+        ((4,), range(3), "Look at it (samples count from 0), and record with arms at rest"),
+        ((0, 1, 2), (), "Look at them (samples count from 0), and record with arms at rest"),
     ],
 )
 def test_what_it_means_that_samples_were_left_out(left_out, kept, words):
@@ -141,7 +142,10 @@ def test_what_it_means_that_samples_were_left_out(left_out, kept, words):
     assert words in finding.message
     assert ("As if" in finding.message) == words.startswith("As if")
     assert ("was left out as an outlier." in finding.message) == (len(left_out) == 1)
-    assert f"At sample {left_out[0]}, the robots' poses and the view disagree" in finding.message
+    assert (
+        f"At sample {left_out[0]} (IMG_{left_out[0] + 1}.png), the robots' poses and the view disagree"
+        in finding.message
+    )
     assert finding.about == tuple(map(str, left_out))
 
 

@@ -97,11 +97,32 @@ def test_places_and_angles_are_one_finding():
 
     (finding,) = found_in(read, (3e-4, 1e-9))
     assert (
-        "Translations of hand are all multiples of 1 mm and angles of hand are all multiples of 0.1 deg"
+        "Translations of hand are all multiples of 1 mm. Angles of hand are all multiples of 0.1 deg."
         in finding.message
     )
-    assert "adds 0.29 mm (1 sigma per axis) to 0.3 mm of noise" in finding.message
+    assert "adds 0.29 mm and 0.5 mrad (1 sigma per axis) to 0.3 mm and 1e-06 mrad of noise" in finding.message
     assert finding.severity == "warning"
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-3, 1e-4])
+def test_quaternions(step):
+    """Components in few digits are told, though they are normalised; each rotates by twice its error."""
+
+    def read(pose):
+        """The pose by round components of its quaternion."""
+        components = step * np.round(pose.quaternion / step)
+        return SE3.from_quaternion(components / np.linalg.norm(components, axis=-1, keepdims=True), pose.translation)
+
+    (finding,) = found_in(read, (3e-4, 2 * step / 12**0.5))
+    assert f"Quaternions of hand are all multiples of {step:g}, but for their length" in finding.message
+    assert f"adds {2e3 * step / 12**0.5:.2g} mrad" in finding.message
+    assert finding.severity == "warning"
+
+
+def test_quaternions_of_a_few_turns_say_nothing():
+    """Quarter turns have round components by themselves."""
+    turns = iter(np.resize([0.0, 0.5, 1.0], 12) * np.pi)
+    assert found_in(lambda pose: SE3.from_rpy([next(turns), 0.0, 0.0], pose.translation + 1e-5 * np.pi)) == []
 
 
 @pytest.mark.parametrize("noisy", [True, False])

@@ -126,12 +126,16 @@ def test_nothing_found_is_silent(evidence):
 
 
 def test_what_may_be_chance_is_an_info(evidence):
-    """The covariance covers it, and the verdict stays."""
+    """It is not stated as a fact: its probability is given, the covariance contains it, and the verdict stays."""
     error, words = WORDS["short"]
-    (finding,) = systematic_error(evidence(systematic_error=replace(error, is_certain=False)))
+    (finding,) = systematic_error(evidence(systematic_error=replace(error, is_certain=False, share=0.855)))
     assert (finding.code, finding.severity) == ("length-scale", "info")
-    assert "It is perhaps chance; the covariance covers it." in finding.message
-    assert words in finding.message
+    assert finding.what.startswith(f"Perhaps chance: {words}")
+    assert finding.why == (
+        "It is real with a probability of 86 % at most. The covariance and the expected errors contain it."
+    )
+    (certain,) = systematic_error(evidence(systematic_error=error))
+    assert certain.what.startswith(words)
 
 
 def test_effects_that_the_data_do_not_tell_apart_are_all_named(evidence):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from basecal.accuracy.phrases.outlier import described_outlier, outlier_reason
+from basecal.accuracy.phrases.outlier import described_outlier, list_outliers, name_sample, outlier_reason
 from basecal.estimation.outliers.left_out import LeftOut
 
 
@@ -23,11 +24,11 @@ from basecal.estimation.outliers.left_out import LeftOut
             "light is 10.4 mm from where the rest predicts it by 12 sigma: another point, or one that moved",
         ),
         (LeftOut(3, "wrist", "led", (), math.nan, off_px=math.nan), "seen far from where the rest predicts it: a"),
-        (LeftOut(3, "wrist", "board", (4,), 7.2, off_px=1.994), "point is 1.99 px (7 sigma) from where"),
+        (LeftOut(3, "wrist", "board", (4,), 7.2, off_px=1.994), "a point is 1.99 px (7 sigma) from where"),
         (LeftOut(3, "wrist", "board", (4, 5), 7.2, off_m=0.0123), "2 points are up to 12.3 mm (7 sigma) from where"),
         (
             LeftOut(3, "wrist", "board", (4,), math.inf, off_px=math.inf),
-            "point is far from where the rest predicts it: a",
+            "a point is far from where the rest predicts it: a",
         ),
     ],
 )
@@ -38,8 +39,34 @@ def test_reasons_name_how_far_and_why(of, words):
 
 def test_the_place_is_kept():
     """Sample, camera, target and points are those of what was left out."""
-    outlier = described_outlier(LeftOut(3, "wrist", "board", (4, 5), 7.0, off_px=2.0))
+    left_out = LeftOut(3, "wrist", "board", (4, 5), 7.0, off_px=2.0)
+    outlier = described_outlier(left_out, {(3, "wrist"): "images/a.png", (3, "other"): "images/b.png"})
     assert (outlier.sample, outlier.camera, outlier.target, outlier.ids) == (3, "wrist", "board", (4, 5))
+    assert outlier.image == "images/a.png"
+    assert described_outlier(left_out, {(4, "wrist"): "images/a.png"}).image is None
+
+
+def test_a_sample_is_traced_by_the_file_name_of_its_image():
+    """Without one it has its number alone."""
+    assert name_sample(11, "images/cam/IMG_12.png") == "sample 11 (IMG_12.png)"
+    assert name_sample(11, None) == "sample 11"
+
+
+def test_each_outlier_that_is_listed_has_its_size():
+    """The first with its cause; of many the first few, and where the others are."""
+    view = LeftOut(3, "wrist", "board", (), 12.3, 0.0161, 0.05)
+    others = (
+        LeftOut(4, "wrist", "board", (1, 2), 7.2, off_px=1.994),
+        LeftOut(5, "wrist", "board", (1,), math.nan, off_px=math.nan),
+    )
+    told = list_outliers((view, *others), {(3, "wrist"): "images/a.png", (5, "wrist"): "images/c.png"})
+    assert told.startswith("At sample 3 (a.png), the robots' poses and the view disagree by 12 sigma, 16.1 mm")
+    assert told.endswith(". Sample 4: 2 points, up to 1.99 px (7 sigma). Sample 5 (c.png): far.")
+    assert "Sample 4: 16.1 mm and 2.86 deg (12 sigma)." in list_outliers((view, replace(view, sample=4)), {})
+    many = list_outliers([replace(view, sample=k) for k in range(6)], {})
+    assert "Sample 4: " in many
+    assert "Sample 5" not in many
+    assert many.endswith("Those that follow are under `outliers` of calibration.json.")
 
 
 def test_from_a_thousand_sigmas_on_the_number_says_no_more():
@@ -54,5 +81,5 @@ def test_from_a_thousand_sigmas_on_the_number_says_no_more():
         "view of different instants"
     )
     assert outlier_reason(LeftOut(3, "a", "b", (1,), math.nan)) == (
-        "point is far from where the rest predicts it: a reflection, a wrong id or occluded"
+        "a point is far from where the rest predicts it: a reflection, a wrong id or occluded"
     )

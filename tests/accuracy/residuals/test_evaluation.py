@@ -11,7 +11,7 @@ import pytest
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals import evaluation as module
 from basecal.accuracy.residuals.evaluation import evaluate_recording, known_views, with_noise_of
-from basecal.cell import Calibration
+from basecal.cell import Calibration, Outlier, Recording
 from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.view.measurement import Noise
@@ -32,6 +32,18 @@ def test_views_without_their_transforms_are_left_out(calibration):
     assert len(evaluate_recording(MADE.cell, MADE.recording, calibration).problem.groups) == 1
     lacking = replace(calibration, transforms={})
     assert evaluate_recording(MADE.cell, MADE.recording, lacking).problem.groups == ()
+
+
+def test_an_outlier_does_not_pull_the_stop_that_it_shares(calibration):
+    """A sample whose pose was recorded twice is predicted as well as without the sample that has its pose."""
+    samples = list(MADE.recording.samples)
+    samples[5] = replace(samples[5], robots={**samples[5].robots, "hand": samples[4].robots["hand"]})
+    told = replace(calibration, outliers=(Outlier(5, "wrist", "board", (), "bumped"),))
+    twice = evaluate_recording(MADE.cell, Recording(tuple(samples)), told)
+    alone = evaluate_recording(MADE.cell, Recording((*samples[:5], *samples[6:])), told)
+    poses = [one.state.camera_from_target(one.problem.groups[0], one.problem.stops)[4] for one in (twice, alone)]
+    np.testing.assert_allclose(poses[0].matrix, poses[1].matrix, atol=1e-9)
+    assert len(twice.problem.groups[0]) == 10
 
 
 def test_errors_of_stops_are_found(calibration):

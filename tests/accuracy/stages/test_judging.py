@@ -10,6 +10,7 @@ import pytest
 
 from basecal.accuracy.stages import judging
 from basecal.accuracy.stages.case import Case
+from basecal.cell import Recording, Sample
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -29,11 +30,13 @@ def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, sma
     monkeypatch.setattr(judging, "unlikely_sigmas", lambda *words: ())
     monkeypatch.setattr(judging, "without_contradicted", lambda *words: robust)
     monkeypatch.setattr(judging, "systematic_error", lambda *words: given.append(words) or "found")
-    before = Case(MADE.cell, MADE.recording, Settings(), packed="all", robust=SimpleNamespace(solution="as stated"))
+    recording = Recording((*MADE.recording.samples, Sample(3, images={"wrist": "images/4.png"})))
+    before = Case(MADE.cell, recording, Settings(), packed="all", robust=SimpleNamespace(solution="as stated"))
     found = judging.find_systematic_error(judging.screen_stated_sigmas(before))
     assert found.evidence.systematic_error == "found"
     assert found.evidence.contradicted_sigmas == contradicted
     stamps = {k: s.stamp_s for k, s in enumerate(MADE.recording.samples) if s.stamp_s is not None}
+    assert found.evidence.images == {(3, "wrist"): "images/4.png"}
     assert given == [("without them", "all", stamps, Settings(), "as stated" if refuted else None)]
 
 

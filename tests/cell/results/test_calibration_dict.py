@@ -152,7 +152,7 @@ def test_transforms_and_lenses():
         cameras={"eye": (lens, np.eye(8))},
         order=("a_from_b",),
         joint_covariance=covariance,
-        outliers=(Outlier(3, "eye", "board", (1, 2), "far off"),),
+        outliers=(Outlier(3, "eye", "board", (1, 2), "far off", "images/eye/4.png"),),
         certificate=Certificate(1e-5, True),
         unobservable=("a direction",),
         findings=(Finding("poor-fit", "warning", ("eye",), "words"),),

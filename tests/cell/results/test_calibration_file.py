@@ -119,7 +119,8 @@ def test_shape() -> None:
     compliances = {"rad_per_nm": [1e-5], "sigma_rad_per_nm": [None], "seen": [True], "joint_names": ["pan"]}
     assert data["deflection"] == {"hand": compliances}
     assert data["link_parameters"]["hand"]["r_rad"] == [[3, 4, 5], [9, 10, 11], [15, 16, 17]]
-    assert data["outliers"] == [{"sample": 4, "camera": "wrist", "target": "board", "ids": [1, 2], "reason": "stray"}]
+    place = {"sample": 4, "camera": "wrist", "target": "board", "image": None}
+    assert data["outliers"] == [{**place, "ids": [1, 2], "reason": "stray"}]
     held_out = {"target_mm": 0.4, "target_deg": pytest.approx(0.05), "base_change": 1.1, "rivals": []}
     assert data["validation"] == {"kind": "k-fold", "folds": 5, "rms_px": 0.3, **held_out}
     assert data["certificate"] == {"gap": None, "global": None, "reason": "signs are ambiguous"}

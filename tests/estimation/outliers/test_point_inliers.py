@@ -11,7 +11,8 @@ from tests.pose_problem import pose_problem
 
 from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared
 from basecal.estimation.outliers import point_inliers as module
-from basecal.estimation.outliers.point_inliers import agreeing_points
+from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers
+from basecal.estimation.outliers.point_inliers import agreeing_points, readmit_points
 from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -57,6 +58,29 @@ def test_strays_of_suspect_views_are_left_out(target, stated):
     assert kept[1, ~wrong[1]].mean() > 0.9
     assert kept[2].mean() > 0.9
     assert kept[[0, 3, 4]].all()
+
+
+def test_points_that_fit_are_readmitted():
+    """Those that an earlier state left out come back, whether their view is used or not; strays stay out."""
+    problem, state, _, wrong = problem_with_strays(Scenario(samples=5), strays=2)
+    lost = wrong.copy()
+    lost[[1, 2], :3] = True
+    used = np.array([True, True, False, True, True])
+    found = readmit_points(problem, state, InlierMask((used,), (~lost,)), Scale(1.0, np.inf, np.inf, 1e-6))
+    np.testing.assert_array_equal(found.points[0], ~wrong)
+    np.testing.assert_array_equal(found.views[0], used)
+
+
+def test_points_of_a_view_without_pose_stay_out():
+    """A view of which few points are left does not predict the others; a view of poses has no points."""
+    problem, state, _, wrong = problem_with_strays(Scenario(samples=5), strays=2)
+    lost = np.zeros_like(wrong)
+    lost[0, 2:] = True
+    inliers = InlierMask((np.ones(5, dtype=bool),), (~lost,))
+    assert readmit_points(problem, state, inliers, Scale(1.0, np.inf, np.inf, 1e-6)).same_as(inliers)
+    posed, at = pose_problem(np.zeros((3, 6)), np.ones(6))
+    every = all_inliers(posed)
+    assert readmit_points(posed, at, every, Scale(1.0, np.inf, np.inf, 1e-6)).same_as(every)
 
 
 def test_points_not_seen_are_not_told():

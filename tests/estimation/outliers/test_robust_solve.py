@@ -159,6 +159,16 @@ def test_wrong_ids_and_strays_are_left_out_by_point(state_pixel_noise):
     assert off(base(ours.solution), s.truth[BASE]) < 0.01
 
 
+def test_points_that_a_bent_lens_had_left_out_come_back():
+    """A pose that was recorded twice bends a free lens, by which sharp corners disagree; only its view stays out."""
+    sharp = Scenario(samples=16, intrinsics="free", robot_noise=(1e-4, 1e-4), pixel_px=0.01, state_pixel_noise=False)
+    s = simulate(sharp, seed=0)
+    samples = list(s.recording.samples)
+    samples[8] = replace(samples[8], robots={**samples[8].robots, "hand": samples[2].robots["hand"]})
+    found = solved(s.cell, samples)
+    assert [(o.sample, o.ids) for o in found.outliers] == [(8, ())]
+
+
 def test_ids_of_a_chessboard_are_those_of_the_recording():
     """A view recorded from the other end of the board names its stray point as it was recorded."""
     s = simulate(Scenario(target="chessboard"), seed=8)

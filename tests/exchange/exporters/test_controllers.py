@@ -38,6 +38,24 @@ def test_the_frame_of_recorded_poses() -> None:
     assert stated.endswith("recorded in: wobj3, which is a_base here; a_flange is tool2")
 
 
+def test_each_controller_has_only_the_frames_that_it_knows() -> None:
+    """`$ROBROOT` of a KUKA beside a KUKA, `Base Frame` of an ABB beside an ABB; neither of another maker's."""
+
+    def text(first: str, second: str) -> str:
+        formats = {"a": {"format": first}, "b": {"format": second} if second else {}}
+        made = cell(**{name: Robot(name, controller=controller) for name, controller in formats.items()})
+        return controllers_text(Calibration("good", {"a_base_from_b_base": ESTIMATE}), made)
+
+    assert "$ROBROOT={X 1000" in text("kuka", "kuka")
+    assert "$ROBROOT={X 1000" in text("kuka", "")
+    assert "Base Frame of b, where" in text("abb", "abb")
+    mixed = text("kuka", "abb")
+    assert "$BASE={X 1000" in mixed
+    assert "PERS wobjdata wobj_a_base" in mixed
+    assert "$ROBROOT={" not in mixed
+    assert "Base Frame" not in mixed
+
+
 def test_a_mount_goes_to_the_robot_that_carries() -> None:
     """One robot alone has the mount of its camera; a transform of no robot, and what is refused, have no lines."""
     made = cell(a=Robot("a", controller={"format": "abb"}))

@@ -37,6 +37,22 @@ def test_words_stand_side_by_side() -> None:
     assert svg.index(">b<") < svg.index(">a<") < svg.index(">c<")
 
 
+def test_long_words_are_wrapped_beside_each_other() -> None:
+    """No line is wider than its column on a narrow screen; nothing is left out, and the drawing is higher."""
+    names = ("charuco 5x7 0.03 0.022 DICT_4X4_50", "aprilgrid 3x3 0.06 0.3 tag36h11", "short", "chessboard 6x4 0.06")
+    drawn = [
+        curves("error", "board", "mm", [Line("", tuple(Band(n, 1.0, 1.0, 1.0) for n in s))]).svg for s in (names, "ab")
+    ]
+    labels = re.findall(r'<text class="tick"[^>]*text-anchor="middle"><title>([^<]*)</title>(.*?)</text>', drawn[0])
+    assert [title for title, _ in labels] == list(names)
+    for title, inside in labels:
+        lines = [line for line in re.split(r"<[^>]*>", inside) if line]
+        assert " ".join(lines) == title
+        assert max(map(len, lines)) * 11.5 <= (640 - 76) / len(names)
+    high, usual = (float(re.findall(r'viewBox="0 0 640 ([\d.]+)"', svg)[0]) for svg in drawn)
+    assert high >= usual + 2 * 22
+
+
 def test_a_line_is_broken_where_there_is_no_answer() -> None:
     """Three points of four, in two runs; a figure without any answer is a figure."""
     bands = (Band(10, 1.0, 2.0, 3.0), NONE, Band(30, 1.0, 2.0, 3.0), Band(40, 1.0, 2.0, 3.0))

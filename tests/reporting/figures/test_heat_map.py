@@ -16,8 +16,21 @@ def test_larger_numbers_are_darker() -> None:
     assert svg.count('class="frame"') == 1
 
 
-def test_long_labels_are_cut_and_told_whole() -> None:
-    """As the label's own title."""
+def test_long_labels_are_wrapped_and_told_whole() -> None:
+    """As the label's own title; beyond two lines they are cut."""
     svg = heat_map("error", ("samples", [5]), ("board", ["w" * 50]), [[0.0]]).svg
     assert f"<title>{'w' * 50}</title>" in svg
-    assert f">{'w' * 31}…<" in svg
+    assert f">{'w' * 26}<tspan" in svg
+    assert f">{'w' * 24}<" in svg
+    cut = heat_map("error", ("samples", [5]), ("board", ["w" * 90]), [[0.0]]).svg
+    assert "…</tspan>" in cut
+
+
+def test_long_names_of_columns_are_within_their_column() -> None:
+    """Below one another, and the drawing is higher."""
+    short, long = (
+        heat_map("error", ("board", [name]), ("samples", [5]), [[1.0]]).svg for name in ("a", "wide board of tags")
+    )
+    assert "<tspan" in long
+    height = r'viewBox="0 0 [\d.]+ ([\d.]+)"'
+    assert float(re.findall(height, long)[0]) >= float(re.findall(height, short)[0]) + 14

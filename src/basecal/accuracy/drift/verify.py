@@ -31,7 +31,7 @@ class Verification:
 
     Attributes:
         moved: Whether something did; None if undecided, as the samples or the calibration have too little information.
-        chance: Of samples so far off, where nothing moved.
+        chance: Bound of that of samples so far off where nothing moved: the least of all frames times their number.
         shift: The most likely thing to have moved, whether it did or not; None where nothing is compared.
         alternatives: Others that explain the samples about as well, where something moved.
         detectable_m: The shift of what was calibrated that would be seen with the chance `POWER` [m]; None where none.

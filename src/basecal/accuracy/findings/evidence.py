@@ -53,6 +53,7 @@ class Evidence:
         held_out_places: What remains at places of touches that were held out.
         robot_model: What held-out samples say of the robots' kinematics; None if there was nothing to choose.
         units_m: The assumed length of a unit of poses that are up to scale [m], by target.
+        images: Paths of the recorded images, by number of the sample and camera.
     """
 
     cell: Cell
@@ -68,6 +69,7 @@ class Evidence:
     lens_structures: Sequence[LensStructure] = ()
     held_out_places: tuple[PlaceError, ...] = ()
     units_m: Mapping[str, float] = field(default_factory=dict)
+    images: Mapping[tuple[int, str], str] = field(default_factory=dict)
 
     @cached_property
     def residuals(self) -> Residuals:

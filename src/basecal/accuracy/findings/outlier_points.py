@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.phrases.outlier import outlier_reason
+from basecal.accuracy.phrases.outlier import list_outliers
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
@@ -19,7 +19,8 @@ def outlier_points(evidence: Evidence) -> list[Finding]:
         return []
     numbers, total = sorted({o.sample for o in outliers}), evidence.robust.points + count
     what = f"{count} of {total} points were left out as outliers, in {list_samples(numbers)}."
-    why = f"At sample {outliers[0].sample}, {outlier_reason(outliers[0])}."
-    do = ("Look for reflections, covered or blurred parts of the target, and ids of another target.",)
+    why = list_outliers(outliers, evidence.images)
+    look = "Look for reflections, covered or blurred parts of the target, and ids of another target."
+    do = look, "Samples count from 0."
     severity: Severity = "warning" if count > _FEW_SHARE * total else "info"
     return [Finding("outlier-points", severity, tuple(map(str, numbers)), what, do, why)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.phrases.changed_frame import ChangedFrame, changed_frame
-from basecal.accuracy.phrases.outlier import outlier_reason
+from basecal.accuracy.phrases.outlier import list_outliers
 from basecal.accuracy.phrases.outlier_cause import outlier_causes
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
@@ -33,10 +33,10 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     one = len(numbers) == 1
     outlier = "an outlier" if one else "outliers"
     what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as {outlier}"
-    why = f"At sample {outliers[0].sample}, {outlier_reason(outliers[0])}."
+    why = list_outliers(outliers, evidence.images)
     causes = list(outlier_causes(evidence.recorded, evidence.solution.state, numbers))
     moved = f" {' '.join(causes)}" if causes else _moved_sentence(outliers, evidence.robust.solution.problem)
-    do = f"Look at {'it' if one else 'them'}, and record with arms at rest."
+    do = f"Look at {'it' if one else 'them'} (samples count from 0), and record with arms at rest."
     severity: Severity = "warning" if len(numbers) > _FEW_SHARE * total else "info"
     about = tuple(map(str, numbers))
     cure = "`basecal fix CELL` takes them out of the recording."

@@ -17,6 +17,7 @@ from basecal.geometry import Array
 _STEPS_M = (1e-2, 1e-3, 1e-4)
 _STEPS_DEG = (1.0, 0.1, 0.01)
 _STEPS_RAD = (1e-2, 1e-3, 1e-4)
+_STEPS_QUATERNION = (1e-2, 1e-3, 1e-4)
 _FEWEST_NUMBERS = 10  # different numbers that are all multiples: chance has each of them at most once in 500
 _NEAR_SHARE = 1e-3  # of a step: what is left of a multiple after degrees and rotations have been converted
 # Noise in use over that of rounding. Far above it the digits that lack are no loss; far below it they are none that
@@ -53,12 +54,12 @@ def rounded_poses(evidence: Evidence) -> list[Finding]:
         found = list(_roundings(problem, robot))
         if not found:
             continue
-        worst = max(found, key=lambda r: (r.severity == "warning", r.sigma))
-        listed = " and ".join(f"{r.what} of {robot} are all multiples of {r.words}" for r in found)
-        rounding, noise = _step_text(worst.sigma, worst), _step_text(worst.noise, worst)
-        why = f"Rounding alone adds {rounding} (1 sigma per axis) to {noise} of noise."
-        what, do = f"{listed[0].upper()}{listed[1:]}.", ("Record poses with all their digits.",)
-        findings.append(Finding("rounded-poses", worst.severity, (robot,), what, do, why))
+        severity: Severity = "warning" if any(r.severity == "warning" for r in found) else "info"
+        what = " ".join(f"{r.what.capitalize()} of {robot} are all multiples of {r.words}." for r in found)
+        rounding, noise = (" and ".join(_step_text(getattr(r, of), r) for r in found) for of in ("sigma", "noise"))
+        why = f"Rounding adds {rounding} (1 sigma per axis) to {noise} of noise."
+        do = ("Record poses with all their digits.",)
+        findings.append(Finding("rounded-poses", severity, (robot,), what, do, why))
     return findings
 
 
@@ -79,7 +80,8 @@ def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
     step = _step(poses.translation, _STEPS_M)
     if step is not None:
         yield _Rounding("translations", step, f"{1e3 * step:g} mm", noise_m)
-    yield from _angle_roundings("angles", [poses.rotvec, poses.rpy], noise_rad)
+    angles = list(_angle_roundings("angles", [poses.rotvec, poses.rpy], noise_rad))
+    yield from angles or _quaternion_roundings(poses.quaternion, noise_rad)
 
 
 def _angle_roundings(subject: str, ways: list[Array], noise: float) -> Iterator[_Rounding]:
@@ -92,6 +94,29 @@ def _angle_roundings(subject: str, ways: list[Array], noise: float) -> Iterator[
         if radians is not None:
             yield _Rounding(subject, radians, f"{1e3 * radians:g} mrad", noise)
             return
+
+
+def _quaternion_roundings(quaternions: Array, noise: float) -> Iterator[_Rounding]:
+    """Unit quaternions (n, 4) that were written with few digits, and normalised afterwards.
+
+    An error of a component rotates by twice as much [rad].
+    """
+    for step in _STEPS_QUATERNION:
+        numbers = _multiples(quaternions, step)
+        if np.isfinite(numbers).all() and len(np.unique(numbers)) >= _FEWEST_NUMBERS:
+            yield _Rounding("quaternions", 2 * step, f"{step:g}, but for their length", noise)
+            return
+
+
+def _multiples(quaternions: Array, step: float) -> Array:
+    """The whole numbers of steps (n, 4) that normalise to these quaternions (n, 4); NaN where none do."""
+    largest = np.take_along_axis(quaternions, np.argmax(np.abs(quaternions), -1)[:, None], -1)
+    found = np.full(quaternions.shape, np.nan)
+    for off in (-1, 0, 1):  # rounding changes the length, and so the largest component, by a step at most
+        numbers = quaternions / largest * (np.round(largest / step) + off)
+        fits = np.all(np.abs(numbers - np.round(numbers)) < _NEAR_SHARE, axis=-1)
+        found[fits] = np.round(numbers[fits])
+    return found
 
 
 def _step(values: Array, steps: tuple[float, ...]) -> float | None:

@@ -10,7 +10,9 @@ from basecal.effects import deflection, joint_offsets
 from basecal.effects.registry import CONTAINED, describe_effect
 
 _COVERED_SENTENCE = "The answer {} it, and its covariance is wider."
-_CHANCE_SENTENCE = "It is perhaps chance; the covariance covers it."
+_CHANCE_SENTENCE = (
+    "It is real with a probability of {:.0f} % at most. The covariance and the expected errors contain it."
+)
 
 
 def systematic_error(evidence: Evidence) -> list[Finding]:
@@ -24,7 +26,7 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
         return []
     words = describe_effect(found)
     covered = _COVERED_SENTENCE.format("contains" if found.effect in CONTAINED else "excludes")
-    why = [words.why, covered if found.is_certain else _CHANCE_SENTENCE]
+    why = [words.why, covered if found.is_certain else _CHANCE_SENTENCE.format(100 * found.share)]
     if found.effect == deflection.NAME:
         why.append(describe_gravity(evidence.cell, evidence.solution, (found.about,)))
     about = [each.about for each in named]
@@ -33,7 +35,7 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
             words.code,
             "warning" if found.is_certain else "info",
             tuple(dict.fromkeys(about)),
-            words.what,
+            words.what if found.is_certain else f"Perhaps chance: {words.what}",
             words.do,
             " ".join(filter(None, why)),
         )

@@ -2,23 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+
 import numpy as np
 
 from basecal.cell import Outlier
 from basecal.estimation.outliers.left_out import LeftOut
 
 _LARGEST_SIGMAS = 1000.0  # sigmas, beyond which the number says no more
+_SHOWN_OUTLIERS = 5  # outliers that a finding lists, the first with its cause
+
+Images = Mapping[tuple[int, str], str]
 
 
-def described_outlier(outlier: LeftOut) -> Outlier:
-    """The entry of a calibration for an excluded item."""
-    return Outlier(outlier.sample, outlier.camera, outlier.target, outlier.ids, outlier_reason(outlier))
+def described_outlier(outlier: LeftOut, images: Images) -> Outlier:
+    """The entry of a calibration for an excluded item, with its image of `images`, by sample and camera."""
+    image = images.get((outlier.sample, outlier.camera))
+    return Outlier(outlier.sample, outlier.camera, outlier.target, outlier.ids, outlier_reason(outlier), image)
+
+
+def name_sample(number: int, image: str | None) -> str:
+    """A sample and the file name of its image, if there is one: "sample 11 (IMG_12.png)"."""
+    return f"sample {number}" if image is None else f"sample {number} ({PurePath(image).name})"
+
+
+def list_outliers(outliers: Sequence[LeftOut], images: Images) -> str:
+    """Sentences about excluded items: the reason of the first, and the sizes of the next few."""
+    places = [name_sample(o.sample, images.get((o.sample, o.camera))) for o in outliers]
+    sentences = [f"At {places[0]}, {outlier_reason(outliers[0])}."]
+    for place, outlier in zip(places[1:_SHOWN_OUTLIERS], outliers[1:_SHOWN_OUTLIERS], strict=False):
+        sentences.append(f"S{place[1:]}: {_size(outlier)}.")
+    if len(outliers) > _SHOWN_OUTLIERS:
+        sentences.append("Those that follow are under `outliers` of calibration.json.")
+    return " ".join(sentences)
 
 
 def outlier_reason(outlier: LeftOut) -> str:
     """How far it is from where the rest predicts it, and what that may come from."""
     if outlier.ids:
-        which = "point is" if len(outlier.ids) == 1 else f"{len(outlier.ids)} points are up to"
+        which = "a point is" if len(outlier.ids) == 1 else f"{len(outlier.ids)} points are up to"
         cause = "a reflection, a wrong id or occluded"
         beyond = f" ({_sigmas(outlier.sigmas)})" if np.isfinite(outlier.sigmas) else ""
         return f"{which} {_distance(outlier, 3)}{beyond} from where the rest predicts it: {cause}"
@@ -32,6 +55,14 @@ def outlier_reason(outlier: LeftOut) -> str:
         return f"{outlier.target} is {_distance(outlier, 3)} from where the rest predicts it{by}: {cause}"
     place = f"seen {_distance(outlier, 0)} from where the rest predicts it{by}"
     return f"{place}: a reflection, or a robot bumped or not settled"
+
+
+def _size(outlier: LeftOut) -> str:
+    """How far an excluded item is off, without its cause."""
+    count = f"{len(outlier.ids)} points, up to " if len(outlier.ids) > 1 else ""
+    angle = "" if outlier.off_rad is None else f" and {np.degrees(outlier.off_rad):.2f} deg"
+    beyond = f" ({_sigmas(outlier.sigmas)})" if np.isfinite(outlier.sigmas) else ""
+    return f"{count}{_distance(outlier, 3)}{angle}{beyond}"
 
 
 def _distance(outlier: LeftOut, digits: int) -> str:

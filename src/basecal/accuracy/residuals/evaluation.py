@@ -28,7 +28,8 @@ _STOP_ROUNDS = 4  # Gauss-Newton steps for the stops' errors, which converge qua
 class Evaluation:
     """The views whose transforms and lens a calibration knows, and the state that it puts them in.
 
-    The errors of the robots' stops, which a calibration does not hold, are the most probable ones at its transforms.
+    A calibration does not hold the errors of the robots' stops. They are the most probable ones at its transforms, by
+    the views that are no outliers.
     """
 
     problem: Problem
@@ -52,9 +53,20 @@ def evaluate_recording(cell: Cell, recording: Recording, calibration: Calibratio
     problem = with_robot_noise(known.problem, sigmas)
     state = without_errors(problem, known.state)
     problem, _ = choose_correspondence(problem, state)
+    used = _without_outliers(problem, calibration)
     for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
-        state = retract(problem, state, linearise(problem, state), np.zeros(0))
+        state = retract(used, state, linearise(used, state), np.zeros(0))
     return Evaluation(problem, state)
+
+
+def _without_outliers(problem: Problem, calibration: Calibration) -> Problem:
+    """The views that the answer rests on: another at the same stop would pull its error aside."""
+    whole = {(each.sample, each.camera, each.target) for each in calibration.outliers or () if not each.ids}
+    rows = [
+        np.flatnonzero([(number, g.camera, g.target) not in whole for number in g.sample.tolist()])
+        for g in problem.groups
+    ]
+    return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
 
 
 def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> Evaluation:

@@ -51,13 +51,14 @@ def find_error_at_task(case: Case) -> Case:
 def _calibration(case: Case) -> Calibration:
     assert case.robust is not None
     solution, validated = case.answers[-1], case.evidence.cross_validation
+    images = case.evidence.images
     return Calibration(
         verdict=judge_findings(case.findings),
         noise=noise_summary(case.cell, case.recording, solution),
         residuals=case.evidence.residuals,
         condition=solution.observability.condition if np.isfinite(solution.observability.condition) else None,
         unobservable=tuple(map(describe_null_space, solution.observability.null_space)),
-        outliers=tuple(map(described_outlier, case.robust.outliers)),
+        outliers=tuple(described_outlier(outlier, images) for outlier in case.robust.outliers),
         validation=None if validated is None else validated.summary,
         certificate=case.certificate,
         findings=case.findings,

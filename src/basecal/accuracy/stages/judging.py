@@ -44,6 +44,7 @@ def screen_stated_sigmas(case: Case) -> Case:
         contradicted_sigmas=contradicted,
         refuted=refuted,
         units_m=case.units_m,
+        images=case.recording.image_paths(),
     )
     return replace(case, robust=robust, weighed=evidence)
 

@@ -8,17 +8,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.cell import Cell
-from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared
+from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared, judged_by_view
 from basecal.estimation.noise.estimate import CONTRADICTED
 from basecal.estimation.outliers.classify import CHANCE_OF_POINT, is_stated
-from basecal.estimation.outliers.inlier_mask import all_inliers, point_count
+from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, point_count
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
-from basecal.estimation.outliers.view_ransac import FEW_POINTS, largest_agreement, near_fits, subset_fits
+from basecal.estimation.outliers.view_ransac import (
+    FEW_POINTS,
+    explain_views,
+    largest_agreement,
+    near_fits,
+    subset_fits,
+)
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.first_state import lenses
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.view_pose import refine_poses
 from basecal.geometry import SE3, BoolArray, Camera, IntArray
 
 _SCALE_ROUNDS = 4  # rounds of scale and inliers in turn, at most
@@ -43,6 +50,33 @@ def agreeing_points(problem: Problem, state: State, suspects: list[IntArray], ce
         alone = replace(state, cameras=lenses(problem, cell))
         found.append(_scale_and_points(problem, alone, suspects))
     return min(found, key=lambda f: f[0])[1]
+
+
+def readmit_points(problem: Problem, state: State, inliers: InlierMask, scale: Scale) -> InlierMask:
+    """Readmit the points that are where the rest of their view predicts them: an earlier state left them out.
+
+    Args:
+        problem: All that was seen.
+        state: The state that the inliers led to.
+        inliers: What it was fitted to.
+        scale: Of the deviations of points.
+    """
+    points = list(inliers.points)
+    for k, group in enumerate(problem.groups):
+        measurement = group.measurement
+        if not isinstance(measurement, SeenPoints):
+            continue
+        rest, lost = measurement.mask_points(points[k]), measurement.seen & ~points[k]
+        views = np.flatnonzero(judged_by_view(rest) & lost.any(1))
+        if not len(views):
+            continue
+        lens, near = state.cameras.get(group.camera), state.camera_from_target(group, problem.stops)[views]
+        poses = refine_poses(rest.take(views), near, lens).camera_from_target
+        limit = float(scale.limit(np.array(measurement.coordinates)))
+        found = explain_views(measurement.take(views), poses, lens, limit)
+        points[k] = points[k].copy()
+        points[k][views] |= found.points
+    return replace(inliers, points=tuple(points))
 
 
 _Fits = Callable[[SeenPoints, SE3, Camera | None], SE3]

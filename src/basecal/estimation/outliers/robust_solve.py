@@ -37,7 +37,7 @@ from basecal.estimation.outliers.inlier_mask import (
     without_unseen_stops,
 )
 from basecal.estimation.outliers.left_out import LeftOut, measure_left_out_items
-from basecal.estimation.outliers.point_inliers import agreeing_points
+from basecal.estimation.outliers.point_inliers import agreeing_points, readmit_points
 from basecal.estimation.outliers.subset_starts import score, subset_states
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
@@ -240,6 +240,8 @@ def _end(full: Problem, inliers: InlierMask, state: State, settings: Settings) -
         # What was kept before comes again: a view goes and is taken back in turns, and is left out.
         free &= k < _FREE_ROUNDS and not any(map(judgement.kept.same_as, before))
         now = judgement.kept if free else judgement.kept.intersection(inliers)
+        if free and now.same_as(inliers):
+            now = readmit_points(full, state, inliers, judgement.point_scale)
         if now.same_as(inliers):
             break
         before.append(inliers)

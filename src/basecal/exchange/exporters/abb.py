@@ -29,11 +29,12 @@ def export_text(request: Wanted) -> str:
             continue
         name = f"wobj_{child}"[:_LONGEST_NAME]
         lines.append(f'PERS wobjdata {name}:=[FALSE,TRUE,"",{pose},[[0,0,0],[1,0,0,0]]];')
-        if child.endswith("_base"):
+        other = child.removesuffix("_base")
+        if child.endswith("_base") and request.may_have_controller(other, "abb"):
             metres = format_decimals(one.estimate.mean.translation, length_decimals(one.estimate, 1.0))
             frame = ", ".join(f"{key} {value}" for key, value in zip("xyz", metres, strict=True))
             turned = ", ".join(f"q{i} {value}" for i, value in enumerate(numbers[3:], start=1))
-            said = f"Base Frame of {child.removesuffix('_base')}, where the world is {parent}: {frame} [m], {turned}"
+            said = f"Base Frame of {other}, where the world is {parent}: {frame} [m], {turned}"
             lines += comments([said], "!")
     return "\n".join(lines) + "\n"
 

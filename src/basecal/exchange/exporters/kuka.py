@@ -25,8 +25,9 @@ def export_text(request: Wanted) -> str:
         elif parent.endswith("_base"):
             robot = parent.removesuffix("_base")
             lines.append(f"$BASE={frame} ; on {robot}, its $ROBROOT zero: poses are then in {child}")
-            if child.endswith("_base"):
-                lines.append(f"$ROBROOT={frame} ; on {child.removesuffix('_base')}: its WORLD is then {parent}")
+            other = child.removesuffix("_base")
+            if child.endswith("_base") and request.may_have_controller(other, "kuka"):
+                lines.append(f"$ROBROOT={frame} ; on {other}: its WORLD is then {parent}")
     return "\n".join(lines) + "\n"
 
 

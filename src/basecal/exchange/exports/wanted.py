@@ -59,3 +59,8 @@ class Wanted:
     camera: str | None = None
     urdfs: tuple[Path, ...] = ()
     joint: str | None = None
+
+    def may_have_controller(self, robot: str, kind: str) -> bool:
+        """Whether a robot's controller may be of a kind: it is not known to be of another."""
+        known = None if self.cell is None else self.cell.robots.get(robot)
+        return known is None or known.controller.get("format", kind) == kind

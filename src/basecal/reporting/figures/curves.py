@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 from basecal.reporting.charts import Scale, fitted_scale, horizontal_rules
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.svg import drawing, element, text
+from basecal.reporting.svg import drawing, element, label_lines, text, wrapped_label
 
 _WIDTH, _HEIGHT = 640.0, 330.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 12.0, 42.0
+_CHARACTER, _LINE = 11.5, 22.0  # of the drawing, that a label takes at the size of letters on a narrow screen
+_NUMBER = 12  # characters, which no number exceeds
 _LABEL = 36.0  # of the drawing, that a label of the axis takes: one nearer to the last is left out
 COLOURS = 6
 """Lines that a figure can distinguish."""
@@ -49,28 +51,35 @@ def curves(title: str, axis: str, unit: str, lines: Sequence[Line]) -> Figure:
     values = [value for line in lines for band in line.bands for value in (band.low, band.high) if value is not None]
     up = fitted_scale(values or [1.0], _HEIGHT - _BOTTOM, _TOP)
     parts = horizontal_rules(up, _LEFT, _WIDTH - _RIGHT)
-    labelled = -math.inf
+    column = (_WIDTH - _LEFT - _RIGHT) / len(places)
+    characters = _NUMBER if _is_by_size(places) else int(column / _CHARACTER)
+    labelled, line_count = -math.inf, 1
     for place in sorted(set(places), key=along.__getitem__):
-        x, label = f"{along[place]:.1f}", f"{place:g}" if isinstance(place, float) else str(place)
-        parts.append(element("path", class_="rule", d=f"M{x} {_TOP}V{_HEIGHT - _BOTTOM}"))
+        label = f"{place:g}" if isinstance(place, float) else str(place)
+        parts.append(element("path", class_="rule", d=f"M{along[place]:.1f} {_TOP}V{_HEIGHT - _BOTTOM}"))
         if along[place] - labelled < _LABEL:
             continue
         labelled = along[place]
-        parts.append(element("text", text(label), class_="tick", x=x, y=_HEIGHT - _BOTTOM + 18, text_anchor="middle"))
+        line_count = max(line_count, len(label_lines(label, characters)))
+        parts.append(wrapped_label(label, characters, (along[place], _HEIGHT - _BOTTOM + 18), "middle"))
     parts += [_line(k, line, along, up) for k, line in enumerate(lines)]
-    svg = drawing(_WIDTH, _HEIGHT, f"{title} over {axis}", *parts)
+    svg = drawing(_WIDTH, _HEIGHT + (line_count - 1) * _LINE, f"{title} over {axis}", *parts)
     caption = f"{axis} across, errors [{unit}] upwards: the median, and the band from 5 % to 95 % of the trials."
     return Figure(title, svg, caption)
 
 
 def _axis_positions(places: Sequence[float | str]) -> dict[float | str, float]:
     """Where each value of the axis stands: by its size where all are numbers, else one after the other."""
-    numbers = [place for place in places if isinstance(place, int | float) and not isinstance(place, bool)]
     start, end = _LEFT, _WIDTH - _RIGHT
-    if len(numbers) == len(places):
+    if _is_by_size(places):
+        numbers = [float(place) for place in places]
         scale = fitted_scale(numbers, start, end)
-        return {place: scale.position(place) for place in numbers}
+        return {place: scale.position(number) for place, number in zip(places, numbers, strict=True)}
     return {place: start + (k + 0.5) * (end - start) / len(places) for k, place in enumerate(places)}
+
+
+def _is_by_size(places: Sequence[float | str]) -> bool:
+    return all(isinstance(place, int | float) and not isinstance(place, bool) for place in places)
 
 
 def _line(number: int, line: Line, positions: dict[float | str, float], scale: Scale) -> str:

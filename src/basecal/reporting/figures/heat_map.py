@@ -6,11 +6,13 @@ import math
 from collections.abc import Sequence
 
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.svg import drawing, element, text
+from basecal.reporting.svg import drawing, element, label_lines, wrapped_label
 
 _TILE_WIDTH, _TILE_HEIGHT = 84.0, 34.0
 _LEFT, _TOP, _EDGE = 210.0, 12.0, 26.0
-_LONGEST = 32  # characters of a label
+_CHARACTER, _LINE = 7.6, 14.0  # of the drawing, that a label takes
+_ROW_CHARACTERS, _COLUMN_CHARACTERS = int((_LEFT - 8) / _CHARACTER), int(_TILE_WIDTH / _CHARACTER)
+_ROW_LINES = 2  # as many as a tile is high
 _FAINTEST, _STRONGEST = 0.08, 0.85  # opacity of the smallest number and of the largest
 
 
@@ -36,18 +38,20 @@ def heat_map(
         for i, value in enumerate(row)
     ]
     bottom = _TOP + len(rows[1]) * _TILE_HEIGHT
-    labels = [
-        *(_label(_LEFT - 8, _TOP + (k + 0.6) * _TILE_HEIGHT, value, "end") for k, value in enumerate(rows[1])),
-        *(_label(_LEFT + (i + 0.5) * _TILE_WIDTH, bottom + 17, value, "middle") for i, value in enumerate(columns[1])),
-    ]
-    svg = drawing(_LEFT + len(columns[1]) * _TILE_WIDTH + 8, bottom + _EDGE, title, *tiles, *labels)
+    names = [_value_text(value) for value in columns[1]]
+    labels = [_row_label(_TOP + (k + 0.6) * _TILE_HEIGHT, _value_text(value)) for k, value in enumerate(rows[1])]
+    for i, name in enumerate(names):
+        labels.append(wrapped_label(name, _COLUMN_CHARACTERS, (_LEFT + (i + 0.5) * _TILE_WIDTH, bottom + 17), "middle"))
+    edge = _EDGE + _LINE * (max(len(label_lines(name, _COLUMN_CHARACTERS)) for name in names) - 1)
+    svg = drawing(_LEFT + len(names) * _TILE_WIDTH + 8, bottom + edge, title, *tiles, *labels)
     return Figure(title, svg, f"{columns[0]} across, {rows[0]} downwards; median error of the trials [mm].")
 
 
 def _tile(x: float, y: float, value: float | None, shades: tuple[float, float]) -> str:
     low, high = shades
     place = {"x": f"{x:g}", "y": f"{y:g}", "width": f"{_TILE_WIDTH:g}", "height": f"{_TILE_HEIGHT:g}"}
-    shown = _label(x + 0.5 * _TILE_WIDTH, y + 0.6 * _TILE_HEIGHT, "-" if value is None else f"{value:.3g}", "middle")
+    number = "-" if value is None else f"{value:.3g}"
+    shown = wrapped_label(number, _COLUMN_CHARACTERS, (x + 0.5 * _TILE_WIDTH, y + 0.6 * _TILE_HEIGHT), "middle")
     if value is None or value <= 0:
         return element("rect", class_="frame", **place) + shown
     share = (math.log10(value) - low) / (high - low) if high > low else 0.0
@@ -55,7 +59,10 @@ def _tile(x: float, y: float, value: float | None, shades: tuple[float, float]) 
     return element("rect", class_="tile", fill_opacity=opacity, **place) + shown
 
 
-def _label(x: float, y: float, value: object, anchor: str) -> str:
-    said = f"{value:g}" if isinstance(value, float) else str(value)
-    short = said if len(said) <= _LONGEST else f"{said[: _LONGEST - 1]}…"
-    return element("text", element("title", text(said)), text(short), class_="tick", x=x, y=y, text_anchor=anchor)
+def _row_label(y: float, label: str) -> str:
+    lines = len(label_lines(label, _ROW_CHARACTERS, _ROW_LINES))
+    return wrapped_label(label, _ROW_CHARACTERS, (_LEFT - 8, y - 0.5 * (lines - 1) * _LINE), "end", _ROW_LINES)
+
+
+def _value_text(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

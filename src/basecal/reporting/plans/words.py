@@ -14,7 +14,7 @@ from basecal.reporting.statement.verdict import PLACE_WORDS, Headline
 
 
 def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:
-    """`PASS` or `FAIL` if a tolerance is stated, else `GOOD`; and the decisive sentence."""
+    """`PASS` or `FAIL` if a tolerance is stated, else `GOOD`; `DOUBTFUL` if fewer samples are planned than it needs."""
     expected = _error_words(plan)
     if tolerance_m is None:
         return Headline("GOOD", outcome(plan))
@@ -25,6 +25,8 @@ def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:
     if plan.needed == 0:
         with_recorded = f"{expected} with {plan.recorded} samples"
         return Headline("PASS", f"{needed} is already reached (95 %: {with_recorded}).")
+    if plan.needed is not None and plan.needed > len(plan.samples):
+        return Headline("DOUBTFUL", f"{needed} takes {plan.needed} samples, of which {len(plan.samples)} are planned.")
     return Headline("PASS", f"{needed}: {plan.needed} samples reach it.")
 
 
