@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
-from basecal.estimation.problem.problem import State
+from basecal.estimation.problem.problem import Problem
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array, BoolArray
@@ -20,9 +20,10 @@ def reflection(evidence: Evidence) -> list[Finding]:
     """Each light with other spots beside it: a warning if more than one image in ten cannot be distinguished."""
     found = []
     for group in evidence.solution.problem.groups:
-        if len(group.readings) < 2 or len(_points(group)) != 1:
+        spots = _recorded_spots(group, evidence.recorded)
+        if spots is None or len(_points(group)) != 1:
             continue
-        others, unclear = _spot_masks(group, evidence.solution.state, evidence)
+        others, unclear = _spot_masks(group, spots, evidence)
         if not others.any():
             continue
         count, total = int(others.sum()), len(others)
@@ -42,14 +43,23 @@ def _points(group: ViewGroup) -> Array:
     return measurement.points_in_target if isinstance(measurement, PixelMeasurement) else np.zeros((0, 3))
 
 
-def _spot_masks(group: ViewGroup, state: State, evidence: Evidence) -> tuple[BoolArray, BoolArray]:
+def _recorded_spots(group: ViewGroup, recorded: Problem) -> Array | None:
+    """The first point of each reading of a group's views, (k, n, 2) [px]; None if there is one reading."""
+    for each in recorded.groups:
+        if (each.camera, each.target) == (group.camera, group.target) and len(each.readings) > 1:
+            row = {number: k for k, number in enumerate(each.sample.tolist())}
+            rows = [row[number] for number in group.sample.tolist()]
+            return np.stack([reading.pixels[rows, 0] for reading in each.readings])
+    return None
+
+
+def _spot_masks(group: ViewGroup, spots: Array, evidence: Evidence) -> tuple[BoolArray, BoolArray]:
     """Which views, (n,), have another spot than the one that is used, and which one near where the light must be."""
     assert isinstance(group.measurement, PixelMeasurement)
-    used = group.measurement.pixels[:, 0]
+    used, state = group.measurement.pixels[:, 0], evidence.solution.state
     camera_from_target = state.camera_from_target(group, evidence.solution.problem.stops)
     point = camera_from_target.rotation @ _points(group)[0] + camera_from_target.translation
     predicted = state.cameras[group.camera].project(point)
-    spots = np.stack([reading.pixels[:, 0] for reading in group.readings])
     is_other = np.linalg.norm(spots - used, axis=-1) > _LEAST_DISTANCE_PX
     is_near = np.linalg.norm(spots - predicted, axis=-1) < _UNCLEAR_PX
     return is_other.any(axis=0), (is_other & is_near).any(axis=0)
