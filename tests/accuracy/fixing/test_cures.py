@@ -60,12 +60,33 @@ def test_outliers_lens_and_offered_lines() -> None:
     left, lens, line = cures_of(
         Finding("outlier-samples", "warning", ("3",), "Sample 3 was left out as an outlier."),
         Finding("intrinsics", "warning", ("wrist",), "The lens of wrist is not as stated: fx is 3 px off."),
-        Finding("many-dropped-samples", "warning", ("board",), "No board: write dictionary: DICT_5X5_100."),
+        Finding("few-images", "warning", ("wrist",), "None.", ("'board': no board: write dictionary: DICT_5X5_100.",)),
         outliers=outliers,
     )
     assert [sample.sample for sample in left.change.samples] == [0, 1, 2, 4, 5, 6, 7, 8]
     assert lens.change.cell["cameras", "wrist", "intrinsics", "status"] == "free"
     assert line.change.cell == {("targets", "board", "dictionary"): "DICT_5X5_100"}
+
+
+def test_all_lines_are_written_at_all_robots() -> None:
+    """Offsets and links, of both arms, by one cure: without one of them the finding would be the same."""
+    offsets, links = (
+        {"status": "prior", "sigma_rad": 0.03},
+        {"status": "prior", "sigma_rad": 2e-3, "sigma_m": 1e-3},
+    )
+    do = (
+        "Write `joint_offsets: {status: prior, sigma_rad: 0.03}` and "
+        "`link_parameters: {status: prior, sigma_rad: 0.002, sigma_m: 0.001}` at eye and hand in cell.yaml."
+    )
+    (cure,) = cures_of(Finding("robot-model", "warning", ("eye", "hand"), "Joints are off.", (do,)))
+    written = {"joint_offsets": offsets, "link_parameters": links}
+    assert cure.change.cell == {("robots", r, key): value for r in ("eye", "hand") for key, value in written.items()}
+
+
+def test_a_choice_of_lines_is_none() -> None:
+    """What a person has to decide is not written."""
+    do = ("Markers of DICT_4X4_50: write kind: charuco, aprilgrid or apriltag, whichever it is.",)
+    assert cures_of(Finding("x", "warning", ("board",), "No board.", do)) == ()
 
 
 def test_fixed_transform_is_freed() -> None:

@@ -18,10 +18,10 @@ from basecal.errors import BasecalError, sentence
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import STATED
 from basecal.estimation.solve import solve_problem
-from basecal.fields.problems import Loc
+from basecal.fields.problems import Loc, field_name
 
-_OFFERED = re.compile(r"[Ww]rite (?P<line>[a-z_]+: .+?)\.?$")
-"""A line of `cell.yaml` at the end of a sentence."""
+_OFFER = re.compile(r"\b[Ww]rite (?P<offer>`?[a-z_]+: .+)")
+_QUOTED = re.compile(r"`([a-z_]+: [^`]+)`")
 _FITTED = 40  # samples: more than the 16 of `benchmarks.slips`, which holds the cures
 
 
@@ -75,7 +75,8 @@ def _convention_cures(
         if named:
             hypothesis = named[0] if len(named) == 1 else min(named, key=lambda each: _misfit(declared, each))
             change = change_of_hypothesis(recording, declared, hypothesis)
-            found[finding] = () if change is None else (Cure(finding, f"Undo: {hypothesis.words}.", change),)
+            cures = () if change is None else (Cure(finding, f"Undo: {hypothesis.words}.", change),)
+            found[finding] = tuple(cure for cure in cures if not cure.change.is_empty)
     return found
 
 
@@ -100,10 +101,9 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
         elif finding.code == "fixed-contradicted" and name in cell.transforms:
             place = transform_place(cell, name)
             yield Cure(finding, f"Free {name}.", Change(cell={place: {"status": "free"}}))
-        elif name in cell.targets and (line := _offered_line(finding)):
-            places: dict[Loc, Any] = {("targets", name, key): value for key, value in line.items()}
-            told = ", ".join(f"{key}: {value}" for key, value in line.items())
-            yield Cure(finding, f"Write {told} of {name}.", Change(cell=places))
+    if places := _offered_places(cell, finding):
+        told = ", ".join(f"{field_name(place)}: {value}" for place, value in places.items())
+        yield Cure(finding, f"Write {told}.", Change(cell=places))
     if finding.code == "outlier-samples":
         left_out = {outlier.sample for outlier in calibration.outliers or () if not outlier.ids}
         kept = tuple(sample for sample in recording.samples if sample.sample not in left_out)
@@ -112,14 +112,29 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
             yield Cure(finding, f"Leave out samples {numbers}.", Change(samples=kept))
 
 
-def _offered_line(finding: Finding) -> dict[str, Any]:
-    """The line that a finding offers, by field; empty if it offers none."""
+def _offered_places(cell: Cell, finding: Finding) -> dict[Loc, Any]:
+    """The lines that a finding offers, by their places in `cell.yaml`; empty if it offers none.
+
+    They are of the targets and robots that the sentence quotes, else of those that the finding is about.
+    """
+    places = {name: (kind, name) for kind, of in (("targets", cell.targets), ("robots", cell.robots)) for name in of}
     for text in (*finding.do, finding.why, finding.what):
-        if (found := _OFFERED.search(text)) is not None:
-            try:
-                data = parse_yaml(f"{{{found['line']}}}", "finding").data
-            except BasecalError:
-                continue
-            if isinstance(data, dict):
-                return data
+        if lines := _offered_lines(text):
+            quoted = [name for name in places if repr(name) in text]
+            owners = quoted or [name for name in finding.about if name in places]
+            return {(*places[name], key): value for name in owners for key, value in lines.items()}
     return {}
+
+
+def _offered_lines(text: str) -> dict[str, Any]:
+    """Lines of `cell.yaml` that a sentence says to write, by field: those in backquotes, or all up to its end."""
+    found = _OFFER.search(text)
+    if found is None:
+        return {}
+    lines = ", ".join(_QUOTED.findall(found["offer"])) or found["offer"].removesuffix(".")
+    try:
+        data = parse_yaml(f"{{{lines}}}", "finding").data
+    except BasecalError:
+        return {}
+    is_whole = isinstance(data, dict) and None not in data.values()  # a choice of several is none
+    return data if is_whole else {}
