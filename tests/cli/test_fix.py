@@ -7,9 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from basecal.cell import RobotState
+from basecal.accuracy.fixing.change import Change
+from basecal.accuracy.fixing.cures import Cure
+from basecal.cell import Finding, RobotState
 from basecal.cell.files import latest_run, read_calibration, write_cell, write_recording
 from basecal.cli import main
+from basecal.cli.fix import _chosen_cure as chosen_cure
+from basecal.errors import UsageError
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
 
@@ -25,6 +29,17 @@ def inverted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, SimulatedC
     write_cell(made.cell, folder)
     write_recording(replace(made.recording, samples=samples), folder)
     return folder, made
+
+
+def test_equal_fixes_need_a_choice() -> None:
+    """Of cures that fit equally none is applied unasked; one that is alone is."""
+    finding = Finding("robot-pose-inverted", "error", ("hand",), "Inverted, or carried otherwise.")
+    equal = tuple(Cure(finding, words, Change(cell={("x",): 1}), is_choice=True) for words in ("One.", "Other."))
+    with pytest.raises(UsageError, match="equally: look which is true, and add --choose 1 or --choose 2"):
+        chosen_cure(equal, None)
+    assert chosen_cure(equal, 2) is equal[1]
+    (alone,) = (replace(cure, is_choice=False) for cure in equal[:1])
+    assert chosen_cure((alone,), None) is alone
 
 
 @pytest.mark.slow  # two calibrations with all their checks

@@ -75,11 +75,18 @@ def _latest_calibration(folder: Path, cell: Cell) -> Calibration:
 
 
 def _chosen_cure(cures: tuple[Cure, ...], choose: int | None) -> Cure:
-    """The one of that number, after all are listed."""
+    """The one of that number, after all are listed.
+
+    Raises:
+        UsageError: if there is none, or several fit equally and none is chosen.
+    """
     for number, cure in enumerate(cures, start=1):
         say(f"{number}. {cure.words} [{cure.finding.code}]")
     if choose is not None and not 1 <= choose <= len(cures):
         raise UsageError(f"--choose {choose}: there are fixes 1 to {len(cures)}")
+    if choose is None and cures[0].is_choice:
+        equal = [f"--choose {n}" for n, cure in enumerate(cures, start=1) if cure.finding is cures[0].finding]
+        raise UsageError(f"these fit the data equally: look which is true, and add {' or '.join(equal)}")
     return cures[(choose or 1) - 1]
 
 

@@ -35,6 +35,24 @@ def test_convention_is_undone() -> None:
     assert cure.words == "Undo: the poses of eye are in millimetres."
 
 
+def test_of_inverted_poses_and_other_carriers_a_person_chooses() -> None:
+    """Those of the only robot fit as exactly if it carries the camera, and not the target: both are offered."""
+    made = simulate(Scenario(samples=9, layout="eye_to_hand"), 2)
+    what = "The poses of arm are inverted (flange_from_base), or overhead is on arm and board on world."
+    finding = Finding("robot-pose-inverted", "error", ("arm",), what)
+    inverted, carried = cures_of(finding, cell=made.cell, recording=made.recording)
+    assert inverted.is_choice
+    assert carried.is_choice
+    assert inverted.words == "Undo: the poses of arm are inverted (flange_from_base)."
+    assert carried.words == "Write that overhead is on arm and board on world."
+    assert carried.change.cell == {
+        ("cameras", "overhead", "on"): "arm",
+        ("cameras", "overhead", "mount"): {"status": "free"},
+        ("targets", "board", "on"): "world",
+        ("targets", "board", "mount"): {"status": "free"},
+    }
+
+
 def test_of_two_lists_of_angles_the_one_that_fits_is_taken() -> None:
     """Roll, pitch and yaw beyond half a turn in all, read as a rotation vector: the longer vector is meant."""
     turn = SE3.from_rpy([2.9, 0.4, -2.8], np.zeros(3))

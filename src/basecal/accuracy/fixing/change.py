@@ -176,6 +176,12 @@ def free_lens(cell: Cell, camera: str) -> dict[Loc, Any]:
     return {("cameras", camera, "intrinsics", key): value for key, value in {"status": "free", **exact}.items()}
 
 
+def change_carriers(carriers: Mapping[Loc, str]) -> Change:
+    """Other carriers, by place in `cell.yaml`, whose mounts are free."""
+    mounts: dict[Loc, Any] = {(*place[:-1], "mount"): {"status": "free"} for place in carriers}
+    return Change(cell={**carriers, **mounts})
+
+
 def transform_place(cell: Cell, name: str) -> Loc:
     """Where `cell.yaml` has a transform."""
     for robot in cell.robots:

@@ -7,7 +7,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from basecal.accuracy.fixing.change import Change, change_of_hypothesis, free_lens, transform_place
+from basecal.accuracy.fixing.change import (
+    Change,
+    change_carriers,
+    change_of_hypothesis,
+    free_lens,
+    transform_place,
+)
+from basecal.accuracy.input_check.carriers import describe_carriers
 from basecal.accuracy.input_check.conventions import every_hypothesis
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
@@ -33,11 +40,13 @@ class Cure:
         finding: What was wrong.
         words: What is done, as a sentence.
         change: What becomes of the files.
+        is_choice: Whether another one of its finding fits as exactly, so that only a person can choose.
     """
 
     finding: Finding
     words: str
     change: Change
+    is_choice: bool = False
 
 
 def find_cures(cell: Cell, recording: Recording, detections: Recording, calibration: Calibration) -> tuple[Cure, ...]:
@@ -75,9 +84,19 @@ def _convention_cures(
         if named:
             hypothesis = named[0] if len(named) == 1 else min(named, key=lambda each: _misfit(declared, each))
             change = change_of_hypothesis(recording, declared, hypothesis)
-            cures = () if change is None else (Cure(finding, f"Undo: {hypothesis.words}.", change),)
-            found[finding] = tuple(cure for cure in cures if not cure.change.is_empty)
+            found[finding] = tuple(_hypothesis_cures(finding, hypothesis, change or Change()))
     return found
+
+
+def _hypothesis_cures(finding: Finding, hypothesis: ConventionHypothesis, change: Change) -> Iterator[Cure]:
+    """The cure of a hypothesis that changes files, and the one that fits as exactly."""
+    carriers = hypothesis.carriers
+    clause = describe_carriers(carriers) if carriers else ""
+    if not change.is_empty:
+        words = hypothesis.words.removesuffix(f", or {clause}")
+        yield Cure(finding, f"Undo: {words}.", change, is_choice=bool(carriers))
+    if carriers:
+        yield Cure(finding, f"Write that {clause}.", change_carriers(carriers), is_choice=True)
 
 
 def _misfit(baseline: Reading, hypothesis: ConventionHypothesis) -> float:
