@@ -44,10 +44,13 @@ def test_equal_fixes_need_a_choice() -> None:
 
 @pytest.mark.slow  # two calibrations with all their checks
 def test_a_diagnosis_is_fixed(inverted: tuple[Path, SimulatedCell], capsys: pytest.CaptureFixture[str]) -> None:
-    """The preview shows it, nothing changes without a word, and the answer is then that of the sound recording."""
+    """The preview shows it, nothing changes without a word, and the answer is then that of the sound recording.
+
+    It is judged by the tolerance and the place that `calibrate` was given.
+    """
     folder, made = inverted
-    assert main(["calibrate", str(folder)]) == 4
-    assert "Or let `basecal fix CELL` do so." in " ".join(capsys.readouterr().out.split())
+    assert main(["calibrate", str(folder), "--tolerance", "1um", "--task-point", "0.8", "0.1", "0.3"]) == 4
+    assert f"Or let `basecal fix {folder}` do so." in " ".join(capsys.readouterr().out.split())
     before = (folder / "recording" / "samples.jsonl").read_bytes()
     assert main(["fix", str(folder)]) == 2
     told = capsys.readouterr()
@@ -56,10 +59,15 @@ def test_a_diagnosis_is_fixed(inverted: tuple[Path, SimulatedCell], capsys: pyte
     assert (folder / "recording" / "samples.jsonl").read_bytes() == before
     assert main(["fix", str(folder), "--choose", "2", "--yes"]) == 2
     assert "there are fixes 1 to 1" in capsys.readouterr().err
-    assert main(["fix", str(folder), "--yes"]) == 0
-    assert "GOOD" in capsys.readouterr().out
+    assert main(["fix", str(folder), "--yes"]) == 5
+    told = capsys.readouterr()
+    assert "FAIL: expected error" in told.out
+    plan = f"next: basecal plan {folder} --tolerance 0.001mm --task-point 0.8 0.1 0.3 -o plan.jsonl"
+    assert plan in told.err
     found = read_calibration(latest_run(folder) / "calibration.json")["eye_base_from_hand_base"]
     off = (found.mean.inverse() @ made.truth["eye_base_from_hand_base"]).log()
     assert abs(off[:3]).max() < 5e-3
-    assert main(["fix", str(folder)]) == 0
-    assert "nothing to fix: good" in capsys.readouterr().out
+    assert main(["fix", str(folder)]) == 5
+    told = capsys.readouterr()
+    assert "nothing to fix: FAIL: expected error" in told.out
+    assert plan in told.err

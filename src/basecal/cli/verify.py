@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from basecal.cli.detection import counting
+from basecal.cli.next_step import capture_command, has_drivers
 from basecal.cli.page import with_kept_scene
 from basecal.cli.runs import find_run
 from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
@@ -80,14 +81,16 @@ def verify(
     else:
         moved = None if samples is None else found.moved
         say_verdict("\n".join(text), "doubtful" if moved is None else "refused" if moved else "good")
-        say_next(_next_command(quote_path(cell), moved))
+        say_next(_next_command(described, cell, moved))
     return code
 
 
-def _next_command(place: str, has_moved: bool | None) -> str:
+def _next_command(cell: Cell, folder: Path, has_moved: bool | None) -> str:
+    if has_moved and has_drivers(cell):
+        return f"look what was bumped or loosened, then record again: {capture_command(cell, folder)}"
     if has_moved:
-        return f"look what was bumped or loosened, then record again: basecal capture {place}"
-    return f"all verifications so far: basecal verify {place} --history"
+        return "look what was bumped or loosened, record again, and import that into a new folder"
+    return f"all verifications so far: basecal verify {quote_path(folder)} --history"
 
 
 def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
@@ -129,8 +132,7 @@ def _recalibrate(
     Nothing is made if something moved, or that is not known.
     """
     from basecal.cell.files import append_samples, read_calibration, read_recording
-    from basecal.cli.calibrate import calibrate_folder, exit_code
-    from basecal.estimation.settings import Settings
+    from basecal.cli.calibrate import exit_code, recalibrate_folder
     from basecal.exchange.importing.cell_files import place_files
     from basecal.reporting.statement.verdict import verdict_word
 
@@ -143,8 +145,7 @@ def _recalibrate(
     added = [_renumber_sample(sample, first + k, new.folder or folder, files) for k, sample in enumerate(kept)]
     with place_files(files, folder):
         append_samples(folder, added)
-    asked = read_calibration(run).settings
-    made = calibrate_folder(folder, cell, Settings.from_dict(asked), needed_m=asked.get("tolerance_m"))
+    made = recalibrate_folder(folder, cell, read_calibration(run))
     word = verdict_word(made.calibration).lower()
     told = {"run": made.run.name, "verdict": word, "added": [sample.sample for sample in added]}
     return told, exit_code(made.calibration)

@@ -101,12 +101,6 @@ def test_all_lines_are_written_at_all_robots() -> None:
     assert cure.change.cell == {("robots", r, key): value for r in ("eye", "hand") for key, value in written.items()}
 
 
-def test_a_choice_of_lines_is_none() -> None:
-    """What a person has to decide is not written."""
-    do = ("Markers of DICT_4X4_50: write kind: charuco, aprilgrid or apriltag, whichever it is.",)
-    assert cures_of(Finding("x", "warning", ("board",), "No board.", do)) == ()
-
-
 def test_fixed_transform_is_freed() -> None:
     """One that effects name, which no hypothesis of the input does in these words."""
     name = "eye_flange_from_wrist"

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from basecal.accuracy.fixing.change import (
     Change,
@@ -14,21 +12,19 @@ from basecal.accuracy.fixing.change import (
     free_lens,
     transform_place,
 )
+from basecal.accuracy.fixing.offers import offered_places
 from basecal.accuracy.input_check.carriers import describe_carriers
 from basecal.accuracy.input_check.conventions import every_hypothesis
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
 from basecal.accuracy.readings.reading import Reading, as_recorded
 from basecal.cell import Calibration, Cell, Finding, Recording
-from basecal.cell.format.yaml_text import parse_yaml
 from basecal.errors import BasecalError, sentence
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import STATED
 from basecal.estimation.solve import solve_problem
-from basecal.fields.problems import Loc, field_name
+from basecal.fields.problems import field_name
 
-_OFFER = re.compile(r"\b[Ww]rite (?P<offer>`?[a-z_]+: .+)")
-_QUOTED = re.compile(r"`([a-z_]+: [^`]+)`")
 _FITTED = 40  # samples: more than the 16 of `benchmarks.slips`, which holds the cures
 
 
@@ -120,7 +116,7 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
         elif finding.code == "fixed-contradicted" and name in cell.transforms:
             place = transform_place(cell, name)
             yield Cure(finding, f"Free {name}.", Change(cell={place: {"status": "free"}}))
-    if places := _offered_places(cell, finding):
+    if places := offered_places(cell, finding):
         told = ", ".join(f"{field_name(place)}: {value}" for place, value in places.items())
         yield Cure(finding, f"Write {told}.", Change(cell=places))
     if finding.code == "outlier-samples":
@@ -129,31 +125,3 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
         if left_out:
             numbers = ", ".join(map(str, sorted(left_out)))
             yield Cure(finding, f"Leave out samples {numbers}.", Change(samples=kept))
-
-
-def _offered_places(cell: Cell, finding: Finding) -> dict[Loc, Any]:
-    """The lines that a finding offers, by their places in `cell.yaml`; empty if it offers none.
-
-    They are of the targets and robots that the sentence quotes, else of those that the finding is about.
-    """
-    places = {name: (kind, name) for kind, of in (("targets", cell.targets), ("robots", cell.robots)) for name in of}
-    for text in (*finding.do, finding.why, finding.what):
-        if lines := _offered_lines(text):
-            quoted = [name for name in places if repr(name) in text]
-            owners = quoted or [name for name in finding.about if name in places]
-            return {(*places[name], key): value for name in owners for key, value in lines.items()}
-    return {}
-
-
-def _offered_lines(text: str) -> dict[str, Any]:
-    """Lines of `cell.yaml` that a sentence says to write, by field: those in backquotes, or all up to its end."""
-    found = _OFFER.search(text)
-    if found is None:
-        return {}
-    lines = ", ".join(_QUOTED.findall(found["offer"])) or found["offer"].removesuffix(".")
-    try:
-        data = parse_yaml(f"{{{lines}}}", "finding").data
-    except BasecalError:
-        return {}
-    is_whole = isinstance(data, dict) and None not in data.values()  # a choice of several is none
-    return data if is_whole else {}
