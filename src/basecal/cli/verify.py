@@ -10,7 +10,7 @@ from basecal.cli.next_step import capture_command, has_drivers
 from basecal.cli.page import with_kept_scene
 from basecal.cli.runs import find_run
 from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
-from basecal.errors import UsageError
+from basecal.errors import DatasetError, UsageError
 
 if TYPE_CHECKING:
     from basecal.accuracy.drift.verify import Verification
@@ -94,18 +94,38 @@ def _next_command(cell: Cell, folder: Path, has_moved: bool | None) -> str:
 
 
 def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
-    """The new samples, with targets found if they have images."""
+    """The new samples, with targets found if they have images.
+
+    Raises:
+        DatasetError: if they cannot be read, or an image is missing.
+    """
     from basecal.cell.files import read_samples
 
     is_cell = samples.is_dir()
     journal = samples / "recording" / "samples.jsonl" if is_cell else samples
-    recording = read_samples(journal, samples if is_cell else folder, cell)
+    home = samples if is_cell else folder
+    recording = read_samples(journal, home, cell)
+    for sample in recording.samples:
+        _require_images(sample, home, journal)
     if cell.targets and any(sample.images for sample in recording.samples):
         from basecal.vision.detect import detect
 
         with counting("detecting") as step:
             recording = detect(cell, recording, progress=step)
     return recording
+
+
+def _require_images(sample: Sample, home: Path, journal: Path) -> None:
+    """Look for the images of a sample whose views are not noted beside them.
+
+    Raises:
+        DatasetError: if one is missing.
+    """
+    seen = {observation.camera for observation in sample.observations}
+    for camera, image in sample.images.items():
+        if camera not in seen and not (home / image).is_file():
+            what = f"the image of {camera!r} is missing, looked for at {home / image}"
+            raise DatasetError(str(journal), f"sample {sample.sample}: {what}; put it there, or correct its path")
 
 
 def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification:
@@ -177,4 +197,4 @@ def _history(cell: Path) -> tuple[dict[str, Any], str]:
 
     past = read_verifications(cell)
     found = drifts(past)
-    return history_dict(past, found), history_text(past, found)
+    return history_dict(past, found), history_text(past, found).replace(" CELL ", f" {quote_path(cell)} ")
