@@ -10,7 +10,7 @@ from basecal.cli.terminal import quote_path
 from basecal.errors import list_names
 
 if TYPE_CHECKING:
-    from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Recording
+    from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Recording
 
 
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
@@ -61,12 +61,12 @@ def _tolerance(calibration: Calibration) -> str:
 
 def name_cell(calibration: Calibration, folder: Path) -> Calibration:
     """The calibration whose findings name the cell's folder in commands."""
-    named = f" {quote_path(folder)}"
-    findings = (
-        replace(finding, do=tuple(each.replace(" CELL", named) for each in finding.do))
-        for finding in calibration.findings
-    )
-    return replace(calibration, findings=tuple(findings))
+    return replace(calibration, findings=tuple(name_cell_in(each, folder) for each in calibration.findings))
+
+
+def name_cell_in(finding: Finding, folder: Path) -> Finding:
+    """The finding with the cell's folder in its commands."""
+    return replace(finding, do=tuple(each.replace(" CELL", f" {quote_path(folder)}") for each in finding.do))
 
 
 def cameras_without_lens(cell: Cell, recording: Recording) -> list[str]:
