@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from basecal.cell import Calibration
 from basecal.cell.files import input_hashes, write_calibration, write_cell
 from basecal.cli import main
-from basecal.cli.capture_plan import known_sketch
+from basecal.cli.capture_plan import known_sketch, say_plan
 from basecal.errors import InputError
 from basecal.geometry import PoseEstimate
 from basecal.simulation import Scenario, simulate
@@ -120,3 +121,10 @@ def test_transforms_are_those_of_the_latest_run(tmp_path: Path) -> None:
             assert all(unknown.mean is None for unknown in sketch.cell.transforms.values())
     with pytest.raises(InputError, match="roughly where things are"):
         known_sketch(tmp_path)
+
+
+def test_what_is_reached_moves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a plan without samples no motion is told."""
+    replanner = SimpleNamespace(words=lambda: "0.3 mm at the task point reached")
+    say_plan(None, None, [], True, None, False, replanner)  # type: ignore[arg-type]
+    assert capsys.readouterr().out == "0.3 mm at the task point reached; nothing will move\n"

@@ -103,11 +103,12 @@ def capture(
     where it was when it is started again. One that is finished records nothing
     again; --more records other samples beside those that are there.
 
-    With --tolerance and --task-point it plans while it captures: after each
-    sample anew, from all that was taken, until 95 % of errors at the task are
-    below the tolerance. What could not be taken is not tried again. With
+    With --tolerance and --task-point it plans while it captures, after each
+    sample anew from all that was taken. It ends when 95 % of errors at the task
+    are below the tolerance. What could not be taken is not tried again. With
     --pattern shifts and a task the stations are those that lower the error
-    there the most, planned once: as many as a tolerance needs, or --samples.
+    there the most, planned once. They are as many as a tolerance needs, or
+    --samples.
 
     With --freedrive no arm is sent anywhere: you lead them. Held still for
     0.8 s at a new place, or at the space bar, a sample is taken; q ends.
@@ -168,7 +169,7 @@ def capture(
             if not go:
                 return _finish_plan(cell, wanted, json)
             wanted = _store_plan(cell, sketch, wanted, is_new)
-        view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
+        view = shown.enter_context(capture_view(rig, sketch.cell, cell, web, port, quiet=json))
         by = _taker(view.rig(rig), sketch, cell, limits, view, stop_on_disagreement)
         steps = _take_samples(by, wanted, count if freedrive else None, replanner, view, stop_on_disagreement)
         view.end(*_outcome(steps, replanner), f"basecal calibrate {quote_path(cell)}")

@@ -143,6 +143,9 @@ def say_plan(
     from basecal.acquisition.rig import movers
     from basecal.planning.clearance import robot_capsules
 
+    if not plan:
+        say(f"{'' if replanner is None else f'{replanner.words()}; '}nothing will move")
+        return
     moving = list(movers(rig))
     led = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
     camera, target = sketch.view

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.detection import counting
-from basecal.cli.next_step import name_cell_in
+from basecal.cli.next_step import name_folder
 from basecal.cli.terminal import progress, say
 from basecal.errors import BasecalError
 
@@ -41,7 +41,7 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> tuple[Fin
         with progress("testing conventions"):
             look = quick_look(cell, few, len(few.samples) == len(recording.samples))
     for finding in look.findings:
-        message = name_cell_in(finding, folder).message
+        message = name_folder(finding, folder).message
         say(f"basecal: warning: {finding.code}, by {look.views} views: {message}", sys.stderr)
     if look.error is not None:
         others = "no other direction, unit, order or pairing does better"

@@ -47,7 +47,7 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
     written, detections = read_recording(cell, described), detected_recording(cell, described)
     cures = find_cures(described, written, detections, calibration)
     if not cures:
-        return _say_unfixed(described, name_cell(calibration, cell), cell)
+        return _say_no_cure(described, name_cell(calibration, cell), cell)
     cure = _chosen_cure(cures, choose)
     for line in describe_change(written, cure.change):
         say(f"  {line}")
@@ -60,7 +60,7 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
     return exit_code(made.calibration)
 
 
-def _say_unfixed(cell: Cell, calibration: Calibration, folder: Path) -> int:
+def _say_no_cure(cell: Cell, calibration: Calibration, folder: Path) -> int:
     """Say that nothing is to be fixed, or that it is not known how; the exit code."""
     from basecal.reporting.statement.verdict import headline
 

@@ -61,10 +61,10 @@ def _tolerance(calibration: Calibration) -> str:
 
 def name_cell(calibration: Calibration, folder: Path) -> Calibration:
     """The calibration whose findings name the cell's folder in commands."""
-    return replace(calibration, findings=tuple(name_cell_in(each, folder) for each in calibration.findings))
+    return replace(calibration, findings=tuple(name_folder(each, folder) for each in calibration.findings))
 
 
-def name_cell_in(finding: Finding, folder: Path) -> Finding:
+def name_folder(finding: Finding, folder: Path) -> Finding:
     """The finding with the cell's folder in its commands."""
     return replace(finding, do=tuple(each.replace(" CELL", f" {quote_path(folder)}") for each in finding.do))
 

@@ -32,8 +32,8 @@ def verify(
     Says whether anything moved, what (a base, a camera, a target, the zero of a
     joint) and by how much with its sigma. Also says which shift would have been
     seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images in
-    the recording's folder; or a folder that poses and images of the same robots
-    and cameras were imported into. Images are compared with the points of the
+    the recording's folder. It may also be a folder that poses and images of the
+    same robots and cameras were imported into. Images are compared with the points of the
     scene that a calibration by --scene kept. What was found is appended to the
     cell's verifications.jsonl, which --history reports.
 

@@ -13,10 +13,10 @@ from basecal.accuracy.fixing.change import (
     transform_place,
 )
 from basecal.accuracy.fixing.offers import offered_places
-from basecal.accuracy.input_check.carriers import describe_carriers
 from basecal.accuracy.input_check.conventions import every_hypothesis
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
+from basecal.accuracy.readings.carriers import describe_carriers
 from basecal.accuracy.readings.reading import Reading, as_recorded
 from basecal.cell import Calibration, Cell, Finding, Recording
 from basecal.errors import BasecalError, sentence

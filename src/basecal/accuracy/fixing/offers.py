@@ -1,4 +1,4 @@
-"""What findings say that `basecal fix` does: lines of `cell.yaml`, and their own word for it."""
+"""Lines of `cell.yaml` that findings offer, and which findings `basecal fix` can undo."""
 
 from __future__ import annotations
 

@@ -13,8 +13,8 @@ from itertools import combinations
 
 import numpy as np
 
-from basecal.accuracy.input_check.carriers import describe_carriers, swap_carriers
 from basecal.accuracy.input_check.image_resolution import other_resolution
+from basecal.accuracy.readings.carriers import describe_carriers, swap_carriers
 from basecal.accuracy.readings.reading import PoseMap, Reading
 from basecal.cell import Cell, Unknown
 from basecal.estimation.problem.correspondence import half_turn

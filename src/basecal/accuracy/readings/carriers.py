@@ -9,7 +9,7 @@ from basecal.fields.problems import Loc
 
 
 def swap_carriers(cell: Cell, robots: tuple[str, ...]) -> dict[Loc, str]:
-    """What everything would be `on` if robot and world changed places, by place in `cell.yaml`.
+    """Carriers of all cameras and targets if robot and world changed places, by place in `cell.yaml`.
 
     Empty where inverted poses do not give the same loops: with several robots, or if a mount is known.
     """

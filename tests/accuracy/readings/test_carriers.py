@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.input_check.carriers import describe_carriers, swap_carriers
+from basecal.accuracy.readings.carriers import describe_carriers, swap_carriers
 from basecal.cell import RobotState, Unknown
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
