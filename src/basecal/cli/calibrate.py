@@ -69,12 +69,12 @@ def calibrate(
         cell: Folder of the cell.
         method: axis-shift is the closed form for a light shifted before a still camera.
         start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
-        scene: Calibrate from the static scene that cameras on the robots see, without a target; `--scene also` lets
+        scene: Calibrate from the static scene that cameras on the robots see, without a target. `--scene also` lets
             it take part beside targets, if held-out views are predicted better so.
-        task_point: Where the work is done, x y z [m] in the reference robot's base: the error there is reported by
+        task_point: Where the work is done, x y z [m] in the reference robot's base. The error there is reported by
             source, and the axis-shift method fits best there.
-        task_box: Two opposite corners of where it is done, instead of a point: the error is reported for its
-            middle, and the box calibrated separately, too, with whether that predicts held-out samples in it better.
+        task_box: Two opposite corners of where it is done, instead of a point. The error is reported for its middle.
+            The box is calibrated separately, too, with whether that predicts held-out samples in it better.
         station_choice: With a task point, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
         against: Print how well OpenCV's methods predict held-out views, beside ours.

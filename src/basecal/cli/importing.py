@@ -24,7 +24,7 @@ from basecal.exchange.importing.bring_in import Brought
 from basecal.exchange.importing.imported import Imported, OneOf
 
 _HELP = """Make a cell and its recording from other programs' files, or complete what is
-there: nothing that is recorded is overwritten unless --replace is given, which
+there. Nothing that is recorded is overwritten unless --replace is given, which
 keeps what was there in CELL/originals. A second recording of the same arms joins
 by --session.
 

@@ -45,8 +45,8 @@ def report(
 
     Args:
         cell: Folder of the cell.
-        tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected;
-            the one that calibrate was given where none is given here.
+        tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected.
+            Where none is given here it is the one that calibrate was given.
         opens_page: Show the page in a browser.
         json: Print calibration.json instead, and the verdict on the tolerance.
         verbose: Print all of the report.

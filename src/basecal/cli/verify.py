@@ -31,11 +31,11 @@ def verify(
 
     Says whether anything moved, what (a base, a camera, a target, the zero of a
     joint) and by how much with its sigma. Also says which shift would have been
-    seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images in
-    the recording's folder. It may also be a folder that poses and images of the
-    same robots and cameras were imported into. Images are compared with the points of the
-    scene that a calibration by --scene kept. What was found is appended to the
-    cell's verifications.jsonl, which --history reports.
+    seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images
+    in the recording's folder. It may also be a folder that poses and images of
+    the same robots and cameras were imported into. Images are compared with the
+    points of the scene that a calibration by --scene kept. What was found is
+    appended to the cell's verifications.jsonl, which --history reports.
 
     Ends with 0 if nothing moved, with 1 if something did or if that cannot be
     determined: a scheduled check can raise an alarm. If nothing moved,
