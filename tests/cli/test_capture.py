@@ -142,12 +142,15 @@ def test_ctrl_c_stops_the_arms(tmp_path: Path) -> None:
     """Interrupted on the way, it ends with 130 and the arm is at rest short of where it was sent."""
     with running(tmp_path) as world:
         words = [sys.executable, "-m", "basecal", "capture", str(tmp_path), "--samples", "2", "--go"]
-        with subprocess.Popen([*words, "--speed-limit-deg-s", "0.2"], stdout=subprocess.PIPE, text=True) as process:
+        with subprocess.Popen(
+            [*words, "--speed-limit-deg-s", "0.2"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as process:
             process.stdout.readline()
             while np.array_equal(joints(tmp_path), world.home["eye"]):
                 time.sleep(0.02)
             process.send_signal(signal.SIGINT)
             assert process.wait(60) == 130
+            assert "interrupted: 0 samples are kept, and the same command goes on" in process.stderr.read()
         for _ in range(40):
             rest = joints(tmp_path)
         assert np.array_equal(rest, joints(tmp_path))

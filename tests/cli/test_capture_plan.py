@@ -5,11 +5,18 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.cell import Calibration
+from basecal.cell.files import input_hashes, write_calibration, write_cell
 from basecal.cli import main
+from basecal.cli.capture_plan import known_sketch, say_plan
+from basecal.errors import InputError
+from basecal.geometry import PoseEstimate
+from basecal.simulation import Scenario, simulate
 from basecal.simulation.running.protocol import connect, read_address
 from basecal.simulation.running.ur5e import BASE_LINK
 from basecal.simulation.running.world_file import write_world
@@ -97,3 +104,27 @@ def test_a_mesh_that_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureF
         assert main(["capture", str(tmp_path), "--plan", plan_of(tmp_path, home), "--dry-run"]) == 0
     why = "mesh 'none.stl' is not in the cell's folder; copy it there. A line with a radius of 60 mm is checked"
     assert why in capsys.readouterr().out
+
+
+def test_transforms_are_those_of_the_latest_run(tmp_path: Path) -> None:
+    """As `plan` takes them: of a cell that states none; not of a run that was refused, or of another cell.yaml."""
+    made = simulate(Scenario(samples=1), 2)
+    write_cell(made.cell, tmp_path)
+    with pytest.raises(InputError, match="roughly where things are"):
+        known_sketch(tmp_path)
+    found = {name: PoseEstimate(pose, np.eye(6)) for name, pose in made.truth.items()}
+    for verdict in ("good", "refused"):
+        write_calibration(Calibration(verdict, found, inputs=input_hashes(tmp_path)), tmp_path)
+        if verdict == "good":
+            sketch = known_sketch(tmp_path)
+            assert sketch.transforms.keys() == made.truth.keys()
+            assert all(unknown.mean is None for unknown in sketch.cell.transforms.values())
+    with pytest.raises(InputError, match="roughly where things are"):
+        known_sketch(tmp_path)
+
+
+def test_what_is_reached_moves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a plan without samples no motion is told."""
+    replanner = SimpleNamespace(words=lambda: "0.3 mm at the task point reached")
+    say_plan(None, None, [], True, None, False, replanner)  # type: ignore[arg-type]
+    assert capsys.readouterr().out == "0.3 mm at the task point reached; nothing will move\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -39,7 +40,7 @@ def rig(is_live: bool = True) -> Rig:
 
 def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: bool = False) -> str:
     monkeypatch.setattr(sys, "stdout", stream)
-    with capture_view(of, CELL, web=False, port=0, quiet=quiet) as view:
+    with capture_view(of, CELL, Path(), web=False, port=0, quiet=quiet) as view:
         view.notify("sample 4: arms move")
         view.report("camera wrist: images arrive late")
         view.note(step(), 1)
@@ -68,7 +69,24 @@ def test_what_ends_a_capture_is_its_end(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(sys, "stdout", io.StringIO())
     with (
         pytest.raises(DriverError),
-        capture_view(rig(), CELL, web=False, port=0, quiet=True) as view,
+        capture_view(rig(), CELL, Path(), web=False, port=0, quiet=True) as view,
     ):
         raise DriverError("eye: its link is lost")
     assert view.watch.snapshot.end == End("STOPPED", "eye: its link is lost")
+
+
+@pytest.mark.parametrize(("lines", "kept"), [(0, "0 samples are"), (1, "1 sample is"), (3, "3 samples are")])
+def test_who_interrupts_is_told_what_is_kept(
+    lines: int, kept: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And that the same command goes on; the page says it too."""
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    (tmp_path / "recording").mkdir()
+    (tmp_path / "recording" / "samples.jsonl").write_text("{}\n" * lines)
+    told = f"nterrupted: {kept} kept, and the same command goes on"
+    with (
+        pytest.raises(KeyboardInterrupt, match=f"^i{told}$"),
+        capture_view(rig(), CELL, tmp_path, web=False, port=0, quiet=True) as view,
+    ):
+        raise KeyboardInterrupt
+    assert view.watch.snapshot.end == End("STOPPED", f"I{told}.")

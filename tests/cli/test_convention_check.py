@@ -19,7 +19,7 @@ MADE = simulate(Scenario(samples=12, target="pose"), 4)
 def said(
     recording: Recording, capsys: pytest.CaptureFixture[str], of: Cell = MADE.cell, folder: Path = Path()
 ) -> tuple[bool, str, str]:
-    is_wrong = say_conventions(folder, of, recording)
+    is_wrong = bool(say_conventions(folder, of, recording))
     streams = capsys.readouterr()
     return is_wrong, streams.out, streams.err
 
@@ -37,7 +37,7 @@ def test_it_says_what_does_not(capsys: pytest.CaptureFixture[str]) -> None:
     is_wrong, out, err = said(with_robots(MADE.recording, {"hand": inverted}), capsys)
     assert (is_wrong, out) == (True, "")
     assert "warning: robot-pose-inverted, by 12 views: The poses of hand are inverted" in err
-    assert "or invert the poses." in err
+    assert "or invert the poses. Or let `basecal fix .` do so." in err
 
 
 def test_it_says_that_nothing_is_told(capsys: pytest.CaptureFixture[str]) -> None:

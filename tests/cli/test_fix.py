@@ -7,9 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from basecal.cell import RobotState
+from basecal.accuracy.fixing.change import Change
+from basecal.accuracy.fixing.cures import Cure
+from basecal.cell import Finding, RobotState
 from basecal.cell.files import latest_run, read_calibration, write_cell, write_recording
 from basecal.cli import main
+from basecal.cli.fix import _chosen_cure as chosen_cure
+from basecal.errors import UsageError
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
 
@@ -27,12 +31,26 @@ def inverted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, SimulatedC
     return folder, made
 
 
+def test_equal_fixes_need_a_choice() -> None:
+    """Of cures that fit equally none is applied unasked; one that is alone is."""
+    finding = Finding("robot-pose-inverted", "error", ("hand",), "Inverted, or carried otherwise.")
+    equal = tuple(Cure(finding, words, Change(cell={("x",): 1}), is_choice=True) for words in ("One.", "Other."))
+    with pytest.raises(UsageError, match="equally: look which is true, and add --choose 1 or --choose 2"):
+        chosen_cure(equal, None)
+    assert chosen_cure(equal, 2) is equal[1]
+    (alone,) = (replace(cure, is_choice=False) for cure in equal[:1])
+    assert chosen_cure((alone,), None) is alone
+
+
 @pytest.mark.slow  # two calibrations with all their checks
 def test_a_diagnosis_is_fixed(inverted: tuple[Path, SimulatedCell], capsys: pytest.CaptureFixture[str]) -> None:
-    """The preview shows it, nothing changes without a word, and the answer is then that of the sound recording."""
+    """The preview shows it, nothing changes without a word, and the answer is then that of the sound recording.
+
+    It is judged by the tolerance and the place that `calibrate` was given.
+    """
     folder, made = inverted
-    assert main(["calibrate", str(folder)]) == 4
-    assert "Or let `basecal fix CELL` do so." in " ".join(capsys.readouterr().out.split())
+    assert main(["calibrate", str(folder), "--tolerance", "1um", "--task-point", "0.8", "0.1", "0.3"]) == 4
+    assert f"Or let `basecal fix {folder}` do so." in " ".join(capsys.readouterr().out.split())
     before = (folder / "recording" / "samples.jsonl").read_bytes()
     assert main(["fix", str(folder)]) == 2
     told = capsys.readouterr()
@@ -41,10 +59,15 @@ def test_a_diagnosis_is_fixed(inverted: tuple[Path, SimulatedCell], capsys: pyte
     assert (folder / "recording" / "samples.jsonl").read_bytes() == before
     assert main(["fix", str(folder), "--choose", "2", "--yes"]) == 2
     assert "there are fixes 1 to 1" in capsys.readouterr().err
-    assert main(["fix", str(folder), "--yes"]) == 0
-    assert "GOOD" in capsys.readouterr().out
+    assert main(["fix", str(folder), "--yes"]) == 5
+    told = capsys.readouterr()
+    assert "FAIL: expected error" in told.out
+    plan = f"next: basecal plan {folder} --tolerance 0.001mm --task-point 0.8 0.1 0.3 -o plan.jsonl"
+    assert plan in told.err
     found = read_calibration(latest_run(folder) / "calibration.json")["eye_base_from_hand_base"]
     off = (found.mean.inverse() @ made.truth["eye_base_from_hand_base"]).log()
     assert abs(off[:3]).max() < 5e-3
-    assert main(["fix", str(folder)]) == 0
-    assert "nothing to fix: good" in capsys.readouterr().out
+    assert main(["fix", str(folder)]) == 5
+    told = capsys.readouterr()
+    assert "nothing to fix: FAIL: expected error" in told.out
+    assert plan in told.err

@@ -7,12 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from basecal.cell import Calibration, Recording, Tolerance
+from basecal.cell import Calibration, Driver, Finding, Recording, Tolerance
 from basecal.cli import main
-from basecal.cli.next_step import next_command, next_step
+from basecal.cli.next_step import name_cell, next_command, next_step
 from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(samples=3), 0)
+
+
+OFFER = Finding("robot-model", "warning", ("eye",), "Joints are off.", ("Write `joint_offsets: {status: free}`.",))
 
 
 def step(folder: Path, cell=MADE.cell, recording=MADE.recording) -> str:  # type: ignore[no-untyped-def]
@@ -101,8 +104,44 @@ def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[
             "basecal plan cell --tolerance 0.5mm --task-box 0 0 0 1 0 0 -o plan.jsonl",
         ),
         (Calibration("refused"), "do what is said above, then basecal calibrate cell"),
+        (
+            Calibration("refused", settings={"method": "scene", "tolerance_m": 3e-4}),
+            "do what is said above, then basecal calibrate cell --scene --tolerance 0.3mm",
+        ),
+        (
+            Calibration("doubtful", findings=(OFFER,), settings={"joins_scene": True}),
+            "basecal fix cell, or do what is said above, then basecal calibrate cell --scene also",
+        ),
+        (
+            Calibration(
+                "good", tolerance=Tolerance(1e-3, 2e-3, False), settings={"method": "scene", "tolerance_m": 1e-3}
+            ),
+            "record more samples and import them, then basecal calibrate cell --scene --tolerance 1mm",
+        ),
     ],
 )
 def test_each_verdict_has_a_command(calibration: Calibration, command: str) -> None:
     """To use the answer, to plan more, or to fix what is wrong."""
     assert next_command(MADE.cell, calibration, Path("cell")) == command
+
+
+def test_a_scene_is_led_to(tmp_path: Path) -> None:
+    """No plan is made of a scene: more samples are those that a person leads the arms to."""
+    driver = Driver("manual")
+    robots = {name: replace(each, driver=driver) for name, each in MADE.cell.robots.items()}
+    cameras = {name: replace(each, driver=driver) for name, each in MADE.cell.cameras.items()}
+    cell = replace(MADE.cell, robots=robots, cameras=cameras, targets={}, sees_scene=True)
+    settings = {"method": "scene", "tolerance_m": 1e-3}
+    missed = Calibration("good", tolerance=Tolerance(1e-3, 2e-3, False), settings=settings)
+    command = "basecal capture cell --freedrive, then basecal calibrate cell --scene --tolerance 1mm"
+    assert next_command(cell, missed, Path("cell")) == command
+    assert next_step(replace(MADE.cell, targets={}), MADE.recording, tmp_path, by_scene=True) != step(
+        tmp_path, replace(MADE.cell, targets={})
+    )
+
+
+def test_findings_name_the_cell() -> None:
+    """As one word of a shell, whatever the folder is called."""
+    finding = Finding("x", "warning", (), "Wrong.", ("Or let `basecal fix CELL` do so.",))
+    (named,) = name_cell(Calibration("doubtful", findings=(finding,)), Path("my cell")).findings
+    assert named.message == "Wrong. Or let `basecal fix 'my cell'` do so."

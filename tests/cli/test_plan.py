@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from basecal.cell import Driver
 from basecal.cell.files import latest_run, read_calibration, read_cell, read_plan
 from basecal.cli import main
+from basecal.cli.plan import _capture_words as capture_words
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +79,7 @@ def test_a_file_for_capture(cell, tmp_path, capsys):
     """Its lines are a plan that is read back."""
     file = tmp_path / "plan.jsonl"
     assert main(["plan", str(cell), "--samples", "4", "--task-box", "-0.4 0.6 0 -0.2 0.8 0.2", "-o", str(file)]) == 0
-    assert f"--plan {file}" in capsys.readouterr().out
+    assert "next: the cell has no drivers: write it for the robots' programs" in capsys.readouterr().out
     assert len(read_plan(file, cell, read_cell(cell))) == 4
     assert main(["plan", str(cell), "--samples", "3", "--task-point", "0 0 0", "-o", str(tmp_path / "plan.json")]) == 0
     assert len(json.loads((tmp_path / "plan.json").read_text())["samples"]) == 3
@@ -130,5 +134,15 @@ def test_a_page_of_the_plan(cell, tmp_path, capsys):
     assert "the same command with <code>-o plan.jsonl</code>" in (cell / "plan.html").read_text()
     assert main([*asked, "-o", str(tmp_path / "next.jsonl")]) == 0
     page = (cell / "plan.html").read_text()
-    assert f"--plan {tmp_path / 'next.jsonl'} --go</code>" in page
-    assert "the same command" not in page
+    assert "the same command with --to" in page
+    assert "-o plan.jsonl" not in page
+
+
+def test_a_cell_with_drivers_is_captured(cell, tmp_path):
+    """The command names the file."""
+    found = read_cell(cell)
+    robots = {name: replace(robot, driver=Driver("manual")) for name, robot in found.robots.items()}
+    cameras = {name: replace(camera, driver=Driver("manual")) for name, camera in found.cameras.items()}
+    driven = replace(found, robots=robots, cameras=cameras)
+    assert capture_words(driven, Path("cell"), Path("plan.jsonl")) == "basecal capture cell --plan plan.jsonl"
+    assert "--to joints or " in capture_words(found, Path("cell"), Path("plan.jsonl"))

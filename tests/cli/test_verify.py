@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from basecal.cell import Driver
 from basecal.cell.files import read_calibration
 from basecal.cli import main
+from basecal.cli.verify import _next_command as next_command
+from basecal.simulation import Scenario, simulate
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +133,35 @@ def test_samples_may_be_those_of_another_cell(cell: Path, tmp_path: Path, capsys
     assert capsys.readouterr().out.startswith("NOT MOVED: 6 samples")
     assert main(["verify", str(cell), str(tmp_path)]) == 3
     assert "samples.jsonl" in capsys.readouterr().err
+
+
+def test_the_first_missing_image_is_named(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With where it was looked for; one whose views are noted beside it is not read, and may be gone."""
+    lines = [json.loads(line) for line in (cell / "new.jsonl").read_text().splitlines()]
+    for sample in lines:
+        sample["images"] = {"wrist": f"images/wrist/{sample['sample']}.png"}
+    noted, bare = tmp_path / "noted.jsonl", tmp_path / "bare.jsonl"
+    noted.write_text("".join(json.dumps(sample) + "\n" for sample in lines))
+    assert main(["verify", str(cell), str(noted)]) == 0
+    bare.write_text("".join(json.dumps({**sample, "observations": []}) + "\n" for sample in lines))
+    capsys.readouterr()
+    assert main(["verify", str(cell), str(bare)]) == 3
+    image = cell / "recording" / "images" / "wrist" / f"{lines[0]['sample']}.png"
+    said = f"sample {lines[0]['sample']}: the image of 'wrist' is missing, looked for at {image}; put it there"
+    assert said in capsys.readouterr().err
+
+
+def test_what_moved_is_captured_only_with_drivers() -> None:
+    """Else it is recorded and imported; the arms of a scene are led."""
+    cell = simulate(Scenario(samples=1), 0).cell
+    driver = Driver("manual")
+    driven = replace(
+        cell,
+        robots={name: replace(each, driver=driver) for name, each in cell.robots.items()},
+        cameras={name: replace(each, driver=driver) for name, each in cell.cameras.items()},
+    )
+    scene = replace(driven, targets={}, sees_scene=True)
+    assert next_command(cell, Path("c"), True).endswith("record again, and import that into a new folder")
+    assert next_command(driven, Path("c"), True).endswith("record again: basecal capture c")
+    assert next_command(scene, Path("c"), True).endswith("record again: basecal capture c --freedrive")
+    assert next_command(driven, Path("c"), None) == "all verifications so far: basecal verify c --history"

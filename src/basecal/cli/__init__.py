@@ -107,8 +107,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         _drop_unwritten()
         return _report_failure(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
-    except KeyboardInterrupt:
-        return _report_failure("interrupted", 130)
+    except KeyboardInterrupt as error:
+        return _report_failure(str(error) or "interrupted", 130)
     except Exception as error:
         return _report_failure(_bug(error), 70)
     return result if isinstance(result, int) else 0

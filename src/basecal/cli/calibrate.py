@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from basecal.cli.detection import detected_recording
-from basecal.cli.next_step import next_command, next_step
+from basecal.cli.next_step import name_cell, next_command, next_step
 from basecal.cli.page import StoredRun, show_page, write_page
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, print_stages, progress, say, say_next, say_verdict
@@ -102,19 +102,23 @@ def calibrate(
     )
     made = calibrate_folder(cell, described, settings, verbose, None if tolerance is None else length_m(tolerance))
     if json:
-        print_json(calibration_to_dict(made.calibration))
+        print_json(calibration_to_dict(name_cell(made.calibration, cell)))
     else:
-        _say_all(made, described, cell, verbose, opens_page)
+        say_all(made, described, cell, verbose, opens_page)
     return exit_code(made.calibration)
 
 
-def _say_all(result: CalibratedFolder, cell: Cell, folder: Path, verbose: bool, opens_page: bool) -> None:
+def say_all(
+    result: CalibratedFolder, cell: Cell, folder: Path, verbose: bool = False, opens_page: bool = False
+) -> None:
+    """Print a calibration, where its page is, and what to do next."""
     from basecal.cell.files import read_recording
 
-    show(cell, result.calibration, verbose)
+    show(cell, name_cell(result.calibration, folder), verbose)
     show_page(result.run, opens_page)
     is_refused = result.calibration.verdict == "refused"
-    missing = next_step(cell, read_recording(folder, cell), folder) if is_refused else None
+    by_scene = result.calibration.settings.get("method") == "scene"
+    missing = next_step(cell, read_recording(folder, cell), folder, by_scene) if is_refused else None
     if missing:
         say(missing)
     else:
@@ -202,6 +206,14 @@ def calibrate_folder(
     if verbose:
         print_stages(stages.seconds)
     return CalibratedFolder(calibration, run)
+
+
+def recalibrate_folder(folder: Path, cell: Cell, calibration: Calibration) -> CalibratedFolder:
+    """The calibration of a cell's folder by the settings and the tolerance of an earlier one."""
+    from basecal.estimation.settings import Settings
+
+    asked = calibration.settings
+    return calibrate_folder(folder, cell, Settings.from_dict(asked), needed_m=asked.get("tolerance_m"))
 
 
 def show(cell: Cell, calibration: Calibration, verbose: bool = False) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
-from basecal.cli.capture_plan import capture_plan, checked_plan, refuse, say_plan, say_ways
+from basecal.cli.capture_plan import capture_plan, checked_plan, known_sketch, refuse, say_plan, say_ways
 from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASKING, Connecting, allowed_rig
@@ -158,7 +158,7 @@ def capture(
     if moving.touch:
         return capture_touches(cell, connecting, json, has_others=go or dry_run or freedrive or web)
     task = _checked_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
-    sketch, count, limits = _sketch(cell, freedrive), samples or _SAMPLES, moving.limits
+    sketch, count, limits = known_sketch(cell, freedrive), samples or _SAMPLES, moving.limits
     with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
         replanner, shifts = _planners(rig, sketch, cell, task, pattern, plan, samples, seed)
@@ -168,7 +168,7 @@ def capture(
             if not go:
                 return _finish_plan(cell, wanted, json)
             wanted = _store_plan(cell, sketch, wanted, is_new)
-        view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
+        view = shown.enter_context(capture_view(rig, sketch.cell, cell, web, port, quiet=json))
         by = _taker(view.rig(rig), sketch, cell, limits, view, stop_on_disagreement)
         steps = _take_samples(by, wanted, count if freedrive else None, replanner, view, stop_on_disagreement)
         view.end(*_outcome(steps, replanner), f"basecal calibrate {quote_path(cell)}")
@@ -210,13 +210,6 @@ def _planners(
     """Planners for a task: samples anew after each, or stations of shifts once."""
     replanner = Replanner(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
     return replanner, ShiftsForTask(task, samples) if task and replanner is None else None
-
-
-def _sketch(cell: Path, is_led: bool = False) -> Sketch:
-    from basecal.cell.files import read_cell
-    from basecal.planning.sketch import led_sketch, sketch_cell
-
-    return (led_sketch if is_led else sketch_cell)(read_cell(cell))
 
 
 def _check_capture(
@@ -278,7 +271,7 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
     from basecal.acquisition.rig import open_rig
     from basecal.planning.plan_check import SpeedLimits
 
-    sketch = _sketch(folder)
+    sketch = known_sketch(folder)
     with open_rig(sketch.cell, folder) as rig:
         plan = _store_plan(folder, sketch, *capture_plan(rig, sketch, folder, pattern, samples, seed=0))
         limits = SpeedLimits(radians(speed_deg_s), inf)  # a simulated arm hurts nobody

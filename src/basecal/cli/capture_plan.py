@@ -20,7 +20,27 @@ if TYPE_CHECKING:
     from basecal.planning.plan_check import PlanCheck, SpeedLimits
     from basecal.planning.sketch import Sketch
 
+_CELL = "cell.yaml"
 _SHOWN_SAMPLES = 20  # refusals, each a line
+
+
+def known_sketch(folder: Path, is_led: bool = False) -> Sketch:
+    """The sketch of a cell as its latest run has it, if that is of this `cell.yaml` and good; else as it is stated.
+
+    Args:
+        folder: The cell's.
+        is_led: Whether a person leads the arms, so that the scene alone may be seen.
+    """
+    from basecal.cell.files import input_hashes, latest_run, read_calibration, read_cell
+    from basecal.planning.prospects import calibrated_sketch
+    from basecal.planning.sketch import led_sketch
+
+    cell, run = read_cell(folder), latest_run(folder)
+    if is_led and cell.sees_scene:
+        return led_sketch(cell)
+    known = None if run is None else read_calibration(run)
+    is_current = known is not None and known.inputs.get(_CELL) == input_hashes(folder, cell).get(_CELL)
+    return calibrated_sketch(cell, known if known is not None and is_current and known.verdict != "refused" else None)
 
 
 def capture_plan(
@@ -123,6 +143,9 @@ def say_plan(
     from basecal.acquisition.rig import movers
     from basecal.planning.clearance import robot_capsules
 
+    if not plan:
+        say(f"{'' if replanner is None else f'{replanner.words()}; '}nothing will move")
+        return
     moving = list(movers(rig))
     led = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
     camera, target = sketch.view

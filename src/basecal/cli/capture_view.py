@@ -6,10 +6,12 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.keys import pressed_keys
 from basecal.cli.terminal import is_terminal, say
+from basecal.errors import sentence
 
 if TYPE_CHECKING:
     from basecal.acquisition.capture import Step
@@ -64,18 +66,20 @@ class CaptureView:
 
 
 @contextmanager
-def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Iterator[CaptureView]:
+def capture_view(rig: Rig, cell: Cell, folder: Path, web: bool, port: int, quiet: bool) -> Iterator[CaptureView]:
     """A context that shows a capture.
 
     Args:
         rig: The robots and cameras; where one of them asks on the terminal, that is left to it.
         cell: What is captured.
+        folder: Where it is recorded.
         web: Whether as a page.
         port: Where that is served; 0 takes a free one.
         quiet: Whether standard output belongs to a program.
 
     Raises:
         InputError: if the port is taken.
+        KeyboardInterrupt: if the person interrupts; it says what is kept.
     """
     from basecal.acquisition.watching import End, Watch
 
@@ -102,9 +106,20 @@ def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Ite
             )
         try:
             yield CaptureView(watch, key, not is_seen and not quiet)
+        except KeyboardInterrupt:
+            words = f"interrupted: {_kept_words(folder)}, and the same command goes on"
+            watch.end(End("STOPPED", sentence(words)))
+            raise KeyboardInterrupt(words) from None
         except BaseException as error:
-            watch.end(End("STOPPED", str(error) or "The capture was interrupted; what was recorded is kept."))
+            watch.end(End("STOPPED", str(error) or "The capture ended; what was recorded is kept."))
             raise
+
+
+def _kept_words(folder: Path) -> str:
+    """How many samples the recording has, whose lines are written once each is whole."""
+    path = folder / "recording" / "samples.jsonl"
+    count = len(path.read_bytes().splitlines()) if path.is_file() else 0
+    return "1 sample is kept" if count == 1 else f"{count} samples are kept"
 
 
 def say_step(step: Step, place: int) -> None:

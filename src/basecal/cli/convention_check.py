@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.detection import counting
+from basecal.cli.next_step import name_folder
 from basecal.cli.terminal import progress, say
 from basecal.errors import BasecalError
 
 if TYPE_CHECKING:
-    from basecal.cell import Cell, Recording
+    from basecal.cell import Cell, Finding, Recording
 
 
-def say_conventions(folder: Path, cell: Cell, recording: Recording) -> bool:
+def say_conventions(folder: Path, cell: Cell, recording: Recording) -> tuple[Finding, ...]:
     """Report whether what is recorded closes its loops as it was read, by a few of its samples.
 
     Args:
@@ -23,7 +24,7 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> bool:
         recording: Likewise, whole.
 
     Returns:
-        Whether it was certainly read otherwise than it was meant.
+        Errors: what was certainly read otherwise than it was meant.
     """
     from basecal.accuracy.input_screening.quick_look import QuickLook, preview_samples, quick_look
 
@@ -40,10 +41,11 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> bool:
         with progress("testing conventions"):
             look = quick_look(cell, few, len(few.samples) == len(recording.samples))
     for finding in look.findings:
-        say(f"basecal: warning: {finding.code}, by {look.views} views: {finding.message}", sys.stderr)
+        message = name_folder(finding, folder).message
+        say(f"basecal: warning: {finding.code}, by {look.views} views: {message}", sys.stderr)
     if look.error is not None:
         others = "no other direction, unit, order or pairing does better"
         say(f"conventions hold: each of {look.views} views is predicted by the others to {look.error}, and {others}")
     elif not look.findings:
         say(f"conventions are not determined by {look.views} views: {look.untold}")
-    return any(finding.severity == "error" for finding in look.findings)
+    return tuple(finding for finding in look.findings if finding.severity == "error")

@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from basecal.cli.calibrate import calibrate_folder, exit_code, show
+from basecal.cli.calibrate import calibrate_folder, exit_code, recalibrate_folder, say_all
 from basecal.cli.detection import detected_recording
-from basecal.cli.page import show_page
-from basecal.cli.terminal import is_terminal, say
+from basecal.cli.next_step import calibrate_command, name_cell, next_command
+from basecal.cli.terminal import is_terminal, say, say_next
 from basecal.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,8 +23,9 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
     Shows what would be changed and asks. Recorded poses are inverted, converted,
     reordered or paired anew. Sizes of targets are corrected, lenses and
     transforms freed, samples left out, and offered lines written. The
-    files as they were, and what was done, are kept in CELL/originals. Ends as
-    calibrate does, with 1 if nothing can be fixed so.
+    files as they were, and what was done, are kept in CELL/originals. Settings
+    and tolerance are those of the latest calibration. Ends as calibrate does,
+    but with 1 if no fix is known of what was found.
 
     For example:
 
@@ -46,9 +47,7 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
     written, detections = read_recording(cell, described), detected_recording(cell, described)
     cures = find_cures(described, written, detections, calibration)
     if not cures:
-        grave = [finding for finding in calibration.findings if finding.severity != "info"]
-        say(f"nothing to fix: {calibration.verdict}" if not grave else f"no fix is known: {grave[0].message}")
-        return exit_code(calibration) if not grave else 1
+        return _say_no_cure(described, name_cell(calibration, cell), cell)
     cure = _chosen_cure(cures, choose)
     for line in describe_change(written, cure.change):
         say(f"  {line}")
@@ -56,30 +55,50 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
     kept = apply_cure(cell, described, cure)
     say(f"fixed; the files as they were are in {kept}")
     anew = read_cell(cell)
-    made = calibrate_folder(cell, anew)
-    show(anew, made.calibration)
-    show_page(made.run)
+    made = recalibrate_folder(cell, anew, calibration)
+    say_all(made, anew, cell)
     return exit_code(made.calibration)
 
 
+def _say_no_cure(cell: Cell, calibration: Calibration, folder: Path) -> int:
+    """Say that nothing is to be fixed, or that it is not known how; the exit code."""
+    from basecal.reporting.statement.verdict import headline
+
+    grave = [finding for finding in calibration.findings if finding.severity != "info"]
+    if grave:
+        say(f"no fix is known: {grave[0].message}")
+        say_next(f"do what is said above, then {calibrate_command(calibration, folder)}")
+        return 1
+    say(f"nothing to fix: {headline(cell, calibration)}")
+    say_next(next_command(cell, calibration, folder))
+    return exit_code(calibration)
+
+
 def _latest_calibration(folder: Path, cell: Cell) -> Calibration:
-    """The calibration of the files as they are, made if there is none."""
+    """The calibration of the files as they are; if there is none it is made, as the latest one was."""
     from basecal.cell.files import input_hashes, latest_run, read_calibration
 
     run = latest_run(folder)
     if run is not None:
         known = read_calibration(run / "calibration.json")
-        if known.inputs == input_hashes(folder, cell):
-            return known
+        is_current = known.inputs == input_hashes(folder, cell)
+        return known if is_current else recalibrate_folder(folder, cell, known).calibration
     return calibrate_folder(folder, cell).calibration
 
 
 def _chosen_cure(cures: tuple[Cure, ...], choose: int | None) -> Cure:
-    """The one of that number, after all are listed."""
+    """The one of that number, after all are listed.
+
+    Raises:
+        UsageError: if there is none, or several fit equally and none is chosen.
+    """
     for number, cure in enumerate(cures, start=1):
         say(f"{number}. {cure.words} [{cure.finding.code}]")
     if choose is not None and not 1 <= choose <= len(cures):
         raise UsageError(f"--choose {choose}: there are fixes 1 to {len(cures)}")
+    if choose is None and cures[0].is_choice:
+        equal = [f"--choose {n}" for n, cure in enumerate(cures, start=1) if cure.finding is cures[0].finding]
+        raise UsageError(f"these fit the data equally: look which is true, and add {' or '.join(equal)}")
     return cures[(choose or 1) - 1]
 
 

@@ -12,6 +12,7 @@ from typing import Annotated, Any, get_origin
 
 from cyclopts import App, Parameter
 
+from basecal.accuracy.fixing.offers import is_fixable
 from basecal.accuracy.input_screening.importing import import_into
 from basecal.cli.convention_check import say_conventions
 from basecal.cli.detection import counting
@@ -121,8 +122,10 @@ def finish_import(folder: Path, imports: Imported, replace: bool = False, sessio
         say(f"written into cell.yaml: {list_names(brought.changed)}")
     missing = next_step(brought.cell, brought.recording, folder)
     then = missing or f"next: basecal calibrate {quote_path(folder)}"
-    if missing is None and say_conventions(folder, brought.cell, brought.recording):
-        then = "fix the problems above in cell.yaml, or import again into a new folder"
+    if missing is None and (wrong := say_conventions(folder, brought.cell, brought.recording)):
+        is_known = all(is_fixable(brought.cell, finding) for finding in wrong)
+        cure = f"basecal fix {quote_path(folder)}" if is_known else "correct cell.yaml"
+        then = f"next: {cure}, or import again with --replace"
     say(f"{_written_files(folder, brought)}: {then}")
     return 0
 

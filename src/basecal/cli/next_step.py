@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,22 +10,63 @@ from basecal.cli.terminal import quote_path
 from basecal.errors import list_names
 
 if TYPE_CHECKING:
-    from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Recording
+    from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Recording
 
 
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
     """The command to type after a calibration of a cell's folder."""
+    from basecal.accuracy.fixing.offers import is_fixable
     from basecal.exchange.exporters.controllers import controller_kind
     from basecal.reporting.statement.verdict import task_options, verdict_word
 
-    place, word = quote_path(folder), verdict_word(calibration)
+    place, word, again = quote_path(folder), verdict_word(calibration), calibrate_command(calibration, folder)
     if word in ("PASS", "GOOD"):
         is_known = any(controller_kind(robot) != "matrix" for robot in cell.robots.values())
         return f"basecal export {place}" + ("" if is_known else " --to ur")
+    fix = f"basecal fix {place}, or " if any(is_fixable(cell, each) for each in calibration.findings) else ""
+    if word == "FAIL" and calibration.settings.get("method") == "scene":
+        more = capture_command(cell, folder) if has_drivers(cell) else "record more samples and import them"
+        return f"{fix}{more}, then {again}"
     if word == "FAIL":
-        tolerance = f"{1e3 * calibration.settings['tolerance_m']:.3g}mm"
-        return f"basecal plan {place} --tolerance {tolerance}{task_options(calibration)} -o plan.jsonl"
-    return f"do what is said above, then basecal calibrate {place}"
+        options = f"--tolerance {_tolerance(calibration)}{task_options(calibration)}"
+        return f"{fix}basecal plan {place} {options} -o plan.jsonl"
+    return f"{fix}do what is said above, then {again}"
+
+
+def capture_command(cell: Cell, folder: Path) -> str:
+    """The command that records samples; a scene's by hand."""
+    return f"basecal capture {quote_path(folder)}{' --freedrive' if cell.sees_scene or not cell.targets else ''}"
+
+
+def has_drivers(cell: Cell) -> bool:
+    """Whether `basecal capture` can reach all robots and cameras."""
+    drivers = [robot.driver for robot in cell.robots.values()] + [camera.driver for camera in cell.cameras.values()]
+    return bool(drivers) and None not in drivers
+
+
+def calibrate_command(calibration: Calibration, folder: Path) -> str:
+    """The command that calibrates anew as it was calibrated."""
+    from basecal.reporting.statement.verdict import task_options
+
+    settings = calibration.settings
+    method = {"scene": " --scene", "axis-shift": " --method axis-shift"}.get(settings.get("method", ""), "")
+    scene = " --scene also" if settings.get("joins_scene") else ""
+    tolerance = f" --tolerance {_tolerance(calibration)}" if settings.get("tolerance_m") is not None else ""
+    return f"basecal calibrate {quote_path(folder)}{method}{scene}{task_options(calibration)}{tolerance}"
+
+
+def _tolerance(calibration: Calibration) -> str:
+    return f"{1e3 * calibration.settings['tolerance_m']:.3g}mm"
+
+
+def name_cell(calibration: Calibration, folder: Path) -> Calibration:
+    """The calibration whose findings name the cell's folder in commands."""
+    return replace(calibration, findings=tuple(name_folder(each, folder) for each in calibration.findings))
+
+
+def name_folder(finding: Finding, folder: Path) -> Finding:
+    """The finding with the cell's folder in its commands."""
+    return replace(finding, do=tuple(each.replace(" CELL", f" {quote_path(folder)}") for each in finding.do))
 
 
 def cameras_without_lens(cell: Cell, recording: Recording) -> list[str]:
@@ -45,8 +87,15 @@ def _missing_robot(cell: Cell, recording: Recording) -> tuple[str, list[int]] | 
     return next(iter(missing.items()), None)
 
 
-def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
-    """The first of what is missing, and what to do; None if nothing is, so that it can be calibrated."""
+def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = False) -> str | None:
+    """The first of what is missing, and what to do; None if nothing is, so that it can be calibrated.
+
+    Args:
+        cell: What is there.
+        recording: Likewise.
+        folder: The cell's.
+        by_scene: Whether it is calibrated from the static scene, which needs no target.
+    """
     from basecal.exchange.pictures import ENDINGS
 
     place = quote_path(folder)
@@ -69,7 +118,7 @@ def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
         return f"next, its images: basecal import images {place} {there} --camera {camera}"
     if unread := cameras_without_lens(cell, recording):
         return f"next, the lens of {list_names(unread)}: add `intrinsics: {{status: free}}` to it in cell.yaml"
-    if not cell.targets and not cell.sees_scene:
+    if not (cell.targets or cell.sees_scene or by_scene):
         scene = f"basecal calibrate {place} --scene"
         return f"next, say in cell.yaml which target the images show (`targets:`, docs/data_format.md), or: {scene}"
     carriers = {each.on for each in cell.cameras.values()} | {each.on for each in cell.targets.values()}

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter, validators
 
 from basecal.cli.detection import detected_recording
+from basecal.cli.next_step import has_drivers
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, progress, quote_path, say
-from basecal.errors import BasecalError, FrameNotFound, UsageError
+from basecal.errors import BasecalError, FrameNotFound, UsageError, sentence
 from basecal.exchange.motions.registry import MOTIONS
 from basecal.fields.typed_length import length_m
 
@@ -101,7 +102,7 @@ def plan(
         counted = _without_observations(recording) if anew else recording
         found = _make_plan(described, counted, calibration, points, needed_m, samples, seed, pattern, touches)
     motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
-    _print_plan(found, needed_m, motion, cell, output, json)
+    _print_plan(described, found, needed_m, motion, cell, output, json)
     if report or opens_page:
         _write_page(described, found, calibration, needed_m, cell, output, opens_page)
     return 5 if found.reachable is False else 0
@@ -175,7 +176,13 @@ def _check_output(to: str | None, robot: str | None, output: Path | None, json: 
 
 
 def _print_plan(
-    plan_result: Plan, needed_m: float | None, motion: str | None, cell: Path, output: Path | None, json: bool
+    cell: Cell,
+    plan_result: Plan,
+    needed_m: float | None,
+    motion: str | None,
+    folder: Path,
+    output: Path | None,
+    json: bool,
 ) -> None:
     """Print and write what is requested: a robot's program alone where it is printed."""
     from json import dumps
@@ -201,9 +208,18 @@ def _print_plan(
     if motion is not None:
         say(f"written: {output}")
     elif output is not None:
-        say(f"next: basecal capture {quote_path(cell)} --plan {quote_path(output)}")
+        say(f"next: {_capture_words(cell, folder, output)}")
     elif plan_result.samples:
         say("write them with -o plan.jsonl")
+
+
+def _capture_words(cell: Cell, folder: Path, file: Path) -> str:
+    """How samples of a plan are recorded: by the command, if the cell has drivers for it."""
+    if has_drivers(cell):
+        return f"basecal capture {quote_path(folder)} --plan {quote_path(file)}"
+    return (
+        f"the cell has no drivers: write it for the robots' programs, the same command with --to {' or '.join(MOTIONS)}"
+    )
 
 
 def _write_page(
@@ -222,7 +238,8 @@ def _write_page(
 
     path, is_written = folder / "plan.html", output is not None and output.suffix == ".jsonl"
     file = output if output is not None and is_written else Path("plan.jsonl")
-    steps = [f"`basecal capture {quote_path(folder)} --plan {quote_path(file)} --go`"]
+    command = _capture_words(cell, folder, file)
+    steps = [f"`{command} --go`" if has_drivers(cell) else sentence(command)]
     steps = steps if is_written else [f"Write the samples: the same command with `-o {file}`.", *steps]
     html = plan_page(cell, plan_result, calibration, needed_m, title=folder.resolve().name, steps=steps)
     write_atomically(path, html, base_folder=folder)

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from basecal.cli.calibrate import exit_code, show
-from basecal.cli.next_step import next_command
+from basecal.cli.next_step import name_cell, next_command
 from basecal.cli.page import show_page, stored_run, write_page
 from basecal.cli.terminal import print_json, progress, quote_path, say_next
 from basecal.errors import InputError
@@ -59,12 +59,13 @@ def report(
     described, run = read_cell(cell), latest_run(cell)
     if run is None:
         raise InputError(f"{cell} has no run yet: basecal calibrate {quote_path(cell)}")
-    calibration = read_calibration(run)
+    calibration = name_cell(read_calibration(run), cell)
     if tolerance is not None:
         asked = {**calibration.settings, "tolerance_m": length_m(tolerance)}
         calibration = replace(calibration, settings=asked)
     if json and calibration.settings.get("tolerance_m") is None:
-        print_json(read_calibration_data(run))
+        findings = calibration_to_dict(calibration)["findings"]
+        print_json({**read_calibration_data(run), "findings": findings})
         return exit_code(calibration)
     stored = stored_run(cell, run, described, calibration)
     calibration = replace(calibration, tolerance=check_tolerance(described, calibration, stored.details.errors))

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from basecal.cli.detection import counting
+from basecal.cli.next_step import capture_command, has_drivers
 from basecal.cli.page import with_kept_scene
 from basecal.cli.runs import find_run
 from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
-from basecal.errors import UsageError
+from basecal.errors import DatasetError, UsageError
 
 if TYPE_CHECKING:
     from basecal.accuracy.drift.verify import Verification
@@ -80,29 +81,51 @@ def verify(
     else:
         moved = None if samples is None else found.moved
         say_verdict("\n".join(text), "doubtful" if moved is None else "refused" if moved else "good")
-        say_next(_next_command(quote_path(cell), moved))
+        say_next(_next_command(described, cell, moved))
     return code
 
 
-def _next_command(place: str, has_moved: bool | None) -> str:
+def _next_command(cell: Cell, folder: Path, has_moved: bool | None) -> str:
+    if has_moved and has_drivers(cell):
+        return f"look what was bumped or loosened, then record again: {capture_command(cell, folder)}"
     if has_moved:
-        return f"look what was bumped or loosened, then record again: basecal capture {place}"
-    return f"all verifications so far: basecal verify {place} --history"
+        return "look what was bumped or loosened, record again, and import that into a new folder"
+    return f"all verifications so far: basecal verify {quote_path(folder)} --history"
 
 
 def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
-    """The new samples, with targets found if they have images."""
+    """The new samples, with targets found if they have images.
+
+    Raises:
+        DatasetError: if they cannot be read, or an image is missing.
+    """
     from basecal.cell.files import read_samples
 
     is_cell = samples.is_dir()
     journal = samples / "recording" / "samples.jsonl" if is_cell else samples
-    recording = read_samples(journal, samples if is_cell else folder, cell)
+    home = samples if is_cell else folder
+    recording = read_samples(journal, home, cell)
+    for sample in recording.samples:
+        _require_images(sample, home, journal)
     if cell.targets and any(sample.images for sample in recording.samples):
         from basecal.vision.detect import detect
 
         with counting("detecting") as step:
             recording = detect(cell, recording, progress=step)
     return recording
+
+
+def _require_images(sample: Sample, home: Path, journal: Path) -> None:
+    """Look for the images of a sample whose views are not noted beside them.
+
+    Raises:
+        DatasetError: if one is missing.
+    """
+    seen = {observation.camera for observation in sample.observations}
+    for camera, image in sample.images.items():
+        if camera not in seen and not (home / image).is_file():
+            what = f"the image of {camera!r} is missing, looked for at {home / image}"
+            raise DatasetError(str(journal), f"sample {sample.sample}: {what}; put it there, or correct its path")
 
 
 def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification:
@@ -129,8 +152,7 @@ def _recalibrate(
     Nothing is made if something moved, or that is not known.
     """
     from basecal.cell.files import append_samples, read_calibration, read_recording
-    from basecal.cli.calibrate import calibrate_folder, exit_code
-    from basecal.estimation.settings import Settings
+    from basecal.cli.calibrate import exit_code, recalibrate_folder
     from basecal.exchange.importing.cell_files import place_files
     from basecal.reporting.statement.verdict import verdict_word
 
@@ -143,8 +165,7 @@ def _recalibrate(
     added = [_renumber_sample(sample, first + k, new.folder or folder, files) for k, sample in enumerate(kept)]
     with place_files(files, folder):
         append_samples(folder, added)
-    asked = read_calibration(run).settings
-    made = calibrate_folder(folder, cell, Settings.from_dict(asked), needed_m=asked.get("tolerance_m"))
+    made = recalibrate_folder(folder, cell, read_calibration(run))
     word = verdict_word(made.calibration).lower()
     told = {"run": made.run.name, "verdict": word, "added": [sample.sample for sample in added]}
     return told, exit_code(made.calibration)
@@ -176,4 +197,4 @@ def _history(cell: Path) -> tuple[dict[str, Any], str]:
 
     past = read_verifications(cell)
     found = drifts(past)
-    return history_dict(past, found), history_text(past, found)
+    return history_dict(past, found), history_text(past, found).replace(" CELL ", f" {quote_path(cell)} ")

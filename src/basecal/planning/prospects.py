@@ -202,5 +202,23 @@ def sketches(cell: Cell, calibration: Calibration | None) -> tuple[Sketch, ...]:
     return tuple(replace(first, view=view) for view in views)
 
 
+def calibrated_sketch(cell: Cell, calibration: Calibration | None) -> Sketch:
+    """The sketch of a cell as a calibration has it, or as it is guessed; of the first camera and target.
+
+    What the cell states stays, so that no prior counts twice; a lens of which nothing is stated is that calibrated.
+
+    Raises:
+        InputError: as `sketches`.
+    """
+    found = sketches(cell, calibration)[0]
+    cameras = {
+        name: replace(camera, intrinsics=found.cell.cameras[name].intrinsics)
+        if camera.intrinsics is not None and camera.intrinsics.camera is None
+        else camera
+        for name, camera in cell.cameras.items()
+    }
+    return replace(found, cell=replace(cell, cameras=cameras))
+
+
 def _update_unknown(unknown: Unknown, estimate: PoseEstimate | None) -> Unknown:
     return unknown if estimate is None else replace(unknown, mean=estimate.mean)

@@ -52,3 +52,14 @@ def test_what_would_be_no_cell_changes_nothing(folder: Path) -> None:
         apply_cure(folder, read_cell(folder), cure)
     assert (folder / "cell.yaml").read_bytes() == before
     assert not (folder / "originals").exists()
+
+
+def test_what_is_written_already_is_no_fix(folder: Path) -> None:
+    """Nothing is announced, and no originals are kept of files that stay."""
+    cell = read_cell(folder)
+    samples = read_recording(folder, cell).samples
+    square = cell.targets["board"].target.options["square_m"]
+    cure = Cure(FINDING, "Write it.", Change(samples, {("targets", "board", "square_m"): square}))
+    with pytest.raises(InputError, match="written so already, nothing is changed: Write it"):
+        apply_cure(folder, cell, cure)
+    assert not (folder / "originals").exists()

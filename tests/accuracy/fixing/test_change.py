@@ -128,6 +128,15 @@ def test_cell_is_changed() -> None:
     assert transform_place(cell, "eye_base_from_hand_base") == ("bases", "hand")
 
 
+def test_tags_in_a_list_are_resized() -> None:
+    """The size and the place of each tag, which stand in `tags`."""
+    made = simulate(Scenario(samples=9, target="apriltag"), 2)
+    reading = declared(made.cell, made.recording)
+    change = change_of_hypothesis(made.recording, reading, target_size("board", 1.25, made.cell))
+    assert change.samples is None
+    assert [tag["size_m"] for tag in change.cell["targets", "board", "tags"]] == [0.15]
+
+
 def test_pixels_are_of_images() -> None:
     """What images hold is no line of a recording: there is no change."""
     reading = declared(BOARD.cell, BOARD.recording)

@@ -35,6 +35,24 @@ def test_convention_is_undone() -> None:
     assert cure.words == "Undo: the poses of eye are in millimetres."
 
 
+def test_of_inverted_poses_and_other_carriers_a_person_chooses() -> None:
+    """Those of the only robot fit as exactly if it carries the camera, and not the target: both are offered."""
+    made = simulate(Scenario(samples=9, layout="eye_to_hand"), 2)
+    what = "The poses of arm are inverted (flange_from_base), or overhead is on arm and board on world."
+    finding = Finding("robot-pose-inverted", "error", ("arm",), what)
+    inverted, carried = cures_of(finding, cell=made.cell, recording=made.recording)
+    assert inverted.is_choice
+    assert carried.is_choice
+    assert inverted.words == "Undo: the poses of arm are inverted (flange_from_base)."
+    assert carried.words == "Write that overhead is on arm and board on world."
+    assert carried.change.cell == {
+        ("cameras", "overhead", "on"): "arm",
+        ("cameras", "overhead", "mount"): {"status": "free"},
+        ("targets", "board", "on"): "world",
+        ("targets", "board", "mount"): {"status": "free"},
+    }
+
+
 def test_of_two_lists_of_angles_the_one_that_fits_is_taken() -> None:
     """Roll, pitch and yaw beyond half a turn in all, read as a rotation vector: the longer vector is meant."""
     turn = SE3.from_rpy([2.9, 0.4, -2.8], np.zeros(3))
@@ -60,12 +78,27 @@ def test_outliers_lens_and_offered_lines() -> None:
     left, lens, line = cures_of(
         Finding("outlier-samples", "warning", ("3",), "Sample 3 was left out as an outlier."),
         Finding("intrinsics", "warning", ("wrist",), "The lens of wrist is not as stated: fx is 3 px off."),
-        Finding("many-dropped-samples", "warning", ("board",), "No board: write dictionary: DICT_5X5_100."),
+        Finding("few-images", "warning", ("wrist",), "None.", ("'board': no board: write dictionary: DICT_5X5_100.",)),
         outliers=outliers,
     )
     assert [sample.sample for sample in left.change.samples] == [0, 1, 2, 4, 5, 6, 7, 8]
     assert lens.change.cell["cameras", "wrist", "intrinsics", "status"] == "free"
     assert line.change.cell == {("targets", "board", "dictionary"): "DICT_5X5_100"}
+
+
+def test_all_lines_are_written_at_all_robots() -> None:
+    """Offsets and links, of both arms, by one cure: without one of them the finding would be the same."""
+    offsets, links = (
+        {"status": "prior", "sigma_rad": 0.03},
+        {"status": "prior", "sigma_rad": 2e-3, "sigma_m": 1e-3},
+    )
+    do = (
+        "Write `joint_offsets: {status: prior, sigma_rad: 0.03}` and "
+        "`link_parameters: {status: prior, sigma_rad: 0.002, sigma_m: 0.001}` at eye and hand in cell.yaml."
+    )
+    (cure,) = cures_of(Finding("robot-model", "warning", ("eye", "hand"), "Joints are off.", (do,)))
+    written = {"joint_offsets": offsets, "link_parameters": links}
+    assert cure.change.cell == {("robots", r, key): value for r in ("eye", "hand") for key, value in written.items()}
 
 
 def test_fixed_transform_is_freed() -> None:

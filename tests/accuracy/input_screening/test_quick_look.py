@@ -11,8 +11,9 @@ from tests.shared.rewriting import inverted, scaled, shifted, with_robots
 
 from basecal.accuracy.input_screening import quick_look as module
 from basecal.accuracy.input_screening.quick_look import preview_samples, quick_look
-from basecal.cell import Finding, Recording
+from basecal.cell import Finding, Recording, RobotState
 from basecal.cell.cell import Intrinsics
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from stream_cells import streamed
 
@@ -49,6 +50,19 @@ def test_inverted_poses():
     """The robot is named."""
     wrong = with_robots(made().recording, {"hand": inverted})
     assert codes(preview_samples(wrong)) == [("robot-pose-inverted", "error", ("hand",))]
+
+
+def test_one_bad_row():
+    """It is named, and all else agrees: no convention is doubted, and nothing has to be read anew."""
+    samples = list(made().recording.samples[:12])
+    state = samples[3].robots["hand"]
+    far = RobotState(SE3(state.base_from_flange.rotation, state.base_from_flange.translation + 0.3))
+    samples[3] = replace(samples[3], robots={**samples[3].robots, "hand": far})
+    look = quick_look(made().cell, Recording(tuple(samples)))
+    (finding,) = look.findings
+    assert (finding.code, finding.severity, finding.about) == ("outlier-samples", "warning", ("3",))
+    assert finding.what == "Sample 3 disagrees with all others."
+    assert look.error is not None
 
 
 def test_pictures_that_are_late():
@@ -101,6 +115,9 @@ def test_streams_by_an_unknown_lens():
     assert look.views == 0
 
 
+HOPELESS = Finding("poor-fit", "error", (), "Nothing explains it.")
+
+
 def looked(monkeypatch, is_whole=None, said=(), hopeless=False, fit="good", plausible=True, unobservable=()):
     """A quick look at a recording in order of which everything says what it is told to."""
     fit = SimpleNamespace(error_in_words=lambda: "0.2 px") if fit == "good" else None
@@ -111,7 +128,8 @@ def looked(monkeypatch, is_whole=None, said=(), hopeless=False, fit="good", plau
         "is_as_of_arms": lambda *_: True,
         "check_conventions": lambda *_: said,
         "is_hopeless": lambda *_: hopeless,
-        "hopeless": lambda *_: "hopeless",
+        "hopeless": lambda *_: HOPELESS,
+        "solve_robustly": lambda *_: SimpleNamespace(outliers=()),
         "fit_hypothesis": lambda *_: fit,
         "plausible": lambda *_: plausible,
     }.items():
@@ -133,7 +151,7 @@ def test_doubts_are_told_where_the_rest_will_not_dispel_them(monkeypatch):
 
 def test_what_is_left_untold(monkeypatch):
     """Where nothing explains the views, no fit is found, a transform is open, or the fit predicts badly."""
-    assert looked(monkeypatch, hopeless=True).findings == ("hopeless",)
+    assert looked(monkeypatch, hopeless=True).findings == (HOPELESS,)
     assert looked(monkeypatch, fit=None).untold == "leave open what is asked for; turn every arm about two axes or more"
     name = made().cell.requested_transforms[0]
     assert looked(monkeypatch, unobservable=[name]).untold.startswith("they fit to 0.2 px as they are read, but leave")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from basecal.accuracy.phrases.target_length import as_written
+from basecal.accuracy.phrases.target_length import as_written, scale_lengths
 from basecal.simulation import Scenario, simulate
 
 
@@ -11,6 +11,7 @@ from basecal.simulation import Scenario, simulate
     [
         ("charuco", ": square_m would be 0.06"),
         ("aprilgrid", ": tag_m would be 0.084"),
+        ("apriltag", ": size_m would be 0.24"),
         ("circles", ": spacing_m would be 0.06"),
         ("pose", ""),
     ],
@@ -20,3 +21,11 @@ def test_the_true_size_is_stated_in_the_targets_own_field(target, said):
     cell = simulate(Scenario(target=target, samples=1, pixel_px=0.0), 0).cell
     (name,) = cell.targets
     assert as_written(cell, name, 2.0) == said
+
+
+def test_all_lengths_are_scaled_wherever_they_stand():
+    """Those of tags in a list as well; numbers, rotations and counts stay."""
+    tag = {"id": 3, "size_m": 0.1, "t_m": [0, 0.2, 0], "q_xyzw": [0, 0, 0, 1]}
+    fields = {"tags": [tag], "square_m": 0.03, "squares": [7, 5]}
+    scaled = {"tags": [{**tag, "size_m": 0.12, "t_m": [0, 0.24, 0]}], "square_m": 0.036, "squares": [7, 5]}
+    assert scale_lengths(fields, 1.2) == scaled

@@ -6,14 +6,16 @@ import json
 import threading
 import urllib.request
 from dataclasses import replace
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 
 from basecal.acquisition.watching import End
-from basecal.cell import Unknown
+from basecal.cell import RobotState, Unknown
 from basecal.errors import DriverError
+from basecal.geometry import SE3
 from basecal.reporting.live import page
 from shared.browser import CHROMIUM, visit
 from shared.watched_capture import captured, cell_with_a_board
@@ -84,6 +86,14 @@ def test_a_capture_that_was_stopped_is_seen_to_have_ended(cell, monkeypatch):
         stop()
     assert [state["over"] for state in seen] == [True]
     assert "STOPPED" in seen[0]["html"]
+
+
+def test_what_is_left_to_go_has_the_digits_of_a_move(cell):
+    """Tenths of a millimetre and hundredths of a degree, also of an arm that has arrived to a nanometre."""
+    state = RobotState(SE3(np.eye(3), np.array([0.4, 0.0, 0.5])))
+    near = RobotState(SE3(np.eye(3), np.array([0.4, 0.0, 0.5 + 1e-12])))
+    snapshot = SimpleNamespace(states={"hand": state}, goals={"hand": near})
+    assert list(page.LivePage(captured(cell), cell)._motions(snapshot)) == ["hand: 0.0 mm and 0.00 deg to go"]
 
 
 def test_arms_are_where_they_are_and_where_they_were_sent(cell):

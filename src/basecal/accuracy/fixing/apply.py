@@ -16,6 +16,7 @@ from basecal.cell.format.originals import keep_originals
 from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.cell.journal.recording_file import FILE, FOLDER, sample_line
+from basecal.errors import InputError
 from basecal.fields.problems import Loc, field_name
 
 _CELL = "cell.yaml"
@@ -30,7 +31,7 @@ def apply_cure(folder: Path, cell: Cell, cure: Cure) -> Path:
         cure: What is done.
 
     Raises:
-        InputError: if the files would hold no cell, or cannot be written; they stay as they are.
+        InputError: if the files would hold no cell, hold the cure already, or cannot be written; they stay as they are.
     """
     change, path, journal = cure.change, folder / _CELL, folder / FOLDER / FILE
     text = old = read_text(path, "")
@@ -40,6 +41,8 @@ def apply_cure(folder: Path, cell: Cell, cure: Cure) -> Path:
     lines = None if change.samples is None else "".join(map(sample_line, change.samples))
     if lines is not None:
         recording_from_text(lines.encode(), folder, described)
+    if text == old and (lines is None or lines.encode() == journal.read_bytes()):
+        raise InputError(f"{path}: it is written so already, nothing is changed: {cure.words}")
     note = {"code": cure.finding.code, "found": cure.finding.what, "done": cure.words}
     kept = keep_originals(folder, (path, journal), note)
     if text != old:

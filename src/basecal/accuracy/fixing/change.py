@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
+from basecal.accuracy.phrases.target_length import scale_lengths
 from basecal.accuracy.readings.reading import Reading, Track
 from basecal.cell import Cell, PoseObservation, Recording, RobotState, Sample, Unknown
 from basecal.cell.format.plain import pose_dict
@@ -31,6 +32,11 @@ class Change:
 
     samples: tuple[Sample, ...] | None = None
     cell: Mapping[Loc, Any] = field(default_factory=dict)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether all files stay."""
+        return self.samples is None and not self.cell
 
 
 def change_of_hypothesis(recording: Recording, reading: Reading, hypothesis: ConventionHypothesis) -> Change | None:
@@ -143,16 +149,11 @@ def _cell_changes(reading: Cell, result: Cell) -> dict[Loc, Any] | None:
         known_shape, shape = reading.targets[name].target, target.target
         if shape is not None and known_shape is not None and shape is not known_shape:
             factor = float(np.linalg.norm(shape.points) / np.linalg.norm(known_shape.points))
-            lengths = {key: value for key, value in known_shape.options.items() if key.endswith("_m")}
-            found |= {("targets", name, key): _scale_length(value, factor) for key, value in lengths.items()}
+            scaled = scale_lengths(known_shape.options, factor)
+            found |= {
+                ("targets", name, key): value for key, value in scaled.items() if value != known_shape.options[key]
+            }
     return found
-
-
-def _scale_length(value: Any, factor: float) -> Any:
-    """A length, or a list of lengths, times a factor, to the digits that a size has."""
-    return (
-        float(f"{value * factor:.5g}") if isinstance(value, int | float) else [_scale_length(v, factor) for v in value]
-    )
 
 
 def _is_same(first: Unknown, second: Unknown) -> bool:
@@ -173,6 +174,12 @@ def free_lens(cell: Cell, camera: str) -> dict[Loc, Any]:
     lens = cell.cameras[camera].intrinsics
     exact = {"exact": False} if lens is not None and lens.exact else {}
     return {("cameras", camera, "intrinsics", key): value for key, value in {"status": "free", **exact}.items()}
+
+
+def change_carriers(carriers: Mapping[Loc, str]) -> Change:
+    """Other carriers, by place in `cell.yaml`, whose mounts are free."""
+    mounts: dict[Loc, Any] = {(*place[:-1], "mount"): {"status": "free"} for place in carriers}
+    return Change(cell={**carriers, **mounts})
 
 
 def transform_place(cell: Cell, name: str) -> Loc:

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
-from basecal.accuracy.fixing.change import Change, change_of_hypothesis, free_lens, transform_place
+from basecal.accuracy.fixing.change import (
+    Change,
+    change_carriers,
+    change_of_hypothesis,
+    free_lens,
+    transform_place,
+)
+from basecal.accuracy.fixing.offers import offered_places
 from basecal.accuracy.input_check.conventions import every_hypothesis
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
+from basecal.accuracy.readings.carriers import describe_carriers
 from basecal.accuracy.readings.reading import Reading, as_recorded
 from basecal.cell import Calibration, Cell, Finding, Recording
-from basecal.cell.format.yaml_text import parse_yaml
 from basecal.errors import BasecalError, sentence
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import STATED
 from basecal.estimation.solve import solve_problem
-from basecal.fields.problems import Loc
+from basecal.fields.problems import field_name
 
-_OFFERED = re.compile(r"[Ww]rite (?P<line>[a-z_]+: .+?)\.?$")
-"""A line of `cell.yaml` at the end of a sentence."""
 _FITTED = 40  # samples: more than the 16 of `benchmarks.slips`, which holds the cures
 
 
@@ -33,11 +36,13 @@ class Cure:
         finding: What was wrong.
         words: What is done, as a sentence.
         change: What becomes of the files.
+        is_choice: Whether another one of its finding fits as exactly, so that only a person can choose.
     """
 
     finding: Finding
     words: str
     change: Change
+    is_choice: bool = False
 
 
 def find_cures(cell: Cell, recording: Recording, detections: Recording, calibration: Calibration) -> tuple[Cure, ...]:
@@ -75,8 +80,19 @@ def _convention_cures(
         if named:
             hypothesis = named[0] if len(named) == 1 else min(named, key=lambda each: _misfit(declared, each))
             change = change_of_hypothesis(recording, declared, hypothesis)
-            found[finding] = () if change is None else (Cure(finding, f"Undo: {hypothesis.words}.", change),)
+            found[finding] = tuple(_hypothesis_cures(finding, hypothesis, change or Change()))
     return found
+
+
+def _hypothesis_cures(finding: Finding, hypothesis: ConventionHypothesis, change: Change) -> Iterator[Cure]:
+    """The cure of a hypothesis that changes files, and the one that fits as exactly."""
+    carriers = hypothesis.carriers
+    clause = describe_carriers(carriers) if carriers else ""
+    if not change.is_empty:
+        words = hypothesis.words.removesuffix(f", or {clause}")
+        yield Cure(finding, f"Undo: {words}.", change, is_choice=bool(carriers))
+    if carriers:
+        yield Cure(finding, f"Write that {clause}.", change_carriers(carriers), is_choice=True)
 
 
 def _misfit(baseline: Reading, hypothesis: ConventionHypothesis) -> float:
@@ -100,26 +116,12 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
         elif finding.code == "fixed-contradicted" and name in cell.transforms:
             place = transform_place(cell, name)
             yield Cure(finding, f"Free {name}.", Change(cell={place: {"status": "free"}}))
-        elif name in cell.targets and (line := _offered_line(finding)):
-            places: dict[Loc, Any] = {("targets", name, key): value for key, value in line.items()}
-            told = ", ".join(f"{key}: {value}" for key, value in line.items())
-            yield Cure(finding, f"Write {told} of {name}.", Change(cell=places))
+    if places := offered_places(cell, finding):
+        told = ", ".join(f"{field_name(place)}: {value}" for place, value in places.items())
+        yield Cure(finding, f"Write {told}.", Change(cell=places))
     if finding.code == "outlier-samples":
         left_out = {outlier.sample for outlier in calibration.outliers or () if not outlier.ids}
         kept = tuple(sample for sample in recording.samples if sample.sample not in left_out)
         if left_out:
             numbers = ", ".join(map(str, sorted(left_out)))
             yield Cure(finding, f"Leave out samples {numbers}.", Change(samples=kept))
-
-
-def _offered_line(finding: Finding) -> dict[str, Any]:
-    """The line that a finding offers, by field; empty if it offers none."""
-    for text in (*finding.do, finding.why, finding.what):
-        if (found := _OFFERED.search(text)) is not None:
-            try:
-                data = parse_yaml(f"{{{found['line']}}}", "finding").data
-            except BasecalError:
-                continue
-            if isinstance(data, dict):
-                return data
-    return {}

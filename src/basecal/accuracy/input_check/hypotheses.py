@@ -6,20 +6,22 @@ base_from_flange, millimetres as metres. It is never applied to the answer; it i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
 
 import numpy as np
 
 from basecal.accuracy.input_check.image_resolution import other_resolution
+from basecal.accuracy.readings.carriers import describe_carriers, swap_carriers
 from basecal.accuracy.readings.reading import PoseMap, Reading
 from basecal.cell import Cell, Unknown
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
+from basecal.fields.problems import Loc
 from basecal.geometry import SE3
 
 _MILLI = 1e-3  # metres in a millimetre
@@ -43,6 +45,7 @@ class ConventionHypothesis:
         reread: The reading that says so, of the declared one.
         nested: Whether it has the declared hypothesis as a special case and so never fits worse.
         by_order: Whether it goes by where samples stand among the others, so that `reread` needs all of them.
+        carriers: What things are `on` instead if that fits as exactly, by place in `cell.yaml`.
     """
 
     code: str
@@ -53,6 +56,7 @@ class ConventionHypothesis:
     reread: Reread
     nested: bool = False
     by_order: bool = False
+    carriers: Mapping[Loc, str] = field(default_factory=dict)
 
 
 AS_DECLARED = ConventionHypothesis("", (), "it is as declared", "", "", lambda reading: reading)
@@ -64,7 +68,7 @@ def convention_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
     poses, points = baseline.shows(PoseMeasurement), baseline.shows(PointMeasurement)
     shifts = [by for by in _SHIFTS if abs(by) < len(baseline.order) // 3]
     return [
-        *_direction_hypotheses(by_pose, poses),
+        *_direction_hypotheses(baseline.cell, by_pose, poses),
         *_unit_hypotheses(by_pose, by_joints, poses, points),
         *_joint_hypotheses(by_joints),
         *_quaternion_hypotheses(by_pose, poses),
@@ -114,16 +118,21 @@ def _mirror_behind_camera(poses: SE3) -> SE3:
     return SE3(poses.rotation * np.array([-1.0, -1.0, 1.0]), -poses.translation)
 
 
-def _direction_hypotheses(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
+def _direction_hypotheses(cell: Cell, robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
     for names in subsets(robots):
-        who = join_names(names)
+        who, carriers = join_names(names), swap_carriers(cell, names)
+        words, advice = f"the poses of {who} are inverted (flange_from_base)", "invert the poses"
+        if carriers:
+            words += f", or {describe_carriers(carriers)}"
+            advice += ", or import with the other --camera-on"
         yield ConventionHypothesis(
             "robot-pose-inverted",
             names,
-            f"the poses of {who} are inverted (flange_from_base)",
-            f"write base_from_flange of {who}, or invert the poses",
+            words,
+            f"write base_from_flange of {who}, or {advice}",
             f"turn {who} further about two axes between samples",
             map_robot_poses(names, SE3.inverse),
+            carriers=carriers,
         )
     if poses:
         yield ConventionHypothesis(

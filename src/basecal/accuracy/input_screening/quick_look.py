@@ -12,9 +12,13 @@ from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypot
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
 from basecal.accuracy.input_screening.scales import convert_units, estimate_units
 from basecal.accuracy.input_screening.units import impossible_units
+from basecal.accuracy.phrases.outlier import outlier_reason
+from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Cell, Finding, Recording
-from basecal.errors import BasecalError
+from basecal.errors import BasecalError, sentence
+from basecal.estimation.outliers.left_out import LeftOut
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
+from basecal.estimation.outliers.robust_solve import solve_robustly
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT, STATED
 from basecal.estimation.solve import solve_problem
@@ -25,6 +29,8 @@ _ROW_COUNT = 3
 _ROW_SAMPLES = 6
 _NEIGHBOUR_COUNT = 2
 _STREAM_VIEWS = 40  # views of streams: offsets of clocks are found beside all else
+_FEW_SHARE = 0.2  # of the samples, which may disagree with all others
+_UNEXPLAINED = "poor-fit"  # code of findings that no convention explains
 _FEWEST_SAMPLES = 5  # samples, below which conventions are not tested
 
 
@@ -94,7 +100,43 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
 
 
 def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
-    """The quick check of samples by one clock.
+    """The quick check of samples by one clock; of those that agree, if a few hide that they do.
+
+    Raises:
+        BasecalError: if nothing can be solved.
+    """
+    look = _judge(cell, recording, is_whole)
+    if look.error is not None or look.views < _FEWEST_SAMPLES or any(f.code != _UNEXPLAINED for f in look.findings):
+        return look
+    outliers = _disagreeing(cell, recording)
+    if not outliers:
+        return look
+    kept = tuple(sample for sample in recording.samples if sample.sample not in outliers)
+    agreeing = _judge(cell, replace(recording, samples=kept), is_whole)
+    if agreeing.error is None and not agreeing.findings:
+        return look
+    return replace(agreeing, findings=(*agreeing.findings, _disagreement(outliers)))
+
+
+def _disagreeing(cell: Cell, recording: Recording) -> dict[int, LeftOut]:
+    """A few samples that disagree with all others, by number; none if they are many."""
+    problem, _ = build_problem(cell, recording)
+    left_out = solve_robustly(problem, cell, STATED).outliers
+    found = {each.sample: each for each in left_out if not each.ids}
+    count = len({int(sample) for group in problem.groups for sample in group.sample})
+    return found if len(found) <= _FEW_SHARE * count else {}
+
+
+def _disagreement(outliers: dict[int, LeftOut]) -> Finding:
+    numbers = sorted(outliers)
+    what = f"{list_samples(numbers)} disagree{'s' if len(numbers) == 1 else ''} with all others"
+    why = f"At sample {numbers[0]}, {outlier_reason(outliers[numbers[0]])}."
+    do = "Look at the pose and the image there; `basecal calibrate` leaves out what disagrees."
+    return Finding("outlier-samples", "warning", tuple(map(str, numbers)), sentence(what), (do,), why)
+
+
+def _judge(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
+    """The quick check of samples, all of which count.
 
     Raises:
         BasecalError: if nothing can be solved.

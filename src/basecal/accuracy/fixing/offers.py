@@ -1,0 +1,50 @@
+"""Lines of `cell.yaml` that findings offer, and which findings `basecal fix` can undo."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from basecal.cell import Cell, Finding
+from basecal.cell.format.yaml_text import parse_yaml
+from basecal.errors import BasecalError
+from basecal.fields.problems import Loc
+
+_OFFER = re.compile(r"\b[Ww]rite (?P<offer>`?[a-z_]+: .+)")
+_QUOTED = re.compile(r"`([a-z_]+: [^`]+)`")
+_COMMAND = "`basecal fix "
+
+
+def is_fixable(cell: Cell, finding: Finding) -> bool:
+    """Whether a finding that is no info names `basecal fix`, or offers lines that it writes."""
+    if finding.severity == "info":
+        return False
+    return _COMMAND in finding.message or bool(offered_places(cell, finding))
+
+
+def offered_places(cell: Cell, finding: Finding) -> dict[Loc, Any]:
+    """The lines that a finding offers, by their places in `cell.yaml`; empty if it offers none.
+
+    They are of the targets and robots that the sentence quotes, else of those that the finding is about.
+    """
+    places = {name: (kind, name) for kind, of in (("targets", cell.targets), ("robots", cell.robots)) for name in of}
+    for text in (*finding.do, finding.why, finding.what):
+        if lines := _offered_lines(text):
+            quoted = [name for name in places if repr(name) in text]
+            owners = quoted or [name for name in finding.about if name in places]
+            return {(*places[name], key): value for name in owners for key, value in lines.items()}
+    return {}
+
+
+def _offered_lines(text: str) -> dict[str, Any]:
+    """Lines of `cell.yaml` that a sentence says to write, by field: those in backquotes, or all up to its end."""
+    found = _OFFER.search(text)
+    if found is None:
+        return {}
+    lines = ", ".join(_QUOTED.findall(found["offer"])) or found["offer"].removesuffix(".")
+    try:
+        data = parse_yaml(f"{{{lines}}}", "finding").data
+    except BasecalError:
+        return {}
+    is_whole = isinstance(data, dict) and None not in data.values()  # a choice of several is none
+    return data if is_whole else {}

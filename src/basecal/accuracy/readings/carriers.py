@@ -1,0 +1,31 @@
+"""Camera and target of one robot on each other's carriers: what fits as exactly as the robot's poses inverted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from basecal.cell import WORLD, Cell
+from basecal.fields.problems import Loc
+
+
+def swap_carriers(cell: Cell, robots: tuple[str, ...]) -> dict[Loc, str]:
+    """Carriers of all cameras and targets if robot and world changed places, by place in `cell.yaml`.
+
+    Empty where inverted poses do not give the same loops: with several robots, or if a mount is known.
+    """
+    if robots != tuple(cell.robots) or len(robots) != 1 or cell.sees_scene or cell.plates:
+        return {}
+    things = {("cameras", name): (of.on, of.mount) for name, of in cell.cameras.items()}
+    things |= {("targets", name): (of.on, of.mount) for name, of in cell.targets.items()}
+    other = {robots[0]: WORLD, WORLD: robots[0]}
+    if any(camera.touches for camera in cell.cameras.values()):
+        return {}
+    if any(mount.status != "free" or on not in other for on, mount in things.values()):
+        return {}
+    return {(*place, "on"): other[on] for place, (on, _) in things.items()}
+
+
+def describe_carriers(carriers: Mapping[Loc, str]) -> str:
+    """Carriers in words: "camera is on hand and target on world"."""
+    first, *others = [f"{place[1]} is on {on}" for place, on in carriers.items()]
+    return " and ".join([first, *(each.replace(" is on ", " on ") for each in others)])

@@ -1,0 +1,35 @@
+"""Lines of `cell.yaml` that findings offer."""
+
+from __future__ import annotations
+
+import pytest
+
+from basecal.accuracy.fixing.offers import is_fixable, offered_places
+from basecal.cell import Finding
+from basecal.simulation import Scenario, simulate
+
+CELL = simulate(Scenario(samples=1), 2).cell
+
+
+@pytest.mark.parametrize(
+    ("about", "do", "places"),
+    [
+        (("eye",), "Write `deflection: {status: free}` at eye in cell.yaml.", {("robots", "eye", "deflection")}),
+        (("wrist",), "'board': 7x7 squares fit: write squares: [7, 7].", {("targets", "board", "squares")}),
+        (("board",), "Other markers: write kind: charuco, aprilgrid or apriltag, whichever it is.", set()),
+        (("board",), "Measure its print.", set()),
+        (("wrist",), "Write squares: [7, 7].", set()),
+    ],
+)
+def test_lines_have_an_owner_and_a_value(about: tuple[str, ...], do: str, places: set[tuple[str, str, str]]) -> None:
+    """Of the thing that is quoted, else of what the finding is about; a choice of several values is no line."""
+    finding = Finding("x", "warning", about, "It is wrong.", (do,))
+    assert set(offered_places(CELL, finding)) == places
+    assert is_fixable(CELL, finding) == bool(places)
+
+
+def test_what_only_informs_is_not_fixed() -> None:
+    """An info, though it says how; a warning that names the command is."""
+    do = ("`basecal fix CELL` takes them out of the recording.",)
+    assert not is_fixable(CELL, Finding("outlier-samples", "info", ("3",), "Sample 3 was left out.", do))
+    assert is_fixable(CELL, Finding("outlier-samples", "warning", ("3",), "Sample 3 was left out.", do))
