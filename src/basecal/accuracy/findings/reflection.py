@@ -43,9 +43,9 @@ def _points(group: ViewGroup) -> Array:
     return measurement.points_in_target if isinstance(measurement, PixelMeasurement) else np.zeros((0, 3))
 
 
-def _recorded_spots(group: ViewGroup, recorded: Problem) -> Array | None:
+def _recorded_spots(group: ViewGroup, problem: Problem) -> Array | None:
     """The first point of each reading of a group's views, (k, n, 2) [px]; None if there is one reading."""
-    for each in recorded.groups:
+    for each in problem.groups:
         if (each.camera, each.target) == (group.camera, group.target) and len(each.readings) > 1:
             row = {number: k for k, number in enumerate(each.sample.tolist())}
             rows = [row[number] for number in group.sample.tolist()]
