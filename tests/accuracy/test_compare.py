@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from basecal.accuracy.compare import compare
 from basecal.cell import Calibration
+from basecal.errors import InputError
 from basecal.geometry import SE3, PoseEstimate
 
 NAME = "eye_base_from_hand_base"
@@ -115,3 +116,8 @@ def test_what_has_no_finite_covariance_is_compared_to_rounding():
                 Calibration("good", transforms={NAME: PoseEstimate(SE3.exp(np.array(tangent)), vague)}),
             )
             assert (found.agree, found.transforms[NAME].sigmas, found.transforms[NAME].chance) == (agree, None, None)
+
+
+def test_what_is_no_calibration_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^second is of type NoneType, expected Calibration$"):
+        compare(calibration(), None)  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from basecal.cell.cell import Cell, Status
 from basecal.cell.recording import Recording
 from basecal.cell.target import Target
 from basecal.cell.targets.registry import TargetKindName
-from basecal.errors import InputError
+from basecal.errors import InputError, check_choice
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Camera
 from basecal.geometry.lenses.registry import lens_models
@@ -117,8 +117,7 @@ class Scenario:
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise InputError(f"{name} is {getattr(self, name)!r}, expected one of: {', '.join(choices)}")
+            check_choice(name, getattr(self, name), choices)
         if self.samples < 1 or self.stations < 1 or self.robots < 2:
             raise InputError("a scenario needs samples >= 1, stations >= 1 and robots >= 2")
         sigmas = (self.pixel_px, self.correlated_px, self.point_m, *self.robot_noise, *self.pose_noise)
