@@ -136,7 +136,7 @@ def check_type(name: str, value: object, kind: type) -> None:
         raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}")
 
 
-def check_whole(name: str, value: object, least: int) -> None:
+def check_integer(name: str, value: object, least: int) -> None:
     """Refuse what is no whole number, or a smaller one.
 
     Raises:

@@ -10,7 +10,7 @@ from math import isfinite
 from numbers import Real
 from typing import Any, Literal, get_args
 
-from basecal.errors import InputError, check_choice, check_type, check_whole
+from basecal.errors import InputError, check_choice, check_type, check_integer
 from basecal.estimation.stages import StageName, Stages
 
 LOG = logging.getLogger("basecal")
@@ -76,7 +76,7 @@ class Settings:
             check_type("stages", self.stages, Stages)
         for name in ("certify", "joins_scene"):
             check_type(name, getattr(self, name), bool)
-        check_whole("iterations", self.iterations, 1)
+        check_integer("iterations", self.iterations, 1)
         for name, count in (("task_point", 3), ("task_box", 6)):
             object.__setattr__(self, name, _place(name, getattr(self, name), count))
         if self.task_box is not None and self.task_point is None:
