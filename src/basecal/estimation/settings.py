@@ -106,7 +106,7 @@ class Settings:
 
 
 def _place(name: str, numbers: Any, count: int) -> tuple[float, ...] | None:
-    """So many finite numbers [m] as a tuple; None is none."""
+    """A tuple of `count` finite numbers [m]; None is none."""
     if numbers is None:
         return None
     values = tuple(numbers) if isinstance(numbers, Iterable) else ()
