@@ -10,7 +10,7 @@ from math import isfinite
 from numbers import Real
 from typing import Any, Literal, get_args
 
-from basecal.errors import InputError, check_choice, check_type, check_integer
+from basecal.errors import InputError, check_choice, check_integer, check_type
 from basecal.estimation.stages import StageName, Stages
 
 LOG = logging.getLogger("basecal")
