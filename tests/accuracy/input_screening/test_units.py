@@ -116,6 +116,16 @@ def test_beyond_fifty_metres_lengths_are_not_metres(kind):
         assert sure.do == ("Divide lengths by 1000 to convert them to metres.",)
 
 
+@pytest.mark.parametrize(("far", "words"), [(1e8, "1e+08"), (1e300, "1e+300")])
+def test_what_is_far_in_every_unit_is_in_none_of_them(far, words):
+    """As far as floating-point numbers reach, without a warning that a square overflows."""
+    cell = simulate(Scenario(samples=1), 0).cell
+    flange, target = impossible_units(cell, posed(far, far))
+    assert target.what == f"The observed poses are in another unit: a target is {words} m away."
+    assert flange.what == f"The poses of hand are in another unit: a flange is {words} m from its base."
+    assert flange.do == ("State lengths in metres.",)
+
+
 def test_some_samples_in_another_unit():
     """They are named, and the unit too if it is certain."""
     for reach, unit in ((160.0, "another unit"), (812.0, "millimetres")):

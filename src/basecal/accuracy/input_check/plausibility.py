@@ -108,6 +108,8 @@ def likely_unit(length: float, most_m: float) -> tuple[str, str]:
     if len(metres) > 1:
         options = ", ".join(f"{length:.0f} {unit} are {value:.2g} m" for unit, value in metres.items())
         return "another unit", f"Convert lengths to metres: {options}."
+    if length * _UNITS_M["mm"] > _BASES_M[1]:
+        return "another unit", "State lengths in metres."
     return "millimetres", "Divide lengths by 1000 to convert them to metres."
 
 

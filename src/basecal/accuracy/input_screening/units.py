@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import hypot
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from basecal.accuracy.input_check.plausibility import FARTHEST_M, likely_unit
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Cell, Finding, PixelObservation, PointObservation, PoseObservation, Recording, Robot
 from basecal.geometry import Array
-from basecal.geometry.rotation import lengths
 from basecal.numerics.spectral import ROUNDING
 
 # Beyond what any arm reaches and any target spans, and within a thousand times of it: it is told by its size alone.
@@ -72,13 +72,13 @@ def _millimetres(recording: Recording) -> Iterator[Finding]:
     for sample in recording.samples:
         for name, state in sample.robots.items():
             if state.base_from_flange is not None:
-                reaches.setdefault(name, []).append(float(np.linalg.norm(state.base_from_flange.translation)))
+                reaches.setdefault(name, []).append(hypot(*state.base_from_flange.translation))
                 numbers.setdefault(name, []).append(sample.sample)
     far = {name: float(np.median(of)) for name, of in reaches.items() if np.median(of) > _LARGEST_DISTANCE_M}
     if far:
         who = " and ".join(far)
         unit, advice = likely_unit(max(far.values()), FARTHEST_M)
-        what = f"The poses of {who} are in {unit}: a flange is {max(far.values()):.0f} m from its base."
+        what = f"The poses of {who} are in {unit}: a flange is {np.round(max(far.values())):.6g} m from its base."
         yield Finding("length-unit", "error", tuple(far), what, (advice,))
     for name in reaches.keys() - far.keys():
         limit = max(_LARGEST_DISTANCE_M, _NEARER_THOUSAND * float(np.median(reaches[name])))
@@ -96,9 +96,9 @@ def _view_findings(recording: Recording) -> Iterator[Finding]:
         "The observed 3-D points": [o.points_in_camera.mean(0) for o in seen if isinstance(o, PointObservation)],
     }
     for who, places in kinds.items():
-        if places and (distance := float(np.median(lengths(np.array(places))))) > _LARGEST_DISTANCE_M:
+        if places and (distance := float(np.median([hypot(*place) for place in places]))) > _LARGEST_DISTANCE_M:
             unit, advice = likely_unit(distance, FARTHEST_M)
-            what = f"{who} are in {unit}: a target is {distance:.0f} m away."
+            what = f"{who} are in {unit}: a target is {np.round(distance):.6g} m away."
             yield Finding("length-unit", "error", (), what, (advice,))
 
 
