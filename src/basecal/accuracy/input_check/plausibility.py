@@ -30,7 +30,7 @@ _TARGET_M = 2e-3, 5.0  # [m] of a target's longest side
 _TURNS_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; degrees are 57 times as many
 _BEYOND_LIMIT_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
 _UNITS_M = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254}
-FARTHEST_M = 3.0
+FARTHEST_M = 2.5
 """[m] of a flange from its base, or a target from its camera, in most cells: one farther is not in centimetres."""
 _MOST_BEHIND = 0.8  # share of the views behind the camera: a few may be outliers
 
