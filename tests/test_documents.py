@@ -93,6 +93,16 @@ def test_reference_lists_every_public_name() -> None:
     assert len(listed) == len(at_home)
 
 
+def test_functions_in_the_text_of_public_names_exist() -> None:
+    """By themselves if they are public, else by their module."""
+    text = (DOCS / "api" / "index.md").read_text(encoding="utf-8")
+    names = re.findall(r"`([a-z_][a-z_.]*)`", text)
+    assert names
+    for name in names:
+        module, _, function = f"basecal.{name}".rpartition(".") if "." not in name else name.rpartition(".")
+        assert hasattr(import_module(module), function), name
+
+
 def test_reference_has_every_package() -> None:
     """Every package but the command line has a page."""
     packages = {path.parent.name for path in (ROOT / "src" / "basecal").glob("*/__init__.py")} - {"cli"}

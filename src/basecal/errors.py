@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from itertools import islice
+from numbers import Integral
 
 _SHOWN_NAMES = 20  # names in a message, and those of many that are looked at for a near one
 _LOOKED_AT = 1000
@@ -112,6 +113,37 @@ class MissingExtra(BasecalError, ImportError):
     def __init__(self, extra: str, feature: str) -> None:
         self.extra = extra
         super().__init__(f"{feature} needs the extra {extra!r}: pip install 'basecal[{extra}]'")
+
+
+def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
+    """Refuse a value that is none of the choices.
+
+    Raises:
+        InputError: if so; it lists the choices.
+    """
+    if value not in choices:
+        hint = nearest(value, choices) if isinstance(value, str) else ""
+        raise InputError(f"{name} is {value!r}{hint}, expected one of: {', '.join(choices)}")
+
+
+def check_type(name: str, value: object, kind: type) -> None:
+    """Refuse an argument that is of another type.
+
+    Raises:
+        InputError: if so; it names both types.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}")
+
+
+def check_integer(name: str, value: object, least: int) -> None:
+    """Refuse what is no whole number, or a smaller one.
+
+    Raises:
+        InputError: if so.
+    """
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+        raise InputError(f"{name} is {value!r}, expected a whole number >= {least}")
 
 
 class DriverError(BasecalError):

@@ -13,7 +13,7 @@ from basecal.accuracy.stages.case import Case
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.files import cell_from_dict
 from basecal.cell.format.yaml_text import parse_yaml
-from basecal.errors import FrameNotFound
+from basecal.errors import FrameNotFound, InputError
 from basecal.estimation.settings import Settings
 from basecal.estimation.stages import Stages
 from basecal.exchange.assemble import recording_from_streams
@@ -248,3 +248,12 @@ def test_every_stage_ends_or_hands_on():
     assert _run_stages([stage("first"), stage(""), stage("last", is_ended=True), stage("never")], case).is_ended
     assert seen == ["first", "", "last"]
     assert list(stages.seconds) == ["first", "last"]
+
+
+def test_swapped_arguments_are_refused():
+    """The error names the argument, its type and the one that was expected."""
+    made = simulate(Scenario(samples=3), 0)
+    with pytest.raises(InputError, match=r"^cell is of type Recording, expected Cell$"):
+        calibrate(made.recording, made.cell)
+    with pytest.raises(InputError, match=r"^settings is of type NoneType, expected Settings$"):
+        calibrate(made.cell, made.recording, None)

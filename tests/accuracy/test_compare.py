@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from basecal.accuracy.compare import compare
-from basecal.cell import Calibration
+from basecal.cell import Calibration, HeldGauge
+from basecal.errors import InputError
 from basecal.geometry import SE3, PoseEstimate
 
 NAME = "eye_base_from_hand_base"
@@ -107,11 +108,19 @@ def test_they_agree_up_to_a_chance_of_one_in_two_hundred(level, agree):
 
 def test_what_has_no_finite_covariance_is_compared_to_rounding():
     """Neither sigmas nor a chance are told; what is as far apart as numbers are written agrees."""
-    vague = np.full((6, 6), np.nan)
-    for off, agree in ((0.9e-12, True), (3e-12, False)):
-        for tangent in ((off, 0, 0, 0, 0, 0), (0, 0, 0, off, 0, 0)):
-            found = compare(
-                Calibration("good", transforms={NAME: PoseEstimate(SE3.identity(), vague)}),
-                Calibration("good", transforms={NAME: PoseEstimate(SE3.exp(np.array(tangent)), vague)}),
-            )
-            assert (found.agree, found.transforms[NAME].sigmas, found.transforms[NAME].chance) == (agree, None, None)
+    vague = (HeldGauge("eye", ("joint_offsets",), np.full((6, 6), np.nan)),)
+    for held in ({}, {"gauges": vague, "order": (NAME,)}):
+        for off, agree in ((0.9e-12, True), (3e-12, False)):
+            for tangent in ((off, 0, 0, 0, 0, 0), (0, 0, 0, off, 0, 0)):
+                first, second = (
+                    Calibration("good", {NAME: PoseEstimate.exact(SE3.exp(np.array(xi)))}, **held)
+                    for xi in (np.zeros(6), tangent)
+                )
+                found = compare(first, second)
+                assert found.agree == agree
+                assert (found.transforms[NAME].sigmas, found.transforms[NAME].chance) == (None, None)
+
+
+def test_what_is_no_calibration_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^second is of type NoneType, expected Calibration$"):
+        compare(calibration(), None)  # type: ignore[arg-type]

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 import pytest
 
 import basecal
 from basecal.cell import Calibration, Cell, CellCamera, Robot, RobotParameters, Unknown
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.geometry import SE3, PoseEstimate
-from export_example import BASE, CALIBRATION, CELL
+from export_example import CALIBRATION
 
 
 def test_transforms_are_found_by_name():
@@ -32,18 +29,6 @@ def test_what_was_found_of_a_robot():
     calibration = Calibration("good", robot_parameters={"joint_offsets": {"eye": offsets}, "deflection": {}})
     assert calibration.parameters_of_robot("eye") == {"joint_offsets": offsets}
     assert calibration.parameters_of_robot("hand") == {}
-
-
-def test_a_calibration_exports_itself():
-    """By a method for each kind of export, named as the kind is; others are none."""
-    for kind in EXPORTERS:
-        assert callable(getattr(CALIBRATION, f"to_{kind}"))
-    assert CALIBRATION.to_ur(BASE, cell=CELL) == basecal.export(CALIBRATION, "ur", BASE, cell=CELL)
-    assert CALIBRATION.to_ros() == basecal.export(CALIBRATION, "ros")
-    for name in ("to_sdf", "tour", "ur"):
-        with pytest.raises(AttributeError, match=f"a calibration has no '{name}'"):
-            getattr(CALIBRATION, name)
-    assert copy.deepcopy(CALIBRATION).verdict == "good"
 
 
 def test_a_notebook_shows_its_summary():

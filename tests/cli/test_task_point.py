@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from basecal.cli.task_point import task_points
-from basecal.errors import UsageError
+from basecal.errors import InputError, UsageError
 
 BOX = (0.6, -0.2, 0.1, 1.0, 0.2, 0.5)
 
@@ -22,3 +22,9 @@ def test_a_point_or_a_box():
 def test_neither_and_both_are_refused(point, box):
     with pytest.raises(UsageError, match="either --task-point x y z or --task-box"):
         task_points(point, box)
+
+
+def test_a_box_of_no_volume_is_refused():
+    """Before anything is read: no sample is inside."""
+    with pytest.raises(InputError, match="differ in x, in y and in z"):
+        task_points(None, (0.6, -0.2, 0.1, 1.0, 0.2, 0.1))

@@ -6,6 +6,10 @@ import logging
 import subprocess
 import sys
 
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.stages import Stages
 
@@ -44,3 +48,42 @@ def test_stages_are_logged_and_nothing_is_printed(caplog):
     quiet = "import logging, basecal\nbasecal.Settings()\nlogging.getLogger('basecal').error('x')"
     said = subprocess.run([sys.executable, "-c", quiet], capture_output=True, text=True, check=True)
     assert (said.stdout, said.stderr) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            {"method": "max-likelihood"},
+            r"^method is .*'maximum-likelihood'\?\), expected one of: .*scene$",
+        ),
+        ({"start": "carefully"}, "^start is 'carefully', expected one of: closed, thorough, guess, axis-shift$"),
+        ({"robot_noise": "state"}, "^robot_noise is 'state'.*, expected one of: stated, estimated$"),
+        ({"against": "cv2"}, "^against is 'cv2'.*, expected one of: opencv$"),
+        ({"station_choice": "x"}, "^station_choice is 'x', expected one of: nearest, weighted$"),
+        ({"iterations": 0}, "^iterations is 0, expected a whole number >= 1$"),
+        ({"iterations": "x"}, "^iterations is 'x', expected a whole number >= 1$"),
+        ({"iterations": True}, "^iterations is True, expected a whole number >= 1$"),
+        ({"certify": "no"}, "^certify is of type str, expected bool$"),
+        ({"stages": 3}, "^stages is of type int, expected Stages$"),
+        ({"task_point": (float("nan"), 0, 0)}, r"^task_point is \(nan, 0, 0\), expected 3 finite numbers \[m\]$"),
+        ({"task_point": (1, 2)}, "expected 3 finite numbers"),
+        ({"task_point": "abc"}, "^task_point is 'abc', expected 3 finite numbers"),
+        ({"task_point": 1.0}, "^task_point is 1.0, expected 3 finite numbers"),
+        ({"task_box": (0, 0, 0, 1, 1, 1)}, "^task_box needs a task_point"),
+        ({"task_point": (0, 0, 0), "task_box": (0, 0, 0, 1, 1)}, "expected 6 finite numbers"),
+        ({"task_point": (0, 0, 0), "task_box": (0, 0, 0, 1, 1, 0)}, "^task_box is .* that differ in x, in y and in z$"),
+    ],
+)
+def test_a_setting_that_does_not_exist_is_refused(values, message):
+    """Its name, its value and the choices are in the error, whether written in Python or read from a file."""
+    for make in (lambda: Settings(**values), lambda: Settings.from_dict(values)):
+        with pytest.raises(InputError, match=message):
+            make()
+
+
+def test_places_of_any_sequence_are_tuples_of_numbers():
+    """A list, as a file holds it, and an array are equal to a tuple."""
+    tuple_of = Settings(task_point=(1.0, 2.0, 3.0))
+    assert Settings.from_dict({"task_point": [1, 2, 3], "of_another": 1}) == tuple_of
+    assert Settings(task_point=np.array([1.0, 2.0, 3.0])) == tuple_of

@@ -269,3 +269,13 @@ def test_starts_that_end_apart_are_disputed(monkeypatch, costs, disputed):
     monkeypatch.setattr(module, "_is_plausible", lambda problem, cost: False)
     monkeypatch.setattr(module, "_settle_readings", lambda *given: next(ends))
     assert module._start("problem", "cell", Settings()) == ("problem", min(costs), disputed)
+
+
+def test_a_solution_is_one_line():
+    """The transforms that were solved for, each with its sigmas, and the fit."""
+    made = simulate(Scenario(samples=6, target="points", camera_mount="fixed"), 1)
+    found = solve(made.cell, made.recording)
+    base, mount = found.transforms["eye_base_from_hand_base"], found.transforms["hand_flange_from_board"]
+    names = f"eye_base_from_hand_base {base.words()}; hand_flange_from_board {mount.words()}"
+    assert repr(found) == f"<converged solution: {names}; chi-square {found.cost:.4g} of {found.dof}>"
+    assert repr(replace(found, converged=False)).startswith("<unconverged solution: ")

@@ -60,3 +60,10 @@ def test_first_axes_to_the_back_keep_their_order():
     np.testing.assert_array_equal(to_back(array), np.moveaxis(array, 0, -1))
     np.testing.assert_array_equal(to_back(array, 2), np.moveaxis(array, (0, 1), (-2, -1)))
     assert np.shares_memory(to_back(array), array)
+
+
+def test_what_is_no_number_is_refused():
+    """Text, and rows of unequal length."""
+    for values in ("abc", [[1, 2], [3]], {}):
+        with pytest.raises(InputError, match=r"^array is no array of numbers, expected \(..., 3\)$"):
+            read_only(values, (3,))

@@ -37,6 +37,7 @@ def test_a_usual_lens_fills_its_image(model: str) -> None:
             rays, valid = camera.undistort(pixels)
             assert valid.mean() > 0.95
             np.testing.assert_allclose(camera.project(rays[valid]), pixels[valid], rtol=0, atol=1e-8)
+            assert lens.domain_mask(rays[valid], distortion.tolist()).all()
 
 
 @pytest.mark.parametrize("model", lens_models())

@@ -154,6 +154,10 @@ def test_transforms_leave_the_callers_arrays_alone():
         (lambda: SE3.from_rotvec([0, 0, 0], [0, 0]), r"translation has shape \(2,\)"),
         (lambda: SE3.from_rpy([0, 0], [0, 0, 0]), r"rpy has shape \(2,\)"),
         (lambda: SE3.exp([0, 0, 0]), r"xi has shape \(3,\), expected \(..., 6\)"),
+        (lambda: SE3("a", "b"), r"^rotation is no array of numbers, expected \(..., 3, 3\)$"),
+        (lambda: SE3.from_matrix("abc"), r"^matrix is no array of numbers, expected \(..., 4, 4\)$"),
+        (lambda: SE3.from_matrix([[1, 2], [3]]), r"^matrix is no array of numbers, expected \(..., 4, 4\)$"),
+        (lambda: SE3.from_quaternion("abc", [0, 0, 0]), r"^q_xyzw is no array of numbers$"),
     ],
 )
 def test_wrong_shapes_are_refused(make, message):
@@ -167,6 +171,51 @@ def test_a_single_transform_has_no_entries():
     with pytest.raises(TypeError, match="no entries"):
         SE3.identity()[0]
     assert len(SE3.identity()[None]) == 1
+    with pytest.raises(TypeError, match="no length"):
+        len(SE3.identity())
+    with pytest.raises(TypeError, match="no length"):
+        iter(SE3.identity())
+    assert SE3.identity()
+    assert not SE3.identity((0,))
+
+
+def test_a_batch_is_iterated_by_its_transforms(rng):
+    """One after another, along the first axis."""
+    batch = random_transform(rng, (3, 2))
+    for k, each in enumerate(batch):
+        assert_same(each, batch[k], atol=0)
+    assert k == 2
+
+
+def test_points_may_be_lists(rng):
+    """Numbers in lists and tuples are moved as arrays are."""
+    pose = random_transform(rng)
+    np.testing.assert_array_equal(pose @ [1, 2, 3], pose @ np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(pose @ [(1, 2, 3)], pose @ np.array([[1.0, 2.0, 3.0]]))
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (np.eye(4), r"^points have shape \(4, 4\), expected \(..., 3\) for transforms of shape \(2,\)$"),
+        (np.ones(4), r"^points have shape \(4,\), expected"),
+        (np.array(1.0), r"^points have shape \(\), expected"),
+        (np.ones((5, 3)), r"^points have shape \(5, 3\), expected"),
+        ("abc", "^points is no array of numbers$"),
+        (SE3.identity((5,)), r"^batches of \(2,\) and \(5,\) transforms do not match$"),
+    ],
+)
+def test_products_that_do_not_exist_are_refused(other, message):
+    """The shapes are in the error, of points and of transforms."""
+    with pytest.raises(InputError, match=message):
+        SE3.identity((2,)) @ other
+
+
+@pytest.mark.parametrize("pair", [(SE3.identity(), None), (np.eye(4), SE3.identity()), (3, SE3.identity())])
+def test_products_with_what_is_neither_points_nor_a_transform(pair):
+    """A matrix in place of a transform is one: `SE3.from_matrix` makes a transform of it."""
+    with pytest.raises(TypeError, match=r"^unsupported operand"):
+        pair[0] @ pair[1]
 
 
 def test_quaternion_order_and_sign():

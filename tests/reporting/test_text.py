@@ -19,6 +19,7 @@ from basecal.cell import (
     SampleResidual,
     Validation,
 )
+from basecal.errors import InputError
 from basecal.geometry import SE3, Camera, PoseEstimate
 from basecal.reporting.statement.verdict import headline
 from basecal.reporting.text import frame_names, text_report
@@ -178,3 +179,8 @@ def test_what_was_not_computed_is_not_told() -> None:
     text = text_report(a_cell(), a_calibration())
     assert "cross-validation" not in text
     assert "outlier" not in text
+
+
+def test_swapped_arguments_are_refused() -> None:
+    with pytest.raises(InputError, match=r"^cell is of type Calibration, expected Cell$"):
+        text_report(a_calibration(), a_cell())  # type: ignore[arg-type]

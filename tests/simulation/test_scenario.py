@@ -22,9 +22,19 @@ def test_choices_are_named(name):
 @pytest.mark.parametrize("counts", [{"samples": 0}, {"stations": 0}, {"robots": 1}])
 def test_counts_have_a_least(counts):
     """One less than the least is an error, the least is not."""
-    with pytest.raises(InputError, match="needs samples >= 1, stations >= 1 and robots >= 2"):
-        Scenario(**counts)
-    Scenario(**{name: value + 1 for name, value in counts.items()})
+    ((name, count),) = counts.items()
+    for value in (count, count + 1.5):
+        with pytest.raises(InputError, match=rf"^{name} is {value}, expected a whole number >= {count + 1}$"):
+            Scenario(**{name: value})
+    Scenario(**{name: count + 1})
+
+
+@pytest.mark.parametrize("distances", [(1, 0.5), (0.0, 0.5), (0.5, float("nan")), (0.5, float("inf"))])
+def test_distances_increase(distances):
+    """From more than zero; both may be equal."""
+    with pytest.raises(InputError, match=r"^distance_m is .*, expected the least and then the greatest distance > 0$"):
+        Scenario(distance_m=distances)
+    assert Scenario(distance_m=(0.5, 0.5)).distance_m == (0.5, 0.5)
 
 
 @pytest.mark.parametrize("value", [-1e-9, float("nan")])

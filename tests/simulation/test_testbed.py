@@ -239,8 +239,8 @@ def test_a_robot_that_may_not_move_stays_at_one_stop() -> None:
     ("fields", "message"),
     [
         ({"layout": "eye_in_hand", "arms": "halves"}, "needs two robots"),
-        ({"layout": "dul"}, "layout is 'dul', expected one of: dual"),
-        ({"samples": 0}, "samples >= 1"),
+        ({"layout": "dul"}, "layout is 'dul' .*, expected one of: dual"),
+        ({"samples": 0}, "samples is 0, expected a whole number >= 1"),
         ({"pixel_px": float("nan")}, "numbers >= 0"),
         ({"distance_m": (0.05, 0.06)}, "of 30 samples see the target"),
     ],
@@ -305,3 +305,15 @@ def test_rings_and_grids_record_their_pairs(layout, robots, pairs):
         (view,) = sample.observations
         assert set(sample.robots) == {made.cell.cameras[view.camera].on, made.cell.targets[view.target].on}
     assert {robot for sample in made.recording.samples for robot in sample.robots} == set(made.cell.robots)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, None])
+def test_a_seed_is_a_whole_number(seed):
+    """And not negative."""
+    with pytest.raises(InputError, match=rf"^seed is {seed}, expected a whole number >= 0$"):
+        simulate(Scenario(samples=1), seed)
+
+
+def test_what_is_no_scenario_is_refused():
+    with pytest.raises(InputError, match=r"^scenario is of type int, expected Scenario$"):
+        simulate(1, 1)

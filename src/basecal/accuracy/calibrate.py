@@ -12,6 +12,7 @@ from basecal.accuracy.findings.better_optimum import guess_led_astray
 from basecal.accuracy.stages import concluding, judging, pose_noise, reading, solving
 from basecal.accuracy.stages.case import Case
 from basecal.cell import Calibration, Cell, Finding, Recording
+from basecal.errors import check_type
 from basecal.estimation.settings import DEFAULT, LOG, Settings
 from basecal.estimation.stages import StageName
 from basecal.numerics.threads import limit_threads
@@ -75,9 +76,13 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         The calibration; with verdict `refused` and findings that say why if the data fall short of an answer.
 
     Raises:
-        InputError: if the cell contradicts the recording, or a task point is named and nothing is placed for it.
+        InputError: if an argument is of another type, the cell contradicts the recording, or a task point is named
+            and nothing is placed for it.
         NotObservable: if the axis-shift method is requested and the recording has no station, or a mount is not known.
     """
+    check_type("cell", cell, Cell)
+    check_type("recording", recording, Recording)
+    check_type("settings", settings, Settings)
     read = _run_stages(READING_STAGES, Case(cell, recording, settings))
     solved, astray = _run_stages(SOLVING_STAGES, read), list[Finding]()
     if settings.start == "guess" and not solving.is_explained(solved):

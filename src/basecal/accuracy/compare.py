@@ -10,6 +10,7 @@ import numpy as np
 
 from basecal.accuracy.model_comparison.nested_models import MOVED, compare_nested_models
 from basecal.cell import Calibration
+from basecal.errors import check_type
 from basecal.numerics.spectral import spectrum
 
 _ROUNDING = 1e-12  # [m, rad] between transforms that have no sigma and are equal
@@ -57,7 +58,12 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
 
     Their errors count as independent. Where both were made of the same samples they are not, and differ by less than
     their covariances say.
+
+    Raises:
+        InputError: if one is no calibration.
     """
+    for name, calibration in (("first", first), ("second", second)):
+        check_type(name, calibration, Calibration)
     common = [name for name in first.transforms if name in second.transforms]
     found = {name: _difference(first, second, name) for name in common}
     chances = [each.chance for each in found.values() if each.chance is not None]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, GetPydanticSchema
 
 from basecal.cell.cell import Cell
+from basecal.cell.exports import Exports
 from basecal.cell.fingerprint import Fingerprint
 from basecal.cell.frames import base_between, frame_between
 from basecal.cell.rival import Rival
@@ -200,7 +200,7 @@ class HeldGauge:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(Exports):
     """The answer, with all that is needed to trust it.
 
     Attributes:
@@ -316,15 +316,6 @@ class Calibration:
     def _repr_html_(self) -> str:
         """The table that a notebook shows."""
         return str(METHODS["html_summary"](self))
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """`to_ur()`, and so on by kind of `basecal export`: `basecal.export` of this calibration."""
-            kind = name.removeprefix("to_")
-            if kind == name or kind not in METHODS["export_kinds"]():
-                raise AttributeError(f"a calibration has no {name!r}")
-            return partial(METHODS["export"], self, kind)
 
     def __getitem__(self, name: str) -> PoseEstimate:
         """The estimate of a transform, such as `calibration["eye_base_from_hand_base"]`.

@@ -13,11 +13,15 @@ def task_points(point: Point | None, box: Box | None) -> list[Point]:
 
     Raises:
         UsageError: if neither is given, or both.
+        InputError: if the box has no volume.
     """
     if point is not None and box is None:
         return [point]
     if point is not None or box is None:
         raise UsageError("give either --task-point x y z or --task-box x y z x y z, in the reference robot's base [m]")
     from basecal.accuracy.task.task import box_points
+    from basecal.estimation.settings import Settings
 
-    return box_points(box)
+    points = box_points(box)
+    Settings(task_point=points[0], task_box=box)  # refuses a box of no volume
+    return points

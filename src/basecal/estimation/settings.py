@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from math import isfinite
+from numbers import Real
+from typing import Any, Literal, get_args
 
+from basecal.errors import InputError, check_choice, check_integer, check_type
 from basecal.estimation.stages import StageName, Stages
 
 LOG = logging.getLogger("basecal")
@@ -16,6 +19,13 @@ Start = Literal["closed", "thorough", "guess", "axis-shift"]
 StationChoice = Literal["nearest", "weighted"]
 RobotNoise = Literal["stated", "estimated"]
 Against = Literal["opencv"]
+
+_CHOICES = {
+    "method": get_args(Method),
+    "start": get_args(Start),
+    "station_choice": get_args(StationChoice),
+    "robot_noise": get_args(RobotNoise),
+}
 
 
 @dataclass(frozen=True)
@@ -41,6 +51,9 @@ class Settings:
         against: Other methods whose predictions of held-out views are reported beside the answer's; None for none.
         joins_scene: Whether the static scene takes part beside targets.
         stages: Where the time of each stage is counted; no part of what is asked.
+
+    Raises:
+        InputError: if a value is none of its choices, or a place has other than finite numbers.
     """
 
     method: Method = "maximum-likelihood"
@@ -55,6 +68,23 @@ class Settings:
     joins_scene: bool = False
     stages: Stages | None = field(default=None, compare=False)
 
+    def __post_init__(self) -> None:
+        for name, choices in _CHOICES.items():
+            check_choice(name, getattr(self, name), choices)
+        if self.against is not None:
+            check_choice("against", self.against, get_args(Against))
+        if self.stages is not None:
+            check_type("stages", self.stages, Stages)
+        for name in ("certify", "joins_scene"):
+            check_type(name, getattr(self, name), bool)
+        check_integer("iterations", self.iterations, 1)
+        for name, count in (("task_point", 3), ("task_box", 6)):
+            object.__setattr__(self, name, _place(name, getattr(self, name), count))
+        if self.task_box is not None and self.task_point is None:
+            raise InputError("task_box needs a task_point: give the middle of the box")
+        if self.task_box is not None and any(a == b for a, b in zip(self.task_box[:3], self.task_box[3:], strict=True)):
+            raise InputError(f"task_box is {self.task_box!r}, expected two corners that differ in x, in y and in z")
+
     def as_dict(self) -> dict[str, Any]:
         """The settings as plain values, for files."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "stages"}
@@ -62,8 +92,7 @@ class Settings:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Settings:
         """The settings of `as_dict`, as a file holds them; what else it holds is left aside."""
-        known: dict[str, Any] = {f.name: values[f.name] for f in fields(cls) if f.name in values}
-        return cls(**known | {name: tuple(each) for name, each in known.items() if isinstance(each, list)})
+        return cls(**{f.name: values[f.name] for f in fields(cls) if f.name in values})
 
     def stage(self, name: StageName) -> AbstractContextManager[None]:
         """A part of the work: it is logged as it begins, and its time is counted where that is requested."""
@@ -75,6 +104,16 @@ class Settings:
         LOG.info("%d of %d", done_count, total)
         if self.stages is not None:
             self.stages.part(done_count, total)
+
+
+def _place(name: str, numbers: Any, count: int) -> tuple[float, ...] | None:
+    """A tuple of `count` finite numbers [m]; None is none."""
+    if numbers is None:
+        return None
+    values = tuple(numbers) if isinstance(numbers, Iterable) else ()
+    if len(values) != count or not all(isinstance(each, Real) and isfinite(each) for each in values):
+        raise InputError(f"{name} is {numbers!r}, expected {count} finite numbers [m]")
+    return tuple(map(float, values))
 
 
 DEFAULT = Settings()

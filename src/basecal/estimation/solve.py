@@ -64,6 +64,12 @@ class Solution:
     findings: tuple[Finding, ...]
     disputed: bool = False
 
+    def __repr__(self) -> str:
+        """One line."""
+        free = [f"{name} {each.words()}" for name, each in self.transforms.items() if name in self.problem.columns]
+        state = "converged" if self.converged else "unconverged"
+        return f"<{state} solution: {'; '.join(free) or 'no transform'}; chi-square {self.cost:.4g} of {self.dof}>"
+
     @property
     def transforms(self) -> dict[str, PoseEstimate]:
         """Every transform, (6, 6) covariances; a single point's mount has none of rotation."""

@@ -24,15 +24,22 @@ def read_only(values: ArrayLike, shape: tuple[int | None, ...] | None = None, na
         name: What to call it in an error.
 
     Raises:
-        InputError: if the last axes do not have `shape`.
+        InputError: if they are no numbers, or the last axes do not have `shape`.
     """
-    array = np.array(values, dtype=np.float64)
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of numbers{_shape_clause(shape)}") from None
     if shape is not None:
         tail = array.shape[array.ndim - len(shape) :] if array.ndim >= len(shape) else None
         if tail is None or any(want is not None and want != got for want, got in zip(shape, tail, strict=True)):
-            raise InputError(f"{name} has shape {array.shape}, expected (..., {', '.join(map(str, shape))})")
+            raise InputError(f"{name} has shape {array.shape}{_shape_clause(shape)}")
     array.setflags(write=False)
     return array
+
+
+def _shape_clause(shape: tuple[int | None, ...] | None) -> str:
+    return "" if shape is None else f", expected (..., {', '.join(map(str, shape))})"
 
 
 def to_front(array: Array, axis: int) -> Array:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from basecal.errors import InputError, check_type
 from basecal.geometry.array import Array, read_only
 from basecal.geometry.se3 import SE3
+
+_ROUNDING = 1e-6  # of correlations, which products of covariances and digits of files leave
+_LEAST_SIGMA = 1e-4  # of the largest one: the rounding of its square is far below the square of this
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,13 +25,23 @@ class PoseEstimate:
     Attributes:
         mean: One transform.
         covariance: (6, 6) [m, rad], translation first.
+
+    Raises:
+        InputError: if the mean is a batch, or the covariance is not finite, symmetric and positive semidefinite.
     """
 
     mean: SE3
     covariance: Array
+    __array_ufunc__: ClassVar[None] = None  # as of `SE3`
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance", read_only(self.covariance, (6, 6), "covariance"))
+        check_type("mean", self.mean, SE3)
+        covariance = read_only(self.covariance, (6, 6), "covariance")
+        if self.mean.shape or covariance.ndim != 2:
+            shapes = f"{self.mean.shape} transforms and {covariance.shape[:-2]} covariances"
+            raise InputError(f"{shapes}, expected one of each: make an estimate of each of a batch")
+        _check_covariance(covariance)
+        object.__setattr__(self, "covariance", covariance)
 
     @classmethod
     def exact(cls, mean: SE3) -> PoseEstimate:
@@ -51,10 +66,18 @@ class PoseEstimate:
         ad = self.mean.adjoint()
         return PoseEstimate(self.mean.inverse(), ad @ self.covariance @ ad.T)
 
-    def __matmul__(self, other: PoseEstimate) -> PoseEstimate:
-        """`a_from_c` of `a_from_b` and an independent `b_from_c`."""
+    def __matmul__(self, other: PoseEstimate | SE3) -> PoseEstimate:
+        """`a_from_c` of `a_from_b` and an independent or exact `b_from_c`."""
+        if isinstance(other, SE3):
+            other = PoseEstimate.exact(other)
+        if not isinstance(other, PoseEstimate):
+            return NotImplemented
         ad = other.mean.inverse().adjoint()
         return PoseEstimate(self.mean @ other.mean, ad @ self.covariance @ ad.T + other.covariance)
+
+    def __rmatmul__(self, other: SE3) -> PoseEstimate:
+        """`a_from_c` of an exact `a_from_b`."""
+        return PoseEstimate.exact(other) @ self if isinstance(other, SE3) else NotImplemented
 
     def left_covariance(self) -> Array:
         """Covariance of `xi` in `SE3.exp(xi) @ mean`: the axes and the origin of a, (6, 6)."""
@@ -76,6 +99,28 @@ class PoseEstimate:
     def sigma_norms(self) -> tuple[float, float]:
         """Standard deviation of the translation [m] and the rotation [rad], 3-D norms: roots of the traces."""
         return float(np.linalg.norm(self.sigma_t)), float(np.linalg.norm(self.sigma_r))
+
+
+def _check_covariance(covariance: Array) -> None:
+    """Refuse what is no covariance beyond rounding.
+
+    Raises:
+        InputError: if a value is not finite, a variance is negative, or the matrix is not symmetric and semidefinite.
+    """
+    if not np.all(np.isfinite(covariance)):
+        raise InputError("covariance holds NaN or infinity")
+    if not np.any(covariance):
+        return
+    sigmas = np.sqrt(np.maximum(np.diag(covariance), 0)) + _LEAST_SIGMA * np.sqrt(np.abs(covariance).max())
+    scaled = covariance / sigmas[:, None] / sigmas
+    if np.abs(scaled - scaled.T).max() > _ROUNDING:
+        raise InputError("covariance is not symmetric")
+    try:
+        np.linalg.cholesky(scaled + _ROUNDING * np.eye(6))
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "covariance is not positive semidefinite: a variance is negative, or a correlation beyond 1"
+        ) from None
 
 
 def _row(values: Array) -> str:

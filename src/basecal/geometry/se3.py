@@ -7,8 +7,9 @@ arXiv:1812.01537.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, overload
+from typing import Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,7 +57,7 @@ def _rotate(rotation: Array, vectors: Array) -> Array:
     return turned
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class SE3:
     """One rigid transform or a batch of them.
 
@@ -72,10 +73,11 @@ class SE3:
 
     rotation: Array
     translation: Array
+    __array_ufunc__: ClassVar[None] = None  # an array @ a transform is a TypeError, not an array of objects
 
-    def __post_init__(self) -> None:
-        rotation = read_only(self.rotation, (3, 3), "rotation")
-        translation = read_only(self.translation, (3,), "translation")
+    def __init__(self, rotation: ArrayLike, translation: ArrayLike) -> None:
+        rotation = read_only(rotation, (3, 3), "rotation")
+        translation = read_only(translation, (3,), "translation")
         if rotation.shape[:-1] != translation.shape:
             raise InputError(
                 f"rotation has shape {rotation.shape} and translation {translation.shape}, "
@@ -111,9 +113,7 @@ class SE3:
         Raises:
             InputError: if a value is not finite, the last row is not (0, 0, 0, 1) or the rest is no rotation.
         """
-        m = np.array(matrix, dtype=np.float64)
-        if m.shape[-2:] != (4, 4):
-            raise InputError(f"{name} has shape {m.shape}, expected (..., 4, 4)")
+        m = read_only(matrix, (4, 4), name)
         if not np.all(np.isfinite(m)):
             raise InputError(f"{name} holds NaN or infinity")
         if not np.allclose(m[..., 3, :], (0, 0, 0, 1), atol=1e-6):
@@ -129,8 +129,7 @@ class SE3:
         Raises:
             InputError: if a value is not finite or a norm is off by more.
         """
-        q = np.array(q_xyzw, dtype=np.float64)
-        t = np.array(translation, dtype=np.float64)
+        q, t = read_only(q_xyzw, name=name), read_only(translation, name="translation")
         if q.shape[-1:] != (4,) or t.shape[-1:] != (3,):
             raise InputError(f"{name} needs 4 numbers and a translation 3, got {q.shape} and {t.shape}")
         if not (np.all(np.isfinite(q)) and np.all(np.isfinite(t))):
@@ -144,7 +143,7 @@ class SE3:
     @classmethod
     def from_rotvec(cls, rotvec: ArrayLike, translation: ArrayLike) -> SE3:
         """Make poses from rotation vectors, (..., 3) [rad], and translations, (..., 3) [m]."""
-        return cls(rotation_exp(read_only(rotvec, (3,), "rotvec")), np.asarray(translation))
+        return cls(rotation_exp(read_only(rotvec, (3,), "rotvec")), translation)
 
     @classmethod
     def from_rpy(cls, rpy: ArrayLike, translation: ArrayLike) -> SE3:
@@ -154,7 +153,7 @@ class SE3:
         rotation = (rotation_exp(y[..., None] * axes[2]) @ rotation_exp(p[..., None] * axes[1])) @ rotation_exp(
             r[..., None] * axes[0]
         )
-        return cls(rotation, np.asarray(translation))
+        return cls(rotation, translation)
 
     @classmethod
     def exp(cls, xi: ArrayLike) -> SE3:
@@ -213,11 +212,24 @@ class SE3:
     @overload
     def __matmul__(self, other: SE3) -> SE3: ...
     @overload
-    def __matmul__(self, other: Array) -> Array: ...
-    def __matmul__(self, other: SE3 | Array) -> SE3 | Array:
+    def __matmul__(self, other: Array | Sequence[float] | Sequence[Sequence[float]]) -> Array: ...
+    def __matmul__(self, other: Any) -> SE3 | Array:
         if isinstance(other, SE3):
-            return SE3.adopt(_product(self.rotation, other.rotation), self @ other.translation)
-        moved = _rotate(self.rotation, other)
+            try:
+                return SE3.adopt(_product(self.rotation, other.rotation), self._move(other.translation))
+            except ValueError:
+                raise InputError(f"batches of {self.shape} and {other.shape} transforms do not match") from None
+        if not isinstance(other, np.ndarray | Sequence):
+            return NotImplemented
+        points = np.asarray(other) if isinstance(other, np.ndarray) else read_only(other, name="points")
+        try:
+            return self._move(points)
+        except (TypeError, ValueError):
+            expected = f"expected (..., 3) for transforms of shape {self.shape}"
+            raise InputError(f"points have shape {points.shape}, {expected}") from None
+
+    def _move(self, points: Array) -> Array:
+        moved = _rotate(self.rotation, points)
         moved += self.translation
         return moved
 
@@ -226,8 +238,16 @@ class SE3:
             raise TypeError("a single transform has no entries")
         return SE3.adopt(self.rotation[index], self.translation[index])
 
+    def __iter__(self) -> Iterator[SE3]:
+        return (self[i] for i in range(len(self)))
+
     def __len__(self) -> int:
+        if self.translation.ndim == 1:
+            raise TypeError("a single transform has no length")
         return len(self.translation)
+
+    def __bool__(self) -> bool:
+        return self.translation.ndim == 1 or len(self) > 0
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -11,6 +11,7 @@ from basecal.accuracy.phrases.outlier import name_sample
 from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
 from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
 from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.errors import check_type
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.exports.digits import format_decimals
 from basecal.exchange.ros2 import static_transform_publisher
@@ -33,7 +34,12 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     Args:
         cell: What was calibrated: it says which transforms are requested, and names frames for other programs.
         calibration: What came out.
+
+    Raises:
+        InputError: if an argument is of another type.
     """
+    check_type("cell", cell, Cell)
+    check_type("calibration", calibration, Calibration)
     asked = [name for name in cell.requested_transforms if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]
     blocks = [[str(headline(cell, calibration))]]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import inf
 from typing import Literal, get_args
 
 from basecal.cell.cell import Cell, Status
 from basecal.cell.recording import Recording
 from basecal.cell.target import Target
 from basecal.cell.targets.registry import TargetKindName
-from basecal.errors import InputError
+from basecal.errors import InputError, check_choice, check_integer
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Camera
 from basecal.geometry.lenses.registry import lens_models
@@ -118,10 +119,11 @@ class Scenario:
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise InputError(f"{name} is {getattr(self, name)!r}, expected one of: {', '.join(choices)}")
-        if self.samples < 1 or self.stations < 1 or self.robots < 2:
-            raise InputError("a scenario needs samples >= 1, stations >= 1 and robots >= 2")
+            check_choice(name, getattr(self, name), choices)
+        for name, least in (("samples", 1), ("stations", 1), ("robots", 2)):
+            check_integer(name, getattr(self, name), least)
+        if not 0 < self.distance_m[0] <= self.distance_m[1] < inf:
+            raise InputError(f"distance_m is {self.distance_m}, expected the least and then the greatest distance > 0")
         sigmas = (self.pixel_px, self.correlated_px, self.point_m, *self.robot_noise, *self.pose_noise)
         of_arms = (self.joint_offset_rad, *self.link_error, self.compliance)
         if not all(sigma >= 0 for sigma in (*sigmas, *of_arms, self.spread_rad, self.position_m)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.cell.recording import Recording, RobotState, Sample
+from basecal.errors import check_integer, check_type
 from basecal.geometry import SE3
 from basecal.numerics.batch import concatenate
 from basecal.simulation.arms import with_arms
@@ -36,8 +37,11 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
     is not of the pair being recorded is parked, and recorded without error.
 
     Raises:
-        InputError: if the scenario's arms do not suit its layout, or hardly any pose sees the target.
+        InputError: if the scenario's arms do not suit its layout, hardly any pose sees the target, or the seed is no
+            whole number >= 0.
     """
+    check_type("scenario", scenario, Scenario)
+    check_integer("seed", seed, 0)
     for_scene, for_motion, for_noise, for_priors, for_arms = np.random.default_rng(seed).spawn(5)
     scene = draw_scene(scenario, make_layout(scenario.layout, scenario.robots), for_scene)
     scene, arms = with_arms(scene, scenario, for_arms) if scenario.joints else (scene, {})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -35,4 +37,17 @@ def test_what_was_not_found() -> None:
         _ = FOUND["d2a"]
     with pytest.raises(AttributeError, match="R_d2a"):
         _ = FOUND.R_d2a
+    assert not hasattr(FOUND, "R_c2a")
+    with pytest.raises(NotObservable, match="c2a was not found"):
+        _ = FOUND.t_c2a
+    assert {"R_c2a", "t_c2a"}.isdisjoint(dir(FOUND))
     assert repr(FOUND).startswith("<doubtful: b2a [122.2, 172.8, 307.8] ± [1, 1, 1] mm")
+
+
+def test_a_notebook_shows_the_names_of_the_arrays() -> None:
+    """With their own values: those of an inverse are not those of the transform of the cell."""
+    table = FOUND._repr_html_()
+    assert re.findall(r"<tr><td>(\w+)</td>", table) == ["b2a", "a2b"]
+    for name in ("b2a", "a2b"):
+        x, y, z = 1e3 * FOUND[name].mean.translation
+        assert f"<td>{name}</td><td>{x:.1f}, {y:.1f}, {z:.1f}</td>" in table

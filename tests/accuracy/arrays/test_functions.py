@@ -107,3 +107,10 @@ def test_arrays_that_are_no_poses() -> None:
         basecal.hand_eye(1.1 * rotations, places, rotations, places)
     with pytest.raises(InputError, match="R_gripper2base has 14, R_target2cam has 13"):
         basecal.hand_eye(rotations, places, rotations[1:], places[1:])
+
+
+def test_an_unknown_carrier_of_the_camera_is_refused() -> None:
+    """Any other word than the two was a camera on the world."""
+    gripper = _parts(W @ SEEN.inverse() @ X.inverse())
+    with pytest.raises(InputError, match=r"^camera_on is 'Robot'.*, expected one of: robot, world$"):
+        basecal.hand_eye(*gripper, *_parts(SEEN), camera_on="Robot")  # type: ignore[arg-type]

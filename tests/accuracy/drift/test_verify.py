@@ -30,6 +30,8 @@ def test_nothing_moved(seed: int) -> None:
     assert found.chance > MOVED
     assert found.detectable_m is not None
     assert len(found.samples) == 6
+    assert repr(found) == f"<not moved, 6 samples, p = {found.chance:.2g}>"
+    assert repr(replace(found, moved=None)).startswith("<undecided, 6 samples")
 
 
 @pytest.mark.parametrize("seed", quick(range(6), range(3)))
@@ -42,6 +44,7 @@ def test_a_base_that_moved_is_named(seed: int) -> None:
     assert found.moved is True
     assert found.shift.frame == "hand_base"
     assert found.shift.transform == BASE
+    assert repr(found).startswith("<moved: hand_base, 6 samples, p = ")
 
 
 def test_a_single_sample_sees_that_something_moved_and_not_what() -> None:

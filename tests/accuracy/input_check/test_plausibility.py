@@ -53,6 +53,16 @@ def test_reach_of_the_farthest_flange(far, found):
     assert told([RobotState(at(far)), RobotState(at(far))]) == ((f"flange of eye {far:.3g} m",) if found else ())
 
 
+def test_a_few_far_flanges_have_another_unit():
+    """A flange at 160 m is in millimetres, centimetres or inches, and one at 812 m in millimetres alone."""
+    near = [RobotState(at(1.0))] * 2
+    assert told([*near, RobotState(at(160.0))])[0] == (
+        "samples 2 of eye look like another unit among metres: "
+        "convert lengths to metres: 160 mm are 0.16 m, 160 cm are 1.6 m"
+    )
+    assert told([*near, RobotState(at(812.0))])[0].startswith("samples 2 of eye look like millimetres among metres: ")
+
+
 @pytest.mark.parametrize(
     ("joints", "words"),
     [

@@ -100,16 +100,40 @@ def posed(far_m, distance_m=1.0, kind="pose"):
 
 
 @pytest.mark.parametrize("kind", ["pose", "points"])
-def test_beyond_fifty_metres_lengths_are_millimetres(kind):
-    """The median of a robot's flanges, and of targets from cameras, told with how far that is."""
+def test_beyond_fifty_metres_lengths_are_not_metres(kind):
+    """The median of a robot's flanges, and of targets from cameras, with what every likely unit makes of it."""
     cell = simulate(Scenario(samples=1), 0).cell
     assert codes(cell, posed(49.9, 49.9, kind)) == []
     (flange, target) = impossible_units(cell, posed(51.2, 53.4, kind))
     assert flange.about == ("hand",)
-    assert flange.what == "The poses of hand are in millimetres: a flange is 51 m from its base."
+    assert flange.what == "The poses of hand are in another unit: a flange is 51 m from its base."
     who = "The observed poses" if kind == "pose" else "The observed 3-D points"
-    assert target.what == f"{who} are in millimetres: a target is 53 m away."
-    assert flange.do == target.do == ("Divide lengths by 1000: they are in metres.",)
+    assert target.what == f"{who} are in another unit: a target is 53 m away."
+    assert flange.do == ("Convert lengths to metres: 51 mm are 0.051 m, 51 cm are 0.51 m, 51 inch are 1.3 m.",)
+    assert target.do == ("Convert lengths to metres: 53 mm are 0.053 m, 53 cm are 0.53 m, 53 inch are 1.4 m.",)
+    for sure in impossible_units(cell, posed(320, 310, kind)):
+        assert " in millimetres: " in sure.what
+        assert sure.do == ("Divide lengths by 1000 to convert them to metres.",)
+
+
+@pytest.mark.parametrize(("far", "words"), [(1e8, "1e+08"), (1e300, "1e+300")])
+def test_what_is_far_in_every_unit_is_in_none_of_them(far, words):
+    """As far as floating-point numbers reach, without a warning that a square overflows."""
+    cell = simulate(Scenario(samples=1), 0).cell
+    flange, target = impossible_units(cell, posed(far, far))
+    assert target.what == f"The observed poses are in another unit: a target is {words} m away."
+    assert flange.what == f"The poses of hand are in another unit: a flange is {words} m from its base."
+    assert flange.do == ("State lengths in metres.",)
+
+
+def test_some_samples_in_another_unit():
+    """They are named, and the unit too if it is certain."""
+    for reach, unit in ((160.0, "another unit"), (812.0, "millimetres")):
+        cell, recording = simulate(Scenario(samples=1), 0).cell, Recording()
+        for far in (1.0, 1.0, reach):
+            recording = replace(recording, samples=(*recording.samples, *posed(far, 1.0, "pose").samples[:1]))
+        (found,) = impossible_units(cell, recording)
+        assert found.what == f"Sample 0 of hand look like {unit} among metres."
 
 
 @pytest.mark.parametrize(("size_m", "told"), [(19.9, False), (20.1, True)])
@@ -120,7 +144,7 @@ def test_no_target_is_wider_than_twenty_metres(size_m, told):
     cell = resized(made.cell, {"board": size_m / width})
     found = impossible_units(cell, made.recording)
     assert [f.about for f in found] == ([("board",)] if told else [])
-    assert not told or found[0].what == "The size of board is in millimetres: it is stated to be 20 m wide."
+    assert not told or found[0].what == "The size of board is in another unit: it is stated to be 20 m wide."
     blind = [replace(s, observations=()) for s in made.recording.samples]
     assert impossible_units(cell, Recording(tuple(blind))) == []
     pictured = [replace(s, images={"wrist": "a.png"}) for s in blind]

@@ -72,6 +72,15 @@ def test_own_files_are_no_links_out(tmp_path):
         own_file(cell, "recording/samples.jsonl")
 
 
+def test_a_file_in_place_of_a_folder_is_said(tmp_path):
+    """With what to give instead."""
+    (tmp_path / "cell.yaml").write_text("x")
+    with pytest.raises(
+        DatasetError, match=r"cell\.yaml: is a file: give the folder of the cell, which holds cell\.yaml$"
+    ):
+        own_file(tmp_path / "cell.yaml", "cell.yaml")
+
+
 @pytest.mark.parametrize("written", ["a" * 256, "ä" * 128 + "/b.png", "a/" * 501 + "b"])
 def test_names_longer_than_any_file_has(tmp_path, written):
     """A name that no file system takes is refused before it is asked for, and not written out in full."""

@@ -41,6 +41,13 @@ def test_what_no_cell_needs_is_refused(text, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize("text", ['{"a": [1, 2', '{"a": 0x\n "b": 1', '{"a": \x00}'])
+def test_half_a_json_file_is_not_json(text):
+    """The message speaks of the format that the file's name promises."""
+    with pytest.raises(DatasetError, match=r"^f\.json(:\d)?: not JSON: "):
+        parse_yaml(text, "f.json")
+
+
 def test_thirty_two_levels_are_read():
     """The deepest nest that is read."""
     assert parse_yaml("[" * 32 + "]" * 32, "f").data is not None

@@ -22,6 +22,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_from
+from basecal.estimation.stages import Stages
 from basecal.estimation.view.measurement import Noise
 from basecal.simulation import Scenario, simulate
 
@@ -31,7 +32,7 @@ UNSTATED = replace(
 )
 
 
-class Told:
+class Told(Stages):
     """Stages of which only the parts are kept."""
 
     def __init__(self, parts):

@@ -58,6 +58,22 @@ def test_what_a_kind_does_not_take_is_said():
         export(CALIBRATION, "ur", robot="hand")
 
 
+@pytest.mark.parametrize(
+    ("arguments", "options", "message"),
+    [
+        ((None, "ur"), {}, r"^calibration is of type NoneType, expected Calibration$"),
+        ((CALIBRATION, None), {}, r"^kind is of type NoneType, expected str$"),
+        ((CALIBRATION, "ur", 3), {}, r"^transform is of type int, expected str$"),
+        ((CALIBRATION, "urdf_joint"), {"urdf": "arm.urdf"}, r"^urdf is 'arm.urdf', expected a list of paths$"),
+        ((CALIBRATION, "urdf_joint"), {"urdf": Path("arm.urdf")}, r"^urdf is 'arm.urdf', expected a list of paths$"),
+    ],
+)
+def test_arguments_of_another_type_are_said(arguments, options, message):
+    """One path in place of a list is not taken for a list of its characters."""
+    with pytest.raises(InputError, match=message):
+        export(*arguments, **options)
+
+
 def test_every_kind_is_documented():
     """docs/exporting.md has a section for each, in the registry's order, which begins with what the registry says."""
     page = (Path(__file__).parents[3] / "docs" / "exporting.md").read_text(encoding="utf-8")

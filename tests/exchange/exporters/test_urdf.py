@@ -12,6 +12,7 @@ import pytest
 
 from basecal.cell import Calibration, Cell, Robot, RobotParameters
 from basecal.errors import FrameNotFound, InputError
+from basecal.exchange.exporters.exporter import export
 from basecal.exchange.exporters.urdf import export_text
 from basecal.exchange.exports.wanted import Wanted
 from basecal.kinematics import read_chain
@@ -46,6 +47,13 @@ def test_offsets_are_in_it(tmp_path):
     found = flange_of(urdf_of(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand"), tmp_path)
     wanted = CHAIN.forward(0.3 + np.nan_to_num(RAD))
     np.testing.assert_allclose(found.matrix, wanted.matrix, atol=1e-9)
+
+
+def test_the_folder_may_be_text():
+    """Its path as a string gives what a `Path` gives."""
+    calibration = calibrated(joint_offsets=OFFSETS)
+    texts = [export(calibration, "urdf", robot="hand", cell=CELL, folder=folder) for folder in (str(DATA), DATA)]
+    assert texts[0] == texts[1]
 
 
 def test_links_are_in_it(tmp_path):

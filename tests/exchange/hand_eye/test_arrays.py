@@ -39,6 +39,13 @@ def test_json_of_a_robot_and_a_world(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].inverse().matrix, atol=1e-12)
 
 
+def test_one_array_is_not_enough(tmp_path: Path) -> None:
+    """A file of one array holds no names; the message has those that are expected."""
+    np.save(tmp_path / "poses.npy", POSES[0].rotation)
+    with pytest.raises(InputError, match=r"poses\.npy: holds array, expected R_gripper2base, t_gripper2base, "):
+        read_record_of_arrays(tmp_path / "poses.npy", None, 1.0)
+
+
 def test_two_arms() -> None:
     """The second carries the target."""
     found = record_of_arrays(_arrays("eye_gripper2base", "hand_gripper2base", "target2cam"), "test")

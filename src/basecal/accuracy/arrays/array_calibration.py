@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from basecal.cell import Calibration, Cell, Finding, Recording
@@ -17,6 +17,10 @@ class Alias:
 
     transform: str
     is_inverse: bool = False
+
+
+class _NoTransform(NotObservable, AttributeError):
+    """A transform that the arrays do not determine, for which `hasattr` is false."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +64,12 @@ class ArrayCalibration:
         alias = self.aliases[name]
         found = self.calibration.transforms.get(alias.transform)
         if found is None:
-            raise NotObservable(f"{name} was not found: {' '.join(f.message for f in self.findings[:1])}")
+            raise _NoTransform(f"{name} was not found: {' '.join(f.message for f in self.findings[:1])}")
         return found.inverse() if alias.is_inverse else found
+
+    @property
+    def _known_names(self) -> list[str]:
+        return [name for name, alias in self.aliases.items() if alias.transform in self.calibration.transforms]
 
     def __getattr__(self, name: str) -> Any:
         """`R_...` and `t_...` of each name."""
@@ -72,17 +80,18 @@ class ArrayCalibration:
 
     def __dir__(self) -> list[str]:
         """Attributes, with those of `R_...` and `t_...`."""
-        return [*super().__dir__(), *(f"{letter}_{name}" for name in self.aliases for letter in "Rt")]
+        return [*super().__dir__(), *(f"{letter}_{name}" for name in self._known_names for letter in "Rt")]
 
     def __repr__(self) -> str:
         """One line."""
-        known = [name for name, alias in self.aliases.items() if alias.transform in self.calibration.transforms]
-        told = "; ".join(f"{name} {self[name].words()}" for name in known)
-        return f"<{self.verdict}: {told or 'no transform'}>"
+        transforms = "; ".join(f"{name} {self[name].words()}" for name in self._known_names)
+        return f"<{self.verdict}: {transforms or 'no transform'}>"
 
     def _repr_html_(self) -> str:
-        """The table that a notebook shows."""
-        return self.calibration._repr_html_()
+        """The table that a notebook shows, by OpenCV's names."""
+        calibration = self.calibration
+        states = {name: calibration.status.get(self.aliases[name].transform, "free") for name in self._known_names}
+        return replace(calibration, transforms={name: self[name] for name in states}, status=states)._repr_html_()
 
 
 def _column(estimate: PoseEstimate) -> Array:

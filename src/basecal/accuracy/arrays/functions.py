@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from basecal.accuracy.arrays.array_calibration import Alias, ArrayCalibration
 from basecal.accuracy.calibrate import calibrate
 from basecal.cell import WORLD, Cell, CellCamera, CellTarget, PoseObservation, Recording, Robot, RobotState, Sample
+from basecal.errors import check_choice
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.exchange.hand_eye.arrays import record_of_arrays
 from basecal.exchange.hand_eye.record import HandEyeRecord
@@ -35,7 +36,7 @@ def hand_eye(
         settings: How to solve.
 
     Raises:
-        InputError: if they are no poses, or not as many.
+        InputError: if they are no poses, or not as many, or nothing known carries the camera.
     """
     arrays = {
         "R_gripper2base": R_gripper2base,
@@ -43,6 +44,7 @@ def hand_eye(
         "R_target2cam": R_target2cam,
         "t_target2cam": t_target2cam,
     }
+    check_choice("camera_on", camera_on, ("robot", "world"))
     record = record_of_arrays(arrays, "hand_eye", camera_on == "robot")
     if camera_on == "robot":
         names = {"cam2gripper": Alias("eye_flange_from_camera"), "target2base": Alias("eye_base_from_target")}

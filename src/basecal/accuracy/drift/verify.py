@@ -49,6 +49,12 @@ class Verification:
     outliers: tuple[int, ...] = ()
     asked: tuple[Shift, ...] = ()
 
+    def __repr__(self) -> str:
+        """One line."""
+        frame = "" if self.shift is None else f" {self.shift.frame}"
+        state = "undecided" if self.moved is None else f"moved:{frame}" if self.moved else "not moved"
+        return f"<{state}, {len(self.samples)} samples, p = {self.chance:.2g}>"
+
 
 @limit_threads
 def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verification:

@@ -29,6 +29,9 @@ _DISTANCE_M = 0.02, 20.0  # [m] from camera to target, the median
 _TARGET_M = 2e-3, 5.0  # [m] of a target's longest side
 _TURNS_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; degrees are 57 times as many
 _BEYOND_LIMIT_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
+_UNITS_M = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254}
+FARTHEST_M = 2.5
+"""[m] of a flange from its base, or a target from its camera, in most cells: one farther is not in centimetres."""
 _MOST_BEHIND = 0.8  # share of the views behind the camera: a few may be outliers
 
 
@@ -90,7 +93,24 @@ def _few_far(robot: str, numbers: list[int], distances: Array) -> list[str]:
     if not far.any() or np.median(distances) > _REACH_M[1]:
         return []
     few = ", ".join(str(number) for number, is_far in zip(numbers, far, strict=True) if is_far)
-    return [f"samples {few} of {robot} look like millimetres among metres: divide their lengths by 1000"]
+    unit, advice = likely_unit(float(distances.max()), FARTHEST_M)
+    return [f"samples {few} of {robot} look like {unit} among metres: {advice[:1].lower()}{advice[1:-1]}"]
+
+
+def likely_unit(length: float, most_m: float) -> tuple[str, str]:
+    """The unit of a length that is implausible in metres, and how to convert it.
+
+    Args:
+        length: As it is stated.
+        most_m: As long as a length of its kind usually is at most [m].
+    """
+    metres = {unit: length * size for unit, size in _UNITS_M.items() if length * size <= most_m}
+    if len(metres) > 1:
+        options = ", ".join(f"{length:.0f} {unit} are {value:.2g} m" for unit, value in metres.items())
+        return "another unit", f"Convert lengths to metres: {options}."
+    if length * _UNITS_M["mm"] > _BASES_M[1]:
+        return "another unit", "State lengths in metres."
+    return "millimetres", "Divide lengths by 1000 to convert them to metres."
 
 
 def _joint_faults(name: str, joints: Array, lower: Array, upper: Array) -> list[str]:

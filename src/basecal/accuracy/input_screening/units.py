@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import hypot
 
 import numpy as np
 
+from basecal.accuracy.input_check.plausibility import FARTHEST_M, likely_unit
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Cell, Finding, PixelObservation, PointObservation, PoseObservation, Recording, Robot
 from basecal.geometry import Array
-from basecal.geometry.rotation import lengths
 from basecal.numerics.spectral import ROUNDING
 
 # Beyond what any arm reaches and any target spans, and within a thousand times of it: it is told by its size alone.
@@ -17,9 +18,7 @@ _LARGEST_DISTANCE_M = 50.0  # [m] of flanges from their base, or targets from th
 _LARGEST_TARGET_M = 20.0  # [m] of a target's longest side
 _LARGEST_JOINT_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; some wrists turn without end, but not two joints
 _LIMIT_EXCESS_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
-
-
-_DIVIDE_ADVICE = ("Divide lengths by 1000: they are in metres.",)
+_WIDEST_M = 1.0  # [m] of a target in most cells
 
 
 def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
@@ -73,19 +72,21 @@ def _millimetres(recording: Recording) -> Iterator[Finding]:
     for sample in recording.samples:
         for name, state in sample.robots.items():
             if state.base_from_flange is not None:
-                reaches.setdefault(name, []).append(float(np.linalg.norm(state.base_from_flange.translation)))
+                reaches.setdefault(name, []).append(hypot(*state.base_from_flange.translation))
                 numbers.setdefault(name, []).append(sample.sample)
     far = {name: float(np.median(of)) for name, of in reaches.items() if np.median(of) > _LARGEST_DISTANCE_M}
     if far:
         who = " and ".join(far)
-        what = f"The poses of {who} are in millimetres: a flange is {max(far.values()):.0f} m from its base."
-        yield Finding("length-unit", "error", tuple(far), what, _DIVIDE_ADVICE)
+        unit, advice = likely_unit(max(far.values()), FARTHEST_M)
+        what = f"The poses of {who} are in {unit}: a flange is {np.round(max(far.values())):.6g} m from its base."
+        yield Finding("length-unit", "error", tuple(far), what, (advice,))
     for name in reaches.keys() - far.keys():
         limit = max(_LARGEST_DISTANCE_M, _NEARER_THOUSAND * float(np.median(reaches[name])))
-        few = [number for number, reach in zip(numbers[name], reaches[name], strict=True) if reach > limit]
+        few = {number: reach for number, reach in zip(numbers[name], reaches[name], strict=True) if reach > limit}
         if few:
-            what = f"{list_samples(few)} of {name} look like millimetres among metres."
-            yield Finding("length-unit", "error", (name,), what[:1].upper() + what[1:], _DIVIDE_ADVICE)
+            unit, advice = likely_unit(max(few.values()), FARTHEST_M)
+            what = f"{list_samples(list(few))} of {name} look like {unit} among metres."
+            yield Finding("length-unit", "error", (name,), what[:1].upper() + what[1:], (advice,))
 
 
 def _view_findings(recording: Recording) -> Iterator[Finding]:
@@ -95,9 +96,10 @@ def _view_findings(recording: Recording) -> Iterator[Finding]:
         "The observed 3-D points": [o.points_in_camera.mean(0) for o in seen if isinstance(o, PointObservation)],
     }
     for who, places in kinds.items():
-        if places and (distance := float(np.median(lengths(np.array(places))))) > _LARGEST_DISTANCE_M:
-            what = f"{who} are in millimetres: a target is {distance:.0f} m away."
-            yield Finding("length-unit", "error", (), what, _DIVIDE_ADVICE)
+        if places and (distance := float(np.median([hypot(*place) for place in places]))) > _LARGEST_DISTANCE_M:
+            unit, advice = likely_unit(distance, FARTHEST_M)
+            what = f"{who} are in {unit}: a target is {np.round(distance):.6g} m away."
+            yield Finding("length-unit", "error", (), what, (advice,))
 
 
 def _target_findings(cell: Cell, recording: Recording) -> Iterator[Finding]:
@@ -109,8 +111,9 @@ def _target_findings(cell: Cell, recording: Recording) -> Iterator[Finding]:
             continue
         size = float(np.ptp(shape.points, axis=0).max())
         if size > _LARGEST_TARGET_M:
-            what = f"The size of {name} is in millimetres: it is stated to be {size:.0f} m wide."
-            yield Finding("board-size", "error", (name,), what, _DIVIDE_ADVICE)
+            unit, advice = likely_unit(size, _WIDEST_M)
+            what = f"The size of {name} is in {unit}: it is stated to be {size:.0f} m wide."
+            yield Finding("board-size", "error", (name,), what, (advice,))
 
 
 def _sigma_findings(recording: Recording) -> Iterator[Finding]:

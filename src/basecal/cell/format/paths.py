@@ -72,9 +72,11 @@ def own_file(folder: str | Path, name: str) -> Path:
     """The path of a file that a cell has at a place of its own, such as `cell.yaml`.
 
     Raises:
-        DatasetError: if it is a link that leads out of the cell.
+        DatasetError: if the folder is a file, or it is a link that leads out of the cell.
     """
     path = Path(folder) / name
+    if os.path.isfile(folder):
+        raise DatasetError(str(folder), f"is a file: give the folder of the cell, which holds {name}")
     if not _is_within(os.fspath(path), os.path.realpath(folder)):
         raise DatasetError(str(path), "is a link that leads out of the cell; copy the file into it")
     return path

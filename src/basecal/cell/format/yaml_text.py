@@ -95,6 +95,11 @@ class _PlainParser(Parser):
         return event
 
 
+def _format(path: str) -> str:
+    """The format that a file's name promises; JSON is YAML, too."""
+    return "JSON" if path.lower().endswith((".json", ".jsonl")) else "YAML"
+
+
 def parse_yaml(text: str, path: str) -> Document:
     """The data of a YAML 1.2 document and the lines of its keys.
 
@@ -109,9 +114,9 @@ def parse_yaml(text: str, path: str) -> Document:
         raise DatasetError(path, error.reason, error.line) from None
     except MarkedYAMLError as error:
         fault = yaml_fault(text, error)
-        raise DatasetError(path, f"not YAML: {fault.reason}", fault.line) from None
+        raise DatasetError(path, f"not {_format(path)}: {fault.reason}", fault.line) from None
     except (YAMLError, ValueError) as error:
-        raise DatasetError(path, f"not YAML: {' '.join(str(error).split())[:CAUSE_LENGTH]}") from None
+        raise DatasetError(path, f"not {_format(path)}: {' '.join(str(error).split())[:CAUSE_LENGTH]}") from None
     notes = _Notes(_yaml().constructor)
     data = None if node is None else _plain(node, (), notes)
     if notes.problems:

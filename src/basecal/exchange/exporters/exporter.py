@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from basecal.cell import Calibration, Cell
-from basecal.errors import FrameNotFound, InputError, RefusedCalibration
+from basecal.errors import FrameNotFound, InputError, RefusedCalibration, check_type
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import both_directions, chosen_transforms
 from basecal.exchange.exports.remarks import provenance
@@ -20,10 +20,10 @@ def export(
     *,
     robot: str | None = None,
     camera: str | None = None,
-    urdf: Sequence[Path] = (),
+    urdf: Sequence[str | Path] = (),
     joint: str | None = None,
     cell: Cell | None = None,
-    folder: Path | None = None,
+    folder: str | Path | None = None,
     run: str | None = None,
 ) -> str:
     """A calibration as the text of another program's file.
@@ -43,8 +43,14 @@ def export(
     Raises:
         FrameNotFound: if there is no such kind, transform, robot or camera.
         RefusedCalibration: if the calibration is refused.
-        InputError: if what is requested cannot be exported, or the kind does not take it.
+        InputError: if what is requested cannot be exported, the kind does not take it, or an argument is of another
+            type.
     """
+    check_type("calibration", calibration, Calibration)
+    if isinstance(urdf, str | Path):
+        raise InputError(f"urdf is {str(urdf)!r}, expected a list of paths")
+    for name, text in {"kind": kind, "transform": transform or "", "joint": joint or ""}.items():
+        check_type(name, text, str)
     if kind not in EXPORTERS:
         raise FrameNotFound(kind, list(EXPORTERS))
     if calibration.verdict == "refused":
@@ -57,7 +63,8 @@ def export(
     of_transforms = "transform" in found.takes and robot is None and camera is None
     transforms = chosen_transforms(calibration, cell, transform) if of_transforms else ()
     remarks = provenance(calibration, run)
-    return found.text(Wanted(transforms, remarks, calibration, cell, folder, robot, camera, tuple(urdf), joint))
+    urdfs, place = tuple(map(Path, urdf)), None if folder is None else Path(folder)
+    return found.text(Wanted(transforms, remarks, calibration, cell, place, robot, camera, urdfs, joint))
 
 
 def pasteable(calibration: Calibration, cell: Cell | None = None, run: str | None = None) -> dict[str, dict[str, str]]:

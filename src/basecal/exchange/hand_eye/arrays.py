@@ -69,7 +69,7 @@ def read_record_of_arrays(path: str | Path, camera_on_robot: bool | None, metres
         InputError: if it cannot be read.
     """
     name = str(path)
-    if name.lower().endswith(".npz"):
+    if name.lower().endswith((".npz", ".npy")):
         name, found = read_arrays(name)
         arrays: dict[str, ArrayLike] = dict(found)
     else:
