@@ -15,15 +15,14 @@ if TYPE_CHECKING:
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
     """The command to type after a calibration of a cell's folder."""
     from basecal.exchange.exporters.controllers import controller_kind
-    from basecal.reporting.statement.verdict import task_options, verdict_word
+    from basecal.reporting.statement.verdict import missed_step, verdict_word
 
     place, word = quote_path(folder), verdict_word(calibration)
     if word in ("PASS", "GOOD"):
         is_known = any(controller_kind(robot) != "matrix" for robot in cell.robots.values())
         return f"basecal export {place}" + ("" if is_known else " --to ur")
     if word == "FAIL":
-        tolerance = f"{1e3 * calibration.settings['tolerance_m']:.3g}mm"
-        return f"basecal plan {place} --tolerance {tolerance}{task_options(calibration)} -o plan.jsonl"
+        return missed_step(cell, calibration, place)
     return f"do what is said above, then basecal calibrate {place}"
 
 

@@ -12,7 +12,6 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals import without_samples as module
 from basecal.accuracy.residuals.without_samples import without_samples
 from basecal.cell import Recording
-from basecal.cell.fingerprint import Fingerprint
 from basecal.errors import InputError
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3, PoseEstimate
@@ -52,7 +51,7 @@ def test_too_few_are_told(made):
 def test_an_answer_from_a_scene_says_so(made):
     """Samples of a scene have no target from which the answer could be solved anew."""
     cell, calibration = made
-    of_scene = replace(calibration, scene=Fingerprint(np.zeros((1, 3)), np.zeros((1, 128), dtype=np.uint8)))
+    of_scene = replace(calibration, settings={**calibration.settings, "method": "scene"})
     bare = Recording(tuple(replace(each, observations=()) for each in cell.recording.samples))
     with pytest.raises(InputError, match="from a scene is not solved anew"):
         without_samples(cell.cell, bare, of_scene, {3})

@@ -61,6 +61,9 @@ def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     answer = calibrated(monkeypatch, pictures_of_scene(scene))
     assert answer.verdict == "doubtful"
     assert [each.code for each in answer.findings] == ["not-validated", "scene-joined", "scene-scale"]
+    assert answer.meeting is not None
+    assert answer.meeting.where == "recorded places"
+    assert answer.settings["method"] == "scene"
     for name, true in ((BASE_NAME, BASE), ("left_flange_from_left_eye", MOUNT), ("right_flange_from_right_eye", MOUNT)):
         found = answer.transforms[name]
         off = (true.inverse() @ found.mean).log()

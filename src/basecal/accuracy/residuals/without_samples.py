@@ -75,8 +75,8 @@ def _solve_again(cell: Cell, recording: Recording, calibration: Calibration) -> 
     """The optimum near a calibration, with the noise that it found."""
     known = known_views(cell, recording, calibration)
     if not known.problem.groups:
-        if calibration.scene is not None:
-            raise InputError("an answer from a scene is not solved anew here: calibrate a recording without these samples")
+        if calibration.settings.get("method") == "scene":
+            raise InputError("an answer from a scene is not solved anew here: calibrate without these samples")
         raise InputError("no sample is left: keep some, or choose a run that found something")
     problem, _ = build_problem(cell, recording)
     views = {(group.camera, group.target) for group in known.problem.groups}

@@ -17,6 +17,7 @@ from basecal.accuracy.scene.checks import (
 )
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
+from basecal.accuracy.scene.meeting import scene_meeting
 from basecal.accuracy.scene.motion import scene_motion
 from basecal.accuracy.scene.pictures import read_pictures
 from basecal.accuracy.scene.shared_errors import shared_covariance
@@ -44,6 +45,7 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
     Raises:
         InputError: if the recording's folder is not known, or the reference carries no camera that took images.
     """
+    settings = replace(settings, method="scene")  # also if the cell requests it, or has tracks alone
     with settings.stage("features"):
         pictures = read_pictures(cell, recording)
     if not len(pictures.views):
@@ -134,6 +136,7 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
         findings=tuple(report.findings),
         verdicts=dict.fromkeys(own, verdict),
         settings=settings.as_dict(),
+        meeting=scene_meeting(cell, fit, covariance, settings),
     )
 
 

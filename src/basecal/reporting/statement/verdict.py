@@ -69,6 +69,25 @@ def task_options(calibration: Calibration) -> str:
     return ""
 
 
+def missed_step(cell: Cell, calibration: Calibration, place: str) -> str:
+    """What to type if the expected error is above the tolerance: a plan, or what brings more images of a scene.
+
+    Args:
+        cell: What was calibrated.
+        calibration: What came out.
+        place: Folder of the cell, as it is typed.
+    """
+    if calibration.settings.get("method") != "scene":
+        assert calibration.tolerance is not None
+        tolerance_mm = f"{1e3 * calibration.tolerance.asked_m:.3g}mm"
+        return f"basecal plan {place} --tolerance {tolerance_mm}{task_options(calibration)} -o plan.jsonl"
+    drivers = [robot.driver for robot in cell.robots.values()] + [camera.driver for camera in cell.cameras.values()]
+    if cell.sees_scene and all(drivers):
+        return f"basecal capture {place} --freedrive"
+    option = "" if cell.sees_scene else " --scene"
+    return f"import more images of each arm, then basecal calibrate {place}{option}"
+
+
 def headline(cell: Cell, calibration: Calibration) -> Headline:
     """How well the requested transforms are known, or why they are not."""
     word, reason = verdict_word(calibration), _first_reason(calibration.findings)
