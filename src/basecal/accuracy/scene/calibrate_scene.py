@@ -12,6 +12,7 @@ from basecal.accuracy.scene.checks import (
     base_findings,
     count_points,
     direction_findings,
+    drop_target_findings,
     joint_findings,
     motion_findings,
 )
@@ -53,7 +54,7 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
         raise InputError(lost or "no camera on a robot has images or tracks with poses, which a scene needs")
     if cell.reference not in pictures.views.robots:
         raise InputError(f"robot {cell.reference!r}, the reference, has no camera with images: name another reference")
-    report = Report([*recording.findings, *pictures.lost])
+    report = Report([*drop_target_findings(recording.findings), *pictures.lost])
     stated = [cell.robots[name].noise for name in pictures.views.robots]
     fit = find_scene(pictures, stated, cell.reference, report, settings)
     if fit is None:
