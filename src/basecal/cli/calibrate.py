@@ -109,12 +109,15 @@ def calibrate(
 
 
 def _say_all(result: CalibratedFolder, cell: Cell, folder: Path, verbose: bool, opens_page: bool) -> None:
+    from dataclasses import replace
+
     from basecal.cell.files import read_recording
 
     show(cell, result.calibration, verbose)
     show_page(result.run, opens_page)
-    is_refused = result.calibration.verdict == "refused"
-    missing = next_step(cell, read_recording(folder, cell), folder) if is_refused else None
+    is_refused, is_scene = result.calibration.verdict == "refused", result.calibration.settings["method"] == "scene"
+    searched = replace(cell, sees_scene=cell.sees_scene or is_scene)  # else a scene that failed would be proposed
+    missing = next_step(searched, read_recording(folder, cell), folder) if is_refused else None
     if missing:
         say(missing)
     else:

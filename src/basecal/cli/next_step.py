@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
     """The command to type after a calibration of a cell's folder."""
     from basecal.exchange.exporters.controllers import controller_kind
-    from basecal.reporting.statement.verdict import missed_step, verdict_word
+    from basecal.reporting.statement.verdict import calibrate_command, missed_step, verdict_word
 
     place, word = quote_path(folder), verdict_word(calibration)
     if word in ("PASS", "GOOD"):
@@ -23,7 +23,7 @@ def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
         return f"basecal export {place}" + ("" if is_known else " --to ur")
     if word == "FAIL":
         return missed_step(cell, calibration, place)
-    return f"do what is said above, then basecal calibrate {place}"
+    return f"do what is said above, then {calibrate_command(cell, calibration, place)}"
 
 
 def cameras_without_lens(cell: Cell, recording: Recording) -> list[str]:
@@ -51,7 +51,7 @@ def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
     place = quote_path(folder)
     if not cell.cameras:
         return f"next, its images: basecal import images {place} DIR --camera NAME --on ROBOT --target KIND ..."
-    seen = any(sample.images or sample.observations for sample in recording.samples)
+    seen = any(sample.images or sample.observations or sample.tracks for sample in recording.samples)
     silent = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
     if silent:
         silent_names = list_names(silent)

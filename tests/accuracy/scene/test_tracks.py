@@ -75,3 +75,13 @@ def test_a_wrong_line_is_one_clear_error(
     message = refused(tmp_path, observations, capsys)
     assert reason in message
     assert "samples.jsonl:1: observations[" in message
+
+
+def test_a_scene_that_is_refused_proposes_no_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of seven images too few are named, and the command that failed is no next step but after what is said."""
+    write_tracks(tmp_path, made_scene(1, arms=2, count=7, points=100))
+    assert main(["calibrate", str(tmp_path), "--scene"]) == 4
+    printed = capsys.readouterr()
+    assert "[too-few-samples]" in printed.out
+    assert f"next: do what is said above, then basecal calibrate {tmp_path} --scene" in printed.err
+    assert "or: basecal" not in printed.out

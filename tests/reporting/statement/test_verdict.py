@@ -23,7 +23,7 @@ from basecal.cell import (
 from basecal.cell.calibration import Verdict
 from basecal.cli.calibrate import exit_code
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.statement.verdict import headline, missed_step
+from basecal.reporting.statement.verdict import calibrate_command, headline, missed_step
 from basecal.reporting.summary import summary
 from basecal.reporting.text import text_report
 
@@ -112,3 +112,18 @@ def test_a_scene_needs_more_images() -> None:
     assert missed_step(driven, missed, "cell") == "basecal capture cell --freedrive"
     planned = Calibration("good", KNOWN, tolerance=Tolerance(1e-3, 2e-3, False))
     assert missed_step(driven, planned, "cell") == "basecal plan cell --tolerance 1mm -o plan.jsonl"
+
+
+@pytest.mark.parametrize(
+    ("settings", "sees_scene", "option"),
+    [
+        ({"method": "scene"}, False, " --scene"),
+        ({"method": "scene"}, True, ""),
+        ({"method": "maximum-likelihood", "joins_scene": True}, False, " --scene also"),
+        ({"method": "maximum-likelihood", "joins_scene": False}, False, ""),
+    ],
+)
+def test_a_calibration_is_repeated_as_it_was_made(settings: dict[str, object], sees_scene: bool, option: str) -> None:
+    """With its scene, which the cell may request itself."""
+    cell, made = replace(CELL, sees_scene=sees_scene), Calibration("doubtful", settings=settings)
+    assert calibrate_command(cell, made, "cell") == f"basecal calibrate cell{option}"

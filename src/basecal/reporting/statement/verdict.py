@@ -84,8 +84,15 @@ def missed_step(cell: Cell, calibration: Calibration, place: str) -> str:
     drivers = [robot.driver for robot in cell.robots.values()] + [camera.driver for camera in cell.cameras.values()]
     if cell.sees_scene and all(drivers):
         return f"basecal capture {place} --freedrive"
-    option = "" if cell.sees_scene else " --scene"
-    return f"import more images of each arm, then basecal calibrate {place}{option}"
+    return f"import more images of each arm, then {calibrate_command(cell, calibration, place)}"
+
+
+def calibrate_command(cell: Cell, calibration: Calibration, place: str) -> str:
+    """The command that calibrates a folder as a calibration was made, with a scene or without."""
+    command = f"basecal calibrate {place}"
+    if calibration.settings.get("method") == "scene":
+        return command if cell.sees_scene else f"{command} --scene"
+    return f"{command} --scene also" if calibration.settings.get("joins_scene") else command
 
 
 def headline(cell: Cell, calibration: Calibration) -> Headline:
