@@ -20,7 +20,7 @@ from basecal.geometry import Array
 
 
 def scene_meeting(cell: Cell, fit: SceneFit, covariance: Array, settings: Settings) -> MeetingError | None:
-    """The error where flanges meet, at the task or else where the arms worked, of the base that is known the least.
+    """The error columns flanges meet, at the task or else columns the arms worked, of the base that is known the least.
 
     Args:
         cell: What was calibrated.
@@ -49,19 +49,19 @@ def _variance_m2(covariances: Array) -> float:
     return float(np.mean(np.trace(covariances, axis1=1, axis2=2)))
 
 
-def _error_covariances(cell: Cell, fit: SceneFit, covariance: Array, other: int, task_m: Array) -> Array:
+def _error_covariances(cell: Cell, fit: SceneFit, covariance: Array, robot: int, task_m: Array) -> Array:
     """Covariances of the distance of two flanges, (n, 3, 3) [m^2], in the axes of the other robot's base."""
-    where = scene_columns(fit.views, fit.state.lenses).bases[other]
-    assert where is not None
-    reference, base = fit.views.robots.index(cell.reference), fit.state.bases[other]
-    points_m = task_m if len(task_m) else _recorded_places(fit, (reference, other))
-    places_m = {reference: (points_m, -base.rotation.T), other: (base.inverse() @ points_m, np.eye(3))}
-    by_base = point_jacobian(places_m[other][0])
-    total = by_base @ covariance[where, where] @ by_base.mT
-    for robot, (at_m, turn) in places_m.items():
-        total += np.mean(fit.stop_sigma[fit.views.stop_robot == robot, :3] ** 2) * np.eye(3)
-        if not cell.robots[fit.views.robots[robot]].is_total_noise:
-            total += _shared_part(fit, robot, at_m, turn, by_base, where)
+    columns = scene_columns(fit.views, fit.state.lenses).bases[robot]
+    assert columns is not None
+    reference, base = fit.views.robots.index(cell.reference), fit.state.bases[robot]
+    points_m = task_m if len(task_m) else _recorded_places(fit, (reference, robot))
+    places_m = {reference: (points_m, -base.rotation.T), robot: (base.inverse() @ points_m, np.eye(3))}
+    by_base = point_jacobian(places_m[robot][0])
+    total = by_base @ covariance[columns, columns] @ by_base.mT
+    for index, (at_m, turn) in places_m.items():
+        total += np.mean(fit.stop_sigma[fit.views.stop_robot == index, :3] ** 2) * np.eye(3)
+        if not cell.robots[fit.views.robots[index]].is_total_noise:
+            total += _shared_part(fit, index, at_m, turn, by_base, columns)
     return np.asarray(total)
 
 
@@ -71,8 +71,8 @@ def _recorded_places(fit: SceneFit, robots: tuple[int, int]) -> Array:
     return choose_places(fit.state.world_from_flange(fit.views).translation[mine])
 
 
-def _shared_part(fit: SceneFit, robot: int, at_m: Array, turn: Array, by_base: Array, where: slice) -> Array:
-    """What errors of a robot add to the covariance that has what they move the base by, (n, 3, 3) [m^2].
+def _shared_part(fit: SceneFit, robot: int, at_m: Array, turn: Array, by_base: Array, columns: slice) -> Array:
+    """The covariance that errors of a robot add, beside what they move the base by, (n, 3, 3) [m^2].
 
     Args:
         fit: The scene.
@@ -80,12 +80,12 @@ def _shared_part(fit: SceneFit, robot: int, at_m: Array, turn: Array, by_base: A
         at_m: (n, 3) where its flange is, in its base [m].
         turn: (3, 3) of these axes to those in which the distance is.
         by_base: (n, 3, 6) how the distance moves with the base.
-        where: Columns of the base.
+        columns: Columns of the base.
     """
     poses = move_nearest(fit.views.base_from_flange[np.flatnonzero(fit.views.robot == robot)], at_m)
     total = np.zeros((len(at_m), 3, 3))
     for each in shared_errors(fit, robot):
         own = turn @ poses.rotation @ each.at(poses)[:, :3]
-        mixed = by_base @ each.moves[where] @ each.moment @ own.mT
+        mixed = by_base @ each.moves[columns] @ each.moment @ own.mT
         total += mixed + mixed.mT + own @ each.moment @ own.mT + each.unseen_m2(poses)[:, None, None] * np.eye(3)
     return total

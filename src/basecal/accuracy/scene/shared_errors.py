@@ -1,8 +1,8 @@
 """Errors that stops of a scene share: what pixels say of them, and what they move the answer by.
 
-Errors of stops are unknowns of their own. What stops share is tried about the optimum: g is the gradient to it, S its
-information once all else follows, and F its effect on the other columns. An error of mean zero and variance V moves the
-answer by F (S + V^-1)^-1 g. Source: Rao 1948 (scores).
+Errors of stops are unknowns of their own. Errors that they share are tried about the optimum. Their gradient is g. S is
+their information once all else follows, and F their effect on the other columns. An error of mean zero and variance V
+moves the answer by F (S + V^-1)^-1 g. Source: Rao 1948 (scores).
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class SharedError(NamedTuple):
 
 
 def shared_errors(fit: SceneFit, robot: int) -> list[SharedError]:
-    """What a robot's stops share: its lengths, and smooth errors."""
+    """Errors that a robot's stops share: of its lengths, and smooth ones."""
     mine = np.flatnonzero(fit.views.robot == robot)
     recorded = fit.views.base_from_flange[mine]
     response = respond(fit, _move_stops(fit, mine, outward(recorded)))
@@ -89,21 +89,21 @@ def shared_errors(fit: SceneFit, robot: int) -> list[SharedError]:
     reach_m = float(np.sqrt(np.mean(np.sum(recorded.translation**2, 1))))
     lever = np.where(smooth.is_turn, 1.0, reach_m)
 
-    def by_pose(poses: SE3) -> Array:
+    def flange_moves(poses: SE3) -> Array:
         """How flanges at poses move, (n, 6, k)."""
         found = smooth_by_place.errors(recorded, poses)
         assert found is not None
         return np.asarray(found.by_stop * lever)
 
-    response = respond(fit, _move_stops(fit, mine, by_pose(recorded)))
+    response = respond(fit, _move_stops(fit, mine, flange_moves(recorded)))
     moment, variance = _second_moment(response, SigmaPrior.as_often_as_not(middle * factor**_NODES))
 
     def unseen_m2(poses: SE3) -> Array:
         """Variance that modes of recorded poses leave, (n,) [m^2]."""
-        known_m2 = np.sum(by_pose(poses)[:, :3] ** 2, axis=(1, 2)) / 3
+        known_m2 = np.sum(flange_moves(poses)[:, :3] ** 2, axis=(1, 2)) / 3
         return np.asarray(variance * np.maximum(reach_m**2 - known_m2, 0.0))
 
-    return [lengths, SharedError(response.moves, moment, by_pose, unseen_m2)]
+    return [lengths, SharedError(response.moves, moment, flange_moves, unseen_m2)]
 
 
 def shared_covariance(fit: SceneFit, robot: int) -> Array:

@@ -132,7 +132,7 @@ def recorded_places(problem: Problem, state: State, transform: str) -> Array:
 
 
 def choose_places(places: Array) -> Array:
-    """Of places, (n, 3) [m], at most so many, evenly chosen."""
+    """At most so many of places, (n, 3) [m], evenly chosen."""
     chosen = np.unique(np.linspace(0, len(places) - 1, min(len(places), _MOST_PLACES)).astype(int))
     return np.asarray(places[chosen])
 

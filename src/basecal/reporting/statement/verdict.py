@@ -70,7 +70,7 @@ def task_options(calibration: Calibration) -> str:
 
 
 def missed_step(cell: Cell, calibration: Calibration, place: str) -> str:
-    """What to type if the expected error is above the tolerance: a plan, or what brings more images of a scene.
+    """The step after an error above the tolerance: a plan, or more images of a scene.
 
     Args:
         cell: What was calibrated.
