@@ -37,6 +37,22 @@ def nearest(name: str, names: Iterable[str]) -> str:
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
+def describe_fault(error: Exception) -> str:
+    """Message of an error that is none of ours, with the file of its traceback."""
+    import tempfile
+    import traceback
+
+    what = f"a fault of basecal itself ({type(error).__name__}: {error})"
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="basecal-", suffix=".txt", delete=False, encoding="utf-8", errors="backslashreplace"
+        ) as file:
+            file.write("".join(traceback.format_exception(error)))
+    except OSError as unwritten:
+        return f"{what}; its traceback could not be written ({unwritten.strerror})"
+    return f"{what}; please report it with {file.name}"
+
+
 class BasecalError(Exception):
     """Base of all errors of this package."""
 

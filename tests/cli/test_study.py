@@ -8,9 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from basecal.cell.files import write_cell, write_recording
+from basecal.accuracy.calibrate import calibrate
+from basecal.cell.files import read_cell, read_recording, write_cell, write_recording
 from basecal.cli import main
+from basecal.cli.study import cell_page
 from basecal.simulation import Scenario, simulate
+from scene_points import made_scene
+from scene_tracks import write_tracks
 from study_example import SMALL
 
 TEXT = (
@@ -105,3 +109,13 @@ def test_options_that_do_not_go_together(words: list[str], said: str, capsys: py
     """Are wrong usage, told in a line."""
     assert main(["study", *words]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_the_page_of_a_scene_is_that_of_calibrate(tmp_path: Path) -> None:
+    """With the points of the scene as a target, which the expected error and the images need."""
+    write_tracks(tmp_path, made_scene(2, count=12, points=150))
+    cell = read_cell(tmp_path)
+    recording = read_recording(tmp_path, cell)
+    calibration = calibrate(cell, recording)
+    assert calibration.scene is not None
+    assert "expected error, 95 %" in cell_page(cell, recording, calibration, "scene")

@@ -101,3 +101,14 @@ def test_which_target_must_be_known(cell, tmp_path, capsys, words, said):
     told = capsys.readouterr().err
     assert said in told
     assert "target2" in told
+
+
+def test_a_cell_without_a_target_prints_none(tmp_path, capsys):
+    """No name could be chosen: that the cell has none is said."""
+    (tmp_path / "cell.yaml").write_text(
+        "schema: basecal/cell/1\nreference: arm\ntarget: scene\nrobots: {arm: {}}\ncameras: {eye: {on: arm}}\n"
+    )
+    assert main(["target", str(tmp_path / "board.svg"), "--cell", str(tmp_path)]) == 3
+    told = capsys.readouterr().err
+    assert "describes no target to print" in told
+    assert "--name" not in told

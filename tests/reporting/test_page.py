@@ -186,6 +186,17 @@ def test_a_missed_tolerance_says_what_to_do(made: tuple[Cell, Recording, Calibra
     assert "beyond" not in met.replace("rect.beyond", "").replace(".interval.beyond", "")
 
 
+def test_an_error_that_is_not_known_is_above_nothing(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Of a tolerance that is missed since something is unknown, the page says so, and offers no plan."""
+    cell, recording, calibration = made
+    settings = {**calibration.settings, "tolerance_m": 1e-4}
+    html = page(cell, recording, replace(calibration, settings=settings, tolerance=Tolerance(1e-4, None, False)))
+    first = html[html.index('<ol class="findings">') :].split("</li>")[0]
+    assert "Not everything requested is known: no error can be expected." in first
+    assert "above the tolerance" not in html
+    assert "basecal plan" not in html
+
+
 def test_what_was_checked_is_told(made: tuple[Cell, Recording, Calibration], html: str) -> None:
     """Checks that found nothing have their number and words, and those that found something are not among them."""
     passed = html[html.index("checks found nothing") :].split("</details>")[0]

@@ -11,7 +11,7 @@ from cyclopts import App, CycloptsError, Parameter
 from basecal.cli.study import study
 from basecal.cli.terminal import say
 from basecal.cli.typed_words import normalise_words
-from basecal.errors import BasecalError, DatasetError
+from basecal.errors import BasecalError, DatasetError, describe_fault
 
 _VERBS = {
     "new": "Write a working cell.yaml to fill in, and an empty recording.",
@@ -110,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as error:
         return _report_failure(str(error) or "interrupted", 130)
     except Exception as error:
-        return _report_failure(_bug(error), 70)
+        return _report_failure(describe_fault(error), 70)
     return result if isinstance(result, int) else 0
 
 
@@ -135,22 +135,6 @@ def _own_process() -> None:
         import warnings
 
         warnings.simplefilter("ignore")
-
-
-def _bug(error: Exception) -> str:
-    """Message of an error that is none of ours, with the file of its traceback."""
-    import tempfile
-    import traceback
-
-    what = f"a fault of basecal itself ({type(error).__name__}: {error})"
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", prefix="basecal-", suffix=".txt", delete=False, encoding="utf-8", errors="backslashreplace"
-        ) as file:
-            file.write("".join(traceback.format_exception(error)))
-    except OSError as unwritten:
-        return f"{what}; its traceback could not be written ({unwritten.strerror})"
-    return f"{what}; please report it with {file.name}"
 
 
 def _report_failure(error: object, code: int) -> int:

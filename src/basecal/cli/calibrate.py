@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from basecal.cli.detection import detected_recording
 from basecal.cli.next_step import name_cell, next_command, next_step
-from basecal.cli.page import StoredRun, show_page, write_page
+from basecal.cli.page import StoredRun, show_page, with_kept_scene, write_page
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, print_stages, progress, say, say_next, say_verdict
 from basecal.errors import UsageError, printable
@@ -197,12 +197,13 @@ def calibrate_folder(
         stored = calibration_from_dict(calibration_to_dict(calibration))  # what `report` will find, to the last digit
         with stages.stage("report"):
             recording = synchronous(cell, recording, stored)
-            details = fit_details(cell, recording, stored)
+            shown = with_kept_scene(cell, recording, stored, calibration.scene)
+            details = fit_details(*shown, stored)
             calibration = replace(calibration, tolerance=check_tolerance(cell, stored, details.errors))
             stored = replace(stored, tolerance=calibration.tolerance)
             run = write_calibration(calibration, folder).parent
             write_atomically(run / "report.txt", printable(text_report(cell, calibration)) + "\n", base_folder=folder)
-            write_page(cell, stored, StoredRun(run, recording, details, ()))
+            write_page(cell, stored, StoredRun(run, recording, shown, details))
     if verbose:
         print_stages(stages.seconds)
     return CalibratedFolder(calibration, run)

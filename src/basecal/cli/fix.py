@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, recalibrate_folder, say_all
 from basecal.cli.detection import detected_recording
-from basecal.cli.next_step import calibrate_command, name_cell, next_command
-from basecal.cli.terminal import is_terminal, say, say_next
+from basecal.cli.next_step import name_cell, next_command
+from basecal.cli.terminal import is_terminal, quote_path, say, say_next
 from basecal.errors import UsageError
 
 if TYPE_CHECKING:
@@ -62,12 +62,12 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
 
 def _say_no_cure(cell: Cell, calibration: Calibration, folder: Path) -> int:
     """Say that nothing is to be fixed, or that it is not known how; the exit code."""
-    from basecal.reporting.statement.verdict import headline
+    from basecal.reporting.statement.verdict import calibrate_command, headline
 
     grave = [finding for finding in calibration.findings if finding.severity != "info"]
     if grave:
         say(f"no fix is known: {grave[0].message}")
-        say_next(f"do what is said above, then {calibrate_command(calibration, folder)}")
+        say_next(f"do what is said above, then {calibrate_command(cell, calibration, quote_path(folder))}")
         return 1
     say(f"nothing to fix: {headline(cell, calibration)}")
     say_next(next_command(cell, calibration, folder))

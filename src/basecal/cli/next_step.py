@@ -17,20 +17,16 @@ def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
     """The command to type after a calibration of a cell's folder."""
     from basecal.accuracy.fixing.offers import is_fixable
     from basecal.exchange.exporters.controllers import controller_kind
-    from basecal.reporting.statement.verdict import task_options, verdict_word
+    from basecal.reporting.statement.verdict import calibrate_command, missed_step, verdict_word
 
-    place, word, again = quote_path(folder), verdict_word(calibration), calibrate_command(calibration, folder)
+    place, word = quote_path(folder), verdict_word(calibration)
     if word in ("PASS", "GOOD"):
         is_known = any(controller_kind(robot) != "matrix" for robot in cell.robots.values())
         return f"basecal export {place}" + ("" if is_known else " --to ur")
     fix = f"basecal fix {place}, or " if any(is_fixable(cell, each) for each in calibration.findings) else ""
-    if word == "FAIL" and calibration.settings.get("method") == "scene":
-        more = capture_command(cell, folder) if has_drivers(cell) else "record more samples and import them"
-        return f"{fix}{more}, then {again}"
     if word == "FAIL":
-        options = f"--tolerance {_tolerance(calibration)}{task_options(calibration)}"
-        return f"{fix}basecal plan {place} {options} -o plan.jsonl"
-    return f"{fix}do what is said above, then {again}"
+        return f"{fix}{missed_step(cell, calibration, place)}"
+    return f"{fix}do what is said above, then {calibrate_command(cell, calibration, place)}"
 
 
 def capture_command(cell: Cell, folder: Path) -> str:
@@ -42,21 +38,6 @@ def has_drivers(cell: Cell) -> bool:
     """Whether `basecal capture` can reach all robots and cameras."""
     drivers = [robot.driver for robot in cell.robots.values()] + [camera.driver for camera in cell.cameras.values()]
     return bool(drivers) and None not in drivers
-
-
-def calibrate_command(calibration: Calibration, folder: Path) -> str:
-    """The command that calibrates anew as it was calibrated."""
-    from basecal.reporting.statement.verdict import task_options
-
-    settings = calibration.settings
-    method = {"scene": " --scene", "axis-shift": " --method axis-shift"}.get(settings.get("method", ""), "")
-    scene = " --scene also" if settings.get("joins_scene") else ""
-    tolerance = f" --tolerance {_tolerance(calibration)}" if settings.get("tolerance_m") is not None else ""
-    return f"basecal calibrate {quote_path(folder)}{method}{scene}{task_options(calibration)}{tolerance}"
-
-
-def _tolerance(calibration: Calibration) -> str:
-    return f"{1e3 * calibration.settings['tolerance_m']:.3g}mm"
 
 
 def name_cell(calibration: Calibration, folder: Path) -> Calibration:
@@ -101,7 +82,7 @@ def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = F
     place = quote_path(folder)
     if not cell.cameras:
         return f"next, its images: basecal import images {place} DIR --camera NAME --on ROBOT --target KIND ..."
-    seen = any(sample.images or sample.observations for sample in recording.samples)
+    seen = any(sample.images or sample.observations or sample.tracks for sample in recording.samples)
     silent = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
     if silent:
         silent_names = list_names(silent)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from basecal.accuracy.fit_details import FitDetails
     from basecal.cell import Calibration, Cell, Recording
+    from basecal.cell.fingerprint import Fingerprint
 
 FILE = "report.html"
 _STAMP, _STAMP_LENGTH = "%Y%m%dT%H%M%SZ", 16  # of the names of runs, to which a number may be added
@@ -30,14 +31,16 @@ class StoredRun:
     Attributes:
         run: Its folder.
         recording: As it is now; empty if it can no longer be read.
+        shown: Cell and recording, with the points of the scene as a target if the run kept any.
         details: Of the fit; nothing if the inputs have changed since.
         changed: The inputs that have.
     """
 
     run: Path
     recording: Recording
+    shown: tuple[Cell, Recording]
     details: FitDetails
-    changed: tuple[str, ...]
+    changed: tuple[str, ...] = ()
 
 
 def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) -> StoredRun:
@@ -45,25 +48,26 @@ def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) ->
     from basecal.accuracy.fit_details import FitDetails, fit_details
     from basecal.cell import Recording
     from basecal.cell.files import input_hashes
+    from basecal.cell.results.fingerprint_file import read_fingerprint
     from basecal.estimation.streams.streams import synchronous
 
     now = input_hashes(folder, cell)
     changed = tuple(name for name, hashed in calibration.inputs.items() if now.get(name) != hashed)
     if not changed:
         recording = synchronous(cell, detected_recording(folder, cell), calibration)
-        return StoredRun(run, recording, fit_details(cell, recording, calibration), ())
+        shown = with_kept_scene(cell, recording, calibration, read_fingerprint(run))
+        return StoredRun(run, recording, shown, fit_details(*shown, calibration))
     try:
         recording = detected_recording(folder, cell)
     except DatasetError:
         recording = Recording()
-    return StoredRun(run, recording, FitDetails(), changed)
+    return StoredRun(run, recording, (cell, recording), FitDetails(), changed)
 
 
-def with_kept_scene(cell: Cell, recording: Recording, calibration: Calibration, run: Path) -> tuple[Cell, Recording]:
-    """Cell and recording with the points of the scene that a run kept as a target; unchanged if it kept none."""
-    from basecal.cell.results.fingerprint_file import read_fingerprint
-
-    fingerprint = read_fingerprint(run)
+def with_kept_scene(
+    cell: Cell, recording: Recording, calibration: Calibration, fingerprint: Fingerprint | None
+) -> tuple[Cell, Recording]:
+    """Cell and recording with the points of the scene as a target; unchanged if a calibration kept none."""
     if fingerprint is None:
         return cell, recording
     from basecal.accuracy.scene.fingerprint import with_scene_as_target
@@ -73,7 +77,6 @@ def with_kept_scene(cell: Cell, recording: Recording, calibration: Calibration, 
 
 def write_page(cell: Cell, calibration: Calibration, run: StoredRun) -> Path:
     """Path of the page of a run, which is written; where inputs have changed since, the page says so."""
-    from basecal.accuracy.fit_details import fit_details
     from basecal.cell.files import read_verifications
     from basecal.cell.format.writing import write_atomically
     from basecal.reporting.page import page
@@ -81,15 +84,10 @@ def write_page(cell: Cell, calibration: Calibration, run: StoredRun) -> Path:
     names = ", ".join(run.changed)
     notes = [f"{names} changed since this run: names and image are as of now. Calibrate again."] if names else []
     path, cell_name = run.run / FILE, run.run.resolve().parents[1].name
-    described, recording = (
-        (cell, run.recording) if names else with_kept_scene(cell, run.recording, calibration, run.run)
-    )
-    details = run.details if described is cell else fit_details(described, recording, calibration)
     html = page(
-        described,
-        recording,
+        *run.shown,
         calibration,
-        details,
+        run.details,
         title=os.fsencode(cell_name).decode(errors="replace"),
         time=_run_time(run.run),
         run=run.run.name,

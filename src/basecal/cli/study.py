@@ -117,11 +117,12 @@ def _fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dict[str, A
 def cell_page(cell: Cell, recording: Recording, calibration: Calibration, title: str) -> str:
     """The page of a cell of a fleet, as `basecal calibrate` writes it."""
     from basecal.accuracy.fit_details import fit_details
+    from basecal.cli.page import with_kept_scene
     from basecal.estimation.streams.streams import synchronous
     from basecal.reporting.page import page
 
-    read = synchronous(cell, recording, calibration)
-    return page(cell, read, calibration, fit_details(cell, read, calibration), title=title)
+    shown = with_kept_scene(cell, synchronous(cell, recording, calibration), calibration, calibration.scene)
+    return page(*shown, calibration, fit_details(*shown, calibration), title=title)
 
 
 def _write_results(summary: dict[str, Any], table: Path, page: str) -> dict[str, str]:

@@ -148,8 +148,10 @@ def _cell_target(folder: Path, name: str | None) -> tuple[str, Target]:
     from basecal.errors import FrameNotFound
 
     targets = {n: t.target for n, t in read_cell(folder).targets.items() if t.target is not None}
+    if not targets:
+        raise InputError(f"{folder}/cell.yaml describes no target to print: leave --cell out to choose one")
     if name is None and len(targets) != 1:
-        raise InputError(f"{folder} has {len(targets)} targets: say which with --name ({', '.join(targets) or 'none'})")
+        raise InputError(f"{folder} has {len(targets)} targets: say which with --name ({', '.join(targets)})")
     chosen = name or next(iter(targets))
     if chosen not in targets:
         raise FrameNotFound(chosen, list(targets))

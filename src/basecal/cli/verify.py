@@ -135,9 +135,10 @@ def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification
     from basecal.accuracy.drift.history import record_verification
     from basecal.accuracy.drift.verify import verify as verified
     from basecal.cell.files import append_verification, read_calibration
+    from basecal.cell.results.fingerprint_file import read_fingerprint
 
     calibration = read_calibration(run)
-    cell, new = with_kept_scene(cell, new, calibration, run)
+    cell, new = with_kept_scene(cell, new, calibration, read_fingerprint(run))
     found = verified(cell, calibration, new)
     name = (run if run.is_dir() else run.parent).resolve().name
     append_verification(folder, record_verification(found, datetime.now(UTC), name))

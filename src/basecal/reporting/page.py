@@ -39,7 +39,7 @@ from basecal.reporting.figures.thumbnails import thumbnails
 from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
-from basecal.reporting.statement.verdict import COLOURS, headline, sort_by_severity, task_options
+from basecal.reporting.statement.verdict import COLOURS, headline, missed_step, sort_by_severity, task_options
 from basecal.reporting.templates.environment import fill_page
 from basecal.reporting.text import (
     clock_sentences,
@@ -127,6 +127,7 @@ def page(
         ("templates/page.js",),
         title=title,
         cell_word=shlex.quote(title),
+        missed_step=missed_step(cell, calibration, shlex.quote(title)) if _is_missed(calibration) else "",
         notes=notes,
         **stage(drawn),
         contents=[(id, name) for id, key, name in _CONTENTS if filled[key]],
@@ -138,6 +139,12 @@ def _verification_lines(verifications: Sequence[PastVerification]) -> dict[str, 
     """Lines of verifications."""
     lines = history_text(verifications, drifts(verifications)).splitlines()
     return {"history": history_figure(verifications), "drift": lines[-_MOST_VERIFICATIONS:]}
+
+
+def _is_missed(calibration: Calibration) -> bool:
+    """Whether an expected error is known, and above the tolerance."""
+    tolerance = calibration.tolerance
+    return tolerance is not None and tolerance.expected_95_m is not None and not tolerance.is_within
 
 
 def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, Any]:
@@ -184,7 +191,6 @@ def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tupl
         "outlook_figure": outlook_figure(outlook, recorded, tolerance_m) if outlook else None,
         # What `basecal plan` is asked for more samples.
         "task_options": task_options(calibration),
-        "tolerance_text": "" if tolerance_m is None else f"{1e3 * tolerance_m:.3g}mm",
         "workspace": [] if calibration.error_map is None else list(workspace(calibration.error_map)),
     }
 

@@ -146,7 +146,8 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
     """How everything fits, a line each."""
     residuals = calibration.residuals
     left_out = {(view.sample, view.camera, view.target) for view in calibration.outliers or () if not view.ids}
-    used = [view for view in residuals.per_sample if (view.sample, view.camera, view.target) not in left_out]
+    fitted = [view for view in residuals.per_sample if view.rms_px is not None or view.loop_m is not None]
+    used = [view for view in fitted if (view.sample, view.camera, view.target) not in left_out]
     if residuals.rms_px is not None:
         median = "" if residuals.median_px is None else f", median {two_digits(residuals.median_px)} px"
         yield f"reprojection error {two_digits(residuals.rms_px)} px rms per coordinate{median}"

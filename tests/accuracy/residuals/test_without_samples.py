@@ -48,6 +48,15 @@ def test_too_few_are_told(made):
     assert BASE not in without_samples(cell.cell, cell.recording, calibration, set(range(1, 15))).transforms
 
 
+def test_an_answer_from_a_scene_says_so(made):
+    """Samples of a scene have no target from which the answer could be solved anew."""
+    cell, calibration = made
+    of_scene = replace(calibration, settings={**calibration.settings, "method": "scene"})
+    bare = Recording(tuple(replace(each, observations=()) for each in cell.recording.samples))
+    with pytest.raises(InputError, match="from a scene is not solved anew"):
+        without_samples(cell.cell, bare, of_scene, {3})
+
+
 def test_noise_that_was_estimated_is_that_of_the_calibration():
     """Nobody stated any: the answer without some samples goes by the sigmas that all of them told."""
     made = simulate(Scenario(samples=14, robot_noise=(3e-4, 5e-4), state_robot_noise=False), 2)

@@ -27,10 +27,12 @@ from scene_points import BASE, MOUNT, Scene, made_scene, moved_in_time
 
 ROOT = Path(__file__).parents[3]
 BASE_NAME = "left_base_from_right_base"
-RECORDING = Recording(folder=".")
+TARGETLESS = Finding("few-images", "warning", ("left_eye",), "12 of 12 images of 'left_eye' show no target.")
 
 
-def calibrated(monkeypatch: pytest.MonkeyPatch, pictures: Pictures, reference: str = "left") -> Calibration:
+def calibrated(
+    monkeypatch: pytest.MonkeyPatch, pictures: Pictures, reference: str = "left", findings: tuple[Finding, ...] = ()
+) -> Calibration:
     """The answer from made-up images."""
     monkeypatch.setattr(room, "read_pictures", lambda *_: pictures)
     views = pictures.views
@@ -41,7 +43,7 @@ def calibrated(monkeypatch: pytest.MonkeyPatch, pictures: Pictures, reference: s
         "robots": {name: {} for name in views.robots},
         "cameras": {camera.name: {"on": camera.robot} for camera in views.cameras},
     }
-    return calibrate_scene(cell_from_dict(cell), RECORDING, Settings())
+    return calibrate_scene(cell_from_dict(cell), Recording(folder=".", findings=findings), Settings())
 
 
 def with_true_mounts(monkeypatch: pytest.MonkeyPatch, scene: Scene) -> None:
@@ -58,9 +60,12 @@ def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Mounts and base are within their 99.99 % ellipsoids (27.9 of 6), and the joint covariance holds all three."""
     scene = made_scene(1, arms=2, count=12, points=220)
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, pictures_of_scene(scene))
+    answer = calibrated(monkeypatch, pictures_of_scene(scene), findings=(TARGETLESS,))
     assert answer.verdict == "doubtful"
     assert [each.code for each in answer.findings] == ["not-validated", "scene-joined", "scene-scale"]
+    assert answer.meeting is not None
+    assert answer.meeting.where == "recorded places"
+    assert answer.settings["method"] == "scene"
     for name, true in ((BASE_NAME, BASE), ("left_flange_from_left_eye", MOUNT), ("right_flange_from_right_eye", MOUNT)):
         found = answer.transforms[name]
         off = (true.inverse() @ found.mean).log()

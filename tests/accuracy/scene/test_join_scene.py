@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.sample_use import SampleUse, sample_use
 from basecal.accuracy.scene.join_scene import join_scene
-from basecal.cell import Calibration, Cell, Recording, RobotState, Sample
+from basecal.cell import Calibration, Cell, Finding, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -78,6 +79,8 @@ def test_scene_and_board_are_one_answer(tmp_path: Path) -> None:
     """The base is good, within its 99.99 % ellipsoid, and its sigma is less than three quarters of the board's."""
     scene = made_scene(1, arms=2, count=12, points=220)
     cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=12)
+    no_target = Finding("few-images", "warning", ("right_eye",), "12 of 12 images show no target.")
+    recording = replace(recording, findings=(no_target,))
     without = replace(recording, samples=tuple(replace(each, tracks=()) for each in recording.samples))
     both, board = calibrate(cell, recording), calibrate(cell, without)
     assert both.verdict == "good"
@@ -85,6 +88,9 @@ def test_scene_and_board_are_one_answer(tmp_path: Path) -> None:
     assert off_base(both)[1] < 27.9
     assert off_base(both)[2] < 0.75 * off_base(board)[2]
     assert "right_flange_from_right_eye" in both.transforms
+    assert no_target in board.findings
+    assert sample_use(recording, both) == SampleUse(used=24, recorded=24, views=36)
+    assert sample_use(recording, board).used == 12
 
 
 def shifted(recording: Recording, shift: SE3) -> Recording:

@@ -26,7 +26,7 @@ def refused(folder: Path, observations: list[dict], capsys: pytest.CaptureFixtur
 def test_tracks_give_mounts_and_base(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Mounts and base are within their 99.99 % ellipsoids (27.9 of 6) and 3 mm; each view has its residual."""
     write_tracks(tmp_path, made_scene(3, arms=2, count=12, points=220))
-    assert main(["calibrate", str(tmp_path), "--json"]) == 1
+    assert main(["calibrate", str(tmp_path), "--json", "--tolerance", "5mm"]) == 1
     answer = json.loads(capsys.readouterr().out)
     assert {each["code"] for each in answer["findings"]} == {"not-validated", "scene-joined", "scene-scale"}
     names = "left_base_from_right_base", "left_flange_from_left_eye", "right_flange_from_right_eye"
@@ -36,6 +36,11 @@ def test_tracks_give_mounts_and_base(tmp_path: Path, capsys: pytest.CaptureFixtu
         assert off @ np.linalg.solve(np.array(found["covariance"]), off) < 27.9
         assert np.linalg.norm(off[:3]) < 3e-3
     assert len(answer["residuals"]["per_sample"]) == 24
+    assert 0 < answer["tolerance"]["expected_95_m"] < 5e-3
+    page = next((tmp_path / "runs").glob("*/report.html"))
+    fresh = page.read_text()
+    assert main(["report", str(tmp_path)]) == 1
+    assert page.read_text() == fresh
 
 
 def test_tracks_are_written_as_they_were_read(tmp_path: Path) -> None:
@@ -70,3 +75,13 @@ def test_a_wrong_line_is_one_clear_error(
     message = refused(tmp_path, observations, capsys)
     assert reason in message
     assert "samples.jsonl:1: observations[" in message
+
+
+def test_a_scene_that_is_refused_proposes_no_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of seven images too few are named, and the command that failed is no next step but after what is said."""
+    write_tracks(tmp_path, made_scene(1, arms=2, count=7, points=100))
+    assert main(["calibrate", str(tmp_path), "--scene"]) == 4
+    printed = capsys.readouterr()
+    assert "[too-few-samples]" in printed.out
+    assert f"next: do what is said above, then basecal calibrate {tmp_path} --scene" in printed.err
+    assert "or: basecal" not in printed.out

@@ -11,7 +11,7 @@ import pytest
 from tests.seen_points import seen
 
 from basecal.cell import Calibration, Recording, Residuals, Sample
-from basecal.reporting.figures.thumbnails import thumbnails
+from basecal.reporting.figures.thumbnails import sample_pictures, thumbnails
 from basecal.simulation import Scenario, simulate
 from basecal.vision.image_file import write_png
 
@@ -52,6 +52,14 @@ def test_points_and_where_they_are_predicted(recording):
     assert to_x - x == pytest.approx(18, abs=0.11)
     assert x == pytest.approx((300.5) * 360 / 1280, abs=0.06)
     assert re.search(r'href="data:image/jpeg;base64,[A-Za-z0-9+/=]+"', only.svg)
+
+
+def test_an_image_without_points_is_drawn_bare(recording):
+    """As those of a scene are, whose points are of no target."""
+    (drawn,) = sample_pictures(CELL, recording, CALIBRATION, (), 3)
+    assert "sample 3 seen by wrist" in drawn
+    assert 'href="data:image/jpeg;base64,' in drawn
+    assert "M" not in "".join(re.findall(r'<path[^>]* d="([^"]*)"', drawn))
 
 
 def test_size_is_bounded(recording):

@@ -63,6 +63,20 @@ def test_what_cannot_be_answered_is_said():
     assert (status, words) == (500, "calibrate again\n")
 
 
+def test_a_fault_of_a_route_is_answered_and_printed_once(capfd):
+    """The page gets status 500 and the line that the terminal gets, however often it asks."""
+
+    def fail(query):
+        raise ZeroDivisionError("slice step\ncannot be zero")
+
+    with serving({("GET", "/"): fail}) as address:
+        (status, _, words), again = answer(address), answer(address)
+    printed = capfd.readouterr().err
+    assert (status, again[0], again[2]) == (500, 500, words)
+    assert words.startswith("a fault of basecal itself (ZeroDivisionError: slice step cannot be zero); please report")
+    assert printed == f"basecal: error: {words}"
+
+
 def test_a_port_that_is_taken_is_told():
     """In a line."""
     with socket.socket() as line:

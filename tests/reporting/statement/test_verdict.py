@@ -8,11 +8,22 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, HeldGauge, MeetingError, Robot, Tolerance
+from basecal.cell import (
+    Calibration,
+    Cell,
+    CellCamera,
+    CellTarget,
+    Driver,
+    Finding,
+    HeldGauge,
+    MeetingError,
+    Robot,
+    Tolerance,
+)
 from basecal.cell.calibration import Verdict
 from basecal.cli.calibrate import exit_code
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.statement.verdict import headline
+from basecal.reporting.statement.verdict import calibrate_command, headline, missed_step
 from basecal.reporting.summary import summary
 from basecal.reporting.text import text_report
 
@@ -88,3 +99,31 @@ def test_a_gauge_is_named_beside_the_sigma_that_it_makes() -> None:
     clause = ", of which 0 mm and 0.0036 deg by the gauge that holds joint offsets of hand"
     assert f"{name} to 0.17 mm and 0.0099 deg (1 sigma){clause}" in " ".join(summary(CELL, made).split())
     assert clause in text_report(CELL, made)
+
+
+def test_a_scene_needs_more_images() -> None:
+    """No plan is made of a scene: images are captured by hand with drivers, or imported."""
+    missed = Calibration("good", KNOWN, settings={"method": "scene"})
+    assert missed_step(CELL, missed, "cell") == "import more images of each arm, then basecal calibrate cell --scene"
+    assert missed_step(replace(CELL, sees_scene=True), missed, "cell").endswith("basecal calibrate cell")
+    robots = {name: replace(robot, driver=Driver("simulated")) for name, robot in CELL.robots.items()}
+    cameras = {name: replace(camera, driver=Driver("simulated")) for name, camera in CELL.cameras.items()}
+    driven = replace(CELL, sees_scene=True, robots=robots, cameras=cameras)
+    assert missed_step(driven, missed, "cell") == "basecal capture cell --freedrive"
+    planned = Calibration("good", KNOWN, tolerance=Tolerance(1e-3, 2e-3, False))
+    assert missed_step(driven, planned, "cell") == "basecal plan cell --tolerance 1mm -o plan.jsonl"
+
+
+@pytest.mark.parametrize(
+    ("settings", "sees_scene", "option"),
+    [
+        ({"method": "scene"}, False, " --scene"),
+        ({"method": "scene"}, True, ""),
+        ({"method": "maximum-likelihood", "joins_scene": True}, False, " --scene also"),
+        ({"method": "maximum-likelihood", "joins_scene": False}, False, ""),
+    ],
+)
+def test_a_calibration_is_repeated_as_it_was_made(settings: dict[str, object], sees_scene: bool, option: str) -> None:
+    """With its scene, which the cell may request itself."""
+    cell, made = replace(CELL, sees_scene=sees_scene), Calibration("doubtful", settings=settings)
+    assert calibrate_command(cell, made, "cell") == f"basecal calibrate cell{option}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,19 @@ def test_a_late_trigger_takes_what_is_there_later():
         running.move("hand", world.home["hand"] + [0.05, 0, 0, 0, 0, 0], 1.0)
         places.append(spot((world, running)))
     assert np.linalg.norm(places[0] - places[1]) > 5
+
+
+@pytest.mark.parametrize(
+    ("targets", "message"),
+    [({}, "the cell has no target, and a running cell draws no scene"), (None, "as all targets are")],
+)
+def test_a_camera_without_a_target_is_refused(targets, message):
+    """A cell without any is none that runs; an image of a camera that no target faces is refused."""
+    world = facing_arms("led")
+    light = replace(world.cell.targets["light"], on=world.cell.cameras["wrist"].on)
+    world = replace(world, cell=replace(world.cell, targets={"light": light} if targets is None else targets))
+    with pytest.raises(InputError, match=message):
+        Plant(world, Clock(0)).picture("wrist")
 
 
 def test_frames_are_lost():

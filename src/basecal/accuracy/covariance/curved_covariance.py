@@ -61,8 +61,11 @@ def _directions(solution: Solution, order: Sequence[str]) -> _Directions:
     scale = np.ones(solution.problem.width)
     for where in columns:
         scale[where.start : where.start + 3] = solution.observability.length_m
-    of = scaled_spectrum(solution.covariance, 0.0, scale)
-    blocks = [scaled_spectrum(solution.covariance[at, at], 0.0, scale[at]) for at in columns]
+    # Errors that stops share widen the covariance, but are none of the equations whose best states are looked for.
+    equations = linearise(solution.noise.hold_sigmas(solution.problem), solution.state)
+    covariance = solution.noise.factor * spectrum(equations.hessian).inverse
+    of = scaled_spectrum(covariance, 0.0, scale)
+    blocks = [scaled_spectrum(covariance[at, at], 0.0, scale[at]) for at in columns]
     least = min((float(np.sqrt(block.values[block.held].min(initial=np.inf))) for block in blocks), default=np.inf)
     sigmas = np.sqrt(of.values[of.held])
     wide = np.flatnonzero(sigmas * sigmas.max(initial=0.0) > _LEAST_SHARE * least)

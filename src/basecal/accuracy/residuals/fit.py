@@ -27,6 +27,8 @@ _FEWEST_3D_POINTS = 3  # that hold a pose, unless they lie on a line
 def residuals(solution: Solution, outliers: Problem | None = None) -> Residuals:
     """How everything fits; views that were left out stand among the samples and are in no mean.
 
+    Views of a static scene that takes part have no residual: its points are eliminated.
+
     The loop of a view is `(A X B).inverse() @ Y C Z` with A and C as recorded and B from the view alone. Pixels are per
     coordinate, robots' errors taken at their most probable.
     """
@@ -41,6 +43,9 @@ def residuals(solution: Solution, outliers: Problem | None = None) -> Residuals:
     around = loops(solution, per_sample)
     for group in outliers.groups if outliers is not None else ():
         per_sample += _group_residuals(solution, group)[0]
+    tied = solution.problem.tied
+    for group in () if tied is None else tied.groups:
+        per_sample += [SampleResidual(number, group.camera, group.target) for number in group.sample.tolist()]
     return Residuals(
         rms_px=float(np.sqrt(np.mean(all_px**2))) if len(all_px) else None,
         median_px=float(np.median(np.abs(all_px))) if len(all_px) else None,

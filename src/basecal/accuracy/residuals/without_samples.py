@@ -50,7 +50,7 @@ def without_samples(
         exclusions: Numbers of samples.
 
     Raises:
-        InputError: if no sample is left that the calibration knows the transforms of.
+        InputError: if no sample is left that the calibration knows the transforms of, or all is from a scene.
     """
     if not exclusions:
         known = {name: calibration[name] for name in cell.requested_transforms if name in calibration.transforms}
@@ -75,6 +75,8 @@ def _solve_again(cell: Cell, recording: Recording, calibration: Calibration) -> 
     """The optimum near a calibration, with the noise that it found."""
     known = known_views(cell, recording, calibration)
     if not known.problem.groups:
+        if calibration.settings.get("method") == "scene":
+            raise InputError("an answer from a scene is not solved anew here: calibrate without these samples")
         raise InputError("no sample is left: keep some, or choose a run that found something")
     problem, _ = build_problem(cell, recording)
     views = {(group.camera, group.target) for group in known.problem.groups}

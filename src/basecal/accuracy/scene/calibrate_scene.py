@@ -12,11 +12,13 @@ from basecal.accuracy.scene.checks import (
     base_findings,
     count_points,
     direction_findings,
+    drop_target_findings,
     joint_findings,
     motion_findings,
 )
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
+from basecal.accuracy.scene.meeting import scene_meeting
 from basecal.accuracy.scene.motion import scene_motion
 from basecal.accuracy.scene.pictures import read_pictures
 from basecal.accuracy.scene.shared_errors import shared_covariance
@@ -44,6 +46,7 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
     Raises:
         InputError: if the recording's folder is not known, or the reference carries no camera that took images.
     """
+    settings = replace(settings, method="scene")  # also if the cell requests it, or has tracks alone
     with settings.stage("features"):
         pictures = read_pictures(cell, recording)
     if not len(pictures.views):
@@ -51,7 +54,7 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
         raise InputError(lost or "no camera on a robot has images or tracks with poses, which a scene needs")
     if cell.reference not in pictures.views.robots:
         raise InputError(f"robot {cell.reference!r}, the reference, has no camera with images: name another reference")
-    report = Report([*recording.findings, *pictures.lost])
+    report = Report([*drop_target_findings(recording.findings), *pictures.lost])
     stated = [cell.robots[name].noise for name in pictures.views.robots]
     fit = find_scene(pictures, stated, cell.reference, report, settings)
     if fit is None:
@@ -134,6 +137,7 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
         findings=tuple(report.findings),
         verdicts=dict.fromkeys(own, verdict),
         settings=settings.as_dict(),
+        meeting=scene_meeting(cell, fit, covariance, settings),
     )
 
 

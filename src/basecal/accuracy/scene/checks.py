@@ -49,6 +49,11 @@ _TURN = "Rotate the flange about two axes, by 20 deg and more, between images."
 _AIM = "Take images that do not all aim at one spot: move the arm along the viewing direction, too."
 
 
+def drop_target_findings(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Findings of a search for targets, without the warning that images show none: they show the scene."""
+    return tuple(each for each in findings if each.code != "few-images")
+
+
 def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
     """Findings about deficits of one camera's images."""
     about = (name,)

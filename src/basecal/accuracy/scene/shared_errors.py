@@ -7,6 +7,7 @@ variance V moves the answer by F (S + V^-1)^-1 g. Source: Rao 1948 (scores).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from basecal.effects.faces.expected_size import SigmaPrior
 from basecal.effects.length_scale import LENGTHS, outward
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.state import scene_columns
-from basecal.geometry import Array, IntArray
+from basecal.geometry import SE3, Array, IntArray
 
 _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviations
 
@@ -57,22 +58,57 @@ def respond(fit: SceneFit, by_stop: Array) -> Response:
     return Response(gradient, np.asarray((information + information.T) / 2), np.asarray(-follows[: errors.start]))
 
 
-def shared_covariance(fit: SceneFit, robot: int) -> Array:
-    """Covariance of all columns but stops' errors by what a robot's stops share: smooth errors, and its lengths."""
+class SharedError(NamedTuple):
+    """k errors that a robot's stops share, as likely as the pixels have them.
+
+    Attributes:
+        moves: (q, k) of all columns that are no errors of stops.
+        moment: (k, k) their second moment.
+        at: How flanges at poses, (n,), move with them, (n, 6, k), right tangents.
+        unseen_m2: Variance along an axis at poses, (n,), that no recorded pose has, (n,) [m^2].
+    """
+
+    moves: Array
+    moment: Array
+    at: Callable[[SE3], Array]
+    unseen_m2: Callable[[SE3], Array]
+
+
+def shared_errors(fit: SceneFit, robot: int) -> list[SharedError]:
+    """Errors that a robot's stops share: of its lengths, and smooth ones."""
     mine = np.flatnonzero(fit.views.robot == robot)
-    poses = fit.views.base_from_flange[mine]
-    covariance = _second_moment(
-        respond(fit, _move_stops(fit, mine, outward(poses))), SigmaPrior.single_value(LENGTHS.sigma)
-    )
-    smooth = smooth_by_place.errors(poses, poses)
+    recorded = fit.views.base_from_flange[mine]
+    response = respond(fit, _move_stops(fit, mine, outward(recorded)))
+    moment, _ = _second_moment(response, SigmaPrior.single_value(LENGTHS.sigma))
+    lengths = SharedError(response.moves, moment, outward, lambda poses: np.zeros(len(poses)))
+    smooth = smooth_by_place.errors(recorded, recorded)
     if smooth is None:
-        return covariance
+        return [lengths]
     assert smooth_by_place.EFFECT.random is not None
     middle, factor = smooth_by_place.EFFECT.random.expected.turn
-    reach_m = float(np.sqrt(np.mean(np.sum(poses.translation**2, 1))))
+    reach_m = float(np.sqrt(np.mean(np.sum(recorded.translation**2, 1))))
     lever = np.where(smooth.is_turn, 1.0, reach_m)
-    prior = SigmaPrior.as_often_as_not(middle * factor**_NODES)
-    return covariance + _second_moment(respond(fit, _move_stops(fit, mine, smooth.by_stop * lever)), prior)
+
+    def flange_moves(poses: SE3) -> Array:
+        """How flanges at poses move, (n, 6, k)."""
+        found = smooth_by_place.errors(recorded, poses)
+        assert found is not None
+        return np.asarray(found.by_stop * lever)
+
+    response = respond(fit, _move_stops(fit, mine, flange_moves(recorded)))
+    moment, variance = _second_moment(response, SigmaPrior.as_often_as_not(middle * factor**_NODES))
+
+    def unseen_m2(poses: SE3) -> Array:
+        """Variance that modes of recorded poses leave, (n,) [m^2]."""
+        known_m2 = np.sum(flange_moves(poses)[:, :3] ** 2, axis=(1, 2)) / 3
+        return np.asarray(variance * np.maximum(reach_m**2 - known_m2, 0.0))
+
+    return [lengths, SharedError(response.moves, moment, flange_moves, unseen_m2)]
+
+
+def shared_covariance(fit: SceneFit, robot: int) -> Array:
+    """Covariance of all columns but stops' errors by what a robot's stops share."""
+    return np.asarray(sum(each.moves @ each.moment @ each.moves.T for each in shared_errors(fit, robot)))
 
 
 def _move_stops(fit: SceneFit, views: IntArray, moves: Array) -> Array:
@@ -82,15 +118,15 @@ def _move_stops(fit: SceneFit, views: IntArray, moves: Array) -> Array:
     return found
 
 
-def _second_moment(response: Response, prior: SigmaPrior) -> Array:
-    """Second moment of what errors of one sigma move, as likely as the data have it, (q, q)."""
+def _second_moment(response: Response, prior: SigmaPrior) -> tuple[Array, float]:
+    """Second moment of errors of one sigma, as likely as the data have it, (k, k), and mean square of that sigma."""
     count = len(response.gradient)
     variances = [np.full(count, sigma**2) for sigma in prior.sigmas if sigma]
     likely = np.exp([response.log_evidence(each) for each in variances])
     of_none = float(prior.shares[prior.sigmas == 0].sum())
     share = prior.shares[prior.sigmas > 0] * likely / (of_none + prior.shares[prior.sigmas > 0] @ likely)
-    spread = sum(
+    moment = sum(
         weight * (covariance + np.outer(mean, mean))
         for weight, (mean, covariance) in zip(share, map(response.posterior, variances), strict=True)
     )
-    return np.asarray(response.moves @ spread @ response.moves.T)
+    return np.asarray(moment), float(share @ prior.sigmas[prior.sigmas > 0] ** 2)

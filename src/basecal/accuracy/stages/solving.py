@@ -70,12 +70,14 @@ def join_static_scene(case: Case) -> Case:
     has_tracks = any(each.tracks for each in case.recording.samples)
     if not (case.settings.joins_scene or has_tracks) or not case.solution.converged:
         return case
+    from basecal.accuracy.scene.checks import drop_target_findings
     from basecal.accuracy.scene.join_scene import join_scene  # it reads images, which most calibrations do not
 
     assert case.robust is not None
     outliers = {int(number) for group in case.robust.left_out.groups for number in group.sample}
     joined, findings, scene = join_scene(case.cell, case.recording, case.solution, case.settings, outliers)
-    return replace(case, robust=replace(case.robust, solution=joined), scene=scene).with_findings(findings)
+    found = case.findings if scene is None else drop_target_findings(case.findings)
+    return replace(case, robust=replace(case.robust, solution=joined), scene=scene, findings=(*found, *findings))
 
 
 def integrate_noise(case: Case) -> Case:

@@ -75,9 +75,13 @@ def reach_points(problem: Problem, state: State, robot: str, recorded_joints: Ar
 def nearest_poses(problem: Problem, robot: str, points_in_base_m: Array) -> SE3:
     """Poses of a flange at points, (n, 3) [m], turned as the recorded pose nearest to each."""
     poses, seen = stands(problem, robot)
-    recorded = poses[np.flatnonzero(seen)]
-    nearest = np.linalg.norm(points_in_base_m[:, None] - recorded.translation[None], axis=-1).argmin(1)
-    return SE3(recorded.rotation[nearest], points_in_base_m)
+    return move_nearest(poses[np.flatnonzero(seen)], points_in_base_m)
+
+
+def move_nearest(poses: SE3, points_in_base_m: Array) -> SE3:
+    """Poses at points, (n, 3) [m], turned as the recorded pose nearest to each."""
+    nearest = np.linalg.norm(points_in_base_m[:, None] - poses.translation[None], axis=-1).argmin(1)
+    return SE3(poses.rotation[nearest], points_in_base_m)
 
 
 def to_base_axes(jacobian: Array, base_from_flange: Array) -> Array:

@@ -199,9 +199,14 @@ def _octant() -> tuple[Array, Array]:
 
 def point_covariances(covariance: Array, places: Array) -> Array:
     """Covariances of points' positions, (n, 3, 3), in the axes of the source of a transform with this one, (6, 6)."""
-    moved = np.concatenate([np.broadcast_to(np.eye(3), (len(places), 3, 3)), -cross_matrix(places)], axis=-1)
+    moved = point_jacobian(places)
     at: Array = moved @ covariance @ np.swapaxes(moved, 1, 2)
     return at
+
+
+def point_jacobian(places: Array) -> Array:
+    """How points, (n, 3) [m], move with a right tangent of the transform that carries them, (n, 3, 6), in its axes."""
+    return np.concatenate([np.broadcast_to(np.eye(3), (len(places), 3, 3)), -cross_matrix(places)], axis=-1)
 
 
 def _places(name: str, cell: Cell, evaluation: Evaluation) -> Iterator[Array]:

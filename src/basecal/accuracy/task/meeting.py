@@ -128,7 +128,11 @@ def meeting_places(problem: Problem, state: State, transform: str, task_m: Array
 def recorded_places(problem: Problem, state: State, transform: str) -> Array:
     """Where what a transform places was seen, in the reference's base, (n, 3) [m]; at most so many, evenly chosen."""
     groups = [group for group in problem.groups if transform in group.frames] or problem.groups
-    places = np.concatenate([target_places(group, state) for group in groups])
+    return choose_places(np.concatenate([target_places(group, state) for group in groups]))
+
+
+def choose_places(places: Array) -> Array:
+    """At most so many of places, (n, 3) [m], evenly chosen."""
     chosen = np.unique(np.linspace(0, len(places) - 1, min(len(places), _MOST_PLACES)).astype(int))
     return np.asarray(places[chosen])
 

@@ -170,7 +170,7 @@ def _drawing(view: _View, jpeg: bytes, size_px: tuple[int, int], longest_px: flo
     """The image with its points."""
     scale = _WIDTH / size_px[0]
     height = size_px[1] * scale
-    some = slice(None, None, -(-len(view.pixels) // _MOST_POINTS))
+    some = slice(None, None, max(1, -(-len(view.pixels) // _MOST_POINTS)))
     at, used = (view.pixels[some] + 0.5) * scale, view.used[some]
     tip = at + view.off_px[some] * (_LONGEST_SHARE * _WIDTH / longest_px)
     address = f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import socketserver
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ from http.server import BaseHTTPRequestHandler
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
-from basecal.errors import BasecalError, InputError
+from basecal.errors import BasecalError, InputError, describe_fault, printable
 from basecal.reporting.live.guard import Guard
 
 HOST = "127.0.0.1"
@@ -79,6 +80,19 @@ class _Server(socketserver.ThreadingTCPServer):
     guard: Guard
     routes: Mapping[tuple[str, str], Route]
 
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._faults: dict[str, str] = {}
+
+    def describe(self, error: Exception) -> str:
+        """One line about a fault, which is printed once: a page may ask for the same many times."""
+        fault = f"{type(error).__name__}: {error}"
+        if fault not in self._faults:
+            self._faults[fault] = printable(" ".join(describe_fault(error).split()))
+            if sys.stderr is not None:
+                print(f"basecal: error: {self._faults[fault]}", file=sys.stderr, flush=True)
+        return self._faults[fault]
+
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Leave the terminal to the command: a browser that went away is no error of it."""
 
@@ -99,13 +113,21 @@ class _Handler(BaseHTTPRequestHandler):
         elif route is None:
             self._send(404, Answer("there is no such page\n", "text/plain"))
         else:
-            cookie = f"{guard.cookie}={guard.token}; HttpOnly; SameSite=Strict; Path=/"
-            try:
-                self._send(200, route(query), {"Set-Cookie": cookie})
-            except BasecalError as error:
-                self._send(500, Answer(f"{error}\n", "text/plain"))
+            self._send(*self._run(route, query))
 
     do_POST = do_GET
+
+    def _run(self, route: Route, query: Mapping[str, str]) -> tuple[int, Answer, dict[str, str]]:
+        """Status, answer and cookies of a route; a fault of the program is also one line on stderr, once."""
+        guard = self.server.guard
+        try:
+            answer = route(query)
+        except BasecalError as error:
+            return 500, Answer(f"{error}\n", "text/plain"), {}
+        except Exception as error:
+            line = self.server.describe(error)
+            return 500, Answer(f"{line}\n", "text/plain"), {}
+        return 200, answer, {"Set-Cookie": f"{guard.cookie}={guard.token}; HttpOnly; SameSite=Strict; Path=/"}
 
     def _send(self, status: int, answer: Answer, cookies: Mapping[str, str] | None = None) -> None:
         body = answer.text.encode()

@@ -69,6 +69,41 @@ def task_options(calibration: Calibration) -> str:
     return ""
 
 
+def missed_step(cell: Cell, calibration: Calibration, place: str) -> str:
+    """The step after an error above the tolerance: a plan, or more images of a scene.
+
+    Args:
+        cell: What was calibrated.
+        calibration: What came out.
+        place: Folder of the cell, as it is typed.
+    """
+    if calibration.settings.get("method") != "scene":
+        assert calibration.tolerance is not None
+        tolerance = _tolerance_text(calibration.tolerance.asked_m)
+        return f"basecal plan {place} --tolerance {tolerance}{task_options(calibration)} -o plan.jsonl"
+    drivers = [robot.driver for robot in cell.robots.values()] + [camera.driver for camera in cell.cameras.values()]
+    if cell.sees_scene and all(drivers):
+        return f"basecal capture {place} --freedrive"
+    return f"import more images of each arm, then {calibrate_command(cell, calibration, place)}"
+
+
+def calibrate_command(cell: Cell, calibration: Calibration, place: str) -> str:
+    """The command that calibrates a folder as a calibration was made."""
+    settings, method = calibration.settings, ""
+    if settings.get("method") == "scene":
+        method = "" if cell.sees_scene else " --scene"
+    elif settings.get("method") == "axis-shift":
+        method = " --method axis-shift"
+    also = " --scene also" if settings.get("joins_scene") else ""
+    tolerance_m = settings.get("tolerance_m")
+    tolerance = "" if tolerance_m is None else f" --tolerance {_tolerance_text(tolerance_m)}"
+    return f"basecal calibrate {place}{method}{also}{task_options(calibration)}{tolerance}"
+
+
+def _tolerance_text(tolerance_m: float) -> str:
+    return f"{1e3 * tolerance_m:.3g}mm"
+
+
 def headline(cell: Cell, calibration: Calibration) -> Headline:
     """How well the requested transforms are known, or why they are not."""
     word, reason = verdict_word(calibration), _first_reason(calibration.findings)

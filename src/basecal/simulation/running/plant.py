@@ -39,6 +39,8 @@ class Plant:
     """
 
     def __init__(self, world: World, clock: Clock, surroundings: bool = False) -> None:
+        if not world.cell.targets:
+            raise InputError("the cell has no target, and a running cell draws no scene: add one under `targets:`")
         self._world, self._clock, self._has_surroundings = world, clock, surroundings
         self._arms = {
             name: RunningArm(name, kinematics, world.home[name], world.faults, world.seed)
@@ -154,7 +156,11 @@ class Plant:
     def _target(self, camera: str) -> CellTarget:
         """The target of a camera: the first that does not hang on the same body."""
         cell = self._world.cell
-        return next(each for each in cell.targets.values() if each.on != cell.cameras[camera].on)
+        on = cell.cameras[camera].on
+        found = next((each for each in cell.targets.values() if each.on != on), None)
+        if found is None:
+            raise InputError(f"{camera!r} is on {on!r}, as all targets are: add one elsewhere in cell.yaml")
+        return found
 
     def _shape(self, camera: str) -> Target:
         target = self._target(camera)
