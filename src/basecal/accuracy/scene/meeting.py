@@ -20,7 +20,7 @@ from basecal.geometry import Array
 
 
 def scene_meeting(cell: Cell, fit: SceneFit, covariance: Array, settings: Settings) -> MeetingError | None:
-    """The error columns flanges meet, at the task or else columns the arms worked, of the base that is known the least.
+    """The error where flanges meet, at the task or else where the arms worked, of the base that is known the least.
 
     Args:
         cell: What was calibrated.
