@@ -317,7 +317,7 @@ def keyed_rows(table: TextTable) -> list[Row]:
         image = next((name for name in cells if all(is_picture(row.cells.get(name, "")) for row in table.rows)), None)
     rows = []
     for row in table.rows:
-        name = None if image is None else table.cell(row, image).strip("\"' ")
+        name = None if image is None else row.cells[image].strip("\"' ")
         number = None if sample is None else parse_number(table.cell(row, sample), table.path, row.line, sample)
         if sample is not None and number is not None and (number != int(number) or number < 0):
             raise DatasetError(table.path, f"{table.cell(row, sample)} is not a whole number from 0", row.line, sample)

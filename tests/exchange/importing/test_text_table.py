@@ -53,17 +53,36 @@ def test_a_picture_in_front_needs_no_header() -> None:
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "x;y;z;comment\n1;2;3;\n4;5;6;good\n",
+        "x;y;z;comment\n1;2;3\n4;5;6;good (2)\n",
+        "x,y,z,note,comment\n1,2,3\n4,5,6,,good [1 2]\n",
+        "x\ty\tz\tcomment\n1\t2\t3\t\n4\t5\t6\tgood\n",
+        "x;y;z\n1;2;3;;;\n4;5;6\n",
+        "1;2;3;;\n4;5;6\n",
+    ],
+)
+def test_cells_at_the_end_may_be_empty(text: str) -> None:
+    """Of columns that are not read: comments need not be in every row."""
+    assert values(text) == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         ("", "holds no row of numbers, expected x, y, z"),
         ("x,y,z\n", "holds no row"),
-        ("x,y,z\n1,2\n", "t.csv:2: 2 columns, the header has 3"),
+        ("x,y,z\n1,2\n", "t.csv:2: z: is empty in this row"),
         ("1,2\n", "t.csv:1: 2 columns, expected x, y, z"),
         ("x,y,z\n0,1,0,2,0,3\n", "t.csv:2: 6 cells for 3 columns: decimal commas need another separator"),
         ("x,y,z\n1,zwei,3\n", "t.csv:2: y: 'zwei' is not a number"),
         ("x,y,z\n1,nan,3\n", "t.csv:2: y: 'nan' is not finite"),
-        ("x,y,z\n1,,3\n", "t.csv:2: y: '' is not a number"),
+        ("x,y,z\n1,,3\n", "t.csv:2: y: is empty in this row"),
         ("p[1,2]\n", "t.csv:1: 2 numbers in brackets, expected x, y, z"),
+        ("p[1,2,3]\np[1,2]\n", "t.csv:2: 2 numbers in brackets, expected x, y, z"),
+        ("CONST robtarget p:=[[1,2],[1,0,0,0]];\n", "t.csv:1: 6 numbers in brackets"),
+        ("1,2,3\np[1,2,3]\n", "t.csv:2: x: 'p[1' is not a number"),
         ("x,y,q\n1,2,3\n", "t.csv:2: has no z but x, y, q"),
     ],
 )

@@ -50,10 +50,10 @@ def read_poses(
 
     A file of one robot is a table with or without a header. Commas, semicolons,
     tabs or spaces separate its columns. It may also hold poses as they are
-    pasted from a controller: p[...], {X ..., A ...}, [[...],[...]]. Rows belong
-    to the samples that are there in order, unless a column `image`, `sample` or
-    `stamp_s` says otherwise; where nothing is recorded they make the samples. A
-    robot that is recorded is never overwritten. With --camera and --target
+    pasted from a controller: p[...], {X ..., A ...}, [[...],[...]], or be the
+    whole program. Rows belong to the samples that are there in order, unless a
+    column `image`, `sample` or `stamp_s` says otherwise; where nothing is
+    recorded they make the samples. A robot that is recorded is never overwritten. With --camera and --target
     instead of --robot the table is of the target's poses in the camera. With
     --streams rows keep the times they have and make lines of their own: devices
     that recorded each at its own rate, by its own clock; `basecal calibrate`

@@ -17,6 +17,13 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:[,.' ]\d{3})+[.,]\d+")
 _NAMED_NUMBER = re.compile(r"([A-Za-z]\w*)(?:\s*[:=]\s*|\s+)([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _PICTURE = re.compile(r"\.(?:png|jpe?g|tiff?|bmp|webp|pgm|ppm)$", re.IGNORECASE)
+_LISTED_NUMBER = re.compile(rf"(?<![\w.]){_NUMBER.pattern}")
+# Lines of programs that hold numbers as of a pose, and state another thing: a tool, a work object, a load.
+_SETTING = re.compile(r"^\$?(?:BASE|TOOL|LOAD)(?:_DATA)?\b.*=|:=\s*\[\s*(?:TRUE|FALSE)\b|^set_tcp\b", re.IGNORECASE)
+_KRL_FIELDS = re.compile(r"\{\s*[A-Za-z]\w*\s")  # numbers that all have names, such as those of axes
+_URSCRIPT_POSE = re.compile(r"\bp\[")  # without the p it lists joints
+# Lines that state a pose, by a bracket in front or by a word of URScript, RAPID or KRL.
+_POSE_CLAIM = re.compile(r"^[\[({]|\bp\[|\brobtarget\b.*:=|\b(?:E6POS|POS|FRAME)\b.*=", re.IGNORECASE)
 _COMMENTS = ("#", "!", ";", "//")
 _LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
 
@@ -47,10 +54,12 @@ class TextTable:
         """The text in a column of a row.
 
         Raises:
-            DatasetError: if nothing does: the row holds a pose in brackets alone.
+            DatasetError: if there is none, or the row holds a pose in brackets alone.
         """
         if column not in row.cells:
             raise DatasetError(self.path, f"has no {column} but {', '.join(row.cells)}", row.line)
+        if not row.cells[column].strip("\"' "):
+            raise DatasetError(self.path, "is empty in this row", row.line, column)
         return row.cells[column]
 
 
@@ -67,13 +76,13 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
     """
     lines = [(number, line.strip()) for number, line in enumerate(StringIO(text), start=1) if line.strip()]
     content = [(number, line) for number, line in lines if not line.startswith(_COMMENTS)]
+    if poses := tuple(_bracket_rows(content, names, path)):
+        return TextTable(path, None, poses)
     separator, header = _heading(lines, content)
-    if content and not _brackets(content[0][1]) and _header(content[0][1]):
+    if content and _header(content[0][1]):
         content = content[1:]
     if not content:
         raise DatasetError(path, f"holds no row of numbers, expected {', '.join(names)}")
-    in_brackets = _brackets(content[0][1]) is not None
-    header = None if in_brackets else header
     rows = [TextRow(number, _cells(line, separator, header, names, path, number)) for number, line in content]
     return TextTable(path, header, tuple(rows))
 
@@ -85,7 +94,7 @@ def _heading(
     if not content:
         return None, None
     first = content[0][1]
-    if not _brackets(first) and (found := _header(first)):
+    if found := _header(first):
         return found
     for _, line in lines:
         if line.startswith(_COMMENTS) and (found := _header(line)) and len(first.split(found[0])) == len(found[1]):
@@ -115,10 +124,58 @@ def is_picture(name: str) -> bool:
     return bool(_PICTURE.search(name.strip()))
 
 
+def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path: str) -> Iterator[TextRow]:
+    """Rows of the lines that hold a pose in brackets; other lines of a controller's program are passed over.
+
+    Raises:
+        DatasetError: if the brackets of a pose lack a number.
+    """
+    if any(_is_plain_row(line, len(names)) for _, line in content):
+        return
+    has_marks = any(_URSCRIPT_POSE.search(line) for _, line in content)
+    for number, line in content:
+        bracketed = _brackets(line)
+        if bracketed is None or _SETTING.search(line) or (has_marks and not _URSCRIPT_POSE.search(line)):
+            continue
+        values = _named_values(bracketed, names) or _listed_values(bracketed, names)
+        if values is not None:
+            yield TextRow(number, _leading_picture(line, bracketed) | dict(zip(names, values, strict=True)))
+        elif _POSE_CLAIM.search(line):
+            count = len(_LISTED_NUMBER.findall(bracketed))
+            raise DatasetError(path, f"{count} numbers in brackets, expected {', '.join(names)}", number)
+
+
+def _is_plain_row(line: str, count: int) -> bool:
+    """Whether a line without brackets holds as many numbers."""
+    return not _brackets(line) and sum(map(_is_number, re.split(r"[;,\s]+", line))) >= count
+
+
 def _brackets(line: str) -> str | None:
     """The text of a line from its first bracket on; None if there is none behind a number, as in `x [mm]`."""
     place = min((line.find(c) for c in "[({" if c in line), default=-1)
     return line[place:] if place >= 0 and _NUMBER.search(line[place:]) else None
+
+
+def _named_values(text: str, names: Sequence[str]) -> list[str] | None:
+    """The numbers behind their names, as KUKA writes them; None if one has none."""
+    named = {name.lower(): value for name, value in _NAMED_NUMBER.findall(text)}
+    return [named[name.lower()] for name in names] if all(name.lower() in named for name in names) else None
+
+
+def _listed_values(text: str, names: Sequence[str]) -> list[str] | None:
+    """The first numbers, if they end with a bracket or are all in one; None of other data, such as ABB's of joints.
+
+    Those behind the last name are left out: ABB's targets end in configuration and axes.
+    """
+    values: list[str] = []
+    if _KRL_FIELDS.search(text):
+        return None
+    lists = [found for part in re.split(r"[\[\](){}]", text) if (found := _LISTED_NUMBER.findall(part))]
+    for each in lists:
+        values += each
+        if len(values) >= len(names):
+            return values[: len(names)] if len(values) == len(names) or each is lists[0] else None
+    return None
 
 
 def _header(line: str) -> tuple[str | None, tuple[str, ...]] | None:
@@ -144,20 +201,14 @@ def _separator(line: str) -> str | None:
 def _cells(
     line: str, separator: str | None, header: tuple[str, ...] | None, names: Sequence[str], path: str, number: int
 ) -> dict[str, str]:
-    bracketed = _brackets(line)
-    if bracketed is not None:
-        named = {name.lower(): value for name, value in _NAMED_NUMBER.findall(bracketed)}
-        if all(name.lower() in named for name in names):
-            return {**_leading_picture(line, bracketed), **{name: named[name.lower()] for name in names}}
-        values = _NUMBER.findall(bracketed)
-        if len(values) < len(names):
-            raise DatasetError(path, f"{len(values)} numbers in brackets, expected {', '.join(names)}", number)
-        # Those behind the last name are left out: ABB's targets end in configuration and axes.
-        return _leading_picture(line, bracketed) | dict(zip(names, values, strict=False))
-    cells = [cell.strip() for cell in (line.rstrip(";") if separator == ";" else line).split(separator)]
+    cells = [cell.strip() for cell in line.split(separator)]
+    expected = names if header is None else header
+    while len(cells) > len(expected) and not cells[-1]:
+        cells.pop()
     if header is None and len(cells) == len(names) + 1 and is_picture(cells[0]):
         return dict(zip(("image", *names), cells, strict=True))
-    expected = names if header is None else header
+    if header is not None:
+        cells += [""] * (len(header) - len(cells))
     if len(cells) != len(expected):
         raise DatasetError(path, _count_message(cells, expected, separator, header is None), number)
     return dict(zip(expected, cells, strict=True))
