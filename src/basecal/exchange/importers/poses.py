@@ -12,7 +12,7 @@ from basecal.errors import FrameNotFound, UsageError
 from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses, read_pose_rows
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.cell_content import known_cell
-from basecal.exchange.importing.imported import Imported, OneOf
+from basecal.exchange.importing.imported import Imported, OneOf, controller_places
 from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.streams import Inverted, Streams, read_streams
 from basecal.exchange.poses import METRES, LengthUnit
@@ -113,7 +113,7 @@ def read_poses(
         raise UsageError(f"{'--robot' if robot is None else 'FILE'} is missing: CELL --robot NAME FILE")
     if robot is not None and table is not None:
         imported = replace(_robot_poses(robot, table, _is_inverted(invert, "base-from-flange")), is_still=still)
-        return remember_controller(imported, cell, robot, table.reading.name, {"base": base_frame, "tool": tool_frame})
+        return _remember_controller(imported, robot, table.reading.name, {"base": base_frame, "tool": tool_frame})
     if streams:
         raise UsageError("--streams belongs to a table: CELL --robot NAME FILE, one after the other")
     if camera_from_target is None or length_unit is None:
@@ -122,18 +122,13 @@ def read_poses(
     return read_streams(cell, files, camera, target)
 
 
-def remember_controller(
-    imported: Imported, folder: str | Path, robot: str, name: str, frames: Mapping[str, str | None]
-) -> Imported:
-    """A copy with the format of a robot's poses, and frames that are stated, for `cell.yaml`.
-
-    What the cell has stays, unless frames are stated.
-    """
-    cell, stated = known_cell(folder), {name: frame for name, frame in frames.items() if frame is not None}
-    if not stated and cell is not None and robot in cell.robots and cell.robots[robot].controller:
-        return imported
-    entry = {"robots": {robot: {"controller": {"format": name, **stated}}}}
-    return replace(imported, cell=entry, replaced=frozenset({("robots", robot, "controller")}))
+def _remember_controller(imported: Imported, robot: str, name: str, frames: Mapping[str, str | None]) -> Imported:
+    """A copy with the format of a robot's poses, and frames that are stated, for `cell.yaml`."""
+    stated = {name: frame for name, frame in frames.items() if frame is not None}
+    entry, places = {"robots": {robot: {"controller": {"format": name, **stated}}}}, controller_places([robot])
+    if stated:
+        return replace(imported, cell=entry, replaced=places)
+    return replace(imported, cell=entry, defaults=places)
 
 
 def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:
