@@ -263,7 +263,7 @@ def _check_angles(path: str, numbers: Array, convention: AnyConvention, reading:
         return
     angles = numbers[:, 3:]
     if other := _other_controllers(numbers, convention, reading):
-        raise DatasetError(path, f"these numbers are not of {reading.name}: {other}")
+        raise DatasetError(path, f"these numbers are not in the units of {reading.name}. {other}")
     if convention.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
         raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
     # A rotation vector is as long as the turn; angles about axes may all be small only where nothing turns.
@@ -293,8 +293,10 @@ def _other_controllers(numbers: Array, convention: Convention, reading: Reading)
     ):
         return ""
     names = [name for name, each in CONTROLLERS.items() if _units(each) == units]
-    words = "millimetres and degrees" if units[1] == DEGREE else "metres and radians"
-    return f"they look like {words}: give --format {', '.join(names[:-1])}{' or ' if names[1:] else ''}{names[-1]}"
+    words, options = (
+        ("millimetres and degrees", "mm --deg") if units[1] == DEGREE else ("metres and radians", "m --rad")
+    )
+    return f"They look like {words}: give --length-unit {options}, or --format {list_names(names)}"
 
 
 def _units(convention: AnyConvention) -> tuple[float, float] | None:

@@ -36,8 +36,8 @@ def rows_of(matrices: list[np.ndarray]) -> str:
 @pytest.mark.parametrize(
     ("text", "form", "told"),
     [
-        (KUKA, "ur", "they look like millimetres and degrees: give --format kuka, .* or xarm"),
-        (UR, "kuka", "they look like metres and radians: give --format ur"),
+        (KUKA, "ur", "They look like millimetres and degrees: give --length-unit mm --deg, or --format kuka, "),
+        (UR, "kuka", "They look like metres and radians: give --length-unit m --rad, or --format ur"),
         (rows_of(MATRICES), "franka", "it is written by rows, give --format matrix"),
         ("x y z rx ry rz\n1,234.5 0 0 0 0 0\n", "ur", "thousands separators"),
         ("x,y,z,rx,ry,rz\n0,1,0,2,0,3,0,0,0,5,1\n", "ur", "decimal commas need another separator"),

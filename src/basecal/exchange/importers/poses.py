@@ -122,13 +122,13 @@ def read_poses(
     return read_streams(cell, files, camera, target)
 
 
-def _remember_controller(imported: Imported, robot: str, name: str, frames: Mapping[str, str | None]) -> Imported:
+def _remember_controller(table: Imported, robot: str, name: str, frames: Mapping[str, str | None]) -> Imported:
     """A copy with the format of a robot's poses, and frames that are stated, for `cell.yaml`."""
     stated = {name: frame for name, frame in frames.items() if frame is not None}
     entry, places = {"robots": {robot: {"controller": {"format": name, **stated}}}}, controller_places([robot])
     if stated:
-        return replace(imported, cell=entry, replaced=places)
-    return replace(imported, cell=entry, defaults=places)
+        return replace(table, cell=entry, replaced=places)
+    return replace(table, cell=entry, defaults=places)
 
 
 def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:

@@ -78,7 +78,7 @@ def add_to_cell(
     started = imports.new_cell if old is None else old
     added = {**_reference(imports.cell), **imports.cell} if started is None else imports.cell
     if started is not None and not replace:
-        added = _omit_stated(added, imports.defaults, parse_yaml(started, str(path)).data)
+        added = _omit_defaults(added, imports.defaults, parse_yaml(started, str(path)).data)
     with place_files(imports.files, folder):
         replaced = imports.defaults.union(imports.replaced, _places(added)) if replace else imports.replaced
         text, changed = completed_cell_text(started, added, str(path), replaced)
@@ -115,14 +115,14 @@ def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
     return {} if first is None else {"reference": first}
 
 
-def _omit_stated(added: Mapping[str, Any], defaults: frozenset[Loc], stated: Any, parent: Loc = ()) -> dict[str, Any]:
-    """Additions without the defaults that are stated already."""
+def _omit_defaults(new: Mapping[str, Any], defaults: frozenset[Loc], known: Any, parent: Loc = ()) -> dict[str, Any]:
+    """New content without those defaults for which the known content has a value."""
     kept = {}
-    for key, value in added.items():
-        known = stated.get(key) if isinstance(stated, Mapping) else None
+    for key, value in new.items():
+        other = known.get(key) if isinstance(known, Mapping) else None
         if isinstance(value, Mapping) and (*parent, key) not in defaults:
-            kept[key] = _omit_stated(value, defaults, known, (*parent, key))
-        elif known is None or (*parent, key) not in defaults:
+            kept[key] = _omit_defaults(value, defaults, other, (*parent, key))
+        elif other is None or (*parent, key) not in defaults:
             kept[key] = value
     return kept
 
