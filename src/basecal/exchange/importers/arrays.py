@@ -58,4 +58,5 @@ def read_array_file(
         """The record, given what cell or user say."""
         return read_record_of_arrays(file, camera_on_robot, METRES[unit])
 
-    return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target, hand=hand)
+    advice = f"lengths are read in {unit}: check --unit, then --camera-on"
+    return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target, hand=hand, advice=advice)

@@ -115,11 +115,11 @@ def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
     return {} if first is None else {"reference": first}
 
 
-def _omit_defaults(new: Mapping[str, Any], defaults: frozenset[Loc], known: Any, parent: Loc = ()) -> dict[str, Any]:
-    """New content without those defaults for which the known content has a value."""
+def _omit_defaults(new: Mapping[str, Any], defaults: frozenset[Loc], old: Any, parent: Loc = ()) -> dict[str, Any]:
+    """New content without those defaults for which the old content has a value."""
     kept = {}
     for key, value in new.items():
-        other = known.get(key) if isinstance(known, Mapping) else None
+        other = old.get(key) if isinstance(old, Mapping) else None
         if isinstance(value, Mapping) and (*parent, key) not in defaults:
             kept[key] = _omit_defaults(value, defaults, other, (*parent, key))
         elif other is None or (*parent, key) not in defaults:
