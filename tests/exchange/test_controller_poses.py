@@ -186,7 +186,7 @@ def test_every_format_is_read(tmp_path: Path, name: str, with_header: bool) -> N
 
 def test_columns_by_name_in_any_order(tmp_path: Path) -> None:
     """The header says which is which, in capitals or not, with units, and what is not asked for is passed over."""
-    text = "image;C [deg];B_deg;A;Z [mm];y;X;speed\na.png;30;20;10;3;2;1;5\n"
+    text = "image;C [deg];B_deg;A/°;Z [mm];y/mm;X in mm;speed\na.png;30;20;10;3;2;1;5\n"
     read = poses(tmp_path, text, Reading("kuka"))
     np.testing.assert_allclose(read.translation, [[1e-3, 2e-3, 3e-3]])
     expected = Rotation.from_euler("ZYX", [10, 20, 30], degrees=True).as_matrix()

@@ -46,7 +46,7 @@ _ALIASES = {
     **{f"q{axis}": (f"q_{axis}", f"orientation_{axis}") for axis in "xyzw"},
     **dict(zip(("q1", "q2", "q3", "q4"), (("qw",), ("qx",), ("qy",), ("qz",)), strict=True)),
 }
-_UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(])(mm|m|inch|in|deg|rad|°)[\])]?$")
+_UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(/]\s*|\s+in\s+)(mm|m|inch|in|deg|rad|°)[\])]?$")
 _LENGTHS: dict[str, _Unit] = {name: _Unit(size, f"--length-unit {name}") for name, size in METRES.items()}
 _LENGTHS["in"] = _LENGTHS["inch"]
 _ANGLES = {"deg": _Unit(DEGREE, "--deg"), "°": _Unit(DEGREE, "--deg"), "rad": _Unit(RADIAN, "--rad")}

@@ -99,8 +99,7 @@ def read_touches(
     touched = zip(new_rows(cell, known, kept), marks, strict=True)
     seen = tuple(replace(row, observations=(TouchObservation(own_tip, at, sigma_m),)) for row, at in touched)
     what = f"{len(seen)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}, {how}"
-    places = controller_places([robot])
-    return Imported(str(file), what, seen, entry, defaults=places, by="sample", advice=advice)
+    return Imported(str(file), what, seen, entry, defaults=controller_places([robot]), by="sample", advice=advice)
 
 
 def _join_rows(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -24,6 +25,11 @@ _KRL_FIELDS = re.compile(r"\{\s*[A-Za-z]\w*\s")  # numbers that all have names, 
 _URSCRIPT_POSE = re.compile(r"\bp\[")  # without the p it lists joints
 # Lines that state a pose, by a bracket in front or by a word of URScript, RAPID or KRL.
 _POSE_CLAIM = re.compile(r"^[\[({]|\bp\[|\brobtarget\b.*:=|\b(?:E6POS|POS|FRAME)\b.*=", re.IGNORECASE)
+_UNIT_CELL = re.compile(r"(?:mm|m|inch|in|deg|rad|°|s|)")
+_SUMMARY = re.compile(
+    r"(?:mittel(?:wert)?|average|mean|avg|sum|total|summe|min|max|std|stdev|median|standardabweichung)\W*",
+    re.IGNORECASE,
+)
 _COMMENTS = ("#", "!", ";", "//")
 _LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
 
@@ -78,13 +84,42 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
     content = [(number, line) for number, line in lines if not line.startswith(_COMMENTS)]
     if poses := tuple(_bracket_rows(content, names, path)):
         return TextTable(path, None, poses)
+    content = _omit_titles(content)
     separator, header = _heading(lines, content)
     if content and _header(content[0][1]):
         content = content[1:]
+    if header is not None and content and (units := _units(content[0][1], separator, len(header))):
+        content = content[1:]
+        header = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(header, units, strict=True))
     if not content:
         raise DatasetError(path, f"holds no row of numbers, expected {', '.join(names)}")
     rows = [TextRow(number, _cells(line, separator, header, names, path, number)) for number, line in content]
+    _check_summaries(rows, path)
     return TextTable(path, header, tuple(rows))
+
+
+def _omit_titles(content: Sequence[tuple[int, str]]) -> Sequence[tuple[int, str]]:
+    """The lines without a title, which is one cell above the header."""
+    while len(content) > 1 and (found := _header(content[1][1])) and found[0] is not None:
+        if sum(map(bool, _split(content[0][1], found[0]))) != 1:
+            break
+        content = content[1:]
+    return content
+
+
+def _units(line: str, separator: str | None, count: int) -> list[str] | None:
+    """Units of columns, in a row of their own below the header; None if it is another row."""
+    cells = [cell.strip("[]()") for cell in _split(line, separator)]
+    if len(cells) > count or not any(cells) or not all(_UNIT_CELL.fullmatch(cell) for cell in cells):
+        return None
+    return cells + [""] * (count - len(cells))
+
+
+def _check_summaries(rows: Sequence[TextRow], path: str) -> None:
+    """Check that no row is the mean or the like of the others."""
+    for row in rows:
+        if word := next((cell for cell in row.cells.values() if _SUMMARY.fullmatch(cell)), None):
+            raise DatasetError(path, f"{shorten(word)} is not one of the measured rows: leave the row out", row.line)
 
 
 def _heading(
@@ -97,7 +132,7 @@ def _heading(
     if found := _header(first):
         return found
     for _, line in lines:
-        if line.startswith(_COMMENTS) and (found := _header(line)) and len(first.split(found[0])) == len(found[1]):
+        if line.startswith(_COMMENTS) and (found := _header(line)) and len(_split(first, found[0])) == len(found[1]):
             return found
     return _separator(first), None
 
@@ -182,10 +217,16 @@ def _header(line: str) -> tuple[str | None, tuple[str, ...]] | None:
     """Separator and names of a line of which no cell is a number."""
     plain = line.lstrip("#%!").strip()
     separator = _separator(plain)
-    cells = [cell.strip().strip("\"'") for cell in plain.split(separator)]
+    cells = _split(plain, separator)
     if any(_is_number(cell) for cell in cells) or any(map(is_picture, cells)):
         return None
     return separator, tuple(cells)
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    """Cells of a line; those in double quotes may hold the separator."""
+    cells = line.split() if separator is None else next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    return [cell.strip().strip("\"'") for cell in cells]
 
 
 def _is_number(cell: str) -> bool:
@@ -201,7 +242,7 @@ def _separator(line: str) -> str | None:
 def _cells(
     line: str, separator: str | None, header: tuple[str, ...] | None, names: Sequence[str], path: str, number: int
 ) -> dict[str, str]:
-    cells = [cell.strip() for cell in line.split(separator)]
+    cells = _split(line, separator)
     expected = names if header is None else header
     while len(cells) > len(expected) and not cells[-1]:
         cells.pop()
