@@ -15,7 +15,7 @@ from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, OneOf, controller_places
 from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.streams import Inverted, Streams, read_streams
-from basecal.exchange.poses import METRES, LengthUnit
+from basecal.exchange.poses import LengthUnit, metres_of
 
 _ONE_ROBOT = "for one robot's poses: CELL --robot NAME FILE --format FORMAT"
 POSE_ADVICE = "check --length-unit and --format"
@@ -166,13 +166,14 @@ class PoseTable:
             UsageError: if there is no such convention, or two units are stated.
             DatasetError: if none is stated, and the file does not say.
         """
-        if self.format is not None and self.format not in CONTROLLERS:
-            raise UsageError(f"--format {FrameNotFound(self.format, list(CONTROLLERS))}")
+        name = None if self.format is None else str(self.format).lower()
+        if name is not None and name not in CONTROLLERS:
+            raise UsageError(f"--format {FrameNotFound(name, list(CONTROLLERS))}")
         if self.deg and self.rad:
             raise UsageError("--deg and --rad cannot both be")
         angle = math.radians(1) if self.deg else 1.0 if self.rad else None
-        length_m = None if self.unit is None else METRES[self.unit]
-        return Reading(self.format or guessed_format(self.file), length_m, angle)
+        length_m = None if self.unit is None else metres_of(self.unit)
+        return Reading(name or guessed_format(self.file), length_m, angle)
 
 
 def _robot_poses(robot: str, table: PoseTable, is_inverted: bool) -> Imported:

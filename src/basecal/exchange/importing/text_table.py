@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import StringIO
 
@@ -84,7 +85,7 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
     content = [(number, line) for number, line in lines if not line.startswith(_COMMENTS)]
     if poses := tuple(_bracket_rows(content, names, path)):
         return TextTable(path, None, poses)
-    content = _omit_titles(content)
+    content = list(_omit_titles(content))
     separator, header = _heading(lines, content)
     if content and _header(content[0][1]):
         content = content[1:]
@@ -225,7 +226,10 @@ def _header(line: str) -> tuple[str | None, tuple[str, ...]] | None:
 
 def _split(line: str, separator: str | None) -> list[str]:
     """Cells of a line; those in double quotes may hold the separator."""
-    cells = line.split() if separator is None else next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    cells = line.split(separator)
+    if separator is not None and '"' in line:
+        with suppress(csv.Error):  # a cell larger than any number
+            cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
     return [cell.strip().strip("\"'") for cell in cells]
 
 
