@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -94,9 +94,11 @@ def read_bag(
         try:
             taken = choose_sources(there, survey, asked, known)
         except InputError as error:
+            if list:
+                return _preview(there, [f"would take nothing: {error}"])
             raise InputError("; ".join((f"{there.path}: {error}", *_damage(there)))) from None
         if list:
-            return _preview(there, taken)
+            return _preview(there, [f"would take {line}" for line in taken.words])
         beside = next(above for above in Path(cell).absolute().parents if above.exists())
         scratch = TemporaryDirectory(prefix=".bag-", dir=beside)
         try:
@@ -109,11 +111,10 @@ def read_bag(
         return replace(imported, scratch=scratch, notes=notes, warnings=_damage(there))
 
 
-def _preview(bag: Bag, sources: Taken) -> Imported:
-    """Content of a bag, and the parts that would be imported."""
+def _preview(bag: Bag, choice: Sequence[str]) -> Imported:
+    """Content of a bag, and lines about the parts that would be imported."""
     topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(bag.topics.values()))
-    would = (f"would take {line}" for line in sources.words)
-    return Imported(bag.path, "what is in it", notes=(*topics, *would), warnings=_damage(bag), is_preview=True)
+    return Imported(bag.path, "what is in it", notes=(*topics, *choice), warnings=_damage(bag), is_preview=True)
 
 
 def _with_target(
