@@ -38,7 +38,7 @@ _ACCEPTED = (
 )
 
 
-def metres_of(unit: str) -> float:
+def unit_length_m(unit: str) -> float:
     """The length of a unit [m].
 
     Raises:
@@ -84,7 +84,7 @@ def read_poses(path: str | Path, length_unit: LengthUnit) -> PoseStream:
     else:
         matrices, lines = _from_text(name)
         stream = PoseStream(name, _make_poses(matrices, _matrix_pose, name, lambda i: (lines[4 * i], None)))
-    scaled = SE3(stream.poses.rotation, stream.poses.translation * metres_of(length_unit))
+    scaled = SE3(stream.poses.rotation, stream.poses.translation * unit_length_m(length_unit))
     return replace(stream, poses=scaled)
 
 

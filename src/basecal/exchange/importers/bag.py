@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -91,14 +91,12 @@ def read_bag(
     with open_bag(Path(bag)) as there:
         watched = there if progress is None else _count_messages(there, progress)
         survey = survey_bag(watched)
+        if list:
+            return _preview(there, survey, asked, known)
         try:
             taken = choose_sources(there, survey, asked, known)
         except InputError as error:
-            if list:
-                return _preview(there, [f"would take nothing: {error}"])
             raise InputError("; ".join((f"{there.path}: {error}", *_damage(there)))) from None
-        if list:
-            return _preview(there, [f"would take {line}" for line in taken.words])
         beside = next(above for above in Path(cell).absolute().parents if above.exists())
         scratch = TemporaryDirectory(prefix=".bag-", dir=beside)
         try:
@@ -111,10 +109,20 @@ def read_bag(
         return replace(imported, scratch=scratch, notes=notes, warnings=_damage(there))
 
 
-def _preview(bag: Bag, choice: Sequence[str]) -> Imported:
-    """Content of a bag, and lines about the parts that would be imported."""
+def _preview(bag: Bag, survey: Survey, request: Asked, present_cell: Cell | None) -> Imported:
+    """Content of a bag, and the parts that would be imported, or why none would."""
+    try:
+        would = choose_sources(bag, survey, request, present_cell).words
+    except InputError as error:
+        would = [f"nothing: {error}"]
     topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(bag.topics.values()))
-    return Imported(bag.path, "what is in it", notes=(*topics, *choice), warnings=_damage(bag), is_preview=True)
+    return Imported(
+        bag.path,
+        "what is in it",
+        notes=(*topics, *(f"would take {line}" for line in would)),
+        warnings=_damage(bag),
+        is_preview=True,
+    )
 
 
 def _with_target(

@@ -15,7 +15,7 @@ from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, OneOf, controller_places
 from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.streams import Inverted, Streams, read_streams
-from basecal.exchange.poses import LengthUnit, metres_of
+from basecal.exchange.poses import LengthUnit, unit_length_m
 
 _ONE_ROBOT = "for one robot's poses: CELL --robot NAME FILE --format FORMAT"
 POSE_ADVICE = "check --length-unit and --format"
@@ -172,7 +172,7 @@ class PoseTable:
         if self.deg and self.rad:
             raise UsageError("--deg and --rad cannot both be")
         angle = math.radians(1) if self.deg else 1.0 if self.rad else None
-        length_m = None if self.unit is None else metres_of(self.unit)
+        length_m = None if self.unit is None else unit_length_m(self.unit)
         return Reading(name or guessed_format(self.file), length_m, angle)
 
 
