@@ -75,13 +75,13 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_pose_is_printed_and_nothing_else(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """On stdout, the pose of calibration.json; each direction by its name."""
+    """On stdout, the pose of calibration.json; each direction by its name, the format in capitals or not."""
     run = latest_run(solved)
     assert run is not None
     mean = read_calibration(run)["eye_base_from_hand_base"].mean
-    for words, pose in (([], mean), (["--transform", "hand_base_from_eye_base"], mean.inverse())):
+    for words, pose in ((["ur"], mean), (["UR", "--transform", "hand_base_from_eye_base"], mean.inverse())):
         capsys.readouterr()
-        assert main(["export", str(solved), "--to", "ur", *words]) == 0
+        assert main(["export", str(solved), "--to", *words]) == 0
         told = capsys.readouterr()
         assert told.err.startswith("next: ")
         assert f"run {run.name} from cell.yaml sha256:" in told.out

@@ -55,8 +55,17 @@ def test_bad_tables_name_their_line(tmp_path, text, line, said):
 def test_files_that_are_no_text(tmp_path):
     """Bytes that are none, and a file that is not there."""
     path = tmp_path / "table.csv"
-    path.write_bytes(b"x,y\n\xff\xfe,1\n")
-    with pytest.raises(DatasetError, match="not text"):
-        read_columns(path, ALIASES)
+    for data in (b"x,y\n\xff\x00,1\n", b"x,y\n\x81,1\n", b"\xff\xfex\x00y"):
+        path.write_bytes(data)
+        with pytest.raises(DatasetError, match="not text"):
+            read_columns(path, ALIASES)
     with pytest.raises(DatasetError, match="cannot be read"):
         read_columns(tmp_path / "none.csv", ALIASES)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_texts_of_windows(tmp_path, encoding):
+    """Degree signs and umlauts, as spreadsheet programs and controllers save them."""
+    path = tmp_path / "table.csv"
+    path.write_bytes("x,A [°],Gerät\r\n1,2,3\r\n".encode(encoding))
+    assert list(read_columns(path, ALIASES).values) == ["x", "a [°]", "gerät"]

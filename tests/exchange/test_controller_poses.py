@@ -96,6 +96,81 @@ def test_what_documents_write(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(pose.translation, translation, atol=1e-12)
 
 
+# Whole programs, as KUKA's WorkVisual, ABB's RobotStudio and UR's PolyScope save them.
+KUKA_DAT = """&ACCESS RVP
+&REL 12
+&PARAM EDITMASK = *
+&PARAM TEMPLATE = C:\\KRC\\Roboter\\Template\\vorgabe
+DEFDAT  CALIB PUBLIC
+;FOLD EXTERNAL DECLARATIONS;%{PE}%MKUKATPBASIS,%CEXT,%VCOMMON,%P
+;FOLD BASISTECH EXT;%{PE}%MKUKATPBASIS,%CEXT,%VEXT,%P
+EXT  BAS (BAS_COMMAND  :IN,REAL  :IN )
+DECL INT SUCCESS
+;ENDFOLD (BASISTECH EXT)
+;ENDFOLD (EXTERNAL DECLARATIONS)
+DECL BASIS_SUGG_T LAST_BASIS={POINT1[] "P3                      ",POINT2[] "P3  ",CP_VEL[] "2  "}
+DECL E6AXIS XHOME={A1 0.0,A2 -90.0,A3 90.0,A4 0.0,A5 45.0,A6 0.0,E1 0.0,E2 0.0}
+DECL FRAME P1={X 1.0,Y 400.0,Z 655.0,A 12.4,B 3.1,C 178.2}
+DECL E6POS XP2={X 2.0,Y 401.5,Z 655.0,A 12.4,B 3.1,C 178.2,S 6,T 27,E1 0.0,E2 0.0,E3 0.0,E4 0.0,E5 0.0,E6 0.0}
+DECL FDAT FP2={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] " ",TQ_STATE FALSE}
+DECL PDAT PPDAT2={VEL 100.000,ACC 100.000,APO_DIST 100.000,APO_MODE #CDIS,GEAR_JERK 50.0000,EXAX_IGN 0}
+DECL LDAT LCPDAT2={VEL 2.00000,ACC 100.000,APO_DIST 100.000,APO_FAC 50.0000,ORI_TYP #VAR,CIRC_TYP #BASE}
+ENDDAT
+"""
+KUKA_SRC = """DEF CALIB( )
+$BASE={X 0,Y 0,Z 0,A 0,B 0,C 0}
+$TOOL = {X 0,Y 0,Z 0,A 0,B 0,C 0}
+$VEL.CP=0.05
+PTP {A1 0.0,A2 -90.0,A3 90.0,A4 0.0,A5 0.0,A6 0.0}
+PTP {X 1.0,Y 400.0,Z 655.0,A 12.4,B 3.1,C 178.2,S 2,T 35}
+LIN {X 2.0,Y 401.5,Z 655.0,A 12.4,B 3.1,C 178.2} C_DIS
+WAIT SEC 0.5
+END
+"""
+ABB_MOD = """%%%
+  VERSION:1
+  LANGUAGE:ENGLISH
+%%%
+
+MODULE Calib
+    PERS tooldata tCam:=[TRUE,[[0,0,207.5],[1,0,0,0]],[35.1,[-43.8,-5.8,88.2],[1,0,0,0],1.89,2.404,2.185]];
+    TASK PERS wobjdata wobjTable:=[FALSE,TRUE,"",[[798.63,105.26,-26.8],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+    PERS loaddata load1:=[5,[50,0,50],[1,0,0,0],0,0,0];
+    CONST speeddata vSlow:=[100,100,5000,1000];
+    CONST jointtarget jHome:=[[91.0,-9.3,66.3,-1.0,-62.2,42.6],[9E9,9E9,9E9,9E9,9E9,9E9]];
+    ! the places of calibration
+    CONST robtarget p10:=[[1,400,655],[0,0.6,0.8,0],[0,-1,0,0],[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]];
+    VAR num count:=0;
+    PROC main()
+        ConfL\\Off;
+        MoveAbsJ jHome\\NoEOffs,v100,fine,tool0;
+        MoveL p10,v100,fine,tool0\\WObj:=wobj0;
+        MoveL Offs(p10,0,0,100),v100,fine,tool0;
+        MoveL [[2,401.5,655],[0,0.6,0.8,0],[0,0,-2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]\\ID:=1,v100,fine,tool0;
+        WaitTime 0.5;
+        SetDO DO10_4,1;
+    ENDPROC
+ENDMODULE
+"""
+UR_SCRIPT = """def calib():
+  set_tcp(p[0.0,0.0,0.1,0.0,0.0,0.0])
+  set_payload(1.5, [0.0, 0.0, 0.05])
+  global Waypoint_1_p=p[.001, .4, .655, 2.0, 0.1, 0.2]
+  global Waypoint_1_q=[-1.6, -1.7, -2.2, -0.8, 1.6, 0.0]
+  movel(p[.002, .4015, .655, 2.0, 0.1, 0.2], a=1.2, v=0.25)
+end
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("kuka", KUKA_DAT), ("kuka", KUKA_SRC), ("abb", ABB_MOD), ("ur", UR_SCRIPT)]
+)
+def test_whole_programs(tmp_path: Path, name: str, text: str) -> None:
+    """Of a whole program the poses are read, and no joints, tools, work objects, loads or speeds."""
+    read = poses(tmp_path, text, Reading(name))
+    np.testing.assert_allclose(read.translation, [[0.001, 0.4, 0.655], [0.002, 0.4015, 0.655]], atol=1e-12)
+
+
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("with_header", [True, False])
 def test_every_format_is_read(tmp_path: Path, name: str, with_header: bool) -> None:
@@ -111,7 +186,7 @@ def test_every_format_is_read(tmp_path: Path, name: str, with_header: bool) -> N
 
 def test_columns_by_name_in_any_order(tmp_path: Path) -> None:
     """The header says which is which, in capitals or not, with units, and what is not asked for is passed over."""
-    text = "image;C [deg];B_deg;A;Z [mm];y;X;speed\na.png;30;20;10;3;2;1;5\n"
+    text = "image;C [deg];B_deg;A/°;Z [mm];y/mm;X in mm;speed\na.png;30;20;10;3;2;1;5\n"
     read = poses(tmp_path, text, Reading("kuka"))
     np.testing.assert_allclose(read.translation, [[1e-3, 2e-3, 3e-3]])
     expected = Rotation.from_euler("ZYX", [10, 20, 30], degrees=True).as_matrix()
@@ -152,6 +227,7 @@ def test_stated_units_count(tmp_path: Path) -> None:
         ("x,y,z,rx [m],ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "rx [m]: the column says m, expected deg, "),
         ("x_mm,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n", Reading("ros"), "x_mm: the column says mm, and it is read otherwise"),
         ("x,y,z,qx [m],qy,qz,qw\n1,2,3,0,0,0,1\n", Reading("ros"), "qx [m]: the column says m, expected no unit"),
+        ("{X 1,Y 2,Z 3,A 4,B 5,C 6}\n", Reading("fanuc"), ":1: 6 numbers in brackets, expected X, Y, Z, W, P, R"),
         ("X,Y,Z,A,B,C\n1,2,3,0,0,0\n", Reading("ur"), "these columns suit --format kuka, doosan"),
         ("1,2,3,1,1,0,0\n", Reading("abb"), "poses.txt:1: q_xyzw has norm 1.41421"),
         ("x,y,z,rx,ry,rz,sample\n1,2,3,0,0,0,1.5\n", Reading("ur"), "1.5 is not a whole number from 0"),

@@ -73,7 +73,7 @@ def test_joints_the_other_way_round_are_named(tmp_path: Path, limited: SerialCha
 
 def test_radians_taken_for_degrees_are_named(tmp_path: Path, limited: SerialChain) -> None:
     """No arm calibrates within three degrees of its zero."""
-    with pytest.raises(DatasetError, match="leave --deg away, these look like radians"):
+    with pytest.raises(DatasetError, match="these look like radians: leave --deg away"):
         read(tmp_path, lines(ROWS / 2), limited, True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,16 @@ def test_joints_by_name_or_in_order(tmp_path: Path, arm: SerialChain) -> None:
     np.testing.assert_allclose(np.degrees(first), DEGREES[0, 1:])
     with pytest.raises(InputError, match="motors a, b, c, d, e, f, g, the URDF has the joints"):
         joint_rows(read_episode(dataset(tmp_path / "c", list("abcdefg")), 0), "left", arm, "deg", None, ALL)
+
+
+def test_radians_read_as_degrees_are_refused(tmp_path: Path, arm: SerialChain) -> None:
+    """An episode of which no joint goes beyond some degrees is in radians."""
+    degrees = read_episode(dataset(tmp_path / "a", names_of(arm)), 0)
+    radians = replace(degrees, values=np.radians(degrees.values))
+    with pytest.raises(InputError, match=r"no joint of 3 rows is beyond 1.57 degrees.*: give --unit rad"):
+        joint_rows(radians, "left", arm, "deg", None, ALL)
+    first = joint_rows(radians, "left", arm, "rad", None, ALL)[0].robots["left"].joints_rad
+    np.testing.assert_allclose(first, np.radians(DEGREES[0, :6]))
 
 
 def test_normalised_by_the_range(tmp_path: Path, arm: SerialChain) -> None:

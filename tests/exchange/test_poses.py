@@ -145,7 +145,7 @@ def test_bad_archives(tmp_path: Path) -> None:
 def test_binary_rubbish(tmp_path: Path) -> None:
     """Bytes that are no text are said to be none."""
     for name in ("a.txt", "a.csv"):
-        (tmp_path / name).write_bytes(b"\xff\xfe\x00\x80")
+        (tmp_path / name).write_bytes(b"\x89\xff\x00\x80")
         with pytest.raises(DatasetError, match="not text"):
             read_poses(tmp_path / name, "m")
 

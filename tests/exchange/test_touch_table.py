@@ -28,10 +28,10 @@ def test_rows_of_a_robot(tmp_path):
 
 
 def test_a_row_without_its_mark_is_an_error_with_its_line(tmp_path):
-    """A pose in brackets has no other cells than its numbers."""
-    (tmp_path / "a.csv").write_text("mark,x\nA,1\n[2]\n")
+    """So is one whose last cells are left out."""
+    (tmp_path / "a.csv").write_text("x,mark\n1,A\n2\n")
     table = TouchTable(str(tmp_path / "a.csv"), ("x",))
-    with pytest.raises(DatasetError, match=r":3: has no mark but x"):
+    with pytest.raises(DatasetError, match=r":3: mark: is empty in this row"):
         touch_names(table, [Row(), Row()], "left", None)
 
 

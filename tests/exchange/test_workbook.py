@@ -11,6 +11,7 @@ import pytest
 from basecal.cell.files import read_recording
 from basecal.cli import main
 from basecal.errors import DatasetError
+from basecal.exchange.controller_poses import Reading, read_controller_poses
 from basecal.exchange.workbook import workbook_text
 
 MAIN = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
@@ -60,6 +61,22 @@ def test_poses_of_a_workbook_are_imported(tmp_path: Path) -> None:
     pose = read_recording(tmp_path / "c").samples[2].robots["arm"].base_from_flange
     assert pose is not None
     assert pose.translation.tolist() == pytest.approx([0.4, 0.2, 0.3])
+
+
+def test_a_workbook_as_people_fill_it(tmp_path: Path) -> None:
+    """A title, units in a row of their own, decimal commas as text, and a comment of two lines."""
+    title, units = ("Messung, Halle 4",), ("mm", "mm", "mm", "deg", "deg", "deg")
+    header = ("X", "Y", "Z", "A", "B", "C", "comment")
+    rows = [title, header, units, ("400,5", "10", "300", "12,4", "90,0", "178,2", "good,\nvery"), (1.5, 2, 3, 4, 5, 6)]
+    (tmp_path / "kuka.xlsx").write_bytes(workbook(list(rows)))
+    found = read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", Reading("kuka"))
+    assert [row.robots["arm"].base_from_flange.translation.tolist() for row in found] == [
+        pytest.approx([0.4005, 0.01, 0.3]),
+        pytest.approx([0.0015, 0.002, 0.003]),
+    ]
+    (tmp_path / "kuka.xlsx").write_bytes(workbook([header, ("m", *units[1:]), rows[3]]))
+    with pytest.raises(DatasetError, match=r"X \[m\]: the column says m, and it is read otherwise"):
+        read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", Reading("kuka"))
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,11 @@ CASES = {
         charuco_target((6, 8), 0.04, 0.03, "DICT_4X4_50"),
         "5x7 squares without legacy_pattern fit, not 6x8 squares without legacy_pattern: write squares: [5, 7]",
     ),
+    "fewer squares": (
+        "charuco",
+        charuco_target((6, 5), 0.04, 0.03, "DICT_4X4_50"),
+        "5x7 squares without legacy_pattern fit, not 6x5 squares without legacy_pattern: write squares: [5, 7]",
+    ),
     "another pattern": (
         "legacy",
         charuco_target((5, 8), 0.035, 0.026, "DICT_5X5_100"),
@@ -75,7 +80,7 @@ CASES = {
 
 LONG = {
     "another board", "corner too many", "squares for corners", "circles", "another pattern", "other squares",
-    "another family of one",
+    "fewer squares", "another family of one",
 }  # fmt: skip
 
 

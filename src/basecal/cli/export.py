@@ -69,6 +69,7 @@ def export(
     from basecal.exchange.exporters.controllers import controllers_text
     from basecal.exchange.exporters.exporter import export as exported
 
+    to = None if to is None else to.lower()
     _check_usage(to, {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint})
     check_publishing(publish, domain, to, output)
     described, folder = read_cell(cell), _folder(cell, run)

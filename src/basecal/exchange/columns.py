@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
+import re
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -35,13 +37,15 @@ LARGEST_BYTES = 2**26
 """Of a text: 64 MB, two million points."""
 
 _LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_BINARY = re.compile(r"[\x00-\x08\x0e-\x19]")  # control characters that no text has
 _ARCHIVE, _OLD_SHEET = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # how .xlsx and .ods begin, and .xls
 MOST_POSES = 200_000
 """Of a stream: as many as a recording may have samples."""
 
 
 def read_table_text(path: str, content: str) -> str:
-    """The text of a file, without a byte order mark; of an Excel workbook, its first sheet.
+    """The text of a file in UTF-8, UTF-16 or cp1252, without a byte order mark; of an Excel workbook, its first sheet.
 
     Raises:
         DatasetError: naming the file, if it cannot be read, is too large or is no text; it says what was `content`.
@@ -52,9 +56,20 @@ def read_table_text(path: str, content: str) -> str:
     if data.startswith(_OLD_SHEET):
         raise DatasetError(path, "is a file of a spreadsheet program: save it as CSV, and import that")
     try:
-        return data.decode("utf-8-sig")
+        text = data.decode("utf-16") if data.startswith(_UTF_16) else _eight_bit_text(data)
     except UnicodeDecodeError:
         raise DatasetError(path, f"not text, expected {content}") from None
+    if _BINARY.search(text):
+        raise DatasetError(path, f"not text, expected {content}")
+    return text
+
+
+def _eight_bit_text(data: bytes) -> str:
+    """UTF-8, or else the code page of Windows in Western Europe, in which degree signs and umlauts are one byte."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252")
 
 
 def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Table:

@@ -46,7 +46,7 @@ _ALIASES = {
     **{f"q{axis}": (f"q_{axis}", f"orientation_{axis}") for axis in "xyzw"},
     **dict(zip(("q1", "q2", "q3", "q4"), (("qw",), ("qx",), ("qy",), ("qz",)), strict=True)),
 }
-_UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(])(mm|m|inch|in|deg|rad|°)[\])]?$")
+_UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(/]\s*|\s+in\s+)(mm|m|inch|in|deg|rad|°)[\])]?$")
 _LENGTHS: dict[str, _Unit] = {name: _Unit(size, f"--length-unit {name}") for name, size in METRES.items()}
 _LENGTHS["in"] = _LENGTHS["inch"]
 _ANGLES = {"deg": _Unit(DEGREE, "--deg"), "°": _Unit(DEGREE, "--deg"), "rad": _Unit(RADIAN, "--rad")}
@@ -263,7 +263,7 @@ def _check_angles(path: str, numbers: Array, convention: AnyConvention, reading:
         return
     angles = numbers[:, 3:]
     if other := _other_controllers(numbers, convention, reading):
-        raise DatasetError(path, f"these numbers are not of {reading.name}: {other}")
+        raise DatasetError(path, f"these numbers are not in the units of {reading.name}. {other}")
     if convention.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
         raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
     # A rotation vector is as long as the turn; angles about axes may all be small only where nothing turns.
@@ -293,8 +293,10 @@ def _other_controllers(numbers: Array, convention: Convention, reading: Reading)
     ):
         return ""
     names = [name for name, each in CONTROLLERS.items() if _units(each) == units]
-    words = "millimetres and degrees" if units[1] == DEGREE else "metres and radians"
-    return f"they look like {words}: give --format {', '.join(names[:-1])}{' or ' if names[1:] else ''}{names[-1]}"
+    words, options = (
+        ("millimetres and degrees", "mm --deg") if units[1] == DEGREE else ("metres and radians", "m --rad")
+    )
+    return f"They look like {words}: give --length-unit {options}, or --format {list_names(names)}"
 
 
 def _units(convention: AnyConvention) -> tuple[float, float] | None:
@@ -317,7 +319,7 @@ def keyed_rows(table: TextTable) -> list[Row]:
         image = next((name for name in cells if all(is_picture(row.cells.get(name, "")) for row in table.rows)), None)
     rows = []
     for row in table.rows:
-        name = None if image is None else table.cell(row, image).strip("\"' ")
+        name = None if image is None else row.cells[image].strip("\"' ")
         number = None if sample is None else parse_number(table.cell(row, sample), table.path, row.line, sample)
         if sample is not None and number is not None and (number != int(number) or number < 0):
             raise DatasetError(table.path, f"{table.cell(row, sample)} is not a whole number from 0", row.line, sample)

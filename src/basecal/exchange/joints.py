@@ -67,18 +67,20 @@ def _columns(table: TextTable, chain: SerialChain) -> list[str]:
     raise DatasetError(table.path, f"has columns {there}; {expected}")
 
 
+def radians_finding(values: Array) -> str:
+    """Finding of joints (n, joints) that are stated in degrees and look like radians; empty if they do not."""
+    most = np.abs(values).max(initial=0.0)
+    if len(values) < _FEWEST_ROWS or most > math.pi or np.ptp(values, axis=0).max() == 0:
+        return ""
+    return f"no joint of {len(values)} rows is beyond {most:.3g} degrees, these look like radians"
+
+
 def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialChain, in_degrees: bool) -> None:
     """Check that every joint is within its limits, or a turn, by a margin."""
     lower = np.where(np.isfinite(chain.lower), chain.lower - _BEYOND_LIMIT_RAD, -_UNLIMITED_RAD)
     upper = np.where(np.isfinite(chain.upper), chain.upper + _BEYOND_LIMIT_RAD, _UNLIMITED_RAD)
-    if (
-        in_degrees
-        and len(values) >= _FEWEST_ROWS
-        and np.abs(values).max() <= math.pi
-        and np.ptp(values, axis=0).max() > 0
-    ):
-        most = f"no joint of {len(values)} rows is beyond {np.abs(values).max():.3g} degrees"
-        raise DatasetError(table.path, f"{most}: leave --deg away, these look like radians")
+    if in_degrees and (finding := radians_finding(values)):
+        raise DatasetError(table.path, f"{finding}: leave --deg away")
     outside = (joints < lower) | (joints > upper)
     if not outside.any():
         return

@@ -25,6 +25,7 @@ from basecal.cell import RobotState
 from basecal.errors import DatasetError, InputError, MissingExtra
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.pairing import LARGEST_DIFFERENCE_S
+from basecal.exchange.joints import radians_finding
 from basecal.geometry import Array, IntArray
 from basecal.kinematics import SerialChain
 
@@ -167,7 +168,7 @@ def joint_rows(
         frame_indices: (n,) which frames.
 
     Raises:
-        InputError: if the motors do not suit the chain, or the calibration lacks one.
+        InputError: if the motors do not suit the chain, the calibration lacks one, or degrees look like radians.
     """
     by_name = {name: i for i, name in enumerate(episode.names)}
     places = [by_name[name] for name in chain.joint_names if name in by_name]
@@ -177,6 +178,8 @@ def joint_rows(
         there = f"motors {', '.join(episode.names)}, the URDF has the joints {', '.join(chain.joint_names)}"
         need = "as many as motors without the gripper are needed, or the same names; of two arms choose by --motors"
         raise InputError(f"{there}: {need}")
+    if unit == "deg" and (finding := radians_finding(episode.values[:, places])):
+        raise InputError(f"{finding}: give --unit rad")
     joints = np.stack([_radians(episode, place, unit, calibration) for place in places], axis=-1)
     return tuple(
         Row({robot: RobotState(joints_rad=joints[i])}, stamp_s=float(episode.stamps_s[i])) for i in frame_indices

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from basecal.errors import DatasetError, InputError
+from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.columns import MOST_POSES, read_columns, read_table_text
 from basecal.exchange.fields import written_number
 from basecal.exchange.npz import read_arrays
@@ -36,6 +36,18 @@ _ACCEPTED = (
     "a CSV file needs a header that names x, y, z, qx, qy, qz, qw (or t_x ..., q_x ...), or m00 ... m23 row by row, "
     "and may name stamp_s"
 )
+
+
+def unit_length_m(unit: str) -> float:
+    """The length of a unit [m].
+
+    Raises:
+        InputError: if there is no such unit.
+    """
+    known = {str(name): size for name, size in METRES.items()}
+    if unit not in known:
+        raise InputError(f"length unit {unit!r}: expected one of {list_names(list(known))}")
+    return known[unit]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +84,7 @@ def read_poses(path: str | Path, length_unit: LengthUnit) -> PoseStream:
     else:
         matrices, lines = _from_text(name)
         stream = PoseStream(name, _make_poses(matrices, _matrix_pose, name, lambda i: (lines[4 * i], None)))
-    scaled = SE3(stream.poses.rotation, stream.poses.translation * METRES[length_unit])
+    scaled = SE3(stream.poses.rotation, stream.poses.translation * unit_length_m(length_unit))
     return replace(stream, poses=scaled)
 
 

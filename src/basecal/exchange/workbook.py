@@ -76,7 +76,7 @@ def _text_cells(row: Any, strings: list[str]) -> Iterator[tuple[int, str]]:
         value = next((each.text or "" for each in cell if _tag(each) == "v"), "")
         text = strings[int(value)] if cell.get("t") == "s" else _text(cell) if cell.get("t") == "inlineStr" else value
         if text and column < _MOST_COLUMNS:
-            yield column, text
+            yield column, " ".join(text.split())
 
 
 def _column(letters: str) -> int:

@@ -18,7 +18,8 @@ def length_m(text: str, option: str = "--tolerance", example: str = "0.5mm", suf
     Raises:
         UsageError: if it is no positive number with a unit of length.
     """
-    found = _LENGTH.fullmatch(text.removesuffix(suffix)) if text.endswith(suffix) else None
+    is_text = isinstance(text, str) and text.endswith(suffix)
+    found = _LENGTH.fullmatch(text.removesuffix(suffix)) if is_text else None
     unit = _UNITS_M.get(found[2]) if found else None
     length = float(found[1]) * unit if found and unit else 0.0
     if not (length > 0 and math.isfinite(length)):
@@ -33,7 +34,7 @@ def columns_rows(text: str, option: str) -> tuple[int, int]:
     Raises:
         UsageError: if it is no two numbers.
     """
-    found = _COUNTS.fullmatch(text)
+    found = _COUNTS.fullmatch(text) if isinstance(text, str) else None
     if found is None:
         raise UsageError(f"{option} {text!r}: expected columns and rows, such as 5x7")
     return int(found[1]), int(found[2])

@@ -105,14 +105,14 @@ def other_tags(images: list[Grey], target: Target) -> str | None:
 def other_charuco(images: list[Grey], target: Target) -> str | None:
     """Another dictionary, layout or size of board."""
     of = target.options
-    seen, stated = _found_markers(images, of["dictionary"]), of["squares"][0] * of["squares"][1] // 2
+    seen, stated = _found_markers(images, of["dictionary"]), _marker_count(target)
     if not seen:
         other = _other_set(images, of["dictionary"], "marker")
         if other is None:
             return None
         return f"no board of {of['dictionary']}; {other}: write dictionary: {other.partition(' ')[0]}"
     for board in (*_other_layouts(target), *likely_boards(images, target)):
-        if any(charuco.detect(image, board) is not None for image in images):
+        if max(seen) < _marker_count(board) and any(charuco.detect(image, board) is not None for image in images):
             (columns, rows), legacy = board.options["squares"], bool(board.options["legacy_pattern"])
             fields = {
                 "squares": f"squares: [{columns}, {rows}]",
@@ -125,6 +125,11 @@ def other_charuco(images: list[Grey], target: Target) -> str | None:
     if max(seen) < stated:
         return f"{ids}, but no corner between"
     return f"{ids}, the board stated has 0 to {stated - 1}: count its squares, squares: [columns, rows]"
+
+
+def _marker_count(board: Target) -> int:
+    columns, rows = board.options["squares"]
+    return int(columns * rows // 2)
 
 
 def _other_layouts(target: Target) -> Iterator[Target]:

@@ -15,6 +15,8 @@ MOUNT, BASE = SE3.exp([0.03, -0.05, 0.06, 0.2, -0.4, 0.3]), SE3.exp([1.2, 0.1, 0
 EYE, SEEN = (SE3.exp([0, 0, 0.5, 0, 0, 0] + 0.3 * np.random.default_rng(k).normal(size=(12, 6))) for k in range(2))
 HAND = BASE.inverse() @ EYE @ MOUNT @ SEEN
 
+ONE_ARM = {"gripper2base": MOUNT @ SEEN, "target2cam": SEEN}
+
 
 def _saved(path: Path, **poses: SE3) -> None:
     arrays = {}
@@ -31,6 +33,16 @@ def test_one_arm_and_its_next_step(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "12 samples under OpenCV's names: R_gripper2base" in told
     cell = read_cell(tmp_path / "cell")
     assert set(cell.transforms) == {"hand_base_from_camera", "hand_flange_from_target"}
+
+
+def test_the_option_of_the_unit_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Millimetres that are read as metres are refused with the option that reads them."""
+    in_mm = {name: SE3(pose.rotation, 1e3 * pose.translation) for name, pose in ONE_ARM.items()}
+    _saved(tmp_path / "poses.npz", **in_mm)
+    words = ["import", "arrays", str(tmp_path / "cell"), str(tmp_path / "poses.npz")]
+    assert main(words) == 3
+    assert "lengths are read in m: check --unit, then --camera-on" in capsys.readouterr().err
+    assert main([*words, "--unit", "mm"]) == 0
 
 
 def test_two_arms_by_name(tmp_path: Path) -> None:

@@ -192,6 +192,18 @@ def test_what_is_not_there(
     assert not (tmp_path / "c").exists()
 
 
+def test_a_list_needs_no_choice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Arms by topics of poses are not found by names of frames: topics are listed all the same, and what to give."""
+    bag = new_bag(tmp_path, "mcap")
+    bag.pose("/left/pose", BEGIN_S, SE3.identity())
+    bag.image("/cam/image_raw", BEGIN_S, np.zeros((8, 8), np.uint8))
+    assert main(["import", "bag", str(tmp_path / "c"), str(bag.close()), "--list"]) == 0
+    said = capsys.readouterr().out
+    assert "/cam/image_raw  sensor_msgs/msg/Image" in said
+    assert "would take nothing: no robot is found by the names of frames: give --robot" in said
+    assert not (tmp_path / "c").exists()
+
+
 def test_two_cameras_of_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two cameras whose carriers nothing tells: asked for, not guessed; by their frames in tf they are found."""
     where = SE3.exp(np.random.default_rng(1).normal(0, 0.3, (6, 6)))

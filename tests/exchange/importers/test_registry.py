@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import basecal
+from basecal.cell.files import read_cell
+from basecal.cli import main
+from basecal.errors import InputError
 from basecal.exchange.importers.registry import IMPORTERS
 from basecal.exchange.importing.imported import Imported
 
@@ -36,3 +42,32 @@ def test_every_module_is_registered() -> None:
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "registry"}
     unlisted = modules - {read.__module__.rpartition(".")[2] for read in IMPORTERS.values()}
     assert not unlisted, f"add to IMPORTERS of importers/registry.py: {sorted(unlisted)}"
+
+
+def test_options_from_python_are_checked(tmp_path: Path) -> None:
+    """A value that is none of the choices is an error that names them, as on the command line."""
+    (tmp_path / "photos").mkdir()
+    photos = partial(basecal.read_images, tmp_path / "c", tmp_path / "photos", camera="cam", on="arm")
+    tables = partial(basecal.read_poses, tmp_path / "c", tmp_path / "a.csv", robot="arm", format="ur")
+    np.savez(tmp_path / "a.npz", R_gripper2base=[[0.0] * 3], t_gripper2base=[[0.0] * 3])
+    calls: list[tuple[Callable[[], object], str]] = [
+        (partial(basecal.read_array_file, tmp_path / "c", tmp_path / "a.npz", unit="metre"), "one of m, mm, inch"),
+        (partial(tables, length_unit="metre"), "'metre': expected one of m, mm, inch"),
+        (partial(photos, by="foo"), "by 'foo': expected one of order, name, time"),
+        (partial(photos, target="foo", target_on="arm"), "target 'foo': expected one of charuco"),
+        (partial(photos, target="charuco", shape=None), "expected a basecal.Shape"),
+        (partial(photos, target="charuco", shape=basecal.Shape(squares=(5, 7))), "expected columns and rows"),
+        (partial(basecal.import_into, tmp_path / "c", None), "expected what an importer read"),
+    ]
+    (tmp_path / "photos" / "1.png").write_bytes(b"\x89PNG")
+    for call, said in calls:
+        with pytest.raises(InputError, match=said):
+            call()
+
+
+def test_formats_in_capitals(tmp_path: Path) -> None:
+    """The case of a maker's name is no matter."""
+    (tmp_path / "a.txt").write_text("{X 100,Y 400,Z 655,A 12.4,B 3.1,C 178.2}\n")
+    words = ["import", "poses", str(tmp_path / "c"), str(tmp_path / "a.txt"), "--robot", "r", "--format", "KUKA"]
+    assert main(words) == 0
+    assert read_cell(tmp_path / "c").robots["r"].controller == {"format": "kuka"}

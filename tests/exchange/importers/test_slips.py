@@ -36,8 +36,8 @@ def rows_of(matrices: list[np.ndarray]) -> str:
 @pytest.mark.parametrize(
     ("text", "form", "told"),
     [
-        (KUKA, "ur", "they look like millimetres and degrees: give --format kuka, .* or xarm"),
-        (UR, "kuka", "they look like metres and radians: give --format ur"),
+        (KUKA, "ur", "They look like millimetres and degrees: give --length-unit mm --deg, or --format kuka, "),
+        (UR, "kuka", "They look like metres and radians: give --length-unit m --rad, or --format ur"),
         (rows_of(MATRICES), "franka", "it is written by rows, give --format matrix"),
         ("x y z rx ry rz\n1,234.5 0 0 0 0 0\n", "ur", "thousands separators"),
         ("x,y,z,rx,ry,rz\n0,1,0,2,0,3,0,0,0,5,1\n", "ur", "decimal commas need another separator"),
@@ -106,7 +106,9 @@ def test_a_few_rows_in_millimetres(tmp_path: Path, capsys: pytest.CaptureFixture
     rows[2] = ", ".join(map(repr, [1e3 * 10 * value for value in numbers[:3]] + numbers[3:]))
     words = ["import", "poses", str(tmp_path / "cell"), table(tmp_path, "\n".join(rows)), "--robot", "arm"]
     assert main([*words, "--format", "ur"]) == 3
-    assert "samples 2 of arm look like millimetres among metres" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "samples 2 of arm look like another length unit: the flange is " in said
+    assert "m from its base in sample 2, " in said
 
 
 def test_numbers_that_pictures_leave_out() -> None:

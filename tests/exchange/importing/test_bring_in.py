@@ -139,3 +139,15 @@ def test_damaged_names_of_pictures_are_said(text: str, tmp_path: Path) -> None:
     path.write_text(text)
     with pytest.raises(DatasetError, match=r"image_names\.json: expected .* remove it and import the table again"):
         add_to_cell(tmp_path, poses("right", 2), fine)
+
+
+def test_the_controller_of_a_robot_is_that_of_its_poses(tmp_path: Path) -> None:
+    """What `cell.yaml` states stays, with its frames, until the poses are replaced."""
+    folder, place = tmp_path / "c", frozenset({("robots", "left", "controller")})
+    first = replace(poses("left", 3), cell={"robots": {"left": {"controller": {"format": "kuka", "base": "BASE_3"}}}})
+    add_to_cell(folder, first, fine)
+    other = replace(poses("left", 3), cell={"robots": {"left": {"controller": {"format": "abb"}}}}, defaults=place)
+    add_to_cell(folder, replace(other, is_session=True), fine)
+    assert read_cell(folder).robots["left"].controller == first.cell["robots"]["left"]["controller"]
+    add_to_cell(folder, replace(other, rows=poses("left", 6).rows), fine, replace=True)
+    assert read_cell(folder).robots["left"].controller == {"format": "abb"}

@@ -112,8 +112,11 @@ def test_whole_rows_need_no_pairing() -> None:
     seen = PoseObservation("cam", "tag", SE3.identity())
     first = [Sample(n, None, {"a": at(n)}, (seen,)) for n in range(3)]
     assert pair(rows(*[Row({"b": at(n)}, (seen,)) for n in range(2)]), first, {}).numbers == (3, 4)
-    with pytest.raises(InputError, match="recorded already"):
-        pair(rows(*[Row({"a": at(n)}, (seen,)) for n in range(3)]), first, {})
+    again = rows(*[Row({"a": at(n)}, (seen,)) for n in range(3)])
+    with pytest.raises(InputError, match="recorded already: add --session"):
+        pair(again, first, {})
+    with pytest.raises(InputError, match="recorded already: all of it is in recorded samples, and no session"):
+        pair(replace(again, is_session=True), first, {})
 
 
 def test_another_camera_of_the_same_poses_joins_its_samples() -> None:

@@ -53,17 +53,42 @@ def test_a_picture_in_front_needs_no_header() -> None:
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "x;y;z;comment\n1;2;3;\n4;5;6;good\n",
+        "x;y;z;comment\n1;2;3\n4;5;6;good (2)\n",
+        "x,y,z,note,comment\n1,2,3\n4,5,6,,good [1 2]\n",
+        "x\ty\tz\tcomment\n1\t2\t3\t\n4\t5\t6\tgood\n",
+        "x;y;z\n1;2;3;;;\n4;5;6\n",
+        "1;2;3;;\n4;5;6\n",
+        "Halle 4, Montag;;;\nx;y;z;\n1;2;3\n4;5;6\n",
+        "x;y;z;comment\n[mm];[mm];[mm];\n1;2;3\n4;5;6;good\n",
+    ],
+)
+def test_what_spreadsheets_add(text: str) -> None:
+    """Titles, units below the header, and cells at the end that are empty: comments need not be in every row."""
+    table = read_text_table(text, "t.csv", NAMES)
+    columns = NAMES if table.header is None else table.header[:3]
+    assert list(rows_of_numbers(table, columns)) == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         ("", "holds no row of numbers, expected x, y, z"),
         ("x,y,z\n", "holds no row"),
-        ("x,y,z\n1,2\n", "t.csv:2: 2 columns, the header has 3"),
+        ("x,y,z\n1,2\n", "t.csv:2: z: is empty in this row"),
         ("1,2\n", "t.csv:1: 2 columns, expected x, y, z"),
         ("x,y,z\n0,1,0,2,0,3\n", "t.csv:2: 6 cells for 3 columns: decimal commas need another separator"),
         ("x,y,z\n1,zwei,3\n", "t.csv:2: y: 'zwei' is not a number"),
         ("x,y,z\n1,nan,3\n", "t.csv:2: y: 'nan' is not finite"),
-        ("x,y,z\n1,,3\n", "t.csv:2: y: '' is not a number"),
+        ("x,y,z\n1,,3\n", "t.csv:2: y: is empty in this row"),
         ("p[1,2]\n", "t.csv:1: 2 numbers in brackets, expected x, y, z"),
+        ("p[1,2,3]\np[1,2]\n", "t.csv:2: 2 numbers in brackets, expected x, y, z"),
+        ("CONST robtarget p:=[[1,2],[1,0,0,0]];\n", "t.csv:1: 6 numbers in brackets"),
+        ("1,2,3\np[1,2,3]\n", "t.csv:2: x: 'p[1' is not a number"),
+        ("x,y,z,point\n1,2,3,A\n1,2,3,Mittelwert:\n", "t.csv:3: 'Mittelwert:' is not one of the measured rows"),
+        ("x,y,z\nfoot,foot,foot\n1,2,3\n", "t.csv:2: x: 'foot' is not a number"),
         ("x,y,q\n1,2,3\n", "t.csv:2: has no z but x, y, q"),
     ],
 )

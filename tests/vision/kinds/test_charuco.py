@@ -42,3 +42,10 @@ def test_too_few_markers() -> None:
     """A board that needs more markers than its dictionary has is a named error."""
     with pytest.raises(InputError, match="DICT_4X4_50 has 50 markers, a 20x20 board needs 200"):
         detect(scene(BOARD), charuco_target((20, 20), 0.04, 0.03, "DICT_4X4_50"))
+
+
+def test_fewer_squares_than_printed() -> None:
+    """Markers of the dictionary beyond those of the board stated are passed over."""
+    found = detect(scene(BOARD), charuco_target((5, 5), 0.04, 0.03, "DICT_4X4_50"))
+    assert found is not None
+    assert len(found.ids) == 16

@@ -24,6 +24,8 @@ def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, s
     Raises:
         InputError: if it is implausible, does not fit the cell, or would overwrite what is recorded.
     """
+    if not isinstance(imports, Imported):
+        raise InputError(f"expected what an importer read, such as basecal.read_poses, got {imports!r}")
     imports = dataclass_replace(imports, is_session=session or imports.is_session)
     if imports.is_preview:
         raise InputError(f"{imports.source} was only listed: read it without list=True to import it")

@@ -91,19 +91,34 @@ def _holds(arrays: Mapping[str, ArrayLike], kind: tuple[str, ...]) -> bool:
 def _poses(arrays: Mapping[str, ArrayLike], name: str, metres: float) -> SE3:
     """(n,) transforms."""
     rotations = _numbers(arrays, f"R_{name}", ((3, 3), (3,)))
-    rotation = checked_rotation(rotations, f"R_{name}") if rotations.ndim == 3 else rotation_exp(rotations)
+    rotation = (
+        checked_rotation(rotations, f"R_{name}") if rotations.ndim == 3 else _rotation_of_vectors(rotations, name)
+    )
     translation = _numbers(arrays, f"t_{name}", ((3,),)) * metres
     if len(rotation) != len(translation):
         raise InputError(f"R_{name} has {len(rotation)} entries and t_{name} {len(translation)}, expected as many")
     return SE3(rotation, translation)
 
 
+def _rotation_of_vectors(vectors: Array, name: str) -> Array:
+    """Rotations of vectors (n, 3) [rad]; those beyond a full turn are in degrees."""
+    longest = float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
+    if longest > 2 * np.pi:
+        raise InputError(f"R_{name} has a rotation vector of length {longest:.4g}, expected radians: convert degrees")
+    return rotation_exp(vectors)
+
+
 def _numbers(arrays: Mapping[str, ArrayLike], key: str, shapes: tuple[tuple[int, ...], ...]) -> Array:
     """Finite numbers (n, *shape) of one of the shapes; a row or a column of three is three numbers."""
+    if np.ma.is_masked(arrays[key]):
+        raise InputError(f"{key} is a masked array, expected every number: leave masked entries out of all arrays")
     try:
-        values = np.asarray(arrays[key], dtype=np.float64)
+        plain = np.asarray(arrays[key])
+        is_complex, values = np.iscomplexobj(plain), np.asarray(plain.real, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{key} is no array of numbers: its entries differ in shape, or are none") from None
+    if is_complex:
+        raise InputError(f"{key} is a complex array, expected real numbers")
     if values.ndim == 3 and 1 in values.shape[1:]:
         values = values.reshape(len(values), -1)
     if values.ndim < 2 or values.shape[1:] not in shapes:

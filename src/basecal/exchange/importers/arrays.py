@@ -8,7 +8,7 @@ from basecal.exchange.hand_eye.arrays import read_record_of_arrays
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.poses import METRES, LengthUnit
+from basecal.exchange.poses import LengthUnit, unit_length_m
 
 
 def read_array_file(
@@ -56,6 +56,7 @@ def read_array_file(
 
     def read(camera_on_robot: bool | None) -> HandEyeRecord:
         """The record, given what cell or user say."""
-        return read_record_of_arrays(file, camera_on_robot, METRES[unit])
+        return read_record_of_arrays(file, camera_on_robot, unit_length_m(unit))
 
-    return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target, hand=hand)
+    advice = f"lengths are read in {unit}: check --unit, then --camera-on"
+    return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target, hand=hand, advice=advice)

@@ -91,12 +91,12 @@ def read_bag(
     with open_bag(Path(bag)) as there:
         watched = there if progress is None else _count_messages(there, progress)
         survey = survey_bag(watched)
+        if list:
+            return _preview(there, survey, asked, known)
         try:
             taken = choose_sources(there, survey, asked, known)
         except InputError as error:
             raise InputError("; ".join((f"{there.path}: {error}", *_damage(there)))) from None
-        if list:
-            return _preview(there, taken)
         beside = next(above for above in Path(cell).absolute().parents if above.exists())
         scratch = TemporaryDirectory(prefix=".bag-", dir=beside)
         try:
@@ -109,11 +109,20 @@ def read_bag(
         return replace(imported, scratch=scratch, notes=notes, warnings=_damage(there))
 
 
-def _preview(bag: Bag, sources: Taken) -> Imported:
-    """Content of a bag, and the parts that would be imported."""
+def _preview(bag: Bag, survey: Survey, request: Asked, present_cell: Cell | None) -> Imported:
+    """Content of a bag, and the parts that would be imported, or why none would."""
+    try:
+        would = choose_sources(bag, survey, request, present_cell).words
+    except InputError as error:
+        would = [f"nothing: {error}"]
     topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(bag.topics.values()))
-    would = (f"would take {line}" for line in sources.words)
-    return Imported(bag.path, "what is in it", notes=(*topics, *would), warnings=_damage(bag), is_preview=True)
+    return Imported(
+        bag.path,
+        "what is in it",
+        notes=(*topics, *(f"would take {line}" for line in would)),
+        warnings=_damage(bag),
+        is_preview=True,
+    )
 
 
 def _with_target(

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from basecal.cell import Cell
 from basecal.cell.targets.registry import TargetKindName
-from basecal.errors import InputError, list_names, nearest
+from basecal.errors import InputError, UsageError, list_names, nearest
 from basecal.exchange.importing.cell_content import known_cell, recorded_samples
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
@@ -66,6 +66,8 @@ def read_images(
         UsageError: if a target is described without its kind.
         InputError: if no image can be read, or it is not clear what carries camera or target.
     """
+    if by is not None and by not in _PAIRING_HELP:
+        raise UsageError(f"by {by!r}: expected one of {list_names(list(_PAIRING_HELP))}")
     files = list_pictures(Path(folder))
     new, replaced = _camera_entry(cell, camera, on)
     carrier = new["cameras"][camera].get("on")

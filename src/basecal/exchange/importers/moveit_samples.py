@@ -10,6 +10,8 @@ from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file, imported_joint_states
 from basecal.exchange.importing.imported import Imported
 
+_ADVICE = "check that its lengths are metres, object_wrt_sensor is the target in the camera, and --camera-on"
+
 
 def read_moveit_samples(
     cell: str | Path,
@@ -47,6 +49,5 @@ def read_moveit_samples(
     """
     if moveit.is_joint_states(file):
         return imported_joint_states(known_cell(cell), moveit.read_joint_states(file), str(file), robot)
-    return hand_eye_of_file(
-        cell, partial(moveit.read_moveit_samples, file), Carriers(camera_on, target_on), robot, camera, target
-    )
+    read, carriers = partial(moveit.read_moveit_samples, file), Carriers(camera_on, target_on)
+    return hand_eye_of_file(cell, read, carriers, robot, camera, target, advice=_ADVICE)

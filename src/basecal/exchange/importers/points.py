@@ -13,7 +13,7 @@ from basecal.errors import DatasetError, UsageError
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.measured_points import PointTable
-from basecal.exchange.poses import METRES, LengthUnit
+from basecal.exchange.poses import LengthUnit, unit_length_m
 
 
 def read_points(
@@ -54,7 +54,7 @@ def read_points(
         UsageError: if options do not go together, or neither the header nor an option has the unit.
         InputError: if the file cannot be read.
     """
-    table = PointTable.read(str(file), None if length_unit is None else METRES[length_unit])
+    table = PointTable.read(str(file), None if length_unit is None else unit_length_m(length_unit))
     names = table.targets or ((target,) * len(table.rows) if target else ())
     if not names or (table.targets and target):
         raise UsageError("say which reflector was measured, either by --target or by a column `target`")

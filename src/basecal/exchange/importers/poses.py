@@ -12,10 +12,10 @@ from basecal.errors import FrameNotFound, UsageError
 from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses, read_pose_rows
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.cell_content import known_cell
-from basecal.exchange.importing.imported import Imported, OneOf
+from basecal.exchange.importing.imported import Imported, OneOf, controller_places
 from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.streams import Inverted, Streams, read_streams
-from basecal.exchange.poses import METRES, LengthUnit
+from basecal.exchange.poses import LengthUnit, unit_length_m
 
 _ONE_ROBOT = "for one robot's poses: CELL --robot NAME FILE --format FORMAT"
 POSE_ADVICE = "check --length-unit and --format"
@@ -52,10 +52,11 @@ def read_poses(
 
     A file of one robot is a table with or without a header. Commas, semicolons,
     tabs or spaces separate its columns. It may also hold poses as they are
-    pasted from a controller: p[...], {X ..., A ...}, [[...],[...]]. Rows belong
-    to the samples that are there in order, unless a column `image`, `sample` or
-    `stamp_s` states otherwise. If nothing is recorded, they make the samples. A
-    robot that is recorded is never overwritten. With --camera and --target
+    pasted from a controller, p[...], {X ..., A ...}, [[...],[...]], or a whole
+    program with them. Rows belong to the samples that are there in order, unless
+    a column `image`, `sample` or `stamp_s` states otherwise. If nothing is
+    recorded, they make the samples. A robot that is recorded is never
+    overwritten. With --camera and --target
     instead of --robot the table is of the target's poses in the camera. With
     --streams rows keep the times they have and make lines of their own. This is
     for devices that recorded each at its own rate, by its own clock.
@@ -115,7 +116,7 @@ def read_poses(
         raise UsageError(f"{'--robot' if robot is None else 'FILE'} is missing: CELL --robot NAME FILE")
     if robot is not None and table is not None:
         imported = replace(_robot_poses(robot, table, _is_inverted(invert, "base-from-flange")), is_still=still)
-        return remember_controller(imported, cell, robot, table.reading.name, {"base": base_frame, "tool": tool_frame})
+        return _remember_controller(imported, robot, table.reading.name, {"base": base_frame, "tool": tool_frame})
     if streams:
         raise UsageError("--streams belongs to a table: CELL --robot NAME FILE, one after the other")
     if camera_from_target is None or length_unit is None:
@@ -124,18 +125,13 @@ def read_poses(
     return read_streams(cell, files, camera, target)
 
 
-def remember_controller(
-    imported: Imported, folder: str | Path, robot: str, name: str, frames: Mapping[str, str | None]
-) -> Imported:
-    """A copy with the format of a robot's poses, and frames that are stated, for `cell.yaml`.
-
-    What the cell has stays, unless frames are stated.
-    """
-    cell, stated = known_cell(folder), {name: frame for name, frame in frames.items() if frame is not None}
-    if not stated and cell is not None and robot in cell.robots and cell.robots[robot].controller:
-        return imported
-    entry = {"robots": {robot: {"controller": {"format": name, **stated}}}}
-    return replace(imported, cell=entry, replaced=frozenset({("robots", robot, "controller")}))
+def _remember_controller(table: Imported, robot: str, name: str, frames: Mapping[str, str | None]) -> Imported:
+    """A copy with the format of a robot's poses, and frames that are stated, for `cell.yaml`."""
+    stated = {name: frame for name, frame in frames.items() if frame is not None}
+    entry, places = {"robots": {robot: {"controller": {"format": name, **stated}}}}, controller_places([robot])
+    if stated:
+        return replace(table, cell=entry, replaced=places)
+    return replace(table, cell=entry, defaults=places)
 
 
 def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:
@@ -173,13 +169,14 @@ class PoseTable:
             UsageError: if there is no such convention, or two units are stated.
             DatasetError: if none is stated, and the file does not say.
         """
-        if self.format is not None and self.format not in CONTROLLERS:
-            raise UsageError(f"--format {FrameNotFound(self.format, list(CONTROLLERS))}")
+        name = None if self.format is None else str(self.format).lower()
+        if name is not None and name not in CONTROLLERS:
+            raise UsageError(f"--format {FrameNotFound(name, list(CONTROLLERS))}")
         if self.deg and self.rad:
             raise UsageError("--deg and --rad cannot both be")
         angle = math.radians(1) if self.deg else 1.0 if self.rad else None
-        length_m = None if self.unit is None else METRES[self.unit]
-        return Reading(self.format or guessed_format(self.file), length_m, angle)
+        length_m = None if self.unit is None else unit_length_m(self.unit)
+        return Reading(name or guessed_format(self.file), length_m, angle)
 
 
 def _robot_poses(robot: str, table: PoseTable, is_inverted: bool) -> Imported:

@@ -14,7 +14,7 @@ from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.poses import POSE_ADVICE, PoseTable
 from basecal.exchange.importing.cell_content import known_cell
-from basecal.exchange.importing.imported import Imported, OneOf, Row
+from basecal.exchange.importing.imported import Imported, OneOf, Row, controller_places
 from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.joints import read_joints
 from basecal.exchange.poses import LengthUnit
@@ -82,7 +82,7 @@ def read_touches(
         raise UsageError("--mark, --meets and --clamp exclude one another: say what the robot touched")
     own_tip, known = tip or f"{robot}_tip", known_cell(cell)
     rows, names, how, advice, writer = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
-    entry: dict[str, Any] = {"robots": {robot: _robot_entry(known, robot, writer)}}
+    entry: dict[str, Any] = {"robots": {robot: {} if writer is None else {"controller": {"format": writer}}}}
     if clamp is not None:
         entry["clamp"] = _clamp(known, clamp, robot, hinge)
     elif known is None or own_tip not in known.cameras:
@@ -99,7 +99,7 @@ def read_touches(
     touched = zip(new_rows(cell, known, kept), marks, strict=True)
     seen = tuple(replace(row, observations=(TouchObservation(own_tip, at, sigma_m),)) for row, at in touched)
     what = f"{len(seen)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}, {how}"
-    return Imported(str(file), what, seen, entry, by="sample", advice=advice)
+    return Imported(str(file), what, seen, entry, defaults=controller_places([robot]), by="sample", advice=advice)
 
 
 def _join_rows(
@@ -107,7 +107,7 @@ def _join_rows(
 ) -> Imported:
     """Rows that join the samples that are there, in order, each with the same observation."""
     joined = tuple(replace(row, observations=(contact,)) for row in rows)
-    return Imported(source, summary, joined, entry, advice=advice)
+    return Imported(source, summary, joined, entry, defaults=controller_places(entry["robots"]), advice=advice)
 
 
 def _read_rows(
@@ -123,12 +123,6 @@ def _read_rows(
     reading = PoseTable(path, notation, length_unit, deg, rad, False).reading
     rows = read_controller_poses(path, robot, reading)
     return rows, reading.convention.names, f"poses as of {reading.name} ({reading.words})", POSE_ADVICE, reading.name
-
-
-def _robot_entry(context: Cell | None, robot: str, controller: str | None) -> dict[str, Any]:
-    """New fields of a robot: the controller that wrote its poses, if that is not known."""
-    is_known = context is not None and robot in context.robots and bool(context.robots[robot].controller)
-    return {} if controller is None or is_known else {"controller": {"format": controller}}
 
 
 def _clamp(context: Cell | None, name: str, robot: str, is_hinge: bool) -> dict[str, Any]:

@@ -77,8 +77,10 @@ def add_to_cell(
     old = read_text(path, "") if path.exists() else None
     started = imports.new_cell if old is None else old
     added = {**_reference(imports.cell), **imports.cell} if started is None else imports.cell
+    if started is not None and not replace:
+        added = _omit_defaults(added, imports.defaults, parse_yaml(started, str(path)).data)
     with place_files(imports.files, folder):
-        replaced = frozenset(_places(added)) if replace else imports.replaced
+        replaced = imports.defaults.union(imports.replaced, _places(added)) if replace else imports.replaced
         text, changed = completed_cell_text(started, added, str(path), replaced)
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
         recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
@@ -111,6 +113,18 @@ def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
     """The reference of a new cell: its first robot."""
     first = next(iter(cell.get("robots", {})), None)
     return {} if first is None else {"reference": first}
+
+
+def _omit_defaults(new: Mapping[str, Any], defaults: frozenset[Loc], old: Any, parent: Loc = ()) -> dict[str, Any]:
+    """New content without those defaults for which the old content has a value."""
+    kept = {}
+    for key, value in new.items():
+        other = old.get(key) if isinstance(old, Mapping) else None
+        if isinstance(value, Mapping) and (*parent, key) not in defaults:
+            kept[key] = _omit_defaults(value, defaults, other, (*parent, key))
+        elif other is None or (*parent, key) not in defaults:
+            kept[key] = value
+    return kept
 
 
 def _repeat_row(imports: Imported, recording: Recording) -> Imported:

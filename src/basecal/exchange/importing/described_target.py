@@ -12,7 +12,7 @@ from basecal.cell.target import Target
 from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.cell.targets.kind import PrintSizes, is_indistinguishable
 from basecal.cell.targets.registry import TARGETS
-from basecal.errors import InputError, UsageError
+from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.fields.typed_length import columns_rows, length_m
 
@@ -64,6 +64,8 @@ def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
     Raises:
         InputError: if its kind needs counts or a size that are not given, or has none such.
     """
+    if kind not in TARGETS:
+        raise InputError(f"target {kind!r}: expected one of {list_names(list(TARGETS))}")
     counts = {name: text for name in _COUNTED if (text := getattr(shape, name)) is not None}
     numbers = [columns_rows(text, f"--{name}") for name, text in counts.items()]
     columns, rows = numbers[0] if numbers else (1, 1)
@@ -98,6 +100,8 @@ def target_entry(
         InputError: if its kind needs other sizes, several could carry it, or no image distinguishes it from another.
     """
     ((name, carrier),) = carriers.items()
+    if not isinstance(shape, Shape):
+        raise InputError(f"shape is {shape!r}, expected a basecal.Shape, such as Shape(squares='5x7', square='40mm')")
     if kind is None:
         if carrier is not None or is_described(shape):
             raise UsageError("a target is described, but not its kind: add --target charuco, or another kind")

@@ -51,6 +51,7 @@ def hand_eye_of_file(
     target: str | None,
     is_linked: bool = False,
     hand: str | None = None,
+    advice: str = "check --camera-on",
 ) -> Imported:
     """A hand-eye recording, for the cell in a folder.
 
@@ -63,6 +64,7 @@ def hand_eye_of_file(
         target: Likewise.
         is_linked: Whether images are linked instead of copied.
         hand: Name of a second robot, which carries the target.
+        advice: What to check if the record is implausible.
 
     Raises:
         InputError: if it cannot be read, or does not fit the cell.
@@ -72,7 +74,8 @@ def hand_eye_of_file(
     if robot is None and record.camera_on_robot and carriers.camera_on not in (None, *_CARRIER_WORDS):
         robot = carriers.camera_on
     names = chosen_names(cell, robot, camera, target, record.camera_on_robot)
-    return imported_hand_eye(cell, record, replace(names, hand=hand or names.hand), is_linked, carriers)
+    found = imported_hand_eye(cell, record, replace(names, hand=hand or names.hand), is_linked, carriers)
+    return replace(found, advice=advice)
 
 
 def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, target: str | None, on_robot: bool) -> Names:
@@ -173,7 +176,7 @@ def imported_hand_eye(
     robots = {names.robot: robot, **{carrier: {} for carrier in on if carrier not in (names.robot, WORLD)}}
     data = {"robots": robots, "cameras": {names.camera: camera}, "targets": {names.target: target}}
     rows = _rows(record, names)
-    return Imported(record.path, record.what, rows, data, is_linked=is_linked, advice="check --camera-on")
+    return Imported(record.path, record.what, rows, data, is_linked=is_linked)
 
 
 def _carriers(cell: Cell | None, record: HandEyeRecord, names: Names, carriers: Carriers) -> tuple[str, str]:

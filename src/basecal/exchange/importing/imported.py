@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -54,6 +54,7 @@ class Imported:
         rows: For the recording, in the order of the source.
         cell: Plain data of a `cell.yaml` that is to be in it: new robots, cameras and targets, and what is known.
         replaced: Places of `cell.yaml` at which that stands in for what is written there.
+        defaults: Places of it that are left as `cell.yaml` has them, unless recorded data is replaced.
         new_cell: All of a `cell.yaml` where there is none; `cell` makes one where None.
         files: Other files that the cell needs, such as a URDF, by their path in it.
         is_stream: Whether each row makes a line of its own, by the clock of what recorded it.
@@ -74,6 +75,7 @@ class Imported:
     rows: tuple[Row, ...] = ()
     cell: Mapping[str, Any] = field(default_factory=dict)
     replaced: frozenset[Loc] = frozenset()
+    defaults: frozenset[Loc] = frozenset()
     new_cell: str | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
     is_stream: bool = False
@@ -87,3 +89,8 @@ class Imported:
     warnings: tuple[str, ...] = ()
     is_preview: bool = False
     scratch: TemporaryDirectory[str] | None = None
+
+
+def controller_places(robots: Iterable[str]) -> frozenset[Loc]:
+    """Places of `cell.yaml` that state which controllers wrote the poses of robots."""
+    return frozenset(("robots", robot, "controller") for robot in robots)

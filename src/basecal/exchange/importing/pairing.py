@@ -106,6 +106,8 @@ def _own_samples(imports: Imported, samples: Sequence[Sample]) -> Pairing:
     is_apart = imports.is_session or (is_whole and not imports.is_stream)
     if again and (not is_apart or _holds_copies(imports.rows, samples)):
         do = "add --session for other samples, or --replace for better ones"
+        if imports.is_session:
+            do = "all of it is in recorded samples, and no session of its own; nothing needs to be imported"
         raise InputError(f"{imports.source}: {list_names(again)} is recorded already: {do}")
     if again and imports.is_stream:
         _check_times(imports, samples)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import StringIO
 
@@ -17,6 +19,18 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:[,.' ]\d{3})+[.,]\d+")
 _NAMED_NUMBER = re.compile(r"([A-Za-z]\w*)(?:\s*[:=]\s*|\s+)([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _PICTURE = re.compile(r"\.(?:png|jpe?g|tiff?|bmp|webp|pgm|ppm)$", re.IGNORECASE)
+_LISTED_NUMBER = re.compile(rf"(?<![\w.]){_NUMBER.pattern}")
+# Lines of programs that hold numbers as of a pose, and state another thing: a tool, a work object, a load.
+_SETTING = re.compile(r"^\$?(?:BASE|TOOL|LOAD)(?:_DATA)?\b.*=|:=\s*\[\s*(?:TRUE|FALSE)\b|^set_tcp\b", re.IGNORECASE)
+_KRL_FIELDS = re.compile(r"\{\s*[A-Za-z]\w*\s")  # numbers that all have names, such as those of axes
+_URSCRIPT_POSE = re.compile(r"\bp\[")  # without the p it lists joints
+# Lines that state a pose, by a bracket in front or by a word of URScript, RAPID or KRL.
+_POSE_CLAIM = re.compile(r"^[\[({]|\bp\[|\brobtarget\b.*:=|\b(?:E6POS|POS|FRAME)\b.*=", re.IGNORECASE)
+_UNIT_CELL = re.compile(r"(?:mm|m|inch|in|deg|rad|°|s|)")
+_SUMMARY = re.compile(
+    r"(?:mittel(?:wert)?|average|mean|avg|sum|total|summe|min|max|std|stdev|median|standardabweichung)\W*",
+    re.IGNORECASE,
+)
 _COMMENTS = ("#", "!", ";", "//")
 _LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
 
@@ -47,10 +61,12 @@ class TextTable:
         """The text in a column of a row.
 
         Raises:
-            DatasetError: if nothing does: the row holds a pose in brackets alone.
+            DatasetError: if there is none, or the row holds a pose in brackets alone.
         """
         if column not in row.cells:
             raise DatasetError(self.path, f"has no {column} but {', '.join(row.cells)}", row.line)
+        if not row.cells[column].strip("\"' "):
+            raise DatasetError(self.path, "is empty in this row", row.line, column)
         return row.cells[column]
 
 
@@ -67,15 +83,44 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
     """
     lines = [(number, line.strip()) for number, line in enumerate(StringIO(text), start=1) if line.strip()]
     content = [(number, line) for number, line in lines if not line.startswith(_COMMENTS)]
+    if poses := tuple(_bracket_rows(content, names, path)):
+        return TextTable(path, None, poses)
+    content = list(_omit_titles(content))
     separator, header = _heading(lines, content)
-    if content and not _brackets(content[0][1]) and _header(content[0][1]):
+    if content and _header(content[0][1]):
         content = content[1:]
+    if header is not None and content and (units := _units(content[0][1], separator, len(header))):
+        content = content[1:]
+        header = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(header, units, strict=True))
     if not content:
         raise DatasetError(path, f"holds no row of numbers, expected {', '.join(names)}")
-    in_brackets = _brackets(content[0][1]) is not None
-    header = None if in_brackets else header
     rows = [TextRow(number, _cells(line, separator, header, names, path, number)) for number, line in content]
+    _check_summaries(rows, path)
     return TextTable(path, header, tuple(rows))
+
+
+def _omit_titles(content: Sequence[tuple[int, str]]) -> Sequence[tuple[int, str]]:
+    """The lines without a title, which is one cell above the header."""
+    while len(content) > 1 and (found := _header(content[1][1])) and found[0] is not None:
+        if sum(map(bool, _split(content[0][1], found[0]))) != 1:
+            break
+        content = content[1:]
+    return content
+
+
+def _units(line: str, separator: str | None, count: int) -> list[str] | None:
+    """Units of columns, in a row of their own below the header; None if it is another row."""
+    cells = [cell.strip("[]()") for cell in _split(line, separator)]
+    if len(cells) > count or not any(cells) or not all(_UNIT_CELL.fullmatch(cell) for cell in cells):
+        return None
+    return cells + [""] * (count - len(cells))
+
+
+def _check_summaries(rows: Sequence[TextRow], path: str) -> None:
+    """Check that no row is the mean or the like of the others."""
+    for row in rows:
+        if word := next((cell for cell in row.cells.values() if _SUMMARY.fullmatch(cell)), None):
+            raise DatasetError(path, f"{shorten(word)} is not one of the measured rows: leave the row out", row.line)
 
 
 def _heading(
@@ -85,10 +130,10 @@ def _heading(
     if not content:
         return None, None
     first = content[0][1]
-    if not _brackets(first) and (found := _header(first)):
+    if found := _header(first):
         return found
     for _, line in lines:
-        if line.startswith(_COMMENTS) and (found := _header(line)) and len(first.split(found[0])) == len(found[1]):
+        if line.startswith(_COMMENTS) and (found := _header(line)) and len(_split(first, found[0])) == len(found[1]):
             return found
     return _separator(first), None
 
@@ -115,20 +160,77 @@ def is_picture(name: str) -> bool:
     return bool(_PICTURE.search(name.strip()))
 
 
+def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path: str) -> Iterator[TextRow]:
+    """Rows of the lines that hold a pose in brackets; other lines of a controller's program are passed over.
+
+    Raises:
+        DatasetError: if the brackets of a pose lack a number.
+    """
+    if any(_is_plain_row(line, len(names)) for _, line in content):
+        return
+    has_marks = any(_URSCRIPT_POSE.search(line) for _, line in content)
+    for number, line in content:
+        bracketed = _brackets(line)
+        if bracketed is None or _SETTING.search(line) or (has_marks and not _URSCRIPT_POSE.search(line)):
+            continue
+        values = _named_values(bracketed, names) or _listed_values(bracketed, names)
+        if values is not None:
+            yield TextRow(number, _leading_picture(line, bracketed) | dict(zip(names, values, strict=True)))
+        elif _POSE_CLAIM.search(line):
+            count = len(_LISTED_NUMBER.findall(bracketed))
+            raise DatasetError(path, f"{count} numbers in brackets, expected {', '.join(names)}", number)
+
+
+def _is_plain_row(line: str, count: int) -> bool:
+    """Whether a line without brackets holds as many numbers."""
+    return not _brackets(line) and sum(map(_is_number, re.split(r"[;,\s]+", line))) >= count
+
+
 def _brackets(line: str) -> str | None:
     """The text of a line from its first bracket on; None if there is none behind a number, as in `x [mm]`."""
     place = min((line.find(c) for c in "[({" if c in line), default=-1)
     return line[place:] if place >= 0 and _NUMBER.search(line[place:]) else None
 
 
+def _named_values(text: str, names: Sequence[str]) -> list[str] | None:
+    """The numbers behind their names, as KUKA writes them; None if one has none."""
+    named = {name.lower(): value for name, value in _NAMED_NUMBER.findall(text)}
+    return [named[name.lower()] for name in names] if all(name.lower() in named for name in names) else None
+
+
+def _listed_values(text: str, names: Sequence[str]) -> list[str] | None:
+    """The first numbers, if they end with a bracket or are all in one; None of other data, such as ABB's of joints.
+
+    Those behind the last name are left out: ABB's targets end in configuration and axes.
+    """
+    values: list[str] = []
+    if _KRL_FIELDS.search(text):
+        return None
+    lists = [found for part in re.split(r"[\[\](){}]", text) if (found := _LISTED_NUMBER.findall(part))]
+    for each in lists:
+        values += each
+        if len(values) >= len(names):
+            return values[: len(names)] if len(values) == len(names) or each is lists[0] else None
+    return None
+
+
 def _header(line: str) -> tuple[str | None, tuple[str, ...]] | None:
     """Separator and names of a line of which no cell is a number."""
     plain = line.lstrip("#%!").strip()
     separator = _separator(plain)
-    cells = [cell.strip().strip("\"'") for cell in plain.split(separator)]
+    cells = _split(plain, separator)
     if any(_is_number(cell) for cell in cells) or any(map(is_picture, cells)):
         return None
     return separator, tuple(cells)
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    """Cells of a line; those in double quotes may hold the separator."""
+    cells = line.split(separator)
+    if separator is not None and '"' in line:
+        with suppress(csv.Error):  # a cell larger than any number
+            cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    return [cell.strip().strip("\"'") for cell in cells]
 
 
 def _is_number(cell: str) -> bool:
@@ -144,20 +246,14 @@ def _separator(line: str) -> str | None:
 def _cells(
     line: str, separator: str | None, header: tuple[str, ...] | None, names: Sequence[str], path: str, number: int
 ) -> dict[str, str]:
-    bracketed = _brackets(line)
-    if bracketed is not None:
-        named = {name.lower(): value for name, value in _NAMED_NUMBER.findall(bracketed)}
-        if all(name.lower() in named for name in names):
-            return {**_leading_picture(line, bracketed), **{name: named[name.lower()] for name in names}}
-        values = _NUMBER.findall(bracketed)
-        if len(values) < len(names):
-            raise DatasetError(path, f"{len(values)} numbers in brackets, expected {', '.join(names)}", number)
-        # Those behind the last name are left out: ABB's targets end in configuration and axes.
-        return _leading_picture(line, bracketed) | dict(zip(names, values, strict=False))
-    cells = [cell.strip() for cell in (line.rstrip(";") if separator == ";" else line).split(separator)]
+    cells = _split(line, separator)
+    expected = names if header is None else header
+    while len(cells) > len(expected) and not cells[-1]:
+        cells.pop()
     if header is None and len(cells) == len(names) + 1 and is_picture(cells[0]):
         return dict(zip(("image", *names), cells, strict=True))
-    expected = names if header is None else header
+    if header is not None:
+        cells += [""] * (len(header) - len(cells))
     if len(cells) != len(expected):
         raise DatasetError(path, _count_message(cells, expected, separator, header is None), number)
     return dict(zip(expected, cells, strict=True))

@@ -40,9 +40,10 @@ def detect(image: Image, target: Target) -> Detection | None:
     )
     if rough is None:
         return None
-    at = target.points[rough.ids, :2]
-    by_marker = marker_corners(target)[rough.marker_ids].reshape(-1, 2)
-    plane, pixels = np.concatenate([at, by_marker]), np.concatenate([rough.corners, rough.markers])
+    at, printed = target.points[rough.ids, :2], marker_corners(target)
+    own = rough.marker_ids < len(printed)  # OpenCV also lists markers of the dictionary that the board has not
+    by_marker, markers = printed[rough.marker_ids[own]].reshape(-1, 2), rough.markers.reshape(-1, 4, 2)[own]
+    plane, pixels = np.concatenate([at, by_marker]), np.concatenate([rough.corners, markers.reshape(-1, 2)])
     pitch = float(target.options["square_m"])
     gap = (1 - target.options["marker_m"] / pitch) / 2
     window = Window(arm_px=BOARD_ARM_PX, arm=_ARM_SQUARES, inside=gap, outside=gap, before=1.0)
