@@ -18,7 +18,9 @@ ERROR, WARNING, INFO = (Finding(s, s, (), s) for s in ("error", "warning", "info
 
 
 def case(**parts):
-    return Case(MADE.cell, MADE.recording, Settings(robot_noise=parts.pop("robot_noise", None)), packed="all", **parts)
+    return Case(
+        MADE.cell, MADE.recording, Settings(robot_noise=parts.pop("robot_noise", "estimated")), packed="all", **parts
+    )
 
 
 @pytest.mark.parametrize(("robot_noise", "noisy"), [("estimated", "noisy"), ("stated", None)])
