@@ -52,7 +52,7 @@ def test_commands_run_and_end_in_good(
         doubtful = name in DOUBTFUL and words[0] == "calibrate"
         missed = name == "README" and "--tolerance" in words
         assert main(words) == (5 if missed else int(doubtful)), (words, capsys.readouterr())
-    folders = [*tmp_path.iterdir(), *tmp_path.glob("examples/*")]
+    folders = [each for each in (*tmp_path.iterdir(), *tmp_path.glob("examples/*")) if each.is_dir()]
     runs = [run for folder in folders if (run := latest_run(folder)) is not None]
     assert runs
     assert {read_calibration(run).verdict for run in runs} == {"doubtful" if name in DOUBTFUL else "good"}
