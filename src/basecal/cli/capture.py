@@ -269,9 +269,11 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
     """Results of each sample of a pattern, while a cell is captured."""
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.rig import open_rig
+    from basecal.cell.files import read_cell
     from basecal.planning.plan_check import SpeedLimits
+    from basecal.planning.sketch import sketch_cell
 
-    sketch = known_sketch(folder)
+    sketch = sketch_cell(read_cell(folder))  # not of an earlier run: the same places each time
     with open_rig(sketch.cell, folder) as rig:
         plan = _store_plan(folder, sketch, *capture_plan(rig, sketch, folder, pattern, samples, seed=0))
         limits = SpeedLimits(radians(speed_deg_s), inf)  # a simulated arm hurts nobody
