@@ -59,20 +59,20 @@ def report(
     described, run = read_cell(cell), latest_run(cell)
     if run is None:
         raise InputError(f"{cell} has no run yet: basecal calibrate {quote_path(cell)}")
-    calibration = name_cell(read_calibration(run), cell)
+    calibration = read_calibration(run)
     if tolerance is not None:
         asked = {**calibration.settings, "tolerance_m": length_m(tolerance)}
         calibration = replace(calibration, settings=asked)
     if json and calibration.settings.get("tolerance_m") is None:
-        findings = calibration_to_dict(calibration)["findings"]
+        findings = calibration_to_dict(name_cell(calibration, cell))["findings"]
         print_json({**read_calibration_data(run), "findings": findings})
         return exit_code(calibration)
     stored = stored_run(cell, run, described, calibration)
     calibration = replace(calibration, tolerance=check_tolerance(described, calibration, stored.details.errors))
     if json:
-        print_json(calibration_to_dict(calibration))
+        print_json(calibration_to_dict(name_cell(calibration, cell)))
     else:
-        show(described, calibration, verbose)
+        show(described, name_cell(calibration, cell), verbose)
         with progress("writing the page"):
             write_page(described, calibration, stored)
         show_page(run, opens_page)
