@@ -196,13 +196,14 @@ def test_covariances_at_points():
 
 
 def test_the_error_told_is_that_at_the_worst_place(monkeypatch):
-    """Of each transform that is asked for and known; of one without a place none."""
+    """Of each transform that is asked for and known; of one without a place, or without a covariance, none."""
     covariance = np.diag([1e-6] * 3 + [4e-6] * 3)
-    places = {"a": [np.array([[0.1, 0, 0], [0, 0.5, 0]]), np.array([[0, 0, 0.2]])], "b": []}
+    places = {"a": [np.array([[0.1, 0, 0], [0, 0.5, 0]]), np.array([[0, 0, 0.2]])], "b": [], "d": [np.zeros((1, 3))]}
     monkeypatch.setattr(expected_error, "_places", lambda name, cell, fitted: iter(places[name]))
-    estimates = {name: SimpleNamespace(covariance=covariance) for name in "ab"}
+    estimates = {name: SimpleNamespace(covariance=covariance) for name in "abd"}
+    estimates["d"] = SimpleNamespace(covariance=np.full((6, 6), np.inf))
     calibration = type("Found", (dict,), {"transforms": estimates})(estimates)
-    (found,) = expected_errors(SimpleNamespace(requested_transforms=("a", "b", "c")), calibration, None)
+    (found,) = expected_errors(SimpleNamespace(requested_transforms=("a", "b", "c", "d")), calibration, None)
     assert found.transform == "a"
     np.testing.assert_array_equal(found.at_m, [0.0, 0.5, 0.0])
     variances = 1e-6 + 4e-6 * np.array([0.25, 0.0, 0.25])

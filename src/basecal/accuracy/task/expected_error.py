@@ -55,7 +55,7 @@ def expected_errors(cell: Cell, calibration: Calibration, evaluation: Evaluation
     """
     found = []
     for name in cell.requested_transforms:
-        if name not in calibration.transforms:
+        if name not in calibration.transforms or not np.all(np.isfinite(calibration[name].covariance)):
             continue
         places = np.concatenate([np.zeros((0, 3)), *_places(name, cell, evaluation)])
         if len(places):

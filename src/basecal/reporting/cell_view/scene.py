@@ -181,7 +181,7 @@ def _joints(robot: Robot, samples: Sequence[Sample]) -> SE3 | None:
 
 def _semi_axes(name: str, calibration: Calibration) -> Array | None:
     """Columns along the axes of the ellipsoid of one sigma, right-handed, (3, 3); None of what was not found."""
-    if name not in calibration.transforms:
+    if name not in calibration.transforms or not np.all(np.isfinite(calibration[name].covariance)):
         return None
     covariance = calibration[name].covariance[:3, :3]
     squares, axes = np.linalg.eigh(covariance)
