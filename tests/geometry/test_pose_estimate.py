@@ -86,31 +86,15 @@ def test_sigmas_are_roots_of_the_diagonal():
     ("mean", "covariance", "message"),
     [
         (SE3.identity(), np.zeros((3, 3)), "covariance has shape"),
-        (SE3.identity(), -np.eye(6), "not positive semidefinite"),
-        (SE3.identity(), np.diag([1e-6, 1e-6, 1e-6, -1e-9, 1e-6, 1e-6]), "not positive semidefinite"),
-        (SE3.identity(), np.diag([np.nan] * 6), "covariance holds NaN or infinity"),
-        (SE3.identity(), np.diag([np.inf] * 6), "covariance holds NaN or infinity"),
-        (SE3.identity(), np.eye(6) + np.eye(6, k=1) / 2, "covariance is not symmetric"),
-        (SE3.identity(), np.ones((6, 6)) * 2 - np.eye(6), "a correlation beyond 1"),
         (SE3.identity((2,)), np.eye(6), r"^\(2,\) transforms and \(\) covariances, expected one of each"),
         (SE3.identity(), np.stack([np.eye(6)] * 2), "expected one of each"),
         (np.eye(4), np.eye(6), "^mean is of type ndarray, expected SE3$"),
     ],
 )
 def test_what_is_no_estimate_is_refused(mean, covariance, message):
-    """A negative variance, what is not finite or symmetric, a batch, and a matrix in place of a transform."""
+    """Another shape, a batch, and a matrix in place of a transform."""
     with pytest.raises(InputError, match=message):
         PoseEstimate(mean, covariance)
-
-
-def test_rounding_of_a_covariance_is_none_of_these():
-    """Of digits, of directions that are known exactly, and of units far apart."""
-    root = np.random.default_rng(1).normal(size=(6, 2)) * np.array([1e3] * 3 + [1e-2] * 3)[:, None]
-    rounded = np.round(root @ root.T, 12)
-    rounded[0, 1] *= 1 + 1e-9
-    far = PoseEstimate(SE3.from_rotvec([0.3, 0.2, 0.1], [1e3, 0, 0]), rounded)
-    for estimate in (far.inverse(), far @ far, PoseEstimate(far.mean, np.diag([1e-6] * 3 + [0] * 3)).inverse()):
-        assert np.all(np.isfinite(estimate.covariance))
 
 
 def test_covariance_cannot_be_written_into():

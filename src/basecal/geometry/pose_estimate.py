@@ -11,9 +11,6 @@ from basecal.errors import InputError, check_type
 from basecal.geometry.array import Array, read_only
 from basecal.geometry.se3 import SE3
 
-_ROUNDING = 1e-6  # of correlations, which products of covariances and digits of files leave
-_LEAST_SIGMA = 1e-4  # of the largest one: the rounding of its square is far below the square of this
-
 
 @dataclass(frozen=True, eq=False)
 class PoseEstimate:
@@ -27,7 +24,7 @@ class PoseEstimate:
         covariance: (6, 6) [m, rad], translation first.
 
     Raises:
-        InputError: if the mean is a batch, or the covariance is not finite, symmetric and positive semidefinite.
+        InputError: if the mean is a batch, or the covariance is none of (6, 6).
     """
 
     mean: SE3
@@ -40,7 +37,6 @@ class PoseEstimate:
         if self.mean.shape or covariance.ndim != 2:
             shapes = f"{self.mean.shape} transforms and {covariance.shape[:-2]} covariances"
             raise InputError(f"{shapes}, expected one of each: make an estimate of each of a batch")
-        _check_covariance(covariance)
         object.__setattr__(self, "covariance", covariance)
 
     @classmethod
@@ -99,28 +95,6 @@ class PoseEstimate:
     def sigma_norms(self) -> tuple[float, float]:
         """Standard deviation of the translation [m] and the rotation [rad], 3-D norms: roots of the traces."""
         return float(np.linalg.norm(self.sigma_t)), float(np.linalg.norm(self.sigma_r))
-
-
-def _check_covariance(covariance: Array) -> None:
-    """Refuse what is no covariance beyond rounding.
-
-    Raises:
-        InputError: if a value is not finite, a variance is negative, or the matrix is not symmetric and semidefinite.
-    """
-    if not np.all(np.isfinite(covariance)):
-        raise InputError("covariance holds NaN or infinity")
-    if not np.any(covariance):
-        return
-    sigmas = np.sqrt(np.maximum(np.diag(covariance), 0)) + _LEAST_SIGMA * np.sqrt(np.abs(covariance).max())
-    scaled = covariance / sigmas[:, None] / sigmas
-    if np.abs(scaled - scaled.T).max() > _ROUNDING:
-        raise InputError("covariance is not symmetric")
-    try:
-        np.linalg.cholesky(scaled + _ROUNDING * np.eye(6))
-    except np.linalg.LinAlgError:
-        raise InputError(
-            "covariance is not positive semidefinite: a variance is negative, or a correlation beyond 1"
-        ) from None
 
 
 def _row(values: Array) -> str:

@@ -78,3 +78,15 @@ def test_frames_that_would_be_called_the_same_keep_our_names():
     """Two robots with the same URDF have links of one name."""
     same = {name: Robot(name, frames={"base": "base_link"}) for name in ("eye", "hand")}
     assert frame_names(replace(CELL, robots=same), BASE) == ("eye_base", "hand_base")
+
+
+@pytest.mark.parametrize("variance", [np.nan, np.inf, -1e-6])
+def test_what_is_no_covariance_is_said(variance):
+    """As a damaged file may hold it; the other transforms are there."""
+    covariance = np.diag([variance, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6])
+    damaged = {**CALIBRATION.transforms, BASE: PoseEstimate(CALIBRATION[BASE].mean, covariance)}
+    calibration = replace(CALIBRATION, transforms=damaged)
+    for name in (BASE, INVERSE):
+        with pytest.raises(InputError, match=f"the covariance of {BASE} is none"):
+            chosen_transforms(calibration, CELL, name)
+    assert names(both_directions(calibration))[0] == MOUNT

@@ -43,7 +43,8 @@ def chosen_transforms(
 
 def both_directions(calibration: Calibration, cell: Cell | None = None) -> tuple[NamedTransform, ...]:
     """Every transform of a calibration that can be exported, each followed by its inverse."""
-    names = [name for name in calibration.transforms if name not in calibration.points]
+    known = {name for name, estimate in calibration.transforms.items() if _is_covariance(estimate)}
+    names = [name for name in calibration.transforms if name in known and name not in calibration.points]
     return tuple(_find_transform(calibration, cell, each) for name in names for each in (name, _turned_round(name)))
 
 
@@ -69,9 +70,13 @@ def _find_transform(calibration: Calibration, cell: Cell | None, name: str) -> N
         if parent == child:
             raise InputError(f"{name} is of one frame: name two, such as {next(iter(calibration.transforms), '')}")
         estimate = calibration.frame_between(parent, child)
+        if not _is_covariance(estimate):
+            raise InputError(f"the covariance of {name} is none, a variance is negative or not finite: calibrate again")
         return _make_transform(cell, name, estimate, "free" if np.any(estimate.covariance) else "fixed")
     if found in calibration.points:
         raise InputError(f"{found} is the place of a point and has no rotation: there is no pose to export")
+    if not _is_covariance(calibration[found]):
+        raise InputError(f"the covariance of {found} is none, a variance is negative or not finite: calibrate again")
     estimate = calibration[found] if found == name else calibration[found].inverse()
     return _make_transform(cell, name, estimate, calibration.status.get(found, "free"))
 
@@ -79,6 +84,13 @@ def _find_transform(calibration: Calibration, cell: Cell | None, name: str) -> N
 def _make_transform(cell: Cell | None, name: str, estimate: PoseEstimate, status: str) -> NamedTransform:
     parent, child = name.split("_from_") if cell is None else frame_names(cell, name)
     return NamedTransform(name, parent, child, estimate, status)
+
+
+def _is_covariance(estimate: PoseEstimate) -> bool:
+    """Whether sigmas can be taken of it; what a damaged file holds may be nothing of the kind."""
+    if not np.all(np.isfinite(estimate.covariance)):
+        return False
+    return all(np.all(np.diag(each.covariance) >= 0) for each in (estimate, estimate.inverse()))
 
 
 def _turned_round(name: str) -> str:
