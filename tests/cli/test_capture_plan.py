@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import nullcontext
+from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +13,9 @@ import numpy as np
 import pytest
 
 from basecal.cell import Calibration
-from basecal.cell.files import input_hashes, write_calibration, write_cell
+from basecal.cell.calibration import Verdict
+from basecal.cell.files import append_verification, input_hashes, write_calibration, write_cell
+from basecal.cell.results.verification_file import PastVerification
 from basecal.cli import main
 from basecal.cli.capture_plan import known_sketch, say_plan
 from basecal.errors import InputError
@@ -113,12 +117,24 @@ def test_transforms_are_those_of_the_latest_run(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="roughly where things are"):
         known_sketch(tmp_path)
     found = {name: PoseEstimate(pose, np.eye(6)) for name, pose in made.truth.items()}
-    for verdict in ("good", "refused"):
-        write_calibration(Calibration(verdict, found, inputs=input_hashes(tmp_path)), tmp_path)
-        if verdict == "good":
-            sketch = known_sketch(tmp_path)
-            assert sketch.transforms.keys() == made.truth.keys()
-            assert all(unknown.mean is None for unknown in sketch.cell.transforms.values())
+    run = write_calibration(Calibration("good", found, inputs=input_hashes(tmp_path)), tmp_path).parent
+    sketch = known_sketch(tmp_path)
+    assert sketch.transforms.keys() == made.truth.keys()
+    assert all(unknown.mean is None for unknown in sketch.cell.transforms.values())
+    for moved, is_trusted in ((False, True), (None, False), (True, False)):
+        past = PastVerification(datetime.now(UTC), run.name, 3, moved, 0.5, None, None, {})
+        append_verification(tmp_path, past)
+        with nullcontext() if is_trusted else pytest.raises(InputError, match="roughly where things are"):
+            known_sketch(tmp_path)
+
+
+@pytest.mark.parametrize("verdict", ["doubtful", "refused"])
+def test_no_arm_is_sent_by_a_calibration_in_doubt(verdict: Verdict, tmp_path: Path) -> None:
+    """Clearances by a wrong base are none: the cell has to state where things are."""
+    made = simulate(Scenario(samples=1), 2)
+    write_cell(made.cell, tmp_path)
+    found = {name: PoseEstimate(pose, np.eye(6)) for name, pose in made.truth.items()}
+    write_calibration(Calibration(verdict, found, inputs=input_hashes(tmp_path)), tmp_path)
     with pytest.raises(InputError, match="roughly where things are"):
         known_sketch(tmp_path)
 

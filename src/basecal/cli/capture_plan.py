@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from basecal.acquisition.rig import Rig
-    from basecal.cell import Sample
+    from basecal.cell import Calibration, Cell, Sample
     from basecal.cli.replanning import Replanner, ShiftsForTask
     from basecal.planning.plan_check import PlanCheck, SpeedLimits
     from basecal.planning.sketch import Sketch
@@ -25,22 +25,34 @@ _SHOWN_SAMPLES = 20  # refusals, each a line
 
 
 def known_sketch(folder: Path, is_led: bool = False) -> Sketch:
-    """The sketch of a cell as its latest run has it, if that is of this `cell.yaml` and good; else as it is stated.
+    """The sketch of a cell as its latest run has it, if nothing speaks against that run; else as the cell is stated.
 
     Args:
         folder: The cell's.
         is_led: Whether a person leads the arms, so that the scene alone may be seen.
     """
-    from basecal.cell.files import input_hashes, latest_run, read_calibration, read_cell
+    from basecal.cell.files import read_cell
     from basecal.planning.prospects import calibrated_sketch
     from basecal.planning.sketch import led_sketch
 
-    cell, run = read_cell(folder), latest_run(folder)
+    cell = read_cell(folder)
     if is_led and cell.sees_scene:
         return led_sketch(cell)
-    known = None if run is None else read_calibration(run)
-    is_current = known is not None and known.inputs.get(_CELL) == input_hashes(folder, cell).get(_CELL)
-    return calibrated_sketch(cell, known if known is not None and is_current and known.verdict != "refused" else None)
+    return calibrated_sketch(cell, _trusted_calibration(folder, cell))
+
+
+def _trusted_calibration(folder: Path, cell: Cell) -> Calibration | None:
+    """The latest run if arms may be sent by it: of this `cell.yaml`, good, and not found to have moved since."""
+    from basecal.cell.files import input_hashes, latest_run, read_calibration, read_verifications
+
+    run = latest_run(folder)
+    if run is None:
+        return None
+    known = read_calibration(run)
+    is_current = known.inputs.get(_CELL) == input_hashes(folder, cell).get(_CELL)
+    verified = [each.moved for each in read_verifications(folder) if each.run == run.name]
+    has_moved = bool(verified) and verified[-1] is not False
+    return known if is_current and known.verdict == "good" and not has_moved else None
 
 
 def capture_plan(
