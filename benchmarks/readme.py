@@ -299,8 +299,8 @@ def sentences() -> str:
         f"{made['consistency']}; 1 is right{_by('consistency')}",
         f"**No guess needed.** Of {cells} simulated cells of 25 kinds, {starts} end without a guess at the optimum "
         f"that the truth leads to{_by('starts')}",
-        f"**Mix-ups are named.** Of mix-ups of conventions that move the answer, {named} are named right, and {passed} "
-        f"are called good{_by('mutations')}",
+        f"**Mix-ups are named.** Of mix-ups of conventions that move the answer, {named} are named right. Called good: "
+        f"{passed}{_by('mutations')}",
         f"**Outliers go.** Of gross outliers in up to 30 % of samples, {found} are found, and {lost} of clean samples "
         f"are lost{_by('outliers')}",
         f"**It notices a push.** `verify` sees {seen} of shifts of the length that it calls detectable, with {alarms} "
