@@ -169,7 +169,7 @@ def capture(
                 return _finish_plan(cell, wanted, json)
             wanted = _store_plan(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, cell, web, port, quiet=json))
-        by = _taker(view.rig(rig), sketch, cell, limits, view, stop_on_disagreement)
+        by = _taker(rig, sketch, cell, limits, view, stop_on_disagreement)
         steps = _take_samples(by, wanted, count if freedrive else None, replanner, view, stop_on_disagreement)
         view.end(*_outcome(steps, replanner), f"basecal calibrate {quote_path(cell)}")
     return _summarise(cell, steps, replanner, json)
@@ -320,7 +320,9 @@ def _taker(
     settings = CaptureSettings(limits.joint_rad_s, limits.tool_m_s, waits_for_check=waits_for_check)
     scene = ScenePictures(sketch.cell, folder) if isinstance(sketch, SceneSketch) else None
     taker = Taker(rig, sketch, folder, settings, scene=scene)
-    return taker if view is None else replace(taker, notify=view.notify, report=view.report)
+    if view is None:
+        return taker
+    return replace(taker, notify=view.notify, report=view.report, show=view.watch.show, send=view.watch.send)
 
 
 def _finish_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:
