@@ -15,9 +15,7 @@ class Pattern:
     """Where arms can be sent by a plan.
 
     Attributes:
-        words: What it does, for help.
         plan: Samples of a sketch, from where the arms are, that are feasible: so many, by a seed.
     """
 
-    words: str
     plan: Callable[[Sketch, Mapping[str, RobotState], Feasible, int, int], list[Sample]]

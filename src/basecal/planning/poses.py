@@ -99,4 +99,4 @@ def _path_length(sketch: Sketch, start: Sample, end: Sample) -> float:
     return max(ways, default=0.0)
 
 
-PATTERN = Pattern("both arms turn about the target, as far as they reach", plan)
+PATTERN = Pattern(plan)

@@ -115,4 +115,4 @@ def shift_length(sketch: Sketch, sample: Sample) -> float:
     return depth * float(np.cbrt(sigma / (2 * np.sqrt(2) * focal.mean())))
 
 
-PATTERN = Pattern("from stations, the target is shifted along its axes before a still camera", plan)
+PATTERN = Pattern(plan)

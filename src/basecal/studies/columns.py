@@ -6,7 +6,7 @@ import csv
 import importlib.util
 import io
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,17 @@ import numpy as np
 
 from basecal.cell.format.writing import open_new, temporary_path
 from basecal.errors import InputError
+from basecal.geometry import Array
 
 _NAME = "table"
+_QUANTILES = {"p05": 0.05, "median": 0.5, "p95": 0.95}
 Columns = Mapping[str, Any]
 """By name a list, None if nothing is known, or an array, NaN likewise; all of one length."""
+
+
+def quantiles(values: Sequence[float] | Array) -> dict[str, float]:
+    """Numbers below which 5, 50 and 95 % of some are."""
+    return {name: float(np.quantile(values, share)) for name, share in _QUANTILES.items()}
 
 
 def write_columns(folder: Path, batches: Iterator[Columns]) -> Path:
