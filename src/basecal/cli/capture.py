@@ -157,7 +157,8 @@ def capture(
     """
     if moving.touch:
         return capture_touches(cell, connecting, json, has_others=go or dry_run or freedrive or web)
-    task = _checked_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
+    task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
+    _refuse_unused_options(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
     sketch, count, limits = known_sketch(cell, freedrive), samples or _SAMPLES, moving.limits
     with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
@@ -173,28 +174,6 @@ def capture(
         steps = _take_samples(by, wanted, count if freedrive else None, replanner, view, stop_on_disagreement)
         view.end(*_outcome(steps, replanner), f"basecal calibrate {quote_path(cell)}")
     return _summarise(cell, steps, replanner, json)
-
-
-def _checked_task(
-    task_point: Point | None,
-    task_box: Box | None,
-    tolerance: str | None,
-    pattern: str,
-    plan: Path | None,
-    go: bool,
-    dry_run: bool,
-    freedrive: bool,
-    web: bool,
-    port: int,
-) -> Task | None:
-    """The task, if options go together.
-
-    Raises:
-        UsageError: if they do not.
-    """
-    task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
-    _refuse_unused_options(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
-    return task
 
 
 def _planners(

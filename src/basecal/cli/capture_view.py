@@ -127,5 +127,3 @@ def say_step(step: Step, place: int) -> None:
     say(f"{step.taken:4d}/{step.planned} sample {step.sample}: {said}{sigma}{'; ' + advice if advice else ''}")
     for doubt in step.doubts:
         say(f"  {'WARNING' if doubt.is_lasting else 'check'}: {doubt.message}")
-    if sys.stdout is not None:
-        sys.stdout.flush()

@@ -91,7 +91,7 @@ def plan(
     from basecal.cell.files import read_cell
     from basecal.estimation.settings import Settings
 
-    points = _task_points(task_point, task_box)
+    points = [] if task_point is None and task_box is None else task_points(task_point, task_box)
     needed_m = _needed_m(tolerance, samples)
     _check_output(to, robot, output, json)
     described = read_cell(cell)
@@ -106,11 +106,6 @@ def plan(
     if report or opens_page:
         _write_page(described, found, calibration, needed_m, cell, output, opens_page)
     return 5 if found.reachable is False else 0
-
-
-def _task_points(point: Point | None, box: Box | None) -> list[Point]:
-    """The places that are named; none of them are those where the arms worked."""
-    return [] if point is None and box is None else task_points(point, box)
 
 
 def _needed_m(tolerance: str | None, count: int | None) -> float | None:
