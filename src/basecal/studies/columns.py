@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.cell.format.writing import open_new, temporary_path
-from basecal.errors import InputError
+from basecal.cell.format.writing import open_new, temporary_path, writing_errors
 from basecal.geometry import Array
 
 _NAME = "table"
@@ -50,10 +49,9 @@ def _appearing(path: Path) -> Iterator[Path]:
     """A name to write to, which is the file's at the end."""
     part = temporary_path(path)
     try:
-        yield part
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+        with writing_errors(path):
+            yield part
+            os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
 
