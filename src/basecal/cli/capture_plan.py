@@ -71,7 +71,6 @@ def capture_plan(
     from basecal.acquisition.rig import starting_states
     from basecal.cell.files import read_plan
     from basecal.errors import nearest
-    from basecal.planning.feasible import make_feasibility_check
 
     if replanner is not None:
         return replanner.samples, True
@@ -87,7 +86,7 @@ def capture_plan(
     home = starting_states(rig, sketch)
     if shifts is not None:
         return shifts.plan_samples(sketch.cell, folder, home, samples, seed), True
-    return PATTERNS[pattern].plan(sketch, home, make_feasibility_check(sketch), samples, seed), True
+    return PATTERNS[pattern].plan(sketch, home, samples, seed), True
 
 
 def _finished_count(folder: Path, sketch: Sketch, count: int, is_continued: bool) -> int:
