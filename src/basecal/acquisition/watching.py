@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any, Literal
 
 from basecal.acquisition.capture import Step
 from basecal.acquisition.driver import Grey
@@ -134,21 +135,22 @@ class Watch:
 
     def show(self, camera: str, grey: Grey) -> None:
         """Note an image."""
-        with self._lock:
-            pictures = {**dict(self._glance.pictures), camera: grey}
-            self._glance = replace(self._glance, pictures=tuple(pictures.items()))
+        self._keep("pictures", camera, grey)
 
     def stand(self, robot: str, state: RobotState) -> None:
         """Note where a robot is."""
-        with self._lock:
-            states = {**dict(self._glance.states), robot: state}
-            self._glance = replace(self._glance, states=tuple(states.items()))
+        self._keep("states", robot, state)
 
     def send(self, robot: str, goal: RobotState) -> None:
         """Note where a robot is sent."""
+        self._keep("goals", robot, goal)
+
+    def _keep(self, kind: Literal["pictures", "states", "goals"], name: str, value: object) -> None:
+        """Note the last value of a camera or robot."""
         with self._lock:
-            goals = {**dict(self._glance.goals), robot: goal}
-            self._glance = replace(self._glance, goals=tuple(goals.items()))
+            kept = {**dict(getattr(self._glance, kind)), name: value}
+            changes: dict[str, Any] = {kind: tuple(kept.items())}
+            self._glance = replace(self._glance, **changes)
 
     def end(self, end: End) -> None:
         """Note how it ended; the first end counts."""
