@@ -114,12 +114,7 @@ def _outlook(cell: Cell, recording: Recording, calibration: Calibration) -> Sequ
         return ()
 
 
-def show_page(run: Path, opens: bool = False) -> None:
-    """Print to stderr where the page of a run is; open it if requested."""
-    show_file(run / FILE, opens)
-
-
-def show_file(file: Path, opens: bool) -> None:
+def show_page(file: Path, opens: bool) -> None:
     """Print to stderr where a page is, from here where the line is too long else; open it if requested."""
     from basecal.reporting.summary import LINE_WIDTH
 

@@ -228,7 +228,7 @@ def _write_page(
 ) -> None:
     """Write the page of a plan, and show it if requested."""
     from basecal.cell.format.writing import write_atomically
-    from basecal.cli.page import show_file
+    from basecal.cli.page import show_page
     from basecal.reporting.plans.page import plan_page
 
     path, is_written = folder / "plan.html", output is not None and output.suffix == ".jsonl"
@@ -238,7 +238,7 @@ def _write_page(
     steps = steps if is_written else [f"Write the samples: the same command with `-o {file}`.", *steps]
     html = plan_page(cell, plan_result, calibration, needed_m, title=folder.resolve().name, steps=steps)
     write_atomically(path, html, base_folder=folder)
-    show_file(path, opens)
+    show_page(path, opens)
 
 
 def plan_dict(plan_result: Plan, needed_m: float | None) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from basecal.cli.calibrate import exit_code, show
 from basecal.cli.next_step import name_cell, next_command
-from basecal.cli.page import show_page, stored_run, write_page
+from basecal.cli.page import FILE, show_page, stored_run, write_page
 from basecal.cli.runs import find_run
 from basecal.cli.terminal import print_json, progress, say_next
 from basecal.fields.typed_length import length_m
@@ -73,6 +73,6 @@ def report(
         show(described, name_cell(calibration, cell), verbose)
         with progress("writing the page"):
             write_page(described, calibration, stored)
-        show_page(run, opens_page)
+        show_page(run / FILE, opens_page)
         say_next(next_command(described, calibration, cell))
     return exit_code(calibration)
