@@ -31,7 +31,7 @@ def test_every_pose_is_feasible_and_they_differ():
 def test_where_nothing_is_feasible_an_error_says_what_to_do(monkeypatch):
     """A target that its camera does not see at home is seen at no pose nearby."""
     turned = {**HOME, "eye": RobotState(joints_rad=HOME["eye"].joints_rad + np.pi * np.eye(6)[4])}
-    monkeypatch.setattr(poses, "_ROUNDS", 2)
+    monkeypatch.setattr(poses, "_DRAW_ROUNDS", 2)
     with pytest.raises(InputError, match="only 0 of 1 poses"):
         poses.plan(SKETCH, turned, 1)
 

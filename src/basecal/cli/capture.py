@@ -157,8 +157,7 @@ def capture(
     """
     if moving.touch:
         return capture_touches(cell, connecting, json, has_others=go or dry_run or freedrive or web)
-    task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
-    _refuse_unused_options(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
+    task = _checked_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
     sketch, count, limits = known_sketch(cell, freedrive), samples or _SAMPLES, moving.limits
     with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
@@ -229,9 +228,24 @@ def _check_capture(
     return plan
 
 
-def _refuse_unused_options(
-    pattern: str, plan: Path | None, task: Task | None, go: bool, dry_run: bool, freedrive: bool, web: bool, port: int
-) -> None:
+def _checked_task(
+    task_point: Point | None,
+    task_box: Box | None,
+    tolerance: str | None,
+    pattern: str,
+    plan: Path | None,
+    go: bool,
+    dry_run: bool,
+    freedrive: bool,
+    web: bool,
+    port: int,
+) -> Task | None:
+    """The task, if options go together.
+
+    Raises:
+        UsageError: if they do not.
+    """
+    task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
     if task is not None and (freedrive or pattern not in PATTERNS):
         raise UsageError("a task says where arms are sent: leave --freedrive out, and files of --pattern")
     if plan is not None and pattern != "poses":
@@ -242,6 +256,7 @@ def _refuse_unused_options(
         raise UsageError("--freedrive moves no arm: leave --go out")
     if port and not web:
         raise UsageError("--port says where the page of --web is served: give --web, or leave it out")
+    return task
 
 
 def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float) -> Iterator[Step]:

@@ -56,22 +56,22 @@ def can_ask() -> bool:
     return is_terminal(sys.stdin) and is_terminal(sys.stderr)
 
 
-def ask(question: str, unasked: str, refused: str) -> None:
+def ask(question: str, silence_error: str, refusal_error: str) -> None:
     """Ask on a terminal.
 
     Args:
         question: What is answered by yes or no.
-        unasked: The error if nobody can be asked.
-        refused: The error if the user refuses.
+        silence_error: If nobody can be asked.
+        refusal_error: If the user refuses.
 
     Raises:
         UsageError: in either case.
     """
     if not can_ask():
-        raise UsageError(unasked)
+        raise UsageError(silence_error)
     say(f"{question} [y/N]", sys.stderr)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-        raise UsageError(refused)
+        raise UsageError(refusal_error)
 
 
 def quote_path(path: object) -> str:

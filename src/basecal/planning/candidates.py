@@ -54,7 +54,7 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
 def draw_feasible(
     sketch: Sketch, views: Sequence[Taught], count: int, reach: Mapping[str, Reach], rng: np.random.Generator
 ) -> list[Sample]:
-    """Those of so many drawn samples that can be taken.
+    """Draw samples, and give those that can be taken.
 
     Args:
         sketch: What is known of the cell.

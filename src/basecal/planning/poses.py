@@ -13,10 +13,7 @@ from basecal.planning.feasible import blocked_samples, is_path_clear
 from basecal.planning.pattern import Pattern
 from basecal.planning.sketch import Sketch
 
-_DRAWS, _ROUNDS = (
-    2,
-    100,
-)  # at once for each sample, and how often: with arms near their limits one in ten is feasible
+_DRAWS, _DRAW_ROUNDS = 2, 100  # at once for each sample, and how often: near limits one in ten is feasible
 
 
 def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int = 0) -> list[Sample]:
@@ -33,7 +30,7 @@ def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int
     """
     rng = np.random.default_rng([seed, 17])
     found: list[Sample] = []
-    for _ in range(_ROUNDS):
+    for _ in range(_DRAW_ROUNDS):
         found += draw_feasible(sketch, [home], _DRAWS * samples, dict.fromkeys(sketch.movers, POSE_REACH), rng)
         if len(found) >= samples:
             ordered = order_samples(sketch, home, found[:samples])

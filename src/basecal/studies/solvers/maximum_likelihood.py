@@ -22,7 +22,7 @@ _PLAUSIBLE_SIGMAS = 4.0  # root of a trial's cost over the median's: noise does 
 def solve(draws: Draws) -> Answers:
     """All trials."""
     if draws.own_starts:
-        return _solve_each(draws)
+        return _solve_trials(draws)
     try:
         first = _solve_trial(draws, 0)
     except (BasecalError, np.linalg.LinAlgError) as error:
@@ -30,11 +30,11 @@ def solve(draws: Draws) -> Answers:
     if draws.transform in first.observability.unobservable:
         return no_answers(draws.count, f"{draws.transform} is not observable")
     if first.observability.unobservable:  # the batch inverts the information of everything
-        return _solve_each(draws)
+        return _solve_trials(draws)
     try:
         found = solve_batch(draws.problem, first.state.spread(draws.problem, draws.count))
     except np.linalg.LinAlgError:  # the information of one of them
-        return _solve_each(draws)
+        return _solve_trials(draws)
     where = draws.problem.columns[draws.transform]
     together = Answers(found.state.transforms[draws.transform], found.covariance[:, where, where], found.converged)
     return _complete_answers(
@@ -42,7 +42,7 @@ def solve(draws: Draws) -> Answers:
     )
 
 
-def _solve_each(draws: Draws) -> Answers:
+def _solve_trials(draws: Draws) -> Answers:
     """All trials, each alone."""
     where = draws.problem.columns[draws.transform]
     width = where.stop - where.start
