@@ -27,7 +27,6 @@ from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 from basecal.planning import poses
-from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.faults import FAULTS, Faults, read_faults
 from basecal.simulation.running.two_arms import two_arms
@@ -73,7 +72,7 @@ def design(seed: int) -> Design | None:
         world = two_arms("charuco", seed)
         sketch = sketch_cell(world.cell)
         home = {name: RobotState(joints_rad=joints) for name, joints in world.home.items()}
-        plan = poses.plan(sketch, home, make_feasibility_check(sketch), SAMPLES, seed)
+        plan = poses.plan(sketch, home, SAMPLES, seed)
     except BasecalError:
         return None
     sent = {name: np.stack([_joints(each.robots[name]) for each in plan]) for name in world.home}

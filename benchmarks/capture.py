@@ -36,7 +36,6 @@ from basecal.errors import BasecalError
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3, Array
 from basecal.planning import poses, shifts
-from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import FAULTS, read_faults
@@ -84,7 +83,7 @@ def planned(seed: int, is_light: bool) -> tuple[Sample, ...]:
     """Where the arms of a cell are sent, whatever is wrong with it."""
     world = two_arms("led" if is_light else "charuco", seed)
     sketch, pattern = sketch_cell(world.cell), shifts if is_light else poses
-    return tuple(pattern.plan(sketch, home(world), make_feasibility_check(sketch), SAMPLES, seed))
+    return tuple(pattern.plan(sketch, home(world), SAMPLES, seed))
 
 
 def recorded(seed: int, fault: str = "") -> tuple[Cell, SE3, Recording, int]:

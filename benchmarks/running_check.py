@@ -37,7 +37,6 @@ from basecal.estimation.solve import solve, solve_from
 from basecal.geometry import Array
 from basecal.kinematics import SerialChain
 from basecal.planning import poses
-from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import read_faults
@@ -79,7 +78,7 @@ def planned(seed: int, count: int) -> tuple[Sample, ...]:
     world = two_arms("charuco", seed)
     sketch = sketch_cell(world.cell)
     home = {name: RobotState(joints_rad=joints) for name, joints in world.home.items()}
-    return tuple(poses.plan(sketch, home, make_feasibility_check(sketch), count, seed))
+    return tuple(poses.plan(sketch, home, count, seed))
 
 
 def captured(seed: int, faults: Sequence[str] = (), count: int = SAMPLES) -> tuple[World, list[Sample]]:

@@ -406,6 +406,11 @@ def test_solving_needs_no_images() -> None:
     assert loaded_by("import basecal\nbasecal.calibrate, basecal.read_cell, basecal.simulate").isdisjoint(heavy)
 
 
+def test_surfaces_load_hulls_when_they_are_drawn() -> None:
+    """Every page imports them, and few cells have bodies."""
+    assert "scipy.spatial" not in loaded_by("import basecal.kinematics.surface")
+
+
 def test_no_addresses_in_the_lock() -> None:
     """The constraints pin versions and name no place to get them from."""
     lines = (SOURCE.parents[1] / "constraints.txt").read_text(encoding="utf-8").splitlines()

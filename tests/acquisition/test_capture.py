@@ -14,7 +14,6 @@ from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import RobotState, Sample
 from basecal.cell.files import read_recording
 from basecal.planning import poses, shifts
-from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.sketch import sketch_cell
 from basecal.vision.edge_width import EdgeWidth
 from shared.running_cell import home, running
@@ -24,7 +23,7 @@ FAST = CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0, patience_s=3.0)
 
 def planned(world, folder, count, pattern=poses):
     sketch = sketch_cell(world.cell)
-    plan = pattern.plan(sketch, home(world), make_feasibility_check(sketch), count, 0)
+    plan = pattern.plan(sketch, home(world), count, 0)
     return sketch, store_plan(folder, world.cell, plan)
 
 

@@ -13,7 +13,6 @@ from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import RobotState
 from basecal.cell.files import read_recording
 from basecal.planning import poses
-from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.sketch import sketch_cell
 from shared.running_cell import home, running
 
@@ -112,7 +111,7 @@ def test_a_cell_is_captured_by_hand(tmp_path):
     """Each place at which the arms are held becomes a sample with its image; nothing moves them but the person."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch = sketch_cell(world.cell)
-        plan = poses.plan(sketch, home(world), make_feasibility_check(sketch), 1, 0)
+        plan = poses.plan(sketch, home(world), 1, 0)
         robots = {name: Person(robot, [sample.robots[name] for sample in plan]) for name, robot in rig.robots.items()}
         by = Taker(Rig(robots, rig.cameras), sketch, tmp_path, CaptureSettings(2.0, 10.0))
         steps = list(capture_led(by, 2, lambda: ""))

@@ -17,7 +17,6 @@ from basecal.acquisition.rig import open_rig
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import Driver
 from basecal.planning import poses
-from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.protocol import connect, read_address
 from safety.installed_driver import installed_driver
@@ -84,9 +83,7 @@ def test_it_captures(tmp_path, installed, controller, samples):
         assert rig.guarantees["eye"] == "none"
         assert isinstance(rig.robots["eye"], Robot)
         assert isinstance(rig.robots["eye"], Moves)
-        plan = store_plan(
-            tmp_path, sketch.cell, poses.plan(sketch, home(world), make_feasibility_check(sketch), samples, 0)
-        )
+        plan = store_plan(tmp_path, sketch.cell, poses.plan(sketch, home(world), samples, 0))
         steps = list(capture(Taker(rig, sketch, tmp_path, CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0)), plan))
         rig.stop()
     assert [step.why_not for step in steps] == [""] * samples

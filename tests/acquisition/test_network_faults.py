@@ -16,7 +16,6 @@ from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell.files import read_recording
 from basecal.errors import DriverError
 from basecal.planning import poses
-from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.protocol import Address, read_address, write_address
 from shared.network import network
@@ -43,7 +42,7 @@ def test_a_capture_that_is_cut_stops_with_a_line_and_goes_on(tmp_path):
     with running(tmp_path) as world, network("127.0.0.1", read_address(tmp_path).port) as (net, port):
         write_address(tmp_path, Address(port=port, token="token", pid=os.getpid()))
         sketch = sketch_cell(world.cell)
-        plan = store_plan(tmp_path, world.cell, poses.plan(sketch, home(world), make_feasibility_check(sketch), 4, 0))
+        plan = store_plan(tmp_path, world.cell, poses.plan(sketch, home(world), 4, 0))
         with pytest.raises(DriverError) as raised:
             captured(sketch, tmp_path, plan, lambda step: net.cut() if step.taken == 2 else None)
         assert "\n" not in str(raised.value)
@@ -60,7 +59,7 @@ def test_a_capture_over_a_slow_network_goes_on(tmp_path):
         net.delay_s = 0.01
         write_address(tmp_path, Address(port=port, token="token", pid=os.getpid()))
         sketch = sketch_cell(world.cell)
-        plan = store_plan(tmp_path, world.cell, poses.plan(sketch, home(world), make_feasibility_check(sketch), 1, 0))
+        plan = store_plan(tmp_path, world.cell, poses.plan(sketch, home(world), 1, 0))
         captured(sketch, tmp_path, plan)
     (sample,) = read_recording(tmp_path).samples
     for name, state in sample.robots.items():

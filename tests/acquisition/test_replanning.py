@@ -16,7 +16,6 @@ from basecal.acquisition.stillness import Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import Recording, Sample, Unknown
 from basecal.cell.files import read_recording
-from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.plan import plan_for_task
 from basecal.planning.shifts import plan as shifts
 from basecal.planning.sketch import sketch_cell
@@ -77,7 +76,7 @@ def test_stations_for_a_task_tell_more_of_it_than_others():
     found = stations_for_task(cell, (), robots, POINT, None, 14)
     assert len(found.samples) == 14
     sketch = sketch_cell(cell)
-    anywhere = shifts(sketch, robots, make_feasibility_check(sketch), 14, 0)
+    anywhere = shifts(sketch, robots, 14, 0)
     taught = Recording((Sample(0, robots=robots),))
     other = plan_for_task(cell, taught, None, POINT, None, 14, offers=[(sketch, anywhere)], group_size=7)
     assert found.expected_m < other.expected_m

@@ -13,6 +13,7 @@ from basecal.acquisition.driver import Reading
 from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.stillness import Moving, Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker, visible_targets
+from basecal.acquisition.watching import Watch
 from basecal.cell import RobotState, Sample
 from basecal.geometry import SE3
 from basecal.planning.sketch import sketch_cell
@@ -30,6 +31,20 @@ def test_it_says_what_it_does(tmp_path):
         sample = Taker(rig, sketch_cell(world.cell), tmp_path, FAST, told.append).take(Sample(4), [])
     assert told == ["sample 4", "sample 4: waiting for a still image", "sample 4: looking for the target"]
     assert sample.observations[0].target == "board"
+
+
+def test_states_images_and_goals_are_shown(tmp_path):
+    """What a capture's view has: where each arm is, where it was sent, and the image of which the sample is made."""
+    watch = Watch()
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        rig.arms.show = watch.stand
+        here = {name: robot.state().state for name, robot in rig.robots.items()}
+        by = Taker(rig, sketch_cell(world.cell), tmp_path, FAST, show=watch.show, send=watch.send)
+        sample = by.take(Sample(0, robots={"eye": here["eye"]}), [])
+    glance = watch.snapshot
+    assert dict(glance.goals) == {"eye": here["eye"]}
+    assert {name: state.joints_rad.shape for name, state in glance.states} == {"eye": (6,), "hand": (6,)}
+    np.testing.assert_array_equal(dict(glance.pictures)["wrist"], read_grey(tmp_path / sample.images["wrist"]))
 
 
 def test_what_still_moves_is_waited_for_once_more(tmp_path, monkeypatch):

@@ -6,34 +6,13 @@ import numpy as np
 
 from basecal.acquisition.capture import Step
 from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
-from basecal.acquisition.driver import Freedrives, Moves, Picture, Reading, Switches
-from basecal.acquisition.rig import Rig
-from basecal.acquisition.watching import End, Watch, watch_rig
-from basecal.cell import RobotState
+from basecal.acquisition.watching import End, Watch
 
 
 def step(number, why_not="", sigma=(1e-3, 2e-3)):
     return Step(
         number, why_not, number + 1, 9, Coverage(np.zeros(COVERAGE_GRID, dtype=bool), {"eye": np.zeros(3)}), sigma
     )
-
-
-class Camera:
-    is_live = True
-
-    def __init__(self):
-        self.closed = False
-
-    def picture(self):
-        return Picture(1.0, np.full((4, 5), 7, np.uint8))
-
-    def close(self):
-        self.closed = True
-
-
-class Lamp(Camera):
-    def light(self, on):
-        self.on = on
 
 
 def test_what_became_of_samples_is_kept():
@@ -84,57 +63,3 @@ def test_advice_is_that_of_the_coverage():
     assert watch.snapshot.advice == ""
     watch.note(step(6))
     assert watch.snapshot.advice == "turn eye further about x"
-
-
-def test_every_picture_is_shown():
-    """As the camera gives it; what it can do it still can, and nothing more."""
-    watch, plain, lamp = Watch(), Camera(), Lamp()
-    rig = watch_rig(Rig({}, {"wrist": plain, "hall": lamp}), watch)
-    picture = rig.cameras["wrist"].picture()
-    assert dict(watch.snapshot.pictures)["wrist"] is picture.grey
-    assert not isinstance(rig.cameras["wrist"], Switches)
-    rig.cameras["hall"].light(False)
-    assert lamp.on is False
-    rig.cameras["wrist"].close()
-    assert plain.closed
-
-
-class Arm:
-    is_live = True
-
-    def __init__(self):
-        self.done = []
-
-    def state(self):
-        return Reading(1.0, RobotState(joints_rad=np.arange(3.0)))
-
-    def close(self):
-        self.done.append("closed")
-
-
-class Sent(Arm):
-    def move(self, to, speed_rad_s):
-        self.done.append(speed_rad_s)
-
-    def stop(self):
-        self.done.append("stopped")
-
-
-class Led(Arm):
-    def freedrive(self, on):
-        self.done.append(on)
-
-
-def test_every_state_is_shown():
-    """Where a robot says it is; what it can do it still can, and nothing more."""
-    watch, arms = Watch(), {"plain": Arm(), "sent": Sent(), "led": Led()}
-    rig = watch_rig(Rig(arms, {}), watch)
-    reading = rig.robots["sent"].state()
-    assert dict(watch.snapshot.states) == {"sent": reading.state}
-    faces = {name: (isinstance(each, Moves), isinstance(each, Freedrives)) for name, each in rig.robots.items()}
-    assert faces == {"plain": (False, False), "sent": (True, False), "led": (False, True)}
-    rig.robots["sent"].move(reading.state, 0.5)
-    rig.robots["led"].freedrive(True)
-    rig.stop()
-    rig.robots["plain"].close()
-    assert [arm.done for arm in arms.values()] == [["closed"], [0.5, "stopped"], [True]]

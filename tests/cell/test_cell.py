@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from basecal.cell import WORLD, Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
+from basecal.cell import WORLD, Cell, CellCamera, CellTarget, Clock, Intrinsics, Robot, Unknown
+from basecal.cell.schema.cell_dict import cell_to_dict
+from basecal.cell.schema.cell_schema import CameraEntry, RobotEntry
 from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
@@ -94,3 +97,48 @@ def test_names_that_disagree_are_refused_at_once():
         with pytest.raises(InputError, match=told):
             wrong()
     assert repr(Cell("eye", eye, cameras=wrist)) == "<cell of eye: wrist on eye>"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {},
+        {"offset_s": 0.5},
+        {"status": "free"},
+        {"status": "prior", "offset_s": 0.01, "sigma_s": 0.002},
+        {"offset_s": 0.01, "jitter_s": 0.002},
+    ],
+)
+def test_a_stated_clock_comes_back(data):
+    """As it is stated, and as it is written; nothing is written of a camera without one."""
+    entry = CameraEntry.model_validate({"on": "world", "clock": data})
+    assert entry.clock == Clock(**data)
+    camera = CellCamera("wrist", WORLD, clock=entry.clock)
+    written = cell_to_dict(Cell("eye", {"eye": Robot("eye")}, cameras={"wrist": camera}))["cameras"]["wrist"]["clock"]
+    assert CameraEntry.model_validate({"on": "world", "clock": written}).clock == entry.clock
+    bare = cell_to_dict(Cell("eye", {"eye": Robot("eye")}, cameras={"wrist": CellCamera("wrist", WORLD)}))
+    assert "clock" not in bare["cameras"]["wrist"]
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({"status": "prior"}, "status prior takes sigma_s"),
+        ({"status": "free", "sigma_s": 0.1}, "status free takes no sigma_s"),
+        ({"offset_s": 1e13}, "less than or equal"),
+        ({"offset_s": "1"}, "valid number"),
+        ({"status": "prior", "sigma_s": 0.0}, "sigma_s"),
+        ({"lag_s": 1.0}, "lag_s"),
+        ({"jitter_s": 2.0}, "jitter_s"),
+    ],
+)
+def test_what_is_wrong_with_a_clock_is_said(data, said):
+    """Numbers are checked as those of other entries are."""
+    with pytest.raises(ValidationError, match=said):
+        CameraEntry.model_validate({"on": "world", "clock": data})
+
+
+def test_jitter_is_of_cameras_alone():
+    """A robot has none: it is of a view against all that moves."""
+    with pytest.raises(ValidationError, match="jitter_s stands at the clock of a camera"):
+        RobotEntry.model_validate({"clock": {"jitter_s": 0.002}})

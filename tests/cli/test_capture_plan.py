@@ -21,8 +21,8 @@ from basecal.cli.capture_plan import known_sketch, say_plan
 from basecal.errors import InputError
 from basecal.geometry import PoseEstimate
 from basecal.simulation import Scenario, simulate
+from basecal.simulation.arms import BASE_LINK
 from basecal.simulation.running.protocol import connect, read_address
-from basecal.simulation.running.ur5e import BASE_LINK
 from basecal.simulation.running.world_file import write_world
 from shared.facing_arms import facing_arms
 from shared.running_cell import running

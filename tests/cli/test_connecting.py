@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from basecal.cli import connecting, main
+from basecal.cli import main, terminal
 
 CELL = """schema: basecal/cell/1
 reference: eye
@@ -112,13 +112,13 @@ def test_it_is_asked_once_for_each_place(
 ) -> None:
     """A no connects to nothing; a yes is remembered for this cell and this place, and for no other."""
     folder = write(tmp_path, *drivers(stranger.port)["simulated"])
-    monkeypatch.setattr(connecting, "is_terminal", lambda stream: True)
+    monkeypatch.setattr(terminal, "is_terminal", lambda stream: True)
     monkeypatch.setattr("sys.stdin", io.StringIO("n\ny\n"))
     assert main(["capture", str(folder)]) == 2
     assert not stranger.came
     assert main(["capture", str(folder)]) == 3
     assert stranger.came
-    monkeypatch.setattr(connecting, "is_terminal", lambda stream: False)
+    monkeypatch.setattr(terminal, "is_terminal", lambda stream: False)
     capsys.readouterr()
     assert main(["capture", str(folder)]) == 3
     assert "connects to" not in capsys.readouterr().err

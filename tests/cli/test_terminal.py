@@ -7,13 +7,14 @@ import os
 import shlex
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
-from basecal.cli import main
-from basecal.cli.terminal import quote_path, say, say_verdict
-from basecal.errors import printable
+from basecal.cli import main, terminal
+from basecal.cli.terminal import ask, quote_path, say, say_verdict
+from basecal.errors import UsageError, printable
 
 CLI = Path(__file__).parents[2] / "src" / "basecal" / "cli"
 
@@ -45,6 +46,17 @@ def test_a_stream_that_cannot_hold_a_letter() -> None:
 def test_a_path_to_paste_is_one_word(name: str) -> None:
     """Whatever it is called."""
     assert shlex.split(quote_path(Path(name))) == [name]
+
+
+@pytest.mark.parametrize(("answer", "error"), [("y\n", ""), ("YES\n", ""), ("n\n", "refused"), ("", "refused")])
+def test_a_question_needs_a_yes(answer: str, error: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No other word, and no end of the input, is one; without a terminal nobody is asked."""
+    monkeypatch.setattr("sys.stdin", io.StringIO(answer))
+    with pytest.raises(UsageError, match="unasked"):
+        ask("Really?", "unasked", "refused")
+    monkeypatch.setattr(terminal, "is_terminal", lambda stream: True)
+    with pytest.raises(UsageError, match=error) if error else nullcontext():
+        ask("Really?", "unasked", "refused")
 
 
 def test_everything_is_said_by_one_function() -> None:

@@ -12,10 +12,10 @@ from basecal.geometry import SE3
 from basecal.planning.feasible import (
     blocked_samples,
     is_clear,
+    is_feasible,
     is_in_view,
     is_path_clear,
     is_within_limits,
-    make_feasibility_check,
     reach_pose,
 )
 from basecal.planning.sketch import sketch_cell
@@ -38,7 +38,7 @@ def moved(**tangents):
 
 def test_home_is_feasible():
     """Where the arms begin, everything is in order."""
-    assert make_feasibility_check(SKETCH)(Sample(0, robots=HOME))
+    assert is_feasible(SKETCH, Sample(0, robots=HOME))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import pytest
 from basecal.cell import Sample
 from basecal.errors import InputError
 from basecal.planning import shifts
-from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.sketch import sketch_cell
 from shared.facing_arms import facing_arms
 from shared.running_cell import home
@@ -21,7 +20,7 @@ SKETCH, HOME = sketch_cell(WORLD.cell), home(WORLD)
 
 def test_stations_are_as_the_paper_has_them():
     """At each the camera looks straight at the light, and the light goes to both sides along its own axes."""
-    plan = shifts.plan(SKETCH, HOME, make_feasibility_check(SKETCH), 14)
+    plan = shifts.plan(SKETCH, HOME, 14)
     assert len(plan) == 14
     for station in (plan[:7], plan[7:]):
         light = SKETCH.camera_from_target(station[0]) @ np.zeros(3)
@@ -54,4 +53,4 @@ def test_targets_that_nobody_carries():
     truth = {**SKETCH.transforms, "eye_base_from_light": SKETCH.transforms["hand_flange_from_light"]}
     still = replace(SKETCH, cell=replace(WORLD.cell, targets={"light": light}), transforms=truth)
     with pytest.raises(InputError, match="'light' is on the world"):
-        shifts.plan(still, HOME, lambda sample: True, 7)
+        shifts.plan(still, HOME, 7)

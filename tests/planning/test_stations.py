@@ -8,7 +8,7 @@ import pytest
 from basecal.cell import Calibration
 from basecal.errors import InputError
 from basecal.geometry import PoseEstimate
-from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.feasible import is_feasible
 from basecal.planning.prospects import sketches
 from basecal.planning.stations import STATION_SAMPLES, stations
 from basecal.simulation import Scenario, simulate
@@ -25,9 +25,8 @@ def test_stations_are_whole_and_can_be_taken():
     """Seven samples each, all feasible; several lengths of shift are among them."""
     sketch, taught = guessed()
     found = stations(sketch, taught)
-    feasible = make_feasibility_check(sketch)
     assert len(found) % STATION_SAMPLES == 0
-    assert all(map(feasible, found))
+    assert all(is_feasible(sketch, sample) for sample in found)
     first = [sketch.camera_from_target(sample).translation for sample in found]
     lengths = [np.linalg.norm(first[k + 1] - first[k]) for k in range(0, len(first), STATION_SAMPLES)]
     assert max(lengths) > 1.9 * min(lengths)

@@ -45,6 +45,16 @@ def test_the_next_mark_is_off_the_line_and_touched_by_both():
     assert plan.expected_m < 0.1 * sigma[3:].max() * 0.5
 
 
+def test_marks_of_a_plate_are_touched_again():
+    """A plate that was calibrated from nothing has a place: its marks are offered as others are."""
+    cell = touch_cell((), marks={"plate": {"points_m": {name: place.tolist() for name, place in MARKS.items()}}})
+    recording = recorded(cell, touch_lines(np.random.default_rng(0), 18, 2e-4))
+    calibration = calibrate(cell, recording)
+    plan = plan_touches(cell, recording, calibration, TASK, count=4, places=0, rotations=20)
+    assert {sample.observations[0].mark for sample in plan.samples} <= MARKS.keys()
+    assert plan.expected_m < 3e-3
+
+
 def test_a_plan_begins_at_touches():
     """Nothing touched yet: where arms reach is not known."""
     tips = {f"{name}_tip": {"on": name, "offset": {"guess": {"t_m": [0, 0, 0.1]}}} for name in ("eye", "hand")}

@@ -15,7 +15,6 @@ import numpy as np
 from basecal.cell import Recording
 from basecal.cell.files import read_recording, write_plan
 from basecal.planning import poses
-from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.sketch import sketch_cell
 from tests.shared.running_cell import home, running
 
@@ -50,7 +49,7 @@ def kill_trial(folder: Path, samples: int, kills: int, seed: int) -> KillTrial:
     with running(folder / "whole") as world:
         sketch = sketch_cell(world.cell)
         write_plan(
-            poses.plan(sketch, home(world), make_feasibility_check(sketch), samples, seed),
+            poses.plan(sketch, home(world), samples, seed),
             folder / "plan.jsonl",
             folder,
         )

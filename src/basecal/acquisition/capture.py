@@ -65,7 +65,7 @@ def remaining_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
     """Samples of a plan in a cell's folder that are still to be taken; none if there is no plan."""
     if not (folder / PLAN_FILE).exists():
         return ()
-    done = {sample.sample for sample in _recorded_samples(folder, cell)} | _abandoned_numbers(folder)
+    done = {sample.sample for sample in recorded_samples(folder, cell)} | _abandoned_numbers(folder)
     return tuple(sample for sample in read_plan(folder / PLAN_FILE, folder, cell) if sample.sample not in done)
 
 
@@ -73,12 +73,12 @@ def finished_count(folder: Path, cell: Cell) -> int | None:
     """Number of samples recorded, if there is a plan of which none is left to be taken; else None."""
     if not (folder / PLAN_FILE).exists() or remaining_samples(folder, cell):
         return None
-    return len(_recorded_samples(folder, cell))
+    return len(recorded_samples(folder, cell))
 
 
 def store_plan(folder: Path, cell: Cell, samples: Sequence[Sample]) -> tuple[Sample, ...]:
     """Samples as they are to be taken, numbered beyond what the recording has, stored in the cell's folder."""
-    numbers = [sample.sample for sample in _recorded_samples(folder, cell)]
+    numbers = [sample.sample for sample in recorded_samples(folder, cell)]
     first = max([*numbers, *_abandoned_numbers(folder)], default=-1) + 1
     plan = tuple(Sample(first + k, robots=sample.robots) for k, sample in enumerate(samples))
     write_plan(plan, folder / PLAN_FILE, folder)
@@ -196,7 +196,7 @@ class _Captured:
 def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> _Captured:
     if not taker.rig.cameras:
         raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its images")
-    recording = Recording(_recorded_samples(taker.folder, taker.sketch.cell), folder=str(taker.folder))
+    recording = Recording(recorded_samples(taker.folder, taker.sketch.cell), folder=str(taker.folder))
     planned_count += len(recording.samples)
     if taker.scene is not None:
         taker.scene.check_carriers(taker.rig.cameras, taker.rig.robots)
@@ -206,7 +206,8 @@ def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> 
     return _Captured(taker, planned_count, detect(taker.sketch.cell, recording).samples, check)
 
 
-def _recorded_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
+def recorded_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
+    """Samples of a cell's recording; none if there is no recording."""
     has_journal = (folder / "recording" / "samples.jsonl").exists()
     return read_recording(folder, cell).samples if has_journal else ()
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from basecal.acquisition.capture import recorded_samples
 from basecal.acquisition.freedrive import END_KEY, release_arms
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.stillness import Unfit, wait_for_arms
 from basecal.acquisition.taking import Notify
 from basecal.cell import Cell, Sample, TouchObservation
-from basecal.cell.files import append_sample, read_recording
+from basecal.cell.files import append_sample
 from basecal.errors import InputError, list_names, nearest
 
 Answer = Callable[[], str | None]
@@ -37,8 +38,8 @@ def take_touches(rig: Rig, cell: Cell, folder: Path, answer: Answer, report: Not
     marks = [name for name, target in cell.targets.items() if target.is_touched and target.on not in cell.robots]
     if not tips or not marks:
         raise InputError("touches need a tip on a robot with a driver, and marks: state them in cell.yaml")
-    recorded = read_recording(folder, cell).samples if (folder / "recording" / "samples.jsonl").exists() else ()
-    number, last = max((sample.sample for sample in recorded), default=-1) + 1, list[str]()
+    number = max((sample.sample for sample in recorded_samples(folder, cell)), default=-1) + 1
+    last = list[str]()
     while True:
         report(f"Lead a tip to a mark, type the mark{' and the tip' if len(tips) > 1 else ''}, Enter; q ends.")
         with release_arms(rig.robots.values()):

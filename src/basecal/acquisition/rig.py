@@ -17,7 +17,8 @@ from basecal.acquisition.pictures.latency import ArmMotion
 from basecal.acquisition.supervision.arms import Arms
 from basecal.acquisition.supervision.signals import interrupt_main_thread, routed_signals
 from basecal.cell import Cell, Driver, RobotState
-from basecal.errors import DatasetError, UsageError, nearest
+from basecal.errors import DatasetError, InputError, UsageError, nearest
+from basecal.planning.sketch import Sketch
 
 _STOP_TIMEOUT_S = 1.0  # that all stops may take together; a supervised arm has 0.3 s, and is then cut off
 _CLOSE_TIMEOUT_S = 0.5  # that a camera or robot may take to close: its stream may hang
@@ -103,6 +104,19 @@ def _interrupt(reasons: list[str], reason: str) -> None:
 def movers(rig: Rig) -> dict[str, Moves]:
     """Robots that can be sent somewhere, by name."""
     return {name: robot for name, robot in rig.robots.items() if isinstance(robot, Moves)}
+
+
+def starting_states(rig: Rig, sketch: Sketch) -> dict[str, RobotState]:
+    """Where robots are before a plan of a sketch, by name.
+
+    Raises:
+        InputError: if nothing can move one that is planned for.
+        DriverError: if a robot does not answer.
+    """
+    missing = [name for name in sketch.movers if name not in rig.robots]
+    if missing:
+        raise InputError(f"robot {missing[0]!r} has no `driver` in cell.yaml: nothing can be planned for it")
+    return {name: robot.state().state for name, robot in rig.robots.items()}
 
 
 def goal_checks(robots: Mapping[str, object]) -> dict[str, Callable[[RobotState], str]]:

@@ -31,8 +31,8 @@ _STILL_PICTURES = 3  # in a row: of two, a swing may happen to be at the same pl
 Note = Callable[[str, Reading], None]
 """Takes account of a state that a robot, by its name, gave just now."""
 
-Report = Callable[[str], None]
-"""Receives what a person should know, in words."""
+Show = Callable[[Picture], None]
+"""Receives each image."""
 
 
 class Unfit(Exception):
@@ -130,7 +130,7 @@ def _mean(readings: Sequence[Reading]) -> Reading:
 
 
 def wait_for_picture_after(
-    camera: Camera, after_s: float, patience_s: float, report: Report = lambda words: None
+    camera: Camera, after_s: float, patience_s: float, show: Show = lambda picture: None
 ) -> Picture:
     """The next image that was exposed after an instant.
 
@@ -138,7 +138,7 @@ def wait_for_picture_after(
         camera: The camera.
         after_s: The instant, by `time.monotonic()`; of a camera that exposes when asked, the next image will do.
         patience_s: How long older ones may come.
-        report: Receives what a person should know of images.
+        show: Receives each image.
 
     Raises:
         Moving: if only older ones came.
@@ -146,8 +146,7 @@ def wait_for_picture_after(
     until = time.monotonic() + patience_s
     while True:
         picture = camera.picture()
-        if picture.note:
-            report(picture.note)
+        show(picture)
         if picture.exposed_s is None or picture.exposed_s > after_s:
             return picture
         if time.monotonic() > until:
@@ -159,7 +158,7 @@ def wait_for_picture(
     targets: Sequence[Target],
     patience_s: float,
     after_s: float = -np.inf,
-    report: Report = lambda words: None,
+    show: Show = lambda picture: None,
 ) -> Picture:
     """The last of three images that show no movement; of a camera that is not live, the next one.
 
@@ -168,7 +167,7 @@ def wait_for_picture(
         targets: What it looks at; a light is a few pixels, and is followed alone.
         patience_s: How long, by the images' own stamps.
         after_s: All three are exposed after this instant, by `time.monotonic()`.
-        report: Receives what a person should know of images.
+        show: Receives each image.
 
     Raises:
         Moving: if something still moves then, or all images are older.
@@ -176,7 +175,7 @@ def wait_for_picture(
 
     def look() -> _Look:
         """The next image, with the targets in it."""
-        return _look(wait_for_picture_after(camera, after_s, patience_s, report), targets)
+        return _look(wait_for_picture_after(camera, after_s, patience_s, show), targets)
 
     looks = [look()]
     if not camera.is_live:

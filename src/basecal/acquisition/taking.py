@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from basecal.acquisition.coverage import Coverage, find_equal_sample, measure_coverage, turned_angles
-from basecal.acquisition.driver import Grey, Moves, Switches
+from basecal.acquisition.driver import Grey, Moves, Picture, Switches
 from basecal.acquisition.pictures.scene_pictures import ScenePictures
 from basecal.acquisition.pictures.sharpness import Sharpness
 from basecal.acquisition.rig import Rig, goal_checks, movers
-from basecal.acquisition.stillness import Moving, Report, Unfit, wait_for_arms, wait_for_picture, wait_for_picture_after
+from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture, wait_for_picture_after
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, RobotState, Sample, Target
 from basecal.cell.format.writing import write_atomically
 from basecal.planning.plan_check import SpeedLimits, check_plan
@@ -66,6 +66,8 @@ class Taker:
         settings: How arms are moved and waited for.
         notify: Receives what is done.
         report: Receives what a person should know of images.
+        show: Receives each image, with the camera's name.
+        send: Receives where a robot is sent, with its name.
         sharpness: Of the views so far.
         scene: Images of the scene so far; None where targets are seen.
     """
@@ -75,7 +77,9 @@ class Taker:
     folder: Path
     settings: CaptureSettings
     notify: Notify = lambda words: None
-    report: Report = lambda words: None
+    report: Notify = lambda words: None
+    show: Callable[[str, Grey], None] = lambda camera, grey: None
+    send: Callable[[str, RobotState], None] = lambda robot, goal: None
     sharpness: Sharpness = field(default_factory=Sharpness)
     scene: ScenePictures | None = None
 
@@ -127,6 +131,7 @@ def _send(taker: Taker, target_sample: Sample) -> float:
     if found.refusals:
         raise Unfit(f"{found.refusals[0].what}; nothing was sent")
     for way in found.ways:
+        taker.send(way.robot, target_sample.robots[way.robot])
         sent[way.robot].move(target_sample.robots[way.robot], way.joint_rad_s)
     return max(_turn_rad(here[way.robot], target_sample.robots[way.robot]) / way.joint_rad_s for way in found.ways)
 
@@ -183,12 +188,19 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
         visible_targets(taker.sketch.cell, name),
         taker.settings.patience_s,
     )
-    picture = wait_for_picture(camera, targets, patience_s, rested_s, taker.report)
+
+    def show(picture: Picture) -> None:
+        """Show an image, and report what a person should know of it."""
+        taker.show(name, picture.grey)
+        if picture.note:
+            taker.report(picture.note)
+
+    picture = wait_for_picture(camera, targets, patience_s, rested_s, show)
     if not (isinstance(camera, Switches) and any(target.found_by == LIGHT for target in targets)):
         return _Shot(picture.stamp_s, picture.grey, None)
     camera.light(False)
     try:
-        background = wait_for_picture_after(camera, time.monotonic(), patience_s, taker.report).grey
+        background = wait_for_picture_after(camera, time.monotonic(), patience_s, show).grey
     finally:
         camera.light(True)
     return _Shot(picture.stamp_s, picture.grey, background)

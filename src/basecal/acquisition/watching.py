@@ -8,10 +8,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any, Literal
 
 from basecal.acquisition.capture import Step
-from basecal.acquisition.driver import Camera, ChecksGoals, Freedrives, Grey, Moves, Picture, Reading, Robot, Switches
-from basecal.acquisition.rig import Rig
+from basecal.acquisition.driver import Grey
 from basecal.cell import RobotState
 
 _LINE_COUNT = 8  # of what has become of samples
@@ -135,122 +135,24 @@ class Watch:
 
     def show(self, camera: str, grey: Grey) -> None:
         """Note an image."""
-        with self._lock:
-            pictures = {**dict(self._glance.pictures), camera: grey}
-            self._glance = replace(self._glance, pictures=tuple(pictures.items()))
+        self._keep("pictures", camera, grey)
 
     def stand(self, robot: str, state: RobotState) -> None:
         """Note where a robot is."""
-        with self._lock:
-            states = {**dict(self._glance.states), robot: state}
-            self._glance = replace(self._glance, states=tuple(states.items()))
+        self._keep("states", robot, state)
 
     def send(self, robot: str, goal: RobotState) -> None:
         """Note where a robot is sent."""
+        self._keep("goals", robot, goal)
+
+    def _keep(self, kind: Literal["pictures", "states", "goals"], name: str, value: object) -> None:
+        """Note the last value of a camera or robot."""
         with self._lock:
-            goals = {**dict(self._glance.goals), robot: goal}
-            self._glance = replace(self._glance, goals=tuple(goals.items()))
+            kept = {**dict(getattr(self._glance, kind)), name: value}
+            changes: dict[str, Any] = {kind: tuple(kept.items())}
+            self._glance = replace(self._glance, **changes)
 
     def end(self, end: End) -> None:
         """Note how it ended; the first end counts."""
         with self._lock:
             self._glance = replace(self._glance, end=self._glance.end or end)
-
-
-def watch_rig(rig: Rig, watch: Watch) -> Rig:
-    """A rig whose cameras show every image that is asked of them, and whose robots show where they are."""
-    cameras = {
-        name: (_WatchedLight if isinstance(camera, Switches) else _Watched)(name, camera, watch)
-        for name, camera in rig.cameras.items()
-    }
-    robots: dict[str, Robot] = {}
-    for name, robot in rig.robots.items():
-        # It has the faces that the robot has, and no other.
-        faces: list[type] = [_WatchedRobot]
-        faces += [_Sent] if isinstance(robot, Moves) else []
-        faces += [_Led] if isinstance(robot, Freedrives) else []
-        faces += [_Asked] if isinstance(robot, ChecksGoals) else []
-        robots[name] = type("Watched", tuple(reversed(faces)), {})(name, robot, watch)
-    return replace(rig, robots=robots, cameras=cameras)
-
-
-class _WatchedRobot:
-    """A robot that shows each state it gives."""
-
-    def __init__(self, name: str, robot: Robot, watch: Watch) -> None:
-        self._name, self._robot, self._watch = name, robot, watch
-        self.is_live = robot.is_live
-
-    def state(self) -> Reading:
-        """The robot's next state."""
-        reading = self._robot.state()
-        self._watch.stand(self._name, reading.state)
-        return reading
-
-    def close(self) -> None:
-        """Let go of the robot."""
-        self._robot.close()
-
-
-class _Sent(_WatchedRobot):
-    """A watched robot that can be sent somewhere."""
-
-    def move(self, to: RobotState, speed_rad_s: float) -> None:
-        """Begin to go there."""
-        assert isinstance(self._robot, Moves)
-        self._watch.send(self._name, to)
-        self._robot.move(to, speed_rad_s)
-
-    def stop(self) -> None:
-        """Stand still."""
-        assert isinstance(self._robot, Moves)
-        self._robot.stop()
-
-
-class _Led(_WatchedRobot):
-    """A watched robot that a person can lead."""
-
-    def freedrive(self, on: bool) -> None:
-        """Let the arm be led, or hold it."""
-        assert isinstance(self._robot, Freedrives)
-        self._robot.freedrive(on)
-
-
-class _Asked(_WatchedRobot):
-    """A watched robot whose controller can be asked."""
-
-    def goal_refusal(self, to: RobotState) -> str:
-        """Why it would not go there; empty if it would."""
-        assert isinstance(self._robot, ChecksGoals)
-        return self._robot.goal_refusal(to)
-
-
-class _Watched:
-    """A camera that shows what it gives."""
-
-    def __init__(self, name: str, camera: Camera, watch: Watch) -> None:
-        self._name, self._camera, self._watch = name, camera, watch
-
-    @property
-    def is_live(self) -> bool:
-        """Whether images come without a request by now."""
-        return self._camera.is_live
-
-    def picture(self) -> Picture:
-        """The camera's next image."""
-        picture = self._camera.picture()
-        self._watch.show(self._name, picture.grey)
-        return picture
-
-    def close(self) -> None:
-        """Let go of the camera."""
-        self._camera.close()
-
-
-class _WatchedLight(_Watched):
-    """A watched camera that switches an LED."""
-
-    def light(self, on: bool) -> None:
-        """Switch the light."""
-        assert isinstance(self._camera, Switches)
-        self._camera.light(on)

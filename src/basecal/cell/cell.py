@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+from pydantic import ConfigDict, Field, Strict, model_validator
 
 from basecal.cell.target import Target
 from basecal.errors import FrameNotFound, InputError, list_names, nearest
+from basecal.fields.file_forms import Seconds
 from basecal.fields.parameters import Parameters
+from basecal.fields.values import Sigma
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.lenses.registry import model_lenses
 from basecal.kinematics import SerialChain
@@ -20,6 +23,7 @@ Status = Literal["fixed", "prior", "free"]
 SensorKind = Literal["camera", "tracker", "tip", "clamp"]
 Contact = Literal["plane", "edge", "clamp", "hinge"]
 WORLD = "world"
+_MOST_JITTER_S = 1.0  # of a clock: with more an image tells nothing of an arm that moves
 
 
 def grip_name(clamp: str) -> str:
@@ -53,10 +57,19 @@ class Clock:
         jitter_s: Sigma of what each stamp is off alone [s]; None if it is to be estimated. Of cameras only.
     """
 
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid", allow_inf_nan=False)
+
     status: Status = "fixed"
-    offset_s: float = 0.0
-    sigma_s: float | None = None
-    jitter_s: float | None = None
+    offset_s: Seconds = 0.0
+    sigma_s: Sigma | None = None
+    jitter_s: Annotated[float, Strict(), Field(ge=0, le=_MOST_JITTER_S)] | None = None
+
+    @model_validator(mode="after")
+    def _sigma_of_prior(self) -> Self:
+        if (self.status == "prior") != (self.sigma_s is not None):
+            wanted = "takes sigma_s" if self.status == "prior" else "takes no sigma_s"
+            raise ValueError(f"status {self.status} {wanted}")
+        return self
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from basecal.cli.detection import detected_recording
 from basecal.cli.next_step import name_cell, next_command, next_step
-from basecal.cli.page import StoredRun, show_page, with_kept_scene, write_page
+from basecal.cli.page import FILE, StoredRun, show_page, with_kept_scene, write_page
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, print_stages, progress, say, say_next, say_verdict
 from basecal.errors import UsageError, printable
@@ -115,7 +115,7 @@ def say_all(
     from basecal.cell.files import read_recording
 
     show(cell, name_cell(result.calibration, folder), verbose)
-    show_page(result.run, opens_page)
+    show_page(result.run / FILE, opens_page)
     is_refused = result.calibration.verdict == "refused"
     by_scene = result.calibration.settings.get("method") == "scene"
     missing = next_step(cell, read_recording(folder, cell), folder, by_scene) if is_refused else None

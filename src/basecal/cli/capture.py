@@ -169,32 +169,10 @@ def capture(
                 return _finish_plan(cell, wanted, json)
             wanted = _store_plan(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, cell, web, port, quiet=json))
-        by = _taker(view.rig(rig), sketch, cell, limits, view, stop_on_disagreement)
+        by = _taker(rig, sketch, cell, limits, view, stop_on_disagreement)
         steps = _take_samples(by, wanted, count if freedrive else None, replanner, view, stop_on_disagreement)
         view.end(*_outcome(steps, replanner), f"basecal calibrate {quote_path(cell)}")
     return _summarise(cell, steps, replanner, json)
-
-
-def _checked_task(
-    task_point: Point | None,
-    task_box: Box | None,
-    tolerance: str | None,
-    pattern: str,
-    plan: Path | None,
-    go: bool,
-    dry_run: bool,
-    freedrive: bool,
-    web: bool,
-    port: int,
-) -> Task | None:
-    """The task, if options go together.
-
-    Raises:
-        UsageError: if they do not.
-    """
-    task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
-    _refuse_unused_options(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
-    return task
 
 
 def _planners(
@@ -250,9 +228,24 @@ def _check_capture(
     return plan
 
 
-def _refuse_unused_options(
-    pattern: str, plan: Path | None, task: Task | None, go: bool, dry_run: bool, freedrive: bool, web: bool, port: int
-) -> None:
+def _checked_task(
+    task_point: Point | None,
+    task_box: Box | None,
+    tolerance: str | None,
+    pattern: str,
+    plan: Path | None,
+    go: bool,
+    dry_run: bool,
+    freedrive: bool,
+    web: bool,
+    port: int,
+) -> Task | None:
+    """The task, if options go together.
+
+    Raises:
+        UsageError: if they do not.
+    """
+    task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
     if task is not None and (freedrive or pattern not in PATTERNS):
         raise UsageError("a task says where arms are sent: leave --freedrive out, and files of --pattern")
     if plan is not None and pattern != "poses":
@@ -263,6 +256,7 @@ def _refuse_unused_options(
         raise UsageError("--freedrive moves no arm: leave --go out")
     if port and not web:
         raise UsageError("--port says where the page of --web is served: give --web, or leave it out")
+    return task
 
 
 def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float) -> Iterator[Step]:
@@ -320,7 +314,9 @@ def _taker(
     settings = CaptureSettings(limits.joint_rad_s, limits.tool_m_s, waits_for_check=waits_for_check)
     scene = ScenePictures(sketch.cell, folder) if isinstance(sketch, SceneSketch) else None
     taker = Taker(rig, sketch, folder, settings, scene=scene)
-    return taker if view is None else replace(taker, notify=view.notify, report=view.report)
+    if view is None:
+        return taker
+    return replace(taker, notify=view.notify, report=view.report, show=view.watch.show, send=view.watch.send)
 
 
 def _finish_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:

@@ -68,9 +68,9 @@ def capture_plan(
 ) -> tuple[Sequence[Sample], bool]:
     """The rest of an interrupted plan, or a new plan, and whether it is new."""
     from basecal.acquisition.capture import remaining_samples
+    from basecal.acquisition.rig import starting_states
     from basecal.cell.files import read_plan
     from basecal.errors import nearest
-    from basecal.planning.feasible import make_feasibility_check
 
     if replanner is not None:
         return replanner.samples, True
@@ -83,13 +83,10 @@ def capture_plan(
             names = ", ".join(PATTERNS)
             raise InputError(f"no pattern {pattern!r}{nearest(pattern, PATTERNS)}; it is one of {names}, or a file")
         return read_plan(pattern, folder, sketch.cell), True
-    missing = [name for name in sketch.movers if name not in rig.robots]
-    if missing:
-        raise InputError(f"robot {missing[0]!r} has no `driver` in cell.yaml: nothing can be planned for it")
-    home = {name: robot.state().state for name, robot in rig.robots.items()}
+    home = starting_states(rig, sketch)
     if shifts is not None:
         return shifts.plan_samples(sketch.cell, folder, home, samples, seed), True
-    return PATTERNS[pattern].plan(sketch, home, make_feasibility_check(sketch), samples, seed), True
+    return PATTERNS[pattern].plan(sketch, home, samples, seed), True
 
 
 def _finished_count(folder: Path, sketch: Sketch, count: int, is_continued: bool) -> int:
@@ -175,8 +172,6 @@ def say_plan(
         say(f"{' and '.join(led)} will be led by hand: wherever all stand still anew, a sample is taken")
     if not go:
         say("nothing has moved: add --go, with a hand on the emergency stop")
-    if sys.stdout is not None:
-        sys.stdout.flush()
 
 
 def _speeds(plan_check: PlanCheck) -> str:

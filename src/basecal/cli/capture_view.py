@@ -36,12 +36,6 @@ class CaptureView:
     key: Callable[[], str]
     has_lines: bool
 
-    def rig(self, rig: Rig) -> Rig:
-        """A rig whose images are shown."""
-        from basecal.acquisition.watching import watch_rig
-
-        return watch_rig(rig, self.watch)
-
     def notify(self, words: str) -> None:
         """Report what is done now."""
         self.watch.notify(words)
@@ -84,6 +78,7 @@ def capture_view(rig: Rig, cell: Cell, folder: Path, web: bool, port: int, quiet
     from basecal.acquisition.watching import End, Watch
 
     watch = Watch()
+    rig.arms.show = watch.stand
     with ExitStack() as shown:
         if web:
             from basecal.reporting.live.page import serve_page
@@ -132,5 +127,3 @@ def say_step(step: Step, place: int) -> None:
     say(f"{step.taken:4d}/{step.planned} sample {step.sample}: {said}{sigma}{'; ' + advice if advice else ''}")
     for doubt in step.doubts:
         say(f"  {'WARNING' if doubt.is_lasting else 'check'}: {doubt.message}")
-    if sys.stdout is not None:
-        sys.stdout.flush()

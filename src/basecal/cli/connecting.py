@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from cyclopts import Parameter
 
-from basecal.cli.terminal import is_terminal, say
+from basecal.cli.terminal import ask, can_ask, say
 from basecal.errors import UsageError, printable
 
 if TYPE_CHECKING:
@@ -84,15 +84,12 @@ def allow_places(folder: Path, places: Sequence[str], yes: bool) -> None:
         say(f"{folder} connects to {place}", sys.stderr)
     if yes:
         return
-    if not (is_terminal(sys.stdin) and is_terminal(sys.stderr)):
-        raise UsageError(f"the cell connects to {'; '.join(map(printable, new))}. Add --yes to allow it")
-    say("Connect? [y/N]", sys.stderr)
-    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-        raise UsageError("not connected")
+    unasked = f"the cell connects to {'; '.join(map(printable, new))}. Add --yes to allow it"
+    ask("Connect?", unasked, "not connected")
     allow(folder, new)
 
 
 def _typed_secret(secret: Secret) -> str:
-    if not (is_terminal(sys.stdin) and is_terminal(sys.stderr)):
+    if not can_ask():
         raise UsageError(f"the password of {printable(secret.owner)} is missing: put it into {secret.variable}")
     return getpass(f"password of {printable(secret.owner)}: ")

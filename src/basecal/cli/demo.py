@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
-from basecal.cli.page import show_page
+from basecal.cli.page import FILE, show_page
 from basecal.cli.simulate import refuse_existing
 from basecal.cli.simulated_process import simulated_process
 from basecal.cli.terminal import print_json, quote_path, say
@@ -73,7 +73,7 @@ def demo(
         print_json({"folder": str(folder), "calibration": answer, "true_error": {_BASE: error}, **others})
     else:
         show(cell, found.calibration)
-        show_page(found.run, opens_page)
+        show_page(found.run / FILE, opens_page)
         if closed_form:
             say(_comparison(closed_form, true_error(closed_form, truth), "the paper's closed form"))
         say(_comparison(estimate, error, "maximum likelihood" if led else _BASE) if estimate and error else "")

@@ -10,8 +10,9 @@ from typing import Annotated, Any
 from cyclopts import CycloptsError, Parameter, validators
 
 from basecal.cli.publishing import check_publishing, publish_transforms
+from basecal.cli.runs import find_run
 from basecal.cli.terminal import quote_path, say, say_next
-from basecal.errors import FrameNotFound, InputError
+from basecal.errors import FrameNotFound
 from basecal.exchange.exporters.registry import EXPORTERS
 
 _KINDS = "; ".join(f"{name}: {each.words}" for name, each in EXPORTERS.items())
@@ -65,14 +66,15 @@ def export(
         publish: With --to ros2, send it on /tf_static until Ctrl-C, to those who come later as well.
         domain: Of DDS, with --publish; that of ROS_DOMAIN_ID, else 0, where not said.
     """
-    from basecal.cell.files import read_calibration, read_cell
+    from basecal.cell.files import read_calibration, read_cell, run_folder
     from basecal.exchange.exporters.controllers import controllers_text
     from basecal.exchange.exporters.exporter import export as exported
 
     to = None if to is None else to.lower()
     _check_usage(to, {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint})
     check_publishing(publish, domain, to, output)
-    described, folder = read_cell(cell), _folder(cell, run)
+    described = read_cell(cell)
+    folder = find_run(cell) if run is None else run_folder(cell, run)
     calibration = read_calibration(folder)
     if publish:
         return publish_transforms(calibration, described, transform, domain)
@@ -103,16 +105,6 @@ def _check_usage(to: str | None, options: Mapping[str, object]) -> None:
     for option, value in options.items():
         if value and option not in takes:
             raise CycloptsError(msg=f"--to {to} takes --{' or --'.join(takes)}, not --{option}")
-
-
-def _folder(cell: Path, run: str | None) -> Path:
-    """Folder of a run by its name, or of the latest."""
-    from basecal.cell.files import latest_run, run_folder
-
-    found = latest_run(cell) if run is None else run_folder(cell, run)
-    if found is None:
-        raise InputError(f"{cell} has no run yet: basecal calibrate {quote_path(cell)}")
-    return found
 
 
 def _write(text: str, output: Path | None, cell: Path) -> None:

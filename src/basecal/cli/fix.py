@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, recalibrate_folder, say_all
 from basecal.cli.detection import detected_recording
 from basecal.cli.next_step import name_cell, next_command
-from basecal.cli.terminal import is_terminal, quote_path, say, say_next
+from basecal.cli.terminal import ask, quote_path, say, say_next
 from basecal.errors import UsageError
 
 if TYPE_CHECKING:
@@ -51,7 +50,9 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
     cure = _chosen_cure(cures, choose)
     for line in describe_change(written, cure.change):
         say(f"  {line}")
-    _ask(f"Fix {cell} so?", yes)
+    question = f"Fix {cell} so?"
+    if not yes:
+        ask(question, f"{question} Add --yes to apply it: nobody can be asked here", "nothing is changed")
     kept = apply_cure(cell, described, cure)
     say(f"fixed; the files as they were are in {kept}")
     anew = read_cell(cell)
@@ -100,18 +101,3 @@ def _chosen_cure(cures: tuple[Cure, ...], choose: int | None) -> Cure:
         equal = [f"--choose {n}" for n, cure in enumerate(cures, start=1) if cure.finding is cures[0].finding]
         raise UsageError(f"these fit the data equally: look which is true, and add {' or '.join(equal)}")
     return cures[(choose or 1) - 1]
-
-
-def _ask(question: str, yes: bool) -> None:
-    """Ask on a terminal.
-
-    Raises:
-        UsageError: if the user refuses, or cannot be asked.
-    """
-    if yes:
-        return
-    if not (is_terminal(sys.stdin) and is_terminal(sys.stderr)):
-        raise UsageError(f"{question} Add --yes to apply it: nobody can be asked here")
-    say(f"{question} [y/N]", sys.stderr)
-    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-        raise UsageError("nothing is changed")

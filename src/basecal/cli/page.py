@@ -101,25 +101,20 @@ def write_page(cell: Cell, calibration: Calibration, run: StoredRun) -> Path:
 
 def _outlook(cell: Cell, recording: Recording, calibration: Calibration) -> Sequence[tuple[int, float]]:
     """The expected gain of more samples; empty without a task and a tolerance, or if none can be planned."""
+    if not calibration.budget and calibration.tolerance is None:
+        return ()
     from basecal.accuracy.task.task import task_places
     from basecal.errors import BasecalError
     from basecal.planning.plan import outlook
 
     points_m = task_places(calibration.settings.get("task_point"), calibration.settings.get("task_box"))
-    if not calibration.budget and calibration.tolerance is None:
-        return ()
     try:
         return outlook(cell, recording, calibration, points_m)
     except BasecalError:  # such as a transform that was not found: the page says so elsewhere
         return ()
 
 
-def show_page(run: Path, opens: bool = False) -> None:
-    """Print to stderr where the page of a run is; open it if requested."""
-    show_file(run / FILE, opens)
-
-
-def show_file(file: Path, opens: bool) -> None:
+def show_page(file: Path, opens: bool) -> None:
     """Print to stderr where a page is, from here where the line is too long else; open it if requested."""
     from basecal.reporting.summary import LINE_WIDTH
 

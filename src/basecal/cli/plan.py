@@ -91,7 +91,7 @@ def plan(
     from basecal.cell.files import read_cell
     from basecal.estimation.settings import Settings
 
-    points = _task_points(task_point, task_box)
+    points = [] if task_point is None and task_box is None else task_points(task_point, task_box)
     needed_m = _needed_m(tolerance, samples)
     _check_output(to, robot, output, json)
     described = read_cell(cell)
@@ -106,11 +106,6 @@ def plan(
     if report or opens_page:
         _write_page(described, found, calibration, needed_m, cell, output, opens_page)
     return 5 if found.reachable is False else 0
-
-
-def _task_points(point: Point | None, box: Box | None) -> list[Point]:
-    """The places that are named; none of them are those where the arms worked."""
-    return [] if point is None and box is None else task_points(point, box)
 
 
 def _needed_m(tolerance: str | None, count: int | None) -> float | None:
@@ -233,7 +228,7 @@ def _write_page(
 ) -> None:
     """Write the page of a plan, and show it if requested."""
     from basecal.cell.format.writing import write_atomically
-    from basecal.cli.page import show_file
+    from basecal.cli.page import show_page
     from basecal.reporting.plans.page import plan_page
 
     path, is_written = folder / "plan.html", output is not None and output.suffix == ".jsonl"
@@ -243,7 +238,7 @@ def _write_page(
     steps = steps if is_written else [f"Write the samples: the same command with `-o {file}`.", *steps]
     html = plan_page(cell, plan_result, calibration, needed_m, title=folder.resolve().name, steps=steps)
     write_atomically(path, html, base_folder=folder)
-    show_file(path, opens)
+    show_page(path, opens)
 
 
 def plan_dict(plan_result: Plan, needed_m: float | None) -> dict[str, Any]:

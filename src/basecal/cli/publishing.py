@@ -50,8 +50,6 @@ def publish_transforms(calibration: Calibration, cell: Cell, transform: str | No
     if calibration.verdict == "doubtful":
         say("basecal: warning: the calibration is doubtful: look at its report", sys.stderr)
     say("sent, also to those who come later, until Ctrl-C")
-    if sys.stdout is not None:
-        sys.stdout.flush()
     with suppress(KeyboardInterrupt):
         while sender is not None:
             time.sleep(_A_DAY_S)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from basecal.cli.task_point import Box, Point, task_points
-from basecal.errors import InputError, UsageError
+from basecal.errors import UsageError
 from basecal.fields.typed_length import length_m
 
 if TYPE_CHECKING:
@@ -54,7 +54,12 @@ def taken_so_far(folder: Path, cell: Cell) -> Sequence[Sample]:
 
 
 class Replanner:
-    """The samples still to be taken, planned anew after each sample."""
+    """The samples still to be taken, planned anew after each sample.
+
+    Attributes:
+        tolerance_m: The error at the task that is needed.
+        samples: Those still to be taken.
+    """
 
     def __init__(
         self, rig: Rig, sketch: Sketch, folder: Path, task: Task, plan: Path | None, max_count: int | None, seed: int
@@ -63,17 +68,15 @@ class Replanner:
 
         from basecal.acquisition.capture import abandoned_samples
         from basecal.acquisition.replanning import replanner
+        from basecal.acquisition.rig import starting_states
         from basecal.cell.files import read_plan
         from basecal.planning.plan import MOST_SAMPLES
 
-        missing = [name for name in sketch.movers if name not in rig.robots]
-        if missing:
-            raise InputError(f"robot {missing[0]!r} has no `driver` in cell.yaml: nothing can be planned for it")
+        home = starting_states(rig, sketch)
         assert task.tolerance_m is not None
         self._taken = taken = taken_so_far(folder, sketch.cell)
-        home = {name: robot.state().state for name, robot in rig.robots.items()}
         offered = () if plan is None else read_plan(plan, folder, sketch.cell)
-        self._tolerance_m, self._preceding_records, self._most = task.tolerance_m, len(taken), max_count or MOST_SAMPLES
+        self.tolerance_m, self._preceding_records, self._most = task.tolerance_m, len(taken), max_count or MOST_SAMPLES
         points = np.array(task.points_m)
         self._replanner = replanner(sketch.cell, taken, home, points, task.tolerance_m, offered, seed)
         self._given_up = [*abandoned_samples(folder, sketch.cell)]
@@ -87,19 +90,14 @@ class Replanner:
     def __call__(self, samples: Sequence[Sample], bad: Sequence[Sample]) -> Sequence[Sample]:
         """The samples still to be taken, no more than the limit leaves."""
         self._latest = self._replanner.plan(samples, bad)
-        self._left = max(self._most - (len(samples) - self._preceding_records), 0)
-        self.samples = self._latest.samples[: self._left]
+        left = max(self._most - (len(samples) - self._preceding_records), 0)
+        self.samples = self._latest.samples[:left]
         return self.samples
 
     @property
     def is_reached(self) -> bool:
         """Whether the task is known well enough with what was taken."""
         return bool(self._latest.reachable) and not self._latest.samples
-
-    @property
-    def tolerance_m(self) -> float:
-        """The error at the task that is needed."""
-        return self._tolerance_m
 
     @property
     def error_m(self) -> float | None:
@@ -119,7 +117,7 @@ class Replanner:
         """State of the tolerance, in words."""
         from basecal.reporting.statement.verdict import PLACE_WORDS
 
-        asked = f"{1e3 * self._tolerance_m:.3g} mm {PLACE_WORDS[self._latest.place]}"
+        asked = f"{1e3 * self.tolerance_m:.3g} mm {PLACE_WORDS[self._latest.place]}"
         if self.is_reached:
             return f"{asked} reached: 95 % of errors are expected below {1e3 * (self._latest.expected_m or 0):.2g} mm"
         if self._latest.reachable:

@@ -9,9 +9,9 @@ from cyclopts import Parameter
 
 from basecal.cli.calibrate import exit_code, show
 from basecal.cli.next_step import name_cell, next_command
-from basecal.cli.page import show_page, stored_run, write_page
-from basecal.cli.terminal import print_json, progress, quote_path, say_next
-from basecal.errors import InputError
+from basecal.cli.page import FILE, show_page, stored_run, write_page
+from basecal.cli.runs import find_run
+from basecal.cli.terminal import print_json, progress, say_next
 from basecal.fields.typed_length import length_m
 
 
@@ -54,11 +54,9 @@ def report(
     from dataclasses import replace
 
     from basecal.accuracy.task.expected_error import check_tolerance
-    from basecal.cell.files import calibration_to_dict, latest_run, read_calibration, read_calibration_data, read_cell
+    from basecal.cell.files import calibration_to_dict, read_calibration, read_calibration_data, read_cell
 
-    described, run = read_cell(cell), latest_run(cell)
-    if run is None:
-        raise InputError(f"{cell} has no run yet: basecal calibrate {quote_path(cell)}")
+    described, run = read_cell(cell), find_run(cell)
     calibration = read_calibration(run)
     if tolerance is not None:
         asked = {**calibration.settings, "tolerance_m": length_m(tolerance)}
@@ -75,6 +73,6 @@ def report(
         show(described, name_cell(calibration, cell), verbose)
         with progress("writing the page"):
             write_page(described, calibration, stored)
-        show_page(run, opens_page)
+        show_page(run / FILE, opens_page)
         say_next(next_command(described, calibration, cell))
     return exit_code(calibration)

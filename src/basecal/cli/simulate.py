@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, validators
 
-from basecal.cell.targets.registry import TargetKindName
 from basecal.cli.detection import counting
 from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.errors import InputError
+from basecal.simulation.scenario import Scenario, Seen
 
 if TYPE_CHECKING:
-    from basecal.simulation.scenario import Scenario, SimulatedCell
+    from basecal.simulation.scenario import SimulatedCell
 
-Seen = Literal[TargetKindName, "pose", "points3d"]
 Positive = Annotated[float, Parameter(validator=validators.Number(gte=0, lte=1e6))]
 Seed = Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**63))]
 
@@ -87,8 +86,6 @@ def simulate(
     """
     if process:
         return run_process(cell, target, seed, port, speed, fault, renderer, until_eof, json)
-    from basecal.simulation.scenario import Scenario
-
     scenario = Scenario(
         samples=samples,
         target=target,
@@ -147,17 +144,14 @@ def write_simulation(folder: Path, simulation: SimulatedCell, image_seed: int | 
 
     from basecal.cell.files import write_cell, write_recording, write_truth
     from basecal.cell.format.writing import stage_folder
-    from basecal.exchange.urdf import chain_urdf
+    from basecal.simulation.running.world_file import write_urdfs
 
     with stage_folder(folder) as part:
         if image_seed is not None:
             simulation = with_images(simulation, part, image_seed)
         write_cell(simulation.cell, part)
         write_recording(simulation.recording, part)
-        for robot in simulation.cell.robots.values():
-            if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
-                text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
-                (part / robot.urdf).write_text(text, encoding="utf-8")
+        write_urdfs(simulation.cell, part)
         offsets = {name: of.kind_values("joint_offsets").tolist() for name, of in simulation.robots.items()}
         write_truth(part, simulation.truth, **({"joint_offsets_rad": offsets} if offsets else {}))
     return replace(simulation, recording=replace(simulation.recording, folder=str(folder)))

@@ -131,8 +131,6 @@ def _print_address(folder: Path, port: int, with_mujoco: bool, json: bool) -> No
     else:
         say(f"{folder} runs on {HOST}:{port}, its token is in {folder / ADDRESS_FILE}; Ctrl-C ends it")
         say(f"next, in another terminal: basecal capture {quote_path(folder)} --pattern poses --go")
-    if sys.stdout is not None:
-        sys.stdout.flush()
 
 
 def _end_with_input(server: object) -> None:

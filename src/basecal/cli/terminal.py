@@ -12,7 +12,7 @@ from shlex import quote
 from typing import Any, TextIO
 
 from basecal.cli.time_left import TimeLeft
-from basecal.errors import printable
+from basecal.errors import UsageError, printable
 
 _COLOURS = {"good": 32, "doubtful": 33, "refused": 31}  # codes of terminals, by verdict
 
@@ -29,7 +29,7 @@ def say(text: str, to: TextIO | None = None) -> None:
     if stream is None:
         raise OSError(errno.EBADF, "cannot be written to, it is closed", "stdout" if to is None else "stderr")
     encoding = stream.encoding or "utf-8"
-    print(printable(text).encode(encoding, "backslashreplace").decode(encoding), file=stream)
+    print(printable(text).encode(encoding, "backslashreplace").decode(encoding), file=stream, flush=True)
 
 
 def say_next(words: str) -> None:
@@ -49,6 +49,29 @@ def say_verdict(text: str, colour: str) -> None:
 def is_terminal(stream: TextIO | None) -> bool:
     """Whether somebody watches a stream; one that is closed is None."""
     return stream is not None and stream.isatty()
+
+
+def can_ask() -> bool:
+    """Whether a person sees a question and can answer it."""
+    return is_terminal(sys.stdin) and is_terminal(sys.stderr)
+
+
+def ask(question: str, silence_error: str, refusal_error: str) -> None:
+    """Ask on a terminal.
+
+    Args:
+        question: What is answered by yes or no.
+        silence_error: If nobody can be asked.
+        refusal_error: If the user refuses.
+
+    Raises:
+        UsageError: in either case.
+    """
+    if not can_ask():
+        raise UsageError(silence_error)
+    say(f"{question} [y/N]", sys.stderr)
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+        raise UsageError(refusal_error)
 
 
 def quote_path(path: object) -> str:

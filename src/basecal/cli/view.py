@@ -9,8 +9,8 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from basecal.cli.detection import detected_recording
-from basecal.cli.terminal import quote_path, say
-from basecal.errors import InputError
+from basecal.cli.runs import find_run
+from basecal.cli.terminal import say
 
 
 def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.Number(gte=0, lte=65535))] = 0) -> int:
@@ -34,12 +34,10 @@ def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.N
     from basecal.estimation.streams.streams import synchronous
     from basecal.reporting.viewing.page import Viewed, serve_view
 
-    described, runs = read_cell(cell), run_names(cell)
-    if not runs:
-        raise InputError(f"{cell} has no run yet: basecal calibrate {quote_path(cell)}")
-    latest = read_calibration(run_folder(cell, runs[0]))
+    described = read_cell(cell)
+    latest = read_calibration(find_run(cell))
     recording = synchronous(described, detected_recording(cell, described), latest)
-    viewed = Viewed(described, recording, cell, runs, lambda name: read_calibration(run_folder(cell, name)))
+    viewed = Viewed(described, recording, cell, run_names(cell), lambda name: read_calibration(run_folder(cell, name)))
     with serve_view(viewed, port) as address:
         say(f"{address}\nopen this in a browser; Ctrl-C ends it")
         Event().wait()

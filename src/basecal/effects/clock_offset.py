@@ -62,7 +62,7 @@ EFFECT = Effect(
     words=words,
     fault=SimulatedFault("clock-offset", "s", SECOND, 0.2, "the camera's clock is ahead of the arms'"),
     elsewhere={
-        "statement": "basecal.cell.schema.clock",
+        "statement": "basecal.cell.cell",
         "size": "basecal.estimation.noise.hyperpriors: jitter of stamps",
         "unknown": "basecal.accuracy.clocks",
         "random": "basecal.estimation.streams.jitter",

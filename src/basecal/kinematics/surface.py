@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy  # its parts are loaded when they are first used
 
 from basecal.errors import InputError
 from basecal.geometry import Array, IntArray
@@ -46,8 +46,8 @@ def body_surface(body: Collision) -> Surface:
     else:
         points = _outer_points(shape)
         try:
-            triangles = np.asarray(ConvexHull(points).simplices, dtype=np.int64)
-        except QhullError:
+            triangles = np.asarray(scipy.spatial.ConvexHull(points).simplices, dtype=np.int64)
+        except scipy.spatial.QhullError:
             raise InputError(f"<{shape.tag}> has no volume") from None
     return Surface(body.frame, pose @ points, triangles)
 

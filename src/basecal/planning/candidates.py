@@ -8,19 +8,18 @@ import numpy as np
 
 from basecal.cell import WORLD, RobotState, Sample
 from basecal.errors import InputError
-from basecal.geometry import SE3, IntArray
+from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import rotation_exp
 from basecal.planning.feasible import is_clear, reach_poses, visibility_mask
-from basecal.planning.poses import draw_in_ball
 from basecal.planning.sketch import Sketch
 
 Taught = Mapping[str, RobotState]
 
-_POSE_TURN_RAD, _POSE_SHIFT_M = (
-    0.6,
-    0.12,
-)  # of an arm sent by poses, about a taught pose: what it mostly reaches from there
-_JOINT_TURN_RAD, _JOINT_SHIFT_M = 1.0, 0.25  # of an arm whose limits are known
+Reach = tuple[float, float]
+"""How far an arm is turned about the target [rad], and shifted [m], at most."""
+POSE_REACH: Reach = (0.6, 0.12)
+"""Of an arm about a taught pose: what it mostly reaches from there; of two arms, views up to 50 degrees apart."""
+_JOINT_REACH: Reach = (1.0, 0.25)  # of an arm whose limits are known
 _DRAW_ROUNDS = 20  # of draws, before those are taken that were found
 
 
@@ -37,13 +36,13 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
         InputError: if none is feasible.
     """
     rng = np.random.default_rng([seed, 29])
-    poses = {robot: SE3.stack([sketch.base_from_flange(robot, t[robot]) for t in views]) for robot in sketch.movers}
+    robots = sketch.cell.robots
+    reach = {name: POSE_REACH if robots[name].chain is None else _JOINT_REACH for name in sketch.movers}
     found: list[Sample] = []
     for _ in range(_DRAW_ROUNDS):
         if len(found) >= count:
             break
-        near = rng.integers(len(views), size=count)
-        found += _feasible(sketch, views, near, _draw_flanges(sketch, views, near, poses, rng))
+        found += draw_feasible(sketch, views, count, reach, rng)
     if not found:
         raise InputError(
             "no sample near the taught poses is within the arms' limits, with the whole target in view and clear. "
@@ -52,22 +51,34 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
     return [Sample(k, robots=sample.robots) for k, sample in enumerate(found[:count])]
 
 
-def _draw_flanges(
-    sketch: Sketch, views: Sequence[Taught], neighbours: IntArray, poses: Mapping[str, SE3], rng: np.random.Generator
-) -> dict[str, SE3]:
-    """Flanges, (n,) in the bases of the robots that move, turned about the target and shifted, each alone."""
-    pivots = np.array([sketch.body_pose(sketch.target.name, t) @ sketch.target_points.mean(0) for t in views])[
-        neighbours
-    ]
+def draw_feasible(
+    sketch: Sketch, views: Sequence[Taught], count: int, reach: Mapping[str, Reach], rng: np.random.Generator
+) -> list[Sample]:
+    """Draw samples, and give those that can be taken.
+
+    Args:
+        sketch: What is known of the cell.
+        views: States of all robots where the target was seen.
+        count: Of draws.
+        reach: Of the robots that move, each alone, by name.
+        rng: Of the draws.
+    """
+    near = rng.integers(len(views), size=count)
+    pivots = np.array([sketch.body_pose(sketch.target.name, t) @ sketch.target_points.mean(0) for t in views])[near]
     drawn = {}
-    for robot in sketch.movers:
-        known = sketch.cell.robots[robot].chain is not None
-        most_rad, most_m = (_JOINT_TURN_RAD, _JOINT_SHIFT_M) if known else (_POSE_TURN_RAD, _POSE_SHIFT_M)
-        turn = rotation_exp(most_rad * draw_in_ball(rng, len(neighbours)))
-        away = pivots + most_m * draw_in_ball(rng, len(neighbours)) - (turn @ pivots[..., None])[..., 0]
+    for robot, (most_rad, most_m) in reach.items():
+        turn = rotation_exp(most_rad * draw_in_ball(rng, count))
+        away = pivots + most_m * draw_in_ball(rng, count) - (turn @ pivots[..., None])[..., 0]
         world_from_base = sketch.world_from_base(robot)
-        drawn[robot] = world_from_base.inverse() @ SE3(turn, away) @ world_from_base @ poses[robot][neighbours]
-    return drawn
+        poses = SE3.stack([sketch.base_from_flange(robot, t[robot]) for t in views])
+        drawn[robot] = world_from_base.inverse() @ SE3(turn, away) @ world_from_base @ poses[near]
+    return _feasible(sketch, views, near, drawn)
+
+
+def draw_in_ball(rng: np.random.Generator, *count: int) -> Array:
+    """Uniform in the unit ball, (*count, 3)."""
+    direction = rng.standard_normal((*count, 3))
+    return np.asarray(np.cbrt(rng.random((*count, 1))) * direction / np.linalg.norm(direction, axis=-1, keepdims=True))
 
 
 def _feasible(

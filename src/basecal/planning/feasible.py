@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -14,8 +14,6 @@ from basecal.kinematics.inverse import inverse
 from basecal.planning.clearance import clearances
 from basecal.planning.sketch import Sketch
 
-Feasible = Callable[[Sample], bool]
-
 _MARGIN_SHARE = 0.05  # of the image's width: what guesses of a degree or two are off by
 _LEAST_FACING_COSINE = 0.35  # cosine of a board to the ray, at least: flatter, its corners run together
 _NEAREST_M, _FARTHEST_M = 0.2, 3.0
@@ -24,10 +22,9 @@ _REACH_TOLERANCE = 1e-8  # [m, rad] of inverses that did not converge everywhere
 _LEAST_AXIS_COSINE = 0.9  # cosine of a point's ray to the camera's axis, at least: half of what depth cameras look at
 
 
-def make_feasibility_check(sketch: Sketch) -> Feasible:
+def is_feasible(sketch: Sketch, sample: Sample) -> bool:
     """Whether a sample of a cell can be taken, by all that is known of it."""
-    tests = (is_within_limits, is_in_view, is_clear)
-    return lambda sample: all(test(sketch, sample) for test in tests)
+    return all(test(sketch, sample) for test in (is_within_limits, is_in_view, is_clear))
 
 
 def is_within_limits(sketch: Sketch, sample: Sample) -> bool:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from basecal.cell import RobotState, Sample
-from basecal.planning.feasible import Feasible
 from basecal.planning.sketch import Sketch
 
 
@@ -15,9 +14,7 @@ class Pattern:
     """Where arms can be sent by a plan.
 
     Attributes:
-        words: What it does, for help.
-        plan: Samples of a sketch, from where the arms are, that are feasible: so many, by a seed.
+        plan: Samples of a sketch, from where the arms are, so many, by a seed.
     """
 
-    words: str
-    plan: Callable[[Sketch, Mapping[str, RobotState], Feasible, int, int], list[Sample]]
+    plan: Callable[[Sketch, Mapping[str, RobotState], int, int], list[Sample]]

@@ -21,7 +21,7 @@ from basecal.estimation.streams.streams import synchronous
 from basecal.geometry import Array
 from basecal.numerics.threads import limit_threads
 from basecal.planning.candidates import candidates
-from basecal.planning.choose import choose_fewest, exchange, greedy, with_sample
+from basecal.planning.choose import choose_fewest, exchange, greedy
 from basecal.planning.feasible import is_in_view
 from basecal.planning.poses import order_samples
 from basecal.planning.prospects import Prospects, prospects, sketches
@@ -173,16 +173,17 @@ def plan_for_task(
     chosen, reached = ([], None) if tolerance_m is None else _choose_for_tolerance(prospect, roots, goal, group_size)
     needed = group_size * len(chosen) if reached else None
     if count is not None and -(-count // group_size) != len(chosen):
-        chosen = choose_best(prospect, roots, goal.weight, -(-count // group_size))
+        chosen, _ = choose_best(prospect, roots, goal.weight, -(-count // group_size))
     rows = [group_size * k + each for k in chosen for each in range(group_size)]
     solution = prospect.solution(rows)
+    expected_m = _expected_error_m(solution, goal, len(rows))
     return Plan(
         _order_samples(known[0], prospect, recording, rows, group_size == 1),
         needed,
-        _expected_error_m(solution, goal, len(rows)),
+        expected_m,
         reached,
         len(prospect.recorded),
-        _budget(solution, goal, len(rows)),
+        () if expected_m is None else _budget(solution, goal, len(rows)),
         steps=_steps(goal, prospect.covariance, roots[chosen], group_size),
         place=place_kind(points_m),
     )
@@ -217,10 +218,7 @@ def least_variance_m2(
     """The mean square error at the task that so many samples of an offer leave, beside those recorded [m^2]."""
     prospect = prospects(cell, recording, calibration, offers)
     goal = _make_goal(prospect, cell, calibration, points_m)
-    chosen = choose_best(prospect, prospect.roots, goal.weight, count)
-    covariance = prospect.covariance
-    for root in prospect.roots[chosen]:
-        covariance = with_sample(covariance, root)
+    _, covariance = choose_best(prospect, prospect.roots, goal.weight, count)
     return float(np.trace(goal.weight @ covariance))
 
 
@@ -249,10 +247,10 @@ def outlook(
     )
 
 
-def choose_best(prospect: Prospects, roots: Array, weight: Array, count: int) -> list[int]:
-    """The chosen candidates, greedy with exchange."""
+def choose_best(prospect: Prospects, roots: Array, weight: Array, count: int) -> tuple[list[int], Array]:
+    """The chosen candidates, greedy with exchange, and the covariance with them, (p, p)."""
     steps = list(islice(greedy(roots, prospect.covariance, weight), count))
-    return exchange(roots, [found for found, _ in steps], steps[-1][1], weight)[0]
+    return exchange(roots, [found for found, _ in steps], steps[-1][1], weight)
 
 
 def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: int, seed: int = 0) -> list[Offer]:
@@ -334,8 +332,6 @@ def _expected_error_m(solution: Solution, goal: _Goal, count: int) -> float | No
 
 
 def _budget(solution: Solution, goal: _Goal, count: int) -> tuple[BudgetEntry, ...]:
-    if _expected_error_m(solution, goal, count) is None:
-        return ()
     meeting = worst_meeting(goal.meetings, solution.covariance)
     total_m2 = meeting.mean_square_m2(solution.covariance)
     beyond_m2 = goal.beyond_m2 * goal.recorded / max(goal.recorded + count, 1)

@@ -17,7 +17,6 @@ from basecal.cell import (
     Recording,
     Sample,
     TouchObservation,
-    Unknown,
 )
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import NoiseEstimate
@@ -27,7 +26,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.measurement import Noise
-from basecal.geometry import Array, PoseEstimate
+from basecal.geometry import Array
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 from basecal.planning.sketch import Sketch, sketch_cell
 
@@ -178,26 +177,19 @@ def sketches(cell: Cell, calibration: Calibration | None) -> tuple[Sketch, ...]:
     Raises:
         InputError: if it has none, or a transform without a value; the message names it.
     """
-    found = {} if calibration is None else dict(calibration.transforms)
-    lenses = {} if calibration is None else dict(calibration.cameras)
+    found = {} if calibration is None else calibration.transforms
+    lenses = {} if calibration is None else calibration.cameras
     cameras = {
         name: replace(camera, intrinsics=replace(camera.intrinsics, camera=lenses[name][0]))
         if name in lenses and camera.intrinsics is not None
         else camera
         for name, camera in cell.cameras.items()
     }
-    bases = {robot: _update_unknown(unknown, found.get(cell.base_name(robot))) for robot, unknown in cell.bases.items()}
-    others = set(cell.robots) - set(bases) - {cell.reference}
-    bases |= {robot: _update_unknown(Unknown(), found.get(cell.base_name(robot))) for robot in others}
-    cameras = {
-        name: replace(c, mount=_update_unknown(c.mount, found.get(cell.mount_name(name))))
-        for name, c in cameras.items()
-    }
-    targets = {
-        name: replace(t, mount=_update_unknown(t.mount, found.get(cell.mount_name(name))))
-        for name, t in cell.targets.items()
-    }
-    first = sketch_cell(replace(cell, bases=bases, cameras=cameras, targets=targets))
+    known = replace(cell, cameras=cameras)
+    for name, unknown in cell.transforms.items():
+        if name in found:
+            known = known.with_transform(name, replace(unknown, mean=found[name].mean))
+    first = sketch_cell(known)
     views = [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
     return tuple(replace(first, view=view) for view in views)
 
@@ -218,7 +210,3 @@ def calibrated_sketch(cell: Cell, calibration: Calibration | None) -> Sketch:
         for name, camera in cell.cameras.items()
     }
     return replace(found, cell=replace(cell, cameras=cameras))
-
-
-def _update_unknown(unknown: Unknown, estimate: PoseEstimate | None) -> Unknown:
-    return unknown if estimate is None else replace(unknown, mean=estimate.mean)

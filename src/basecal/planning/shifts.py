@@ -15,7 +15,7 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.planning import poses
-from basecal.planning.feasible import Feasible, blocked_samples, reach_pose
+from basecal.planning.feasible import blocked_samples, is_feasible, reach_pose
 from basecal.planning.pattern import Pattern
 from basecal.planning.sketch import Sketch
 
@@ -25,15 +25,12 @@ _PARALLEL_SINE = 1e-12  # sine of an angle that is none
 _STATION_TRIES = 40  # stations that are looked at for each that is wanted
 
 
-def plan(
-    sketch: Sketch, home: Mapping[str, RobotState], feasible: Feasible, samples: int, seed: int = 0
-) -> list[Sample]:
+def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int = 0) -> list[Sample]:
     """Stations with seven samples each: the target at its origin, and shifted to both sides along its three axes.
 
     Args:
         sketch: What is known of the cell.
         home: Where the robots are, with the target in view.
-        feasible: Whether a sample can be taken.
         samples: How many at least; whole stations are made of them.
         seed: Of the draws.
 
@@ -46,10 +43,10 @@ def plan(
     wanted = max(1, -(-samples // len(_DIRECTIONS)))
     found: list[list[Sample]] = []
     for tried in range(_STATION_TRIES):
-        for drawn in poses.plan(sketch, home, feasible, wanted, seed + tried):
+        for drawn in poses.plan(sketch, home, wanted, seed + tried):
             candidate = aim_camera(sketch, drawn)
             station = None if candidate is None else make_station(sketch, candidate, shift_length(sketch, candidate))
-            if station is None or not all(feasible(sample) for sample in station):
+            if station is None or not all(is_feasible(sketch, sample) for sample in station):
                 continue
             before = found[-1][-1].robots if found else home
             if not blocked_samples(sketch, before, station):
@@ -115,4 +112,4 @@ def shift_length(sketch: Sketch, sample: Sample) -> float:
     return depth * float(np.cbrt(sigma / (2 * np.sqrt(2) * focal.mean())))
 
 
-PATTERN = Pattern("from stations, the target is shifted along its axes before a still camera", plan)
+PATTERN = Pattern(plan)

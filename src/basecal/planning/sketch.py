@@ -64,7 +64,7 @@ class Sketch:
     @property
     def movers(self) -> tuple[str, ...]:
         """Robots that carry the camera or the target, the camera's first."""
-        return tuple(dict.fromkeys(on for on in (self.camera.on, self.target.on) if on != WORLD))
+        return tuple(dict.fromkeys(on for on in (self.camera.on, self.target.on) if on in self.cell.robots))
 
     def base_from_flange(self, robot: str, state: RobotState) -> SE3:
         """Where a flange is.
@@ -87,6 +87,8 @@ class Sketch:
         """Where a camera or target is, with the robots at these states."""
         mount = self.transforms[self.cell.mount_name(name)]
         on = (self.cell.cameras.get(name) or self.cell.targets[name]).on
+        if on in self.cell.plates:
+            return self.transforms[self.cell.plate_name(on)] @ mount
         return mount if on == WORLD else self.world_from_base(on) @ self.base_from_flange(on, states[on]) @ mount
 
     def camera_from_target(self, sample: Sample) -> SE3:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from basecal.cell import Sample
 from basecal.errors import InputError
 from basecal.planning.candidates import Taught, candidates
-from basecal.planning.feasible import blocked_samples, make_feasibility_check
+from basecal.planning.feasible import blocked_samples, is_feasible
 from basecal.planning.shifts import aim_camera, make_station, shift_length
 from basecal.planning.sketch import Sketch
 
@@ -34,13 +34,13 @@ def stations(sketch: Sketch, views: Sequence[Taught], seed: int = 0) -> list[Sam
     """
     if sketch.target.on not in sketch.cell.robots:
         raise InputError(f"shifts need a target that a robot carries; {sketch.target.name!r} is on the world")
-    feasible, found = make_feasibility_check(sketch), list[Sample]()
+    found = list[Sample]()
     for drawn in candidates(sketch, views, _ORIGIN_COUNT, seed):
         origin = aim_camera(sketch, drawn)
         for times in _LENGTH_FACTORS if origin is not None else ():
             assert origin is not None
             station = make_station(sketch, origin, times * shift_length(sketch, origin))
-            if station is None or not all(map(feasible, station)):
+            if station is None or not all(is_feasible(sketch, sample) for sample in station):
                 break
             if not blocked_samples(sketch, station[0].robots, station):
                 found += station

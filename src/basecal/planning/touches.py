@@ -14,9 +14,9 @@ from basecal.cell.schema.touching import tip_shape
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths, rotation_exp
+from basecal.planning.candidates import draw_in_ball
 from basecal.planning.feasible import reach_poses
 from basecal.planning.plan import Offer, Plan, least_variance_m2, plan_for_task
-from basecal.planning.poses import draw_in_ball
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch
 

@@ -5,6 +5,7 @@ The arm's numbers are made up: a shoulder, two links of 0.42 and 0.39 m, and a w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,13 +59,26 @@ class Arm:
 
 def six_axis() -> SerialChain:
     """The made-up arm."""
-    origins = SE3.stack(
-        [SE3.from_rpy(turn, place) for turn, place in zip(_JOINT_ROTATIONS_RAD, _JOINT_ORIGINS_M, strict=True)]
-    )
     tip = SE3.from_rpy((0, 0, 0), (0, 0, 0.09))
-    axes = np.tile([0.0, 0.0, 1.0], (6, 1))
     masses = Masses(np.array(_MASSES_KG), np.array(_MASS_CENTRES_M))
-    return SerialChain(_JOINT_NAMES, origins, axes, tip, np.full(6, -2 * np.pi), np.full(6, 2 * np.pi), masses)
+    return elbow_arm(_JOINT_ORIGINS_M, tip, np.full(6, 2 * np.pi), masses)
+
+
+def elbow_arm(
+    joint_origins_m: Sequence[tuple[float, float, float]], tip: SE3, limits_rad: Array, masses: Masses
+) -> SerialChain:
+    """An arm of six axes with a shoulder, an elbow and a wrist, as Universal Robots' arms have them.
+
+    Args:
+        joint_origins_m: Of each joint in the frame of the one before [m].
+        tip: Of the flange in the frame of the last joint.
+        limits_rad: (6,) how far each joint turns either way.
+        masses: Of the links.
+    """
+    places = zip(_JOINT_ROTATIONS_RAD, joint_origins_m, strict=True)
+    origins = SE3.stack([SE3.from_rpy(turn, place) for turn, place in places])
+    axes = np.tile([0.0, 0.0, 1.0], (6, 1))
+    return SerialChain(_JOINT_NAMES, origins, axes, tip, -limits_rad, limits_rad, masses)
 
 
 def with_arms(scene: Scene, scenario: Scenario, rng: Generator) -> tuple[Scene, dict[str, Arm]]:

@@ -7,9 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from basecal.cell import WORLD, Recording, Sample
+from basecal.cell import Recording, RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3
+from basecal.planning.sketch import Sketch
 from basecal.simulation.scenario import SimulatedCell
 from basecal.vision.draw.light import LightSettings, render_light
 from basecal.vision.draw.render import RenderSettings, render
@@ -85,16 +86,5 @@ def _write(folder: Path, name: str, image: Any) -> str:
 
 def camera_from_target(simulation: SimulatedCell, camera: str, target: str, index: int) -> SE3:
     """Where a target truly was in a camera at a sample, by the one equation."""
-    cell = simulation.cell
-    world_from_camera = _carrier(simulation, cell.cameras[camera].on, index) @ simulation.truth[cell.mount_name(camera)]
-    world_from_target = _carrier(simulation, cell.targets[target].on, index) @ simulation.truth[cell.mount_name(target)]
-    return world_from_camera.inverse() @ world_from_target
-
-
-def _carrier(simulation: SimulatedCell, carrier: str, index: int) -> SE3:
-    """Where what carries a camera or target truly was in the world: a flange, or the world itself."""
-    if carrier == WORLD:
-        return SE3.identity()
-    is_world = carrier == simulation.cell.reference
-    world_from_base = SE3.identity() if is_world else simulation.truth[simulation.cell.base_name(carrier)]
-    return world_from_base @ simulation.true_base_from_flange[carrier][index]
+    robots = {name: RobotState(poses[index]) for name, poses in simulation.true_base_from_flange.items()}
+    return Sketch(simulation.cell, simulation.truth, (camera, target)).camera_from_target(Sample(index, robots=robots))

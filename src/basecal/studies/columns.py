@@ -6,19 +6,25 @@ import csv
 import importlib.util
 import io
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from basecal.cell.format.writing import open_new, temporary_path
-from basecal.errors import InputError
+from basecal.cell.format.writing import open_new, temporary_path, writing_errors
+from basecal.geometry import Array
 
 _NAME = "table"
+_QUANTILES = {"p05": 0.05, "median": 0.5, "p95": 0.95}
 Columns = Mapping[str, Any]
 """By name a list, None if nothing is known, or an array, NaN likewise; all of one length."""
+
+
+def quantiles(values: Sequence[float] | Array) -> dict[str, float]:
+    """Numbers below which 5, 50 and 95 % of some are."""
+    return {name: float(np.quantile(values, share)) for name, share in _QUANTILES.items()}
 
 
 def write_columns(folder: Path, batches: Iterator[Columns]) -> Path:
@@ -43,10 +49,9 @@ def _appearing(path: Path) -> Iterator[Path]:
     """A name to write to, which is the file's at the end."""
     part = temporary_path(path)
     try:
-        yield part
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+        with writing_errors(path):
+            yield part
+            os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
 

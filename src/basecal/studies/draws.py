@@ -42,9 +42,9 @@ class Draws:
         """Truth of the transform that is judged."""
         return self.made.truth[self.transform]
 
-    def measurement(self, group: int = 0) -> PixelMeasurement:
-        """The measurement of a group's views, in all trials."""
-        return group_pixels(self.problem.groups[group])
+    def measurement(self) -> PixelMeasurement:
+        """The measurement of the first group's views, in all trials."""
+        return group_pixels(self.problem.groups[0])
 
 
 def group_pixels(group: ViewGroup) -> PixelMeasurement:

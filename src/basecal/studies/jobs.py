@@ -22,6 +22,7 @@ from basecal.studies.cluster import called_on_cluster
 
 _DEATHS = 3  # of processes that did one job and no other: it is not chance
 Done = tuple["Job", bytes]
+Step = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,30 @@ class WorkerPool:
 
     workers: int = 1
     scheduler: str | None = None
+
+
+def work_jobs(
+    jobs: Sequence[Job], workers: WorkerPool, total: int, keep: Callable[[Job, bytes], None], step: Step | None
+) -> None:
+    """Do jobs, keep what each gives, and report how much is done.
+
+    Args:
+        jobs: What is not done yet.
+        workers: Who works.
+        total: Size of all jobs, with those done before.
+        keep: Called with each job and its bytes.
+        step: Called with the size of what is done, and of all.
+
+    Raises:
+        BasecalError: as `done_jobs`.
+    """
+    notify = step or (lambda done, total: None)
+    done = total - sum(job.size for job in jobs)
+    notify(done, total)
+    for job, content in done_jobs(jobs, workers):
+        keep(job, content)
+        done += job.size
+        notify(done, total)
 
 
 def done_jobs(jobs: Sequence[Job], workers: WorkerPool) -> Iterator[Done]:

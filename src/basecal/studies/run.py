@@ -5,19 +5,17 @@ Chunks are the study's own, each is a function of the study alone, and its file 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
 
 from basecal.cell.format.writing import is_unused, make_folder, write_atomically
 from basecal.errors import InputError
 from basecal.studies.chunk import keep_chunk, pack_result, read_chunk, work_chunk
-from basecal.studies.jobs import Job, WorkerPool, done_jobs
+from basecal.studies.jobs import Job, Step, WorkerPool, work_jobs
 from basecal.studies.study import Study
 from basecal.studies.study_file import read_study, study_from_text
 
 STUDY = "study.yaml"
-Step = Callable[[int, int], None]
 
 
 def run_study(study: Study, folder: Path, workers: WorkerPool, step: Step | None = None) -> None:
@@ -33,17 +31,11 @@ def run_study(study: Study, folder: Path, workers: WorkerPool, step: Step | None
         InputError: if the folder holds another study, or cannot be written, or the cluster is not there.
         BasecalError: if a chunk kills the processes that work on it.
     """
-    notify = step or (lambda done, total: None)
     _claim(study, folder)
     total = sum(chunk.trials for chunk in study.chunks)
     left = [chunk for chunk in study.chunks if read_chunk(folder, study, chunk) is None]
-    done = total - sum(chunk.trials for chunk in left)
-    notify(done, total)
     jobs = [Job(chunk.index, chunk.trials, partial(run_chunk, study.text, chunk.index)) for chunk in left]
-    for job, content in done_jobs(jobs, workers):
-        keep_chunk(folder, study.chunks[job.number], content)
-        done += job.size
-        notify(done, total)
+    work_jobs(jobs, workers, total, lambda job, content: keep_chunk(folder, study.chunks[job.number], content), step)
 
 
 def _claim(study: Study, folder: Path) -> None:

@@ -11,14 +11,13 @@ from scipy.special import chdtri
 
 from basecal.geometry import Array
 from basecal.studies.chunk import COLUMNS, Trials
+from basecal.studies.columns import quantiles
 from basecal.studies.study import Point, Study, label
 from basecal.studies.table import results
 
 SCHEMA = "basecal/study-result/1"
 COVERAGE = 0.95
 """Of the ellipsoid that a covariance predicts, in which the truth should lie as often."""
-
-_QUANTILES = {"p05": 0.05, "median": 0.5, "p95": 0.95}
 
 
 def summarise(study: Study, folder: Path) -> dict[str, Any]:
@@ -74,8 +73,7 @@ def _spread(errors: Array) -> dict[str, float] | None:
     """Quantiles and root mean square; nothing without answers."""
     if not len(errors):
         return None
-    found = {name: float(np.quantile(errors, share)) for name, share in _QUANTILES.items()}
-    return {**found, "rms": float(np.sqrt(np.mean(errors**2)))}
+    return {**quantiles(errors), "rms": float(np.sqrt(np.mean(errors**2)))}
 
 
 def _rms(sigmas: Array) -> float | None:

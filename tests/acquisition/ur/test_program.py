@@ -69,3 +69,17 @@ def test_no_permission_to_move(there):
     process.tell("local")
     with pytest.raises(DriverError, match="eye: no permission to move: choose remote control"):
         program(place).ask(lambda line: line.isProgramRunning())
+
+
+def test_a_watchdog_whose_line_is_gone_says_so(monkeypatch):
+    """Whatever the client's error is called: at a hang-up it may be `ok`."""
+
+    class Line:
+        def kickWatchdog(self):
+            raise RuntimeError("ok")
+
+    asked = Program("eye", UrOptions(host="here"))
+    monkeypatch.setattr(asked, "_line", Line())
+    for _ in range(2):
+        with pytest.raises(DriverError, match=r"^eye: its connection was closed \(ok\)$"):
+            asked.keep_alive()

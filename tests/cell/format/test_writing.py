@@ -12,6 +12,7 @@ from basecal.cell.format import writing
 from basecal.cell.format.writing import (
     append_durably,
     make_folder,
+    make_timed_folder,
     open_new,
     open_own,
     stage_folder,
@@ -33,6 +34,16 @@ def fail(number: int):
         raise OSError(number, os.strerror(number))
 
     return failing
+
+
+def test_folders_of_one_second_have_numbers(tmp_path):
+    """Each is new, whoever makes another at once; none is made through a link."""
+    made = [make_timed_folder(tmp_path / "runs", tmp_path) for _ in range(3)]
+    assert len({folder.name for folder in made}) == 3
+    assert all(folder.is_dir() for folder in made)
+    (tmp_path / "elsewhere").symlink_to(tmp_path / "runs")
+    with pytest.raises(InputError, match="is a link"):
+        make_timed_folder(tmp_path / "elsewhere", tmp_path)
 
 
 def test_a_file_is_written_whole(tmp_path):

@@ -16,11 +16,11 @@ import numpy as np
 
 from basecal.acquisition.driver import Grey, Picture, Place, Reading, checked_options
 from basecal.acquisition.reaching import external_path
+from basecal.acquisition.states import state_vector
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError, DriverError
 from basecal.fields.values import Entry, PathText
-from basecal.geometry import Array
 from basecal.vision.image_file import grey_image, read_bytes
 
 _TICK_S = 0.01  # of the clock with each reading
@@ -74,16 +74,8 @@ class Tape:
             state = sample.robots.get(name)
             if state is None or (state.joints_rad is None) != (to.joints_rad is None):
                 return math.inf
-            away += float(np.linalg.norm(_vector(state) - _vector(to)))
+            away += float(np.linalg.norm(state_vector(state) - state_vector(to)))
         return away
-
-
-def _vector(state: RobotState) -> Array:
-    """Joints [rad], or the entries of a pose [m, 1]."""
-    if state.joints_rad is not None:
-        return state.joints_rad
-    pose = state.base_from_flange
-    return np.zeros(0) if pose is None else np.concatenate([pose.translation, pose.rotation.ravel()])
 
 
 class ReplayRobot:

@@ -14,7 +14,7 @@ from pydantic import Field
 from basecal.acquisition.driver import Picture, Place, Reading, checked_options
 from basecal.acquisition.freshness import Waits
 from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.ros2.dds import choose_domain, domain_words
+from basecal.acquisition.ros2.dds import LAST_DOMAIN, choose_domain, domain_words
 from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.errors import BasecalError, DatasetError, DriverError
@@ -23,7 +23,6 @@ from basecal.exchange.bags.pictures import picture_file
 from basecal.fields.values import Entry
 from basecal.vision.image_file import grey_image
 
-_LAST_DOMAIN = 232
 _QUEUE_SIZE = 1  # images that are kept: the newest
 _STOP_S = 3.0  # beyond `reconnect_s`, so that the driver says itself why nothing comes
 
@@ -42,7 +41,7 @@ class Ros2Options(Entry):
 
     topic: Annotated[str, Field(pattern=r"^/[^\s]+$")] | None = None
     frames: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
-    domain: Annotated[int, Field(ge=0, le=_LAST_DOMAIN)] | None = None
+    domain: Annotated[int, Field(ge=0, le=LAST_DOMAIN)] | None = None
     reconnect_s: Annotated[float, Field(ge=0, le=3600)] = 10.0
 
 

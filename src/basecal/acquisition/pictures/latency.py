@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from basecal.acquisition.driver import Reading
 from basecal.acquisition.states import state_vector
+from basecal.cell import RobotState
 from basecal.geometry import Array
 
 _LEAST_MOTION = 2e-3  # [rad, m] of any joint: an image shows it, and noise of encoders is smaller
@@ -25,14 +27,17 @@ class ArmMotion:
 
     Attributes:
         spans: Begin and end of each motion since the last sample [s], by `time.monotonic()`.
+        show: Receives each state, with the robot's name.
     """
 
     def __init__(self) -> None:
         self.spans: tuple[tuple[float, float], ...] = ()
+        self.show: Callable[[str, RobotState], None] = lambda robot, state: None
         self._at: dict[str, Array] = {}
 
     def note(self, name: str, reading: Reading) -> None:
         """Take account of a state that a robot, by its name, gave just now."""
+        self.show(name, reading.state)
         now_s, here = time.monotonic(), state_vector(reading.state)
         if np.abs(here - self._at.setdefault(name, here)).max() <= _LEAST_MOTION:
             return

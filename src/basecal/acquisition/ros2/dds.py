@@ -20,6 +20,8 @@ from basecal.errors import InputError, MissingExtra
 
 _TOPIC = "rt/"  # before the name of each topic of ROS 2
 _HASH = "typehash="
+LAST_DOMAIN = 232
+"""The last number of a domain: ports of DDS beyond it would be beyond 65535."""
 _MS = 1_000_000  # [ns]
 _LOOK_S = 0.05  # between looks at what was discovered
 _AT_MOST = 2000  # messages taken at once
@@ -74,17 +76,14 @@ def choose_domain(domain: int | None) -> int:
     if domain is not None:
         return domain
     said = os.environ.get("ROS_DOMAIN_ID") or "0"
-    if not (said.isdecimal() and int(said) <= _LAST_DOMAIN):
-        raise InputError(f"ROS_DOMAIN_ID is {said!r}: expected a number from 0 to {_LAST_DOMAIN}")
+    if not (said.isdecimal() and int(said) <= LAST_DOMAIN):
+        raise InputError(f"ROS_DOMAIN_ID is {said!r}: expected a number from 0 to {LAST_DOMAIN}")
     return int(said)
 
 
 def domain_words(domain: int) -> str:
     """Description of the computers that a domain reaches."""
     return f"ROS 2 in domain {domain}, by DDS on all networks of this computer"
-
-
-_LAST_DOMAIN = 232  # beyond which ports of DDS would be beyond 65535
 
 
 class Discovery:

@@ -139,7 +139,6 @@ class ArmProcess:
                 reading = robot.state()
                 check_reading(self._name, reading)
                 self._read_s = time.monotonic()
-                check_reading(self._name, reading)
                 self._check_lag(reading)
                 self._note(reading)
                 self._channel.send(Kind.READING, pickle.dumps(reading))

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Iterable, Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 
-from basecal.cell.format.writing import make_folder, write_atomically
+from basecal.cell.format.writing import make_timed_folder, write_atomically
 
 ORIGINALS = "originals"
 """Folder of a cell with a folder for each change, by its time."""
@@ -22,10 +21,7 @@ def keep_originals(folder: Path, paths: Iterable[Path], note: Mapping[str, str])
         paths: Files in it.
         note: What is done, for `change.json`.
     """
-    name = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-    count = sum(each.name.startswith(name) for each in (folder / ORIGINALS).glob("*"))
-    kept = folder / ORIGINALS / (f"{name}-{count + 1}" if count else name)
-    make_folder(kept, folder)
+    kept = make_timed_folder(folder / ORIGINALS, folder)
     for path in paths:
         if path.exists():
             shutil.copy2(path, kept / path.name)

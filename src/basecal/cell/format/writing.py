@@ -7,6 +7,7 @@ import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -34,19 +35,36 @@ def write_atomically(
     """
     part = temporary_path(path)
     try:
-        make_folder(path.parent, base_folder)
-        with open_new(part, mode) as file:
-            file.write(content if isinstance(content, bytes) else content.encode("utf-8", "backslashreplace"))
-            file.flush()
+        with writing_errors(path):
+            make_folder(path.parent, base_folder)
+            with open_new(part, mode) as file:
+                file.write(_as_bytes(content))
+                file.flush()
+                if durable:
+                    os.fsync(file.fileno())
+            os.replace(part, path)
             if durable:
-                os.fsync(file.fileno())
-        os.replace(part, path)
-        if durable:
-            sync_folder(path.parent)
-    except OSError as error:
+                sync_folder(path.parent)
+    finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing_errors(path: Path) -> Iterator[None]:
+    """Errors of the system while a path is written, as one line that names it.
+
+    Raises:
+        InputError: in place of such an error.
+    """
+    try:
+        yield
+    except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def _as_bytes(content: str | bytes) -> bytes:
+    return content if isinstance(content, bytes) else content.encode("utf-8", "backslashreplace")
 
 
 def write_private(path: Path, text: str, *, base_folder: Path | None = None) -> None:
@@ -64,15 +82,13 @@ def append_durably(path: Path, text: str, *, base_folder: Path | None = None) ->
     Raises:
         InputError: if it cannot be written.
     """
-    try:
+    with writing_errors(path):
         make_folder(path.parent, base_folder)
         with open_own(path, "ab") as file:
-            file.write(text.encode("utf-8", "backslashreplace"))
+            file.write(_as_bytes(text))
             file.flush()
             os.fsync(file.fileno())
         sync_folder(path.parent)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def write_new(path: Path, text: str) -> None:
@@ -95,10 +111,8 @@ def write_output(path: Path, content: str | bytes) -> None:
     if not path.exists() or path.is_file():
         write_atomically(path, content)
         return
-    try:
-        path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "backslashreplace"))
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+    with writing_errors(path):
+        path.write_bytes(_as_bytes(content))
 
 
 @contextmanager
@@ -144,6 +158,32 @@ def make_folder(folder: Path, base_folder: Path | None = None) -> None:
             if below.is_symlink():
                 raise InputError(f"{below} is a link; what is written stays in the cell: put a folder there")
     folder.mkdir(parents=True, exist_ok=True)
+
+
+def make_timed_folder(parent: Path, base_folder: Path) -> Path:
+    """Make a folder whose name is the time in UTC, with a number where there is one of that second already.
+
+    Args:
+        parent: Where it is made; a folder that is made if need be.
+        base_folder: A folder above it, below which none may be a link.
+
+    Raises:
+        InputError: if it cannot be made, or a folder above it is a link.
+    """
+    name = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+    folder, count = parent / name, 1
+    while True:
+        try:
+            make_folder(parent, base_folder)
+            folder.mkdir()
+            sync_folder(parent)
+        except FileExistsError:
+            count += 1
+            folder = parent / f"{name}-{count}"
+        except OSError as error:
+            raise InputError(f"{folder} cannot be made: {error.strerror}") from None
+        else:
+            return folder
 
 
 def open_new(path: Path, mode: int = 0o666) -> BinaryIO:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.calibration import Finding
 from basecal.cell.cell import Cell
 from basecal.cell.format.paths import inside, own_file
-from basecal.cell.format.writing import make_folder, open_own, sync_folder, write_atomically
+from basecal.cell.format.writing import append_durably, make_folder, open_own, write_atomically, writing_errors
 from basecal.cell.journal.image_bounds import check_image_bounds
 from basecal.cell.journal.sample_dict import sample_to_dict
-from basecal.cell.journal.sample_line import Context, Dropped, context, line_data, sample_from_line
+from basecal.cell.journal.sample_line import Dropped, context, line_data, sample_from_line
 from basecal.cell.journal.sample_values import Where
 from basecal.cell.journal.unknown_points import unknown_points
 from basecal.cell.recording import Recording, Sample
@@ -60,8 +58,7 @@ def read_samples(path: str | Path, folder: str | Path, cell: Cell) -> Recording:
         DatasetError: if a line cannot be read as written.
     """
     text = read_bounded(path, LARGEST_BYTES, "expected new samples of the cell, one JSON object a line")
-    known = context(cell, inside(str(folder), FOLDER))
-    return replace(_recording(text.removeprefix(BOM), str(path), known), folder=str(folder))
+    return _recording(text, str(path), folder, cell)
 
 
 def recording_from_text(text: bytes, folder: str | Path, cell: Cell) -> Recording:
@@ -70,9 +67,7 @@ def recording_from_text(text: bytes, folder: str | Path, cell: Cell) -> Recordin
     Raises:
         DatasetError: if a line cannot be read as written.
     """
-    known = context(cell, inside(str(folder), FOLDER))
-    path = str(Path(folder) / FOLDER / FILE)
-    return replace(_recording(text.removeprefix(BOM), path, known), folder=str(folder))
+    return _recording(text, str(Path(folder) / FOLDER / FILE), folder, cell)
 
 
 def write_recording(recording: Recording, folder: str | Path) -> Path:
@@ -106,19 +101,11 @@ def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | N
         InputError: if a number is not finite, or the file cannot be written.
     """
     path = Path(folder) / FOLDER / FILE
-    lines = [sample_line(sample).encode() for sample in samples]
-    try:
+    text = "".join(map(sample_line, samples))
+    with writing_errors(path):
         make_folder(path.parent, Path(folder))
-        is_new = not path.exists()
-        finding = None if is_new else _repair(path)
-        with open_own(path, "ab") as journal:
-            journal.writelines(lines)
-            journal.flush()
-            os.fsync(journal.fileno())
-        if is_new:
-            sync_folder(path.parent)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+        finding = _repair(path) if path.exists() else None
+    append_durably(path, text, base_folder=Path(folder))
     return finding
 
 
@@ -134,10 +121,11 @@ def sample_line(sample: Sample) -> str:
         raise InputError(f"sample {sample.sample} holds NaN or infinity; a recording holds finite numbers") from None
 
 
-def _recording(text: bytes, path: str, context: Context) -> Recording:
+def _recording(text: bytes, path: str, folder: str | Path, cell: Cell) -> Recording:
+    known = context(cell, inside(str(folder), FOLDER))
     if text.count(b"\n") > MOST_SAMPLES:
         raise DatasetError(path, f"more than {MOST_SAMPLES} lines, expected one for each sample")
-    *lines, tail = text.split(b"\n")
+    *lines, tail = text.removeprefix(BOM).split(b"\n")
     samples: list[Sample] = []
     findings: list[Finding] = []
     dropped: list[Dropped] = []
@@ -151,7 +139,7 @@ def _recording(text: bytes, path: str, context: Context) -> Recording:
             continue
         if len(written) > _LONGEST_LINE:
             raise DatasetError(path, f"a line of {len(written)} bytes, no sample has that many", line)
-        read = sample_from_line(written, Where(path, line), context)
+        read = sample_from_line(written, Where(path, line), known)
         number = str(read.sample)
         earlier = first_lines.setdefault(number, line)
         if earlier != line:
@@ -162,8 +150,8 @@ def _recording(text: bytes, path: str, context: Context) -> Recording:
         else:
             samples.append(read)
     findings += unknown_points(dropped, path)
-    check_image_bounds(samples, {int(number): line for number, line in first_lines.items()}, path, context.cell)
-    return Recording(tuple(samples), tuple(findings if cut is None else [*findings, cut]))
+    check_image_bounds(samples, {int(number): line for number, line in first_lines.items()}, path, cell)
+    return Recording(tuple(samples), tuple(findings if cut is None else [*findings, cut]), str(folder))
 
 
 def _cut_finding(path: str, line: int, action: str) -> Finding:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from basecal.cell.calibration import Calibration
 from basecal.cell.cell import Cell
 from basecal.cell.format.json_text import indent_json
 from basecal.cell.format.paths import own_file
-from basecal.cell.format.writing import make_folder, sync_folder, write_atomically
+from basecal.cell.format.writing import make_timed_folder, write_atomically
 from basecal.cell.format.yaml_text import read_text
 from basecal.cell.journal import recording_file
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
@@ -39,7 +38,7 @@ def write_calibration(calibration: Calibration, cell_folder: str | Path) -> Path
     except ValueError as error:
         raise InputError(f"nothing was written, since it could not be read back: {error}") from None
     text = indent_json(data)
-    path = _new_run(Path(cell_folder)) / FILE
+    path = make_timed_folder(Path(cell_folder) / RUNS, Path(cell_folder)) / FILE
     write_atomically(path, text + "\n", base_folder=Path(cell_folder))
     if calibration.scene is not None:
         write_fingerprint(calibration.scene, path.parent, Path(cell_folder))
@@ -157,20 +156,3 @@ def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]
         except OSError as error:
             raise DatasetError(str(path), f"cannot be read: {error.strerror}") from None
     return hashes
-
-
-def _new_run(cell_folder: Path) -> Path:
-    runs, name = cell_folder / RUNS, datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-    folder, count = runs / name, 1
-    while True:
-        try:
-            make_folder(runs, cell_folder)
-            folder.mkdir()
-            sync_folder(runs)
-        except FileExistsError:
-            count += 1
-            folder = runs / f"{name}-{count}"
-        except OSError as error:
-            raise InputError(f"{folder} cannot be made: {error.strerror}") from None
-        else:
-            return folder

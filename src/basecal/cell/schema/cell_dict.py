@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Clock, Driver, Intrinsics, Robot, Unknown
 from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.schema.cell_schema import SCHEMA
 from basecal.cell.schema.clamping import clamps_dict
-from basecal.cell.schema.clock import clock_dict
 from basecal.cell.schema.keep_out import keep_out_dict
 from basecal.cell.schema.rolling_shutter import rolling_shutter_dict
 from basecal.cell.schema.touching import touching_dict
@@ -52,9 +51,16 @@ def _robot(robot: Robot) -> dict[str, Any]:
         data
         | ({"frames": dict(robot.frames)} if robot.frames else {})
         | ({"controller": dict(robot.controller)} if robot.controller else {})
-        | clock_dict(robot.clock)
+        | _clock(robot.clock)
         | _driver(robot.driver)
     )
+
+
+def _clock(clock: Clock | None) -> dict[str, Any]:
+    if clock is None:
+        return {}
+    stated = {key: value for key, value in vars(clock).items() if value is not None}
+    return {"clock": {key: value if key == "status" else float(value) for key, value in stated.items()}}
 
 
 def _driver(driver: Driver | None) -> dict[str, Any]:
@@ -69,7 +75,7 @@ def _camera(camera: CellCamera) -> dict[str, Any]:
         data["size_px"] = [int(side) for side in camera.size_px]
     if camera.intrinsics is not None:
         data["intrinsics"] = _intrinsics(camera.intrinsics, camera.distortion_terms)
-    return data | clock_dict(camera.clock) | rolling_shutter_dict(camera.rolling_shutter) | _driver(camera.driver)
+    return data | _clock(camera.clock) | rolling_shutter_dict(camera.rolling_shutter) | _driver(camera.driver)
 
 
 def _intrinsics(lens: Intrinsics, terms: int) -> dict[str, Any]:

@@ -70,7 +70,7 @@ def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
         flange_link=entry.flange_link,
         frames=entry.frames.model_dump(exclude_none=True),
         controller={} if entry.controller is None else entry.controller.model_dump(exclude_none=True),
-        clock=None if entry.clock is None else entry.clock.noun(),
+        clock=entry.clock,
         driver=_driver(entry.driver),
         reach_m=entry.reach_m,
     )
@@ -79,11 +79,20 @@ def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
 def _camera(name: str, entry: CameraEntry) -> CellCamera:
     size = None if entry.size_px is None else (entry.size_px[0], entry.size_px[1])
     lens = None if entry.intrinsics is None else _intrinsics(entry.intrinsics, entry, size)
-    clock = None if entry.clock is None else entry.clock.noun()
     driver = _driver(entry.driver)
     shutter = None if entry.rolling_shutter is None else entry.rolling_shutter.noun()
     return CellCamera(
-        name, entry.on, _unknown(entry.mount), entry.model, size, lens, clock, driver, shutter, entry.kind, entry.frame
+        name,
+        entry.on,
+        _unknown(entry.mount),
+        entry.model,
+        size,
+        lens,
+        entry.clock,
+        driver,
+        shutter,
+        entry.kind,
+        entry.frame,
     )
 
 

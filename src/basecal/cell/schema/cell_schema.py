@@ -9,8 +9,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, create_model
 from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
+from basecal.cell.cell import Clock
 from basecal.cell.schema.clamping import ClampEntry, named_clamps
-from basecal.cell.schema.clock import ClockEntry
 from basecal.cell.schema.driver import DriverEntry
 from basecal.cell.schema.keep_out import KeepOutEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
@@ -87,7 +87,7 @@ class RobotEntry(Entry):
     reach_m: Length | None = None
     frames: FramesEntry = FramesEntry()
     controller: ControllerEntry | None = None
-    clock: ClockEntry | None = None
+    clock: Clock | None = None
     driver: DriverEntry | None = None
 
     @property
@@ -98,7 +98,7 @@ class RobotEntry(Entry):
 
     @checks("clock")
     @classmethod
-    def _without_jitter(cls, value: ClockEntry | None) -> ClockEntry | None:
+    def _without_jitter(cls, value: Clock | None) -> Clock | None:
         if value is not None and value.jitter_s is not None:
             raise ValueError("jitter_s stands at the clock of a camera: it is of a view against all that moves")
         return value
@@ -130,7 +130,7 @@ class CameraEntry(Entry):
     model: Annotated[str, known_names("lens model", lens_models())] = "pinhole"
     size_px: ImageSize | None = None
     intrinsics: IntrinsicsEntry | None = None
-    clock: ClockEntry | None = None
+    clock: Clock | None = None
     driver: DriverEntry | None = None
     rolling_shutter: RollingShutterEntry | None = None
     kind: Literal["camera", "tracker"] = "camera"

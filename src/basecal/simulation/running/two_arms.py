@@ -14,10 +14,11 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_exp
 from basecal.kinematics import SerialChain
 from basecal.simulation import draw
-from basecal.simulation.arms import solve_joints
+from basecal.simulation.arms import BASE_LINK, FLANGE_LINK, solve_joints
 from basecal.simulation.running.faults import Faults
-from basecal.simulation.running.ur5e import BASE_LINK, FLANGE_LINK, ur5e
+from basecal.simulation.running.ur5e import ur5e
 from basecal.simulation.running.world import World, faulty_world
+from basecal.simulation.scene import front
 
 _BASE_DISTANCE_M = 1.7  # between the bases
 _DISTANCE_M = 0.65  # of camera and target to begin with
@@ -93,8 +94,7 @@ def _plate(shape: Target, rng: draw.Generator) -> SE3:
 
 def _facing(shape: Target, a_from_sheet: Array) -> Array:
     """The rotation of a target whose front, x right and y down as it is looked at, stands at `a_from_sheet`."""
-    front = shape.sheets[0].target_from_sheet.rotation if shape.sheets else np.eye(3)
-    return a_from_sheet @ front.T
+    return a_from_sheet @ front(shape).T
 
 
 def _camera_from_target(shape: Target) -> SE3:

@@ -12,19 +12,9 @@ import numpy as np
 
 from basecal.geometry import SE3
 from basecal.kinematics import Masses, SerialChain
+from basecal.simulation.arms import elbow_arm
 
-BASE_LINK, FLANGE_LINK = "base_link", "tool0"
-_JOINT_NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-_QUARTER_TURN_RAD = np.pi / 2
 _JOINT_ORIGINS_M = ((0, 0, 0.1625), (0, 0, 0), (-0.425, 0, 0), (-0.3922, 0, 0.1333), (0, -0.0997, 0), (0, 0.0996, 0))
-_JOINT_ROTATIONS_RAD = (
-    (0, 0, 0),
-    (_QUARTER_TURN_RAD, 0, 0),
-    (0, 0, 0),
-    (0, 0, 0),
-    (_QUARTER_TURN_RAD, 0, 0),
-    (-_QUARTER_TURN_RAD, 0, 0),
-)
 _MASSES_KG = (3.761, 8.058, 2.846, 1.37, 1.3, 0.365)
 _MASS_CENTRES_M = (
     (0, -0.00193, -0.02561),
@@ -40,9 +30,5 @@ _JOINT_LIMITS_RAD = np.array([2 * np.pi, 2 * np.pi, np.pi, 2 * np.pi, 2 * np.pi,
 @cache
 def ur5e() -> SerialChain:
     """Its chain from `base_link` to `tool0`."""
-    origins = SE3.stack(
-        [SE3.from_rpy(turn, place) for turn, place in zip(_JOINT_ROTATIONS_RAD, _JOINT_ORIGINS_M, strict=True)]
-    )
-    axes = np.tile([0.0, 0.0, 1.0], (len(_JOINT_NAMES), 1))
     masses = Masses(np.array(_MASSES_KG), np.array(_MASS_CENTRES_M))
-    return SerialChain(_JOINT_NAMES, origins, axes, SE3.identity(), -_JOINT_LIMITS_RAD, _JOINT_LIMITS_RAD, masses)
+    return elbow_arm(_JOINT_ORIGINS_M, SE3.identity(), _JOINT_LIMITS_RAD, masses)

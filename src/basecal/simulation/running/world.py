@@ -15,6 +15,7 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.simulation.running.faults import Faults
 
 _TURN_PER_METRE = 1.0  # [rad/m] of what is pushed: a milliradian a millimetre
+_FAULTS = {name: effect.fault for name, effect in EFFECTS.items() if effect.fault is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class World:
 
     def moved_by_gravity(self, down_in_flange: Array) -> SE3:
         """Motion of a flange's load by gravity, whose direction in the flange is (3,)."""
-        faults = (effect.fault for effect in EFFECTS.values() if effect.fault is not None)
+        faults = _FAULTS.values()
         moves = (fault.move_mount(self.faults.size(fault.name), down_in_flange) for fault in faults if fault.move_mount)
         return SE3.exp(sum(moves, np.zeros(6)))
 
@@ -84,7 +85,7 @@ def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array]
 def _true_lens(stated_lens: Camera, faults: Faults) -> Camera:
     """A lens with its faults."""
     lens = stated_lens
-    for fault in (effect.fault for effect in EFFECTS.values() if effect.fault is not None):
+    for fault in _FAULTS.values():
         if fault.draw_lens is not None and faults.size(fault.name):
             lens = fault.draw_lens(faults.size(fault.name), lens)
     return lens
@@ -93,9 +94,8 @@ def _true_lens(stated_lens: Camera, faults: Faults) -> Camera:
 def _parameters(robot: str, joints: int, faults: Faults, seed: int) -> dict[str, Array]:
     """The values of each parameter of a robot that has a fault; each effect draws numbers of its own."""
     values = {}
-    for name, effect in EFFECTS.items():
-        fault = effect.fault
-        if fault is not None and fault.draw is not None and faults.size(fault.name):
+    for name, fault in _FAULTS.items():
+        if fault.draw is not None and faults.size(fault.name):
             rng = np.random.default_rng([seed, 7, crc32(f"{robot} {name}".encode())])
             values[name] = fault.draw(faults.size(fault.name), joints, rng)
     return values

@@ -34,12 +34,21 @@ def write_world(world: World, folder: Path) -> None:
     Raises:
         InputError: if it cannot be written.
     """
-    for robot in world.cell.robots.values():
+    write_urdfs(world.cell, folder)
+    write_world_truth(world, folder)
+    write_cell(world.cell, folder)
+
+
+def write_urdfs(cell: Cell, folder: Path) -> None:
+    """Write the URDF of each robot of a cell that has joints.
+
+    Raises:
+        InputError: if one cannot be written.
+    """
+    for robot in cell.robots.values():
         if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
             text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
             write_atomically(folder / robot.urdf, text, base_folder=folder)
-    write_world_truth(world, folder)
-    write_cell(world.cell, folder)
 
 
 def write_world_truth(world: World, folder: Path) -> None:

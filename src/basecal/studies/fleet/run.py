@@ -7,7 +7,7 @@ their own, each whole or not at all.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -19,14 +19,13 @@ from basecal.cell.format.writing import is_unused, make_folder, write_atomically
 from basecal.errors import DatasetError, InputError
 from basecal.studies.fleet.folder import find_cells, fingerprint
 from basecal.studies.fleet.row import COLUMNS, PageMaker, calibrate_row, killed_row
-from basecal.studies.jobs import Job, WorkerPool, done_jobs
+from basecal.studies.jobs import Job, Step, WorkerPool, work_jobs
 
 ROW, CALIBRATION, PAGE, FAULT = "row.json", "calibration.json", "report.html", "fault.txt"
 FLEET = "fleet.json"
 SCHEMA = "basecal/fleet/1"
 _CELLS = "cells"
 _LARGEST_BYTES = 2**20  # of a row: it has some hundred
-Step = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -111,18 +110,17 @@ def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None, make_
     Raises:
         InputError: if something cannot be written, or the cluster is not there.
     """
-    notify = step or (lambda done, total: None)
     now = {cell: fleet.fingerprint(cell) for cell in fleet.cells}
     left = [cell for cell, of in now.items() if fleet.row(cell, of) is None]
-    done, total = len(now) - len(left), len(now)
-    notify(done, total)
     folder = str(fleet.folder.resolve())
     jobs = [
         Job(k, 1, partial(calibrate_row, folder, cell, make_page), partial(killed_row, cell))
         for k, cell in enumerate(left)
     ]
-    for job, content in done_jobs(jobs, workers):
+
+    def keep(job: Job, content: bytes) -> None:
+        """Keep what was made of a cell."""
         cell = left[job.number]
         fleet.keep(cell, now[cell], content)
-        done += 1
-        notify(done, total)
+
+    work_jobs(jobs, workers, len(now), keep, step)

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from basecal.errors import InputError
-from basecal.studies.columns import write_columns
+from basecal.studies.columns import quantiles, write_columns
 from basecal.studies.fleet.row import COLUMNS, VERDICTS
 from basecal.studies.fleet.run import SCHEMA, Fleet
 
 _LISTS = ("cell", "verdict", "findings", "said", "samples", "transform")
 _SPREAD = ("sigma_mm", "sigma_deg", "held_out_mm", "held_out_deg", "time_s")
-_QUANTILES = {"p05": 0.05, "median": 0.5, "p95": 0.95}
 
 Row = Mapping[str, Any]
 
@@ -64,6 +63,4 @@ def summarise_fleet(fleet: Fleet, rows: Sequence[Row]) -> dict[str, Any]:
 def _spread(values: Iterable[float | None]) -> dict[str, float] | None:
     """Quantiles and the largest of what is known; nothing if nothing is."""
     known = [value for value in values if value is not None]
-    if not known:
-        return None
-    return {**{n: float(np.quantile(known, share)) for n, share in _QUANTILES.items()}, "largest": max(known)}
+    return {**quantiles(known), "largest": max(known)} if known else None

@@ -31,4 +31,4 @@ def solve(draws: Draws) -> Answers:
     return Answers(base, None, np.ones(draws.count, dtype=bool))
 
 
-SOLVER = Solver("the paper's, of a light shifted before a still camera", solve, unfit, blocks=64)
+SOLVER = Solver(solve, unfit, blocks=64)

@@ -5,14 +5,14 @@ A trial that from there ends where its residuals cannot be noise, or nowhere, is
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from basecal.errors import BasecalError
 from basecal.estimation.solve import Solution, solve_problem
 from basecal.estimation.solve_batch import solve_batch
-from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry import SE3, BoolArray
 from basecal.studies.draws import Draws, group_pixels
 from basecal.studies.solvers.solver import Answers, Solver, no_answers
 
@@ -22,7 +22,7 @@ _PLAUSIBLE_SIGMAS = 4.0  # root of a trial's cost over the median's: noise does 
 def solve(draws: Draws) -> Answers:
     """All trials."""
     if draws.own_starts:
-        return _complete_answers(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
+        return _solve_trials(draws)
     try:
         first = _solve_trial(draws, 0)
     except (BasecalError, np.linalg.LinAlgError) as error:
@@ -30,41 +30,32 @@ def solve(draws: Draws) -> Answers:
     if draws.transform in first.observability.unobservable:
         return no_answers(draws.count, f"{draws.transform} is not observable")
     if first.observability.unobservable:  # the batch inverts the information of everything
-        return _complete_answers(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
+        return _solve_trials(draws)
     try:
         found = solve_batch(draws.problem, first.state.spread(draws.problem, draws.count))
     except np.linalg.LinAlgError:  # the information of one of them
-        return _complete_answers(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
+        return _solve_trials(draws)
     where = draws.problem.columns[draws.transform]
-    together = _Together(
-        found.state.transforms[draws.transform], found.covariance[:, where, where], found.converged.copy()
-    )
+    together = Answers(found.state.transforms[draws.transform], found.covariance[:, where, where], found.converged)
     return _complete_answers(
         draws, together, ~found.converged | (found.cost > _PLAUSIBLE_SIGMAS**2 * np.median(found.cost))
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Together:
-    """Transforms (b,), covariances (b, w, w) and whether they are optima (b,), of all trials."""
-
-    transform: SE3
-    covariance: Array
-    converged: BoolArray
-
-
-def _placeholder(draws: Draws) -> _Together:
+def _solve_trials(draws: Draws) -> Answers:
+    """All trials, each alone."""
     where = draws.problem.columns[draws.transform]
     width = where.stop - where.start
-    return _Together(
-        SE3.identity((draws.count,)), np.zeros((draws.count, width, width)), np.zeros(draws.count, dtype=bool)
-    )
+    nothing = no_answers(draws.count, "")
+    nothing = replace(nothing, covariance=np.zeros((draws.count, width, width)))
+    return _complete_answers(draws, nothing, np.ones(draws.count, dtype=bool))
 
 
-def _complete_answers(draws: Draws, solution: _Together, again: BoolArray) -> Answers:
+def _complete_answers(draws: Draws, solution: Answers, again: BoolArray) -> Answers:
     """The answers found, those of `again` solved alone."""
     rotation, translation = solution.transform.rotation.copy(), solution.transform.translation.copy()
-    covariance, solved = solution.covariance.copy(), solution.converged.copy()
+    assert solution.covariance is not None
+    covariance, solved = solution.covariance.copy(), solution.solved.copy()
     where = draws.problem.columns[draws.transform]
     for trial in np.flatnonzero(again):
         try:
@@ -88,4 +79,4 @@ def _solve_trial(draws: Draws, trial: int) -> Solution:
     return solve_problem(draws.problem.with_groups(groups), draws.made.cell)
 
 
-SOLVER = Solver("all at once, as `basecal.solve`", solve)
+SOLVER = Solver(solve)

@@ -57,4 +57,4 @@ def _judged_transform(draws: Draws, solution: RobotWorld | None, of_camera: bool
     return solution.first.inverse() if of_camera else solution.first
 
 
-SOLVER = Solver("solvePnP, then calibrateRobotWorldHandEye", solve, unfit)
+SOLVER = Solver(solve, unfit)

@@ -34,13 +34,11 @@ class Solver:
     """A solver of a study.
 
     Attributes:
-        words: What it is, for help.
         solve: All trials.
         unfit: Why it cannot solve what settings make; None if it can.
         blocks: Blocks of trials that a chunk has: as many as make writing it worth the while.
     """
 
-    words: str
     solve: Callable[[Draws], Answers]
     unfit: Callable[[Settings], str | None] = lambda _: None
     blocks: int = 1
