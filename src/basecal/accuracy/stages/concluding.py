@@ -38,7 +38,8 @@ def find_error_at_task(case: Case) -> Case:
     """Add the error at the task, if one is named."""
     assert case.calibration is not None
     fitted, as_modelled, final = case.answers
-    found = add_task_error(case.cell, case.calibration, case.settings, (fitted, as_modelled, final))
+    offsets = None if case.clock_step is None else case.clock_step.offsets
+    found = add_task_error(case.cell, case.calibration, case.settings, (fitted, as_modelled, final), offsets)
     return replace(case, calibration=found)
 
 
