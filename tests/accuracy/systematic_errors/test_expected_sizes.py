@@ -216,7 +216,8 @@ def test_sizes_and_offsets_of_clocks_are_one_posterior(monkeypatch, clock):
     by_all = np.concatenate([views.by_unknowns, left.offsets.moves[0], bend.moves[0][:, 0]], axis=-1)
     hessian = np.einsum("nik,nij,njl->kl", by_all, views.information, by_all)
     gradient = np.einsum("nik,ni->k", by_all, views.gradient)
-    beforehand = 0.5 if clock.sigma_s is None else clock.sigma_s
+    off_s = 0.031 + left.step_s[0] - clock.offset_s
+    beforehand = 0.5 if clock.sigma_s is None else np.hypot(clock.sigma_s, off_s)
     hessian += np.diag([*np.zeros(p), beforehand**-2, *np.full(3, sigma**-2)])
     gradient[p] += (0.031 - clock.offset_s) / beforehand**2 if clock.sigma_s else 0.0
     both, clocked = slice(0, p + 4), slice(0, p + 1)

@@ -83,8 +83,10 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
     step = np.where(seen, -covariance @ (of_views.gradient[0] + pull / sigma**2), 0.0)
     _, across, _ = sums(about, every)
     by_offsets = -spectrum(about.hessian).inverse @ across[0].T
-    of_seen = tuple(of[:, 0][..., seen] for of in moves)
-    offsets = OpenOffsets(of_seen, np.minimum(sigma, most)[seen], (pull / sigma)[seen])
+    # A prior that the views contradict is no reason for an effect: it is as wide as the step is off it.
+    wide = np.minimum(np.hypot(sigma, pull + step), most)
+    present = np.where(np.isinf(sigma), 0.0, pull / wide)
+    offsets = OpenOffsets(tuple(of[:, 0][..., seen] for of in moves), wide[seen], present[seen])
     return ClockStep(streams.open, step, covariance * np.outer(seen, seen), by_offsets * seen, seen, offsets)
 
 

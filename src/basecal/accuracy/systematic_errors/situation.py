@@ -34,7 +34,8 @@ class OpenOffsets(NamedTuple):
 
     Attributes:
         moves: By group, (n, 6, r) right tangents of `camera_from_target` by each [per s].
-        sigma_s: (r,) their sigmas beforehand; those of free ones so wide that the data alone determine these.
+        sigma_s: (r,) their sigmas beforehand, as far off as they are at least. Those of free ones are so wide that the
+            data alone determine these.
         present: (r,) their values at the solution about those stated, in sigmas.
     """
 
