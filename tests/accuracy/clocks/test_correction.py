@@ -124,6 +124,17 @@ def test_a_line_time_that_was_found_is_told_with_its_sigma():
     assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5
 
 
+def test_a_rolling_shutter_that_nobody_stated_is_found():
+    """Not named a base that moved."""
+    made = pictured(2e-5, None, seconds=5.0)
+    found = calibrate(made.cell, made.recording)
+    assert found.verdict == "good"
+    line = found.line_times["wrist"]
+    assert line.line_time_s == pytest.approx(2e-5, abs=3.3 * line.sigma_s)
+    xi = (found[NAME].mean.inverse() @ MOUNT).log()
+    assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5
+
+
 @pytest.mark.slow
 def test_a_line_time_far_from_its_prior_is_named():
     made = pictured(2e-5, RollingShutter("prior", 1e-5, 1e-6), seconds=5.0)

@@ -140,6 +140,14 @@ def test_what_is_known_to_half_a_second_is_seen(monkeypatch: pytest.MonkeyPatch,
     assert found.step_s[1] == pytest.approx(-1e-4)
 
 
+def test_effects_move_and_widen_the_offsets_that_are_seen() -> None:
+    """Those of others stay without step and covariance."""
+    left = ClockStep(("a", "b", "c"), np.array([1.0, 0.0, 2.0]), np.eye(3), np.zeros((6, 3)), np.array([1, 0, 1]) > 0)
+    found = left.add_effects(np.array([0.5, -3.0]), np.array([[4.0, 0.25], [0.25, 9.0]]))
+    np.testing.assert_array_equal(found.step_s, [1.5, 0.0, -1.0])
+    np.testing.assert_array_equal(found.covariance, [[5.0, 0.0, 0.25], [0.0, 1.0, 0.0], [0.25, 0.0, 10.0]])
+
+
 def test_what_no_view_shows_is_not_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """A variance of zero is that of nothing."""
     clocks = {"a": Clock("free", 0.0)}

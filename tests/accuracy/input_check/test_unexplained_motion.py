@@ -57,6 +57,15 @@ def test_such_a_recording_is_refused_in_these_words_alone():
     assert [f.code for f in found.findings if f.severity != "info"] == ["poor-fit"]
 
 
+def test_clocks_that_were_searched_are_named_with_their_reach():
+    """Those of devices: a camera's line time is none."""
+    problem, _ = build_problem(MADE.cell, MADE.recording)
+    state = State(MADE.truth, MADE.cameras, np.zeros((len(problem.stops), 6)))
+    assert "one instant" in hopeless(problem, state).do[0]
+    first = hopeless(replace(problem, open_clocks=frozenset({"wrist", "wrist line"})), state).do[0]
+    assert first.startswith("If the clock of wrist is off by more than 1 s, write `clock: {status: free")
+
+
 def test_the_better_half_counts():
     """Of 16 views 7 are far off: the others are explained."""
     order = [*np.roll(range(7), 3), *range(7, 16)]
@@ -179,4 +188,4 @@ def test_hopeless_is_a_fifth_of_the_motion_or_fifty_pixels(monkeypatch, share, l
     monkeypatch.setattr(module, "_left_px", lambda problem, state: left_px)
     assert is_hopeless(None, None) == (said is not None)
     if said is not None:
-        assert said in hopeless(None, None).message
+        assert said in hopeless(SimpleNamespace(open_clocks=frozenset(), robots=(), groups=[]), None).message

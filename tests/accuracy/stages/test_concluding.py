@@ -29,8 +29,7 @@ def case(**parts):
         Settings(),
         weighed=evidence,
         robust=evidence.robust,
-        answers=(SOLUTION, WIDER),
-        **parts,
+        **{"answers": (SOLUTION, WIDER, WIDER), **parts},
     )
 
 
@@ -54,15 +53,12 @@ def test_clocks_widen_the_answer_and_are_reported(monkeypatch):
     """Their findings count in the verdict."""
     late = Finding("prior-contradicted", "warning", ("wrist",), "The clock is off.")
     last = widen(WIDER, np.sqrt(np.diag(WIDER.covariance)))
-    monkeypatch.setattr(concluding, "remaining_step", lambda clocked, solution: "left")
     monkeypatch.setattr(concluding, "clock_findings", lambda clocked, left: [late])
     monkeypatch.setattr(concluding, "clock_offsets", lambda clocked, left: {"wrist": ClockOffset(0.1, 0.01)})
     monkeypatch.setattr(concluding, "line_times", lambda clocked, left: {})
-    monkeypatch.setattr(concluding, "apply_remaining_step", lambda solution, left: last)
-    found = concluding.conclude(case(clocked=SimpleNamespace()))
+    found = concluding.conclude(case(clocked=SimpleNamespace(), clock_step="left", answers=(SOLUTION, WIDER, last)))
     assert found.calibration.verdict == "doubtful"
     assert found.calibration.clocks == {"wrist": ClockOffset(0.1, 0.01)}
-    assert found.answers == (SOLUTION, WIDER, last)
     np.testing.assert_allclose(found.calibration.joint_covariance, last.covariance)
 
 

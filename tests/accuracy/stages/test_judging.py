@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.accuracy.clocks.step import ClockStep
 from basecal.accuracy.stages import judging
 from basecal.accuracy.stages.case import Case
+from basecal.accuracy.systematic_errors.expected_sizes import ContainedSizes
 from basecal.cell import Recording, Sample
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.estimation.settings import Settings
@@ -69,6 +72,32 @@ def test_what_may_be_chance_is_not_counted_beside_the_field_that_contains_it(mon
         np.testing.assert_array_equal(shift(name, about, is_certain), moved)
 
 
+def containing(moved, shift_s=(), variance=()):
+    """Expected sizes that widen an answer by a move, and the offsets of clocks by variances."""
+
+    def contain(cell, solution, error, offsets):
+        """The wider answer; offsets are given if clocks are."""
+        assert (offsets is None) == (len(shift_s) == 0)
+        return ContainedSizes(judging.widen(solution, moved), np.array(shift_s), np.diag(variance))
+
+    return contain
+
+
+def test_clocks_are_stepped_from_the_fit_and_contain_what_effects_do(monkeypatch):
+    """The answer is widened by the offset as fitted: what effects do to it through the offset is in theirs."""
+    solution = solve(MADE.cell, MADE.recording)
+    sigma = np.sqrt(np.diag(solution.covariance))
+    left = ClockStep(("wrist",), np.zeros(1), np.eye(1), sigma[:, None], np.ones(1, dtype=bool), "offsets")
+    monkeypatch.setattr(judging, "remaining_step", lambda clocked, fitted: left if fitted is solution else None)
+    monkeypatch.setattr(judging, "contain_expected_sizes", containing(3 * sigma, (0.2,), (8.0,)))
+    evidence = evidence_of(MADE.cell, solution)
+    covered = judging.cover_effects(Case(MADE.cell, MADE.recording, Settings(), weighed=evidence, clocked="clocked"))
+    by_effects, by_clocks = (b.covariance - a.covariance for a, b in pairwise(covered.answers))
+    np.testing.assert_allclose(by_effects, 9 * np.outer(sigma, sigma), rtol=1e-9, atol=1e-18)
+    np.testing.assert_allclose(by_clocks, np.outer(sigma, sigma), rtol=1e-9, atol=1e-18)
+    assert (covered.clock_step.step_s.item(), covered.clock_step.covariance.item()) == (0.2, 9.0)
+
+
 def test_the_covariance_covers_each_effect(monkeypatch):
     """Of confounded effects the one that moves the answer most, in its sigmas."""
     solution = solve(MADE.cell, MADE.recording)
@@ -76,9 +105,10 @@ def test_the_covariance_covers_each_effect(monkeypatch):
     sigma = np.sqrt(np.diag(solution.covariance))
     small, large = (k * sigma * (np.arange(width) == k) for k in (1, 2))
     effect = SimpleNamespace(moved=small)
-    monkeypatch.setattr(judging, "with_expected_sizes", lambda _, solution, found: judging.widen(solution, large))
+    monkeypatch.setattr(judging, "contain_expected_sizes", containing(large))
     case = Case(MADE.cell, MADE.recording, Settings(), weighed=evidence_of(MADE.cell, solution))
-    fitted, covered = judging.cover_effects(case.weighing(lens_structures=(effect,))).answers
+    fitted, covered, final = judging.cover_effects(case.weighing(lens_structures=(effect,))).answers
     assert fitted is solution
+    assert final is covered
     added = covered.covariance - solution.covariance
     np.testing.assert_allclose(added, np.outer(small, small) + np.outer(large, large), atol=1e-18)

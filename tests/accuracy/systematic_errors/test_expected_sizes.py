@@ -9,18 +9,28 @@ import numpy as np
 import pytest
 from tests.touch_cells import recorded, touch_cell, touch_lines
 
+from basecal.accuracy.clocks.step import clock_step
 from basecal.accuracy.covariance.widening import solution_step
 from basecal.accuracy.systematic_errors import expected_sizes
-from basecal.accuracy.systematic_errors.expected_sizes import Expected, size_posterior, with_expected_sizes
+from basecal.accuracy.systematic_errors.expected_sizes import (
+    Expected,
+    contain_expected_sizes,
+    size_posterior,
+    with_expected_sizes,
+)
+from basecal.accuracy.systematic_errors.score_tests import linearise_views
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.cell import RobotState
+from basecal.cell import Clock, RobotState
 from basecal.effects import lens_sag, mount_bend, target_size
 from basecal.effects.faces.expected_size import SigmaPrior
 from basecal.effects.faces.found_effect import FoundEffect
+from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve
+from basecal.estimation.solve import solve, solve_problem
+from basecal.estimation.streams.streams import recording_streams, synchronise
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
+from stream_cells import streamed
 
 OPEN = Scenario(samples=12, state_pixel_noise=False, robot_noise=(1e-4, 1e-4))
 MADE = simulate(OPEN, 3)
@@ -187,3 +197,36 @@ def test_what_carries_a_single_point_neither_bends_nor_slides():
     given = expected_sizes._cell_effects(made.cell, situation, None)
     bent = {each.candidate.about[0] for each in given if each.effect in ("mount_bend", "mount_play")}
     assert bent == {"eye_flange_from_wrist"}
+
+
+@pytest.mark.parametrize("clock", [Clock("free", 0.03), Clock("prior", 0.0315, 1e-3)])
+def test_sizes_and_offsets_of_clocks_are_one_posterior(monkeypatch, clock):
+    """Answer, offset and bend, solved at once by the normal equations of all three, one millisecond off the optimum."""
+    made, sigma = streamed(clock=clock), 3e-3
+    offsets_s = {"arm": 0.0, "wrist": 0.031}
+    streams = recording_streams(made.cell, made.recording)
+    samples = synchronise(streams, offsets_s)
+    solution = solve_problem(build_problem(made.cell, samples.recording)[0], made.cell)
+    left = clock_step(streams, samples, offsets_s, solution)
+    (bend,) = mount_bend.candidates(Situation(solution.problem, solution.state, solution.problem, {}))
+    expected = Expected("mount_bend", bend, SigmaPrior.single_value(sigma))
+    monkeypatch.setattr(expected_sizes, "known_sizes", lambda *of: [((), size_posterior(of[1], (), [expected]))])
+    found = contain_expected_sizes(made.cell, solution, None, left.offsets)
+    (views,), p = linearise_views(solution.problem, solution.state).views, solution.problem.width
+    by_all = np.concatenate([views.by_unknowns, left.offsets.moves[0], bend.moves[0][:, 0]], axis=-1)
+    hessian = np.einsum("nik,nij,njl->kl", by_all, views.information, by_all)
+    gradient = np.einsum("nik,ni->k", by_all, views.gradient)
+    off_s = 0.031 + left.step_s[0] - clock.offset_s
+    beforehand = 0.5 if clock.sigma_s is None else np.hypot(clock.sigma_s, off_s)
+    hessian += np.diag([*np.zeros(p), beforehand**-2, *np.full(3, sigma**-2)])
+    gradient[p] += (0.031 - clock.offset_s) / beforehand**2 if clock.sigma_s else 0.0
+    both, clocked = slice(0, p + 4), slice(0, p + 1)
+    wide, plain = (np.linalg.inv(hessian[at, at]) for at in (both, clocked))
+    steps = [-inverse @ gradient[: len(inverse)] for inverse in (wide, plain)]
+    moved, added = steps[0][clocked] - steps[1], wide[clocked, clocked] - plain
+    np.testing.assert_allclose(found.shift_s, moved[p:], rtol=1e-6)
+    np.testing.assert_allclose(found.offset_covariance, added[p:, p:], rtol=1e-6)
+    added_to_answer = found.solution.covariance - solution.covariance
+    np.testing.assert_allclose(added_to_answer, added[:p, :p], atol=1e-6 * np.abs(added[:p, :p]).max())
+    np.testing.assert_allclose(solution_step(solution, found.solution), moved[:p], atol=1e-6 * np.abs(moved[:p]).max())
+    assert added[p, p] > 0.1 * plain[p, p]

@@ -94,7 +94,7 @@ def bent(made: Streamed, seed: int) -> Streamed:
     for name, by_size in moves.items():
         expected = EFFECTS[name].expected
         assert expected is not None
-        sigma = expected.sigma * expected.factor ** rng.integers(-2, 3)
+        sigma = rng.choice(expected.prior.sigmas, p=expected.prior.shares)
         total += by_size @ (sigma * rng.standard_normal(by_size.shape[-1]))
     back = dict(zip((s.sample for s in seen), MOUNT.inverse() @ SE3.exp(-total) @ MOUNT, strict=True))
     samples = []

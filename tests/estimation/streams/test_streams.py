@@ -29,7 +29,7 @@ from basecal.estimation.streams.rolling_shutter import line_time_name
 from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous
 from basecal.geometry import SE3
 from planar_arm import planar
-from stream_cells import MOUNT, along, streamed
+from stream_cells import MOUNT, along, pictured, streamed
 
 
 def test_samples_by_one_clock_are_no_streams() -> None:
@@ -47,6 +47,25 @@ def test_the_clock_of_a_camera_whose_views_stand_alone_is_free() -> None:
     assert streams is not None
     assert streams.open == ("wrist",)
     assert streams.stated_offsets == {"arm": 0.0, "wrist": 0.0}
+
+
+def test_rows_of_streams_may_be_seen_one_after_another() -> None:
+    """If nothing is stated, and pixels were seen; a stated shutter holds, as does one clock for all."""
+    made, name = pictured(0.0, None), line_time_name("wrist")
+    streams = recording_streams(made.cell, made.recording)
+    assert streams is not None
+    assert streams.clocks[name] == Clock("prior", 0.0, 3e-5)
+    stated = pictured(0.0, RollingShutter("fixed", 0.0))
+    streams = recording_streams(stated.cell, stated.recording)
+    assert streams is not None
+    assert streams.clocks[name] == Clock("fixed", 0.0)
+    together = synchronous(made.cell, made.recording, Calibration("good", clocks={"wrist": ClockOffset(0.0, 0.0)}))
+    assert recording_streams(replace_clock(made.cell), together) is None
+
+
+def replace_clock(cell: Cell) -> Cell:
+    """The cell without a stated clock."""
+    return replace(cell, cameras={"wrist": replace(cell.cameras["wrist"], clock=None)})
 
 
 def test_what_is_stated_of_a_clock_holds() -> None:

@@ -7,12 +7,13 @@ unknowns can take up is projected out. Source: docs/mathematics.md (12.2), (12.5
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from basecal.accuracy.systematic_errors.score_tests import linearise_views, score, sums
-from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
 from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.solve import Solution
 from basecal.estimation.streams.rolling_shutter import line_time_name
@@ -37,6 +38,7 @@ class ClockStep:
         covariance: (q, q) of the offsets [s^2].
         by_offsets: (p, q) how the columns of the answer go with the offsets [per s].
         seen: (q,) whether the data, or a prior, hold each.
+        offsets: Those of them that are seen, beside the solution.
     """
 
     clocks: tuple[str, ...]
@@ -44,6 +46,14 @@ class ClockStep:
     covariance: Array
     by_offsets: Array
     seen: BoolArray
+    offsets: OpenOffsets | None = None
+
+    def add_effects(self, shift_s: Array, covariance: Array) -> Self:
+        """The step beside effects that move the seen offsets, (r,) [s], and add to their covariance, (r, r)."""
+        step, total, seen = self.step_s.copy(), self.covariance.copy(), np.flatnonzero(self.seen)
+        step[seen] += shift_s
+        total[np.ix_(seen, seen)] += covariance
+        return replace(self, step_s=step, covariance=total)
 
 
 def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, float], solution: Solution) -> ClockStep:
@@ -62,18 +72,22 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
     every = Candidates("clock-offset", ("",), (None,), "s", moves)
     of_views = score(about, every)
     known = [streams.clocks[name] for name in streams.open]
-    weight = np.array([0.0 if clock.sigma_s is None else clock.sigma_s**-2 for clock in known])
+    sigma = np.array([np.inf if clock.sigma_s is None else clock.sigma_s for clock in known])
     pull = np.array([offsets_s[name] - clock.offset_s for name, clock in zip(streams.open, known, strict=True)])
-    information = of_views.information[0] + np.diag(weight)
+    information = of_views.information[0] + np.diag(sigma**-2)
     covariance = spectrum(information).inverse
     variance = np.diagonal(covariance)
     lines = {line_time_name(camera) for camera in streams.cell.cameras}
     most = np.array([_UNOBSERVABLE_LINE_SIGMA_S if name in lines else _UNOBSERVABLE_SIGMA_S for name in streams.open])
     seen = np.asarray((variance > 0) & (variance < most**2))
-    step = np.where(seen, -covariance @ (of_views.gradient[0] + weight * pull), 0.0)
+    step = np.where(seen, -covariance @ (of_views.gradient[0] + pull / sigma**2), 0.0)
     _, across, _ = sums(about, every)
     by_offsets = -spectrum(about.hessian).inverse @ across[0].T
-    return ClockStep(streams.open, step, covariance * np.outer(seen, seen), by_offsets * seen, seen)
+    # A prior that the views contradict is no reason for an effect: it is as wide as the step is off it.
+    wide = np.minimum(np.hypot(sigma, pull + step), most)
+    present = np.where(np.isinf(sigma), 0.0, pull / wide)
+    offsets = OpenOffsets(tuple(of[:, 0][..., seen] for of in moves), wide[seen], present[seen])
+    return ClockStep(streams.open, step, covariance * np.outer(seen, seen), by_offsets * seen, seen, offsets)
 
 
 def _clock_jacobian(situation: Situation, k: int, clocks: tuple[str, ...], samples: Synchronised) -> Array:

@@ -32,11 +32,20 @@ def hopeless(problem: Problem, state: State) -> Finding:
     what = f"The robot poses do not explain the target's motion: even the best 50 % of the views leave {left}."
     why = "None of the usual mistakes (conventions, units, orders, pairing) explains it."
     do = (
-        "Check that poses and images of a sample are of one instant.",
+        _instants_advice(problem),
         "Check that poses are base_from_flange in metres, of the named robot.",
         "Check that cameras and targets are on the robots that cell.yaml states.",
     )
     return Finding("poor-fit", "error", (), what, do, why)
+
+
+def _instants_advice(problem: Problem) -> str:
+    """Advice on the instants of poses and images; offsets of clocks are tried within a second alone."""
+    clocks = sorted(problem.open_clocks & {*problem.robots, *(group.camera for group in problem.groups)})
+    if not clocks:
+        return "Check that poses and images of a sample are of one instant."
+    entry = "`clock: {status: free, offset_s: ...}`"
+    return f"If the clock of {' or '.join(clocks)} is off by more than 1 s, write {entry} there, to a second."
 
 
 def unexplained_motion(problem: Problem, state: State) -> float:

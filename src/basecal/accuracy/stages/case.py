@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from basecal.accuracy.clocks.search import Clocked
+from basecal.accuracy.clocks.step import ClockStep
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.verdicts import judge_findings
@@ -36,6 +37,7 @@ class Case:
         weighed: The answer, and what was computed to judge it.
         certificate: Of the answer; None if none was requested.
         answers: The answer as fitted, with the covariance of effects that noise is not, and of clocks.
+        clock_step: The step of the clocks beside these effects; None if no clock was estimated.
         scene: Points of the static scene, if it takes part.
         calibration: The result.
         is_ended: Whether no stage is left to do.
@@ -54,6 +56,7 @@ class Case:
     weighed: Evidence | None = None
     certificate: Certificate | None = None
     answers: tuple[Solution, ...] = ()
+    clock_step: ClockStep | None = None
     scene: Fingerprint | None = None
     calibration: Calibration | None = None
     is_ended: bool = False

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 
 from basecal.accuracy.clocks.correction import (
-    apply_remaining_step,
     clock_findings,
     clock_offsets,
     line_times,
-    remaining_step,
 )
 from basecal.accuracy.covariance.curved_covariance import curved_covariance
 from basecal.accuracy.held_gauges import held_gauges
@@ -28,14 +26,10 @@ from basecal.cell import Calibration
 
 def conclude(case: Case) -> Case:
     """Make the calibration of all that is known."""
-    fitted, as_modelled = case.answers
-    clocked = case.clocked
-    if clocked is None:
-        case = replace(case, answers=(fitted, as_modelled, as_modelled))
+    clocked, left = case.clocked, case.clock_step
+    if clocked is None or left is None:
         return replace(case, calibration=_calibration(case))
-    left = remaining_step(clocked, case.solution)
     case = case.with_findings(clock_findings(clocked, left))
-    case = replace(case, answers=(fitted, as_modelled, apply_remaining_step(as_modelled, left)))
     clocks, lines = clock_offsets(clocked, left), line_times(clocked, left)
     return replace(case, calibration=replace(_calibration(case), clocks=clocks, line_times=lines))
 
@@ -44,7 +38,8 @@ def find_error_at_task(case: Case) -> Case:
     """Add the error at the task, if one is named."""
     assert case.calibration is not None
     fitted, as_modelled, final = case.answers
-    found = add_task_error(case.cell, case.calibration, case.settings, (fitted, as_modelled, final))
+    offsets = None if case.clock_step is None else case.clock_step.offsets
+    found = add_task_error(case.cell, case.calibration, case.settings, (fitted, as_modelled, final), offsets)
     return replace(case, calibration=found)
 
 

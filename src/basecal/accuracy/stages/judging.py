@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.accuracy.certify import prove_solution
+from basecal.accuracy.clocks.correction import apply_remaining_step, remaining_step
 from basecal.accuracy.covariance.widening import largest_shift, widen
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival
 from basecal.accuracy.cross_validation.held_out_places import place_errors
@@ -18,7 +19,7 @@ from basecal.accuracy.findings.registry import ANSWER_CHECKS
 from basecal.accuracy.lens_structure import LensStructure, lens_structures
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.stated_sigmas import contradicted_sigmas, unlikely_sigmas, without_contradicted
-from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
+from basecal.accuracy.systematic_errors.expected_sizes import contain_expected_sizes
 from basecal.accuracy.systematic_errors.pose_fields import stated_fields
 from basecal.accuracy.systematic_errors.search import systematic_error, timeless_situation
 from basecal.accuracy.systematic_errors.size_findings import deduplicate_size_findings
@@ -97,8 +98,14 @@ def cover_effects(case: Case) -> Case:
     in_fields = _robots_with_fields(case)
     for other in (evidence.systematic_error, rival, *evidence.lens_structures):
         solution = solution if other is None else widen(solution, _effect_shift(solution, other, in_fields))
-    solution = with_expected_sizes(case.cell, solution, evidence.systematic_error)
-    return replace(case, answers=(fitted, solution))
+    left = None if case.clocked is None else remaining_step(case.clocked, fitted)
+    offsets = None if left is None else left.offsets
+    contained = contain_expected_sizes(case.cell, solution, evidence.systematic_error, offsets)
+    if left is None:
+        return replace(case, answers=(fitted, contained.solution, contained.solution))
+    clocked = apply_remaining_step(contained.solution, left)
+    step = left.add_effects(contained.shift_s, contained.offset_covariance)
+    return replace(case, answers=(fitted, contained.solution, clocked), clock_step=step)
 
 
 def _robots_with_fields(case: Case) -> frozenset[str]:

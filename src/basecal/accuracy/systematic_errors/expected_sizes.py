@@ -17,7 +17,7 @@ import numpy as np
 
 from basecal.accuracy.systematic_errors.pose_fields import PRIOR_M, PoseField, stated_fields
 from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
-from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
 from basecal.cell import Cell
 from basecal.effects import target_size
 from basecal.effects.faces.candidates import Candidates, combine_candidates
@@ -57,7 +57,7 @@ class SizePosterior(NamedTuple):
     Attributes:
         mean: (q,) as the answer contains them, those of fields first.
         covariance: (q, q) about that.
-        by_sizes: (p, q) how the columns of the answer move with them.
+        by_sizes: (c, q) how the columns of the null model move with them.
         field_m2: Mean of the variance of a field's shifts [m^2].
     """
 
@@ -67,23 +67,50 @@ class SizePosterior(NamedTuple):
     field_m2: float
 
 
+class ContainedSizes(NamedTuple):
+    """An answer that contains effects, and what these do to the offsets of r clocks.
+
+    Attributes:
+        solution: The answer.
+        shift_s: (r,) by which the offsets move [s].
+        offset_covariance: (r, r) what the effects add to theirs [s^2].
+    """
+
+    solution: Solution
+    shift_s: Array
+    offset_covariance: Array
+
+
 def with_expected_sizes(cell: Cell, solution: Solution, error: FoundEffect | None) -> Solution:
+    """The answer alone, of a recording without clocks, as `contain_expected_sizes` gives it."""
+    return contain_expected_sizes(cell, solution, error).solution
+
+
+def contain_expected_sizes(
+    cell: Cell, solution: Solution, error: FoundEffect | None, offsets: OpenOffsets | None = None
+) -> ContainedSizes:
     """The answer with effects as large as expected, given the data, and with the covariance that they leave.
 
     Args:
         cell: As declared.
         solution: The answer.
         error: The systematic error, which counts separately if it is the size of a target; None if there is none.
+        offsets: Of clocks that are estimated beside the answer.
     """
     problem = solution.noise.hold_sigmas(solution.problem)
+    unit_s = np.zeros(0) if offsets is None else offsets.sigma_s
     if not solution.converged or not problem.width:
-        return solution
-    situation = Situation(problem, solution.state, problem, {}, solution.noise)
-    known = [sizes for _, sizes in known_sizes(cell, situation, error)]
-    moved = sum((each.by_sizes @ each.mean for each in known), np.zeros(problem.width))
-    covariance = sum((each.by_sizes @ each.covariance @ each.by_sizes.T for each in known), solution.covariance)
-    state = retract(problem, solution.state, linearise(problem, solution.state), moved)
-    return replace(solution, state=state, covariance=covariance)
+        return ContainedSizes(solution, 0 * unit_s, 0 * np.outer(unit_s, unit_s))
+    situation = Situation(problem, solution.state, problem, {}, solution.noise, offsets)
+    width = len(situation.null.gradient)
+    moved, covariance = np.zeros(width), np.zeros((width, width))
+    for _, known in known_sizes(cell, situation, error):
+        moved += known.by_sizes @ known.mean
+        covariance += known.by_sizes @ known.covariance @ known.by_sizes.T
+    answer, clocks = slice(problem.width), slice(width - len(unit_s), width)
+    state = retract(problem, solution.state, linearise(problem, solution.state), moved[answer])
+    wider = replace(solution, state=state, covariance=solution.covariance + covariance[answer, answer])
+    return ContainedSizes(wider, moved[clocks] * unit_s, covariance[clocks, clocks] * np.outer(unit_s, unit_s))
 
 
 def known_sizes(
@@ -108,7 +135,7 @@ def size_posterior(
     _, mean, covariance = _mixture(of_fields.shares, evidence, means, covariances)
     contained = np.append(np.zeros(count), np.where(_is_stated(effects), 0.0, mean[count:]))
     covariance += np.outer(mean - contained, mean - contained)
-    by_sizes = -situation.null.inverse[: situation.problem.width] @ known.across[0].T
+    by_sizes = -situation.null.inverse @ known.across[0].T
     return SizePosterior(
         contained, covariance, by_sizes, float(_posterior(of_fields.shares, evidence) @ of_fields.sigmas**2)
     )

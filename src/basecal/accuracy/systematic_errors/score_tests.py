@@ -138,19 +138,21 @@ def linearise_views(problem: Problem, state: State) -> Linearised:
     return Linearised(problem, state, normal.views, normal.gradient, normal.hessian, normal.system)
 
 
-def with_random_effects(model: Linearised, moves: Moves) -> Linearised:
+def with_random_effects(model: Linearised, moves: Moves, present: Array | float = 0.0) -> Linearised:
     """A copy with random effects among its columns.
 
     Args:
         model: The model.
         moves: By group, (n, 6, r) right tangents of `camera_from_target` by one sigma of each effect.
+        present: (r,) values of the effects at the state, in sigmas.
     """
     count = next((m.shape[-1] for m in moves if m is not None), 0)
     if not count:
         return model
     more = len(model.gradient) + np.arange(count)
     views = (of if m is None else _with_columns(of, m, more) for of, m in zip(model.views, moves, strict=True))
-    return _sum_views(model.problem, model.state, tuple(views), len(model.gradient) + count)
+    wider = _sum_views(model.problem, model.state, tuple(views), len(model.gradient) + count)
+    return replace(wider, gradient=wider.gradient + np.append(np.zeros(len(model.gradient)), present * np.ones(count)))
 
 
 def _with_columns(views: LinearisedViews, moves: Array, columns: IntArray) -> LinearisedViews:

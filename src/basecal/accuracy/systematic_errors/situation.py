@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from basecal.accuracy.systematic_errors.null_model import null_model
-from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views
-from basecal.effects.faces.views import Group
+from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views, with_random_effects
+from basecal.effects.faces.views import Group, Moves
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.problem.build import recorded_by_joints
@@ -28,6 +29,21 @@ ARM_M = 0.5
 """What angles count as, beside lengths [m/rad]."""
 
 
+class OpenOffsets(NamedTuple):
+    """Offsets of clocks that are estimated beside a solution, r of them.
+
+    Attributes:
+        moves: By group, (n, 6, r) right tangents of `camera_from_target` by each [per s].
+        sigma_s: (r,) their sigmas beforehand, as far off as they are at least. Those of free ones are so wide that the
+            data alone determine these.
+        present: (r,) their values at the solution about those stated, in sigmas.
+    """
+
+    moves: Moves
+    sigma_s: Array
+    present: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Situation:
     """A solved problem.
@@ -38,6 +54,7 @@ class Situation:
         recorded: The problem as it was recorded, outliers among it.
         stamps: Time of each sample by number [s]; of those that have one.
         noise: The noise in use; stops share no errors if None.
+        offsets: Of clocks that are estimated beside it; None without any.
     """
 
     problem: Problem
@@ -45,6 +62,7 @@ class Situation:
     recorded: Problem
     stamps: Mapping[int, float]
     noise: NoiseEstimate | None = None
+    offsets: OpenOffsets | None = None
 
     @cached_property
     def linearisation(self) -> Linearised:
@@ -53,10 +71,14 @@ class Situation:
 
     @cached_property
     def null(self) -> Linearised:
-        """A copy with the random effects that stops share, against which effects are tested."""
-        if self.noise is None or self.noise.beside_common is None:
-            return self.linearisation
-        return null_model(self.problem, self.state, self.noise, self.flange_jacobian)
+        """A copy with the random effects that stops share, and offsets of clocks, against which effects are tested."""
+        model = self.linearisation
+        if self.noise is not None and self.noise.beside_common is not None:
+            model = null_model(self.problem, self.state, self.noise, self.flange_jacobian)
+        if self.offsets is None:
+            return model
+        moves = tuple(None if m is None else m * self.offsets.sigma_s for m in self.offsets.moves)
+        return with_random_effects(model, moves, self.offsets.present)
 
     def random_effect(self, effect: str, subject: str) -> str:
         """The random effect in the null model of an effect about something; "" if the two are the same one."""

@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 
+from basecal.accuracy.systematic_errors.situation import OpenOffsets
 from basecal.accuracy.task.expected_error import length_quantiles
 from basecal.accuracy.task.meeting import make_meeting, target_places, worst_meeting
 from basecal.accuracy.task.meeting_errors import meeting_errors
@@ -27,7 +28,12 @@ _FLAT_M = 1e-3  # a box thinner than that has one layer
 
 
 def error_map(
-    cell: Cell, calibration: Calibration, solution: Solution, points_m: Array, widening: Array | None = None
+    cell: Cell,
+    calibration: Calibration,
+    solution: Solution,
+    points_m: Array,
+    widening: Array | None = None,
+    offsets: OpenOffsets | None = None,
 ) -> ErrorMap | None:
     """The expected error over the box around the places where targets were seen, and the task.
 
@@ -37,6 +43,7 @@ def error_map(
         solution: Where targets were seen.
         points_m: (n, 3) the task in the reference's base [m].
         widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing if None.
+        offsets: Of clocks that were estimated beside the solution; None without any.
 
     Returns:
         None if nothing is known that is placed in the reference's base.
@@ -47,7 +54,7 @@ def error_map(
         return None
     points = _box(np.concatenate([*(target_places(group, state) for group in problem.groups), points_m]))
     meeting = worst_meeting((make_meeting(cell, problem, state, name, points) for name in known), solution.covariance)
-    mean, at = meeting_errors(meeting, solution, calibration.noise, widening)
+    mean, at = meeting_errors(meeting, solution, calibration.noise, widening, offsets)
     place, turn = slice(0, 3), slice(3, 6)
     lengths = (length_quantiles(at[:, each, each], mean[:, each]) for each in (place, turn))
     return ErrorMap(points, *lengths)

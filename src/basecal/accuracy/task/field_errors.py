@@ -12,22 +12,23 @@ import numpy as np
 
 from basecal.accuracy.systematic_errors.expected_sizes import known_sizes, size_posterior
 from basecal.accuracy.systematic_errors.pose_fields import PoseField, pose_field, variances
-from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
 from basecal.accuracy.task.arms_at_points import nearest_poses, to_base_axes
 from basecal.accuracy.task.meeting import Meeting
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3, Array
 
 
-def field_covariance(meeting: Meeting, solution: Solution) -> Array:
+def field_covariance(meeting: Meeting, solution: Solution, offsets: OpenOffsets | None = None) -> Array:
     """Covariance of place and rotation where flanges meet, by fields, (n, 6, 6).
 
     Args:
         meeting: Who meets, and where.
         solution: What came out.
+        offsets: Of clocks that were estimated beside the solution; None without any.
     """
     problem = solution.noise.hold_sigmas(solution.problem)
-    situation = Situation(problem, solution.state, problem, {}, solution.noise)
+    situation = Situation(problem, solution.state, problem, {}, solution.noise, offsets)
     (moved, columns), points_m = meeting.moves, meeting.places_m
     total, seen = np.zeros((len(moved), 6, 6)), set[str]()
     for fields, sizes in known_sizes(meeting.cell, situation, None):

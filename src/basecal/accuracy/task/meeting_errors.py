@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from basecal.accuracy.systematic_errors.situation import OpenOffsets
 from basecal.accuracy.task.field_errors import field_covariance
 from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, MODELS, kinematic_errors, moved_by_errors
 from basecal.accuracy.task.meeting import Meeting, add_own
@@ -27,7 +28,11 @@ _LEAST_SHARE = 1e-3  # of a model by its evidence: a less likely one changes no 
 
 
 def meeting_errors(
-    meeting: Meeting, solution: Solution, noise: Mapping[str, Any], widening: Array | None = None
+    meeting: Meeting,
+    solution: Solution,
+    noise: Mapping[str, Any],
+    widening: Array | None = None,
+    offsets: OpenOffsets | None = None,
 ) -> tuple[Array, Array]:
     """Mean, (n, 6), and covariance, (n, 6, 6), of the error of place and rotation where robots meet [m, rad].
 
@@ -38,11 +43,12 @@ def meeting_errors(
         solution: What it was made of.
         noise: Of a calibration.
         widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing where None.
+        offsets: Of clocks that were estimated beside the solution; None without any.
     """
     own = {robot: _own_variance(meeting, solution, noise, robot) for robot in meeting.places_m}
     by_joints = _models_by_joints(meeting, solution)
     models = by_joints or _models_by_poses(meeting, solution)
-    fields = 0.0 if by_joints else field_covariance(meeting, solution)
+    fields = 0.0 if by_joints else field_covariance(meeting, solution, offsets)
     if models:
         mean, covariance = _mixture([_model_error(meeting, own, model, widening) for model in _likely_models(models)])
     else:

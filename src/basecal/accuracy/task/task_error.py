@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from basecal.accuracy.systematic_errors.situation import OpenOffsets
 from basecal.accuracy.task.budget import calibration_budget
 from basecal.accuracy.task.error_map import error_map
 from basecal.accuracy.task.expected_error import pooled_quantile
@@ -23,7 +24,11 @@ _CLOCK_SOURCE = "offsets of clocks"
 
 
 def add_task_error(
-    cell: Cell, calibration: Calibration, settings: Settings, steps: tuple[Solution, Solution, Solution]
+    cell: Cell,
+    calibration: Calibration,
+    settings: Settings,
+    steps: tuple[Solution, Solution, Solution],
+    offsets: OpenOffsets | None = None,
 ) -> Calibration:
     """The calibration with the error at the work; if a task is named also with its budget, its map and its parts.
 
@@ -32,10 +37,12 @@ def add_task_error(
         calibration: What came out.
         settings: With the task.
         steps: The solution, the same widened by what noise is not, and that widened by clocks.
+        offsets: Of clocks that were estimated beside the solution; None without any.
     """
     fitted, as_modelled, by_clocks = steps
     widening = by_clocks.covariance - fitted.covariance
-    calibration = replace(calibration, meeting=meeting_error(cell, calibration, by_clocks, settings, widening))
+    meeting = meeting_error(cell, calibration, by_clocks, settings, widening, offsets)
+    calibration = replace(calibration, meeting=meeting)
     if settings.task_point is None:
         return calibration
     points_m = task_places(settings.task_point, settings.task_box)
@@ -46,7 +53,7 @@ def add_task_error(
     return replace(
         calibration,
         budget=calibration_budget(cell, calibration, fitted, widenings, points_m),
-        error_map=error_map(cell, calibration, by_clocks, points_m, widening),
+        error_map=error_map(cell, calibration, by_clocks, points_m, widening, offsets),
         local=local_fits(
             fitted, [name for name in base_transforms(cell) if name in calibration.transforms], settings.task_box
         ),
@@ -54,7 +61,12 @@ def add_task_error(
 
 
 def meeting_error(
-    cell: Cell, calibration: Calibration, solution: Solution, settings: Settings, widening: Array | None = None
+    cell: Cell,
+    calibration: Calibration,
+    solution: Solution,
+    settings: Settings,
+    widening: Array | None = None,
+    offsets: OpenOffsets | None = None,
 ) -> MeetingError | None:
     """The error where flanges meet, at the task or else where targets were seen, of what is placed the worst.
 
@@ -64,6 +76,7 @@ def meeting_error(
         solution: What it was made of.
         settings: With the task.
         widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing if None.
+        offsets: Of clocks that were estimated beside the solution; None without any.
 
     Returns:
         None if nothing found is placed in the reference's base.
@@ -77,7 +90,7 @@ def meeting_error(
     if not meetings:
         return None
     meeting = worst_meeting(meetings, solution.covariance)
-    mean, covariance = meeting_errors(meeting, solution, calibration.noise, widening)
+    mean, covariance = meeting_errors(meeting, solution, calibration.noise, widening, offsets)
     at, off = covariance[:, :3, :3], mean[:, :3]
     variance = float(np.mean(np.trace(at, axis1=1, axis2=2) + np.sum(off**2, -1)))
     return MeetingError(pooled_quantile(at, off), place_kind(task), float(np.sqrt(variance / 3)))

@@ -8,7 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.cell import WORLD, Calibration, Cell, Clock, Finding, Recording, RobotState, Sample
+from basecal.cell import (
+    WORLD,
+    Calibration,
+    CandidateObservation,
+    Cell,
+    Clock,
+    Finding,
+    PixelObservation,
+    Recording,
+    RobotState,
+    RollingShutter,
+    Sample,
+)
 from basecal.errors import InputError
 from basecal.estimation.streams.path import LARGEST_GAP_S, Path
 from basecal.estimation.streams.rolling_shutter import Known, Moving, correct_rolling_shutter, line_time_name, mean_row
@@ -16,6 +28,8 @@ from basecal.geometry import SE3
 
 _FREE_CLOCK = Clock("free")
 _EXACT_CLOCK = Clock()
+# Of a camera that states none: sensors that are read row by row take 5 to 70 us for each, global shutters nothing.
+_OPEN_SHUTTER = RollingShutter("prior", 0.0, 3e-5)
 _STREAM_SHARE = 0.5  # of the views, beyond which a recording without robots beside them is one of streams
 
 
@@ -82,7 +96,8 @@ class Synchronised:
 def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
     """The streams of a recording; None of one whose robots and cameras are all taken to share one clock.
 
-    Clocks of cameras are free where views have no robots beside them and nothing else is stated.
+    Clocks of cameras are free where views have no robots beside them and nothing else is stated. Line times have a wide
+    prior about none there.
 
     Raises:
         InputError: if a clock is stated, or views stand alone, and a line has no stamp.
@@ -102,7 +117,8 @@ def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
     }
     if all(clock.status == "free" for clock in clocks.values()):
         clocks[cell.reference] = Clock("fixed", clocks[cell.reference].offset_s)
-    shutters = {name: c.rolling_shutter for name, c in cell.cameras.items() if c.rolling_shutter is not None}
+    shutters = dict.fromkeys(_pixel_cameras(recording) if asynchronous else (), _OPEN_SHUTTER)
+    shutters |= {name: c.rolling_shutter for name, c in cell.cameras.items() if c.rolling_shutter is not None}
     clocks |= {line_time_name(name): Clock(s.status, s.line_time_s, s.sigma_s) for name, s in shutters.items()}
     paths = {name: _path(cell, name, recording.samples) for name in cell.robots}
     streams = Streams(cell, recording, paths, tuple(_instants(recording.samples)), clocks)
@@ -169,6 +185,12 @@ def _asynchronous(cell: Cell, recording: Recording) -> bool:
     views = [s for s in recording.samples if s.observations]
     alone = sum(bool(_carrying_robots(cell, s) & recorded - s.robots.keys()) for s in views)
     return alone > _STREAM_SHARE * len(views)
+
+
+def _pixel_cameras(recording: Recording) -> set[str]:
+    """Cameras of which points were seen in rows of images."""
+    seen = (o for s in recording.samples for o in s.observations)
+    return {o.camera for o in seen if isinstance(o, PixelObservation | CandidateObservation)}
 
 
 def _has_rolling_shutter(cell: Cell, recording: Recording) -> bool:
