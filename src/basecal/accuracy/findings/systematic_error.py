@@ -30,7 +30,7 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
     if found is None or (all(each.effect == joint_offsets.NAME for each in named) and robot_model(evidence)):
         return []
     words = describe_effect(found)
-    why = [words.why, _covered(found) if found.is_certain else _CHANCE_SENTENCE.format(100 * found.share)]
+    why = [words.why, _answer_sentence(found) if found.is_certain else _CHANCE_SENTENCE.format(100 * found.share)]
     if found.effect == deflection.NAME:
         why.append(describe_gravity(evidence.cell, evidence.solution, (found.about,)))
     about = [each.about for each in named]
@@ -46,8 +46,8 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
     ]
 
 
-def _covered(found: FoundEffect) -> str:
+def _answer_sentence(effect: FoundEffect) -> str:
     """The sentence about the answer beside a certain effect."""
-    if found.effect == joint_offsets.NAME and np.abs(found.size).max() > _LINEAR_RAD:
+    if effect.effect == joint_offsets.NAME and np.abs(effect.size).max() > _LINEAR_RAD:
         return _NONLINEAR_SENTENCE
-    return _COVERED_SENTENCE.format("contains" if found.effect in CONTAINED else "excludes")
+    return _COVERED_SENTENCE.format("contains" if effect.effect in CONTAINED else "excludes")
