@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from basecal.cell import Recording, RobotState
 from basecal.effects.smooth import LENGTH_M
 from basecal.effects.smooth_by_place import errors, kernel
-from basecal.estimation.noise.joint_estimate import estimate_jointly, integrate_sigmas
-from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
-from basecal.simulation import Scenario, simulate
+from shared.absorbed_errors import absorbed
 
 
 def test_errors_are_equal_at_one_place_however_the_flange_is_turned():
@@ -35,19 +29,14 @@ def test_errors_are_equal_at_one_place_however_the_flange_is_turned():
 
 def test_what_a_base_takes_up_of_such_errors_is_in_its_covariance():
     """Of 2 mm and 2 mrad: they shift the base by millimetres, and their change over the samples shows that."""
-    made = simulate(Scenario(samples=30, position_m=0.15, state_robot_noise=False, robot_noise=(3e-5, 5e-5)), 1)
-    name, weights = "eye_base_from_hand_base", 2e-3 * np.random.default_rng(0).standard_normal((6, 3))
-    samples = []
-    for sample in made.recording.samples:
-        pose = sample.robots["hand"].base_from_flange
+    weights = 2e-3 * np.random.default_rng(0).standard_normal((6, 3))
+
+    def wrong(pose: SE3) -> SE3:
+        """The pose that is recorded."""
         shift, turn = np.split(weights @ np.sin(4 * pose.translation), 2)
-        wrong = SE3(SE3.exp(np.append(0 * turn, turn)).rotation @ pose.rotation, pose.translation + shift)
-        samples.append(replace(sample, robots={**sample.robots, "hand": RobotState(wrong)}))
-    problem, _ = build_problem(made.cell, Recording(tuple(samples)))
-    used, end, noise = estimate_jointly(problem, State(made.truth, made.cameras, np.zeros((0, 6))), 100)
-    found = integrate_sigmas(used, end.state, noise)
-    assert list(found.common) == ["smooth_by_place"]
-    base = used.columns[name]
-    error = (end.state.transforms[name].inverse() @ made.truth[name]).log()
-    assert error @ np.linalg.solve(found.covariance[base, base], error) < 20
-    assert error @ np.linalg.solve(np.linalg.inv(end.normal.hessian)[base, base], error) > 50
+        return SE3(SE3.exp(np.append(0 * turn, turn)).rotation @ pose.rotation, pose.translation + shift)
+
+    names, integrated, alone = absorbed(30, 1, wrong)
+    assert names == ["smooth_by_place"]
+    assert integrated < 20
+    assert alone > 50

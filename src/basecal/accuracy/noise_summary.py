@@ -21,7 +21,8 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     `freedoms` of a robot are the degrees of freedom of its estimated sigmas. `rms_factor` is the root mean square of
     all that these may be, over the likeliest. Errors that a robot's stops share have the name of their effect. They
     hold the sigma at the flange, root mean square over stops [m, rad]. For joints and links it is what a base and a
-    mount do not compensate. They also hold the sigma of each shift and rotation, and the effect's figures.
+    mount do not compensate. They also hold the sigma of each shift and rotation, if it is another, and the effect's
+    figures.
     """
     noise = solution.noise
     used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}
@@ -50,7 +51,7 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
             errors = shared_errors(effect, solution.problem, name)
             assert errors is not None
             left = errors.remove_frames(stands(solution.problem, name)[0]) if is_by_joints else errors
-            each = {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])} if is_by_joints else {}
+            each = {} if effect.is_by_coordinate else {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])}
             used["robots"][name][key] = {"sigma": left.flange_sigmas(sigma).tolist(), **each, **effect.figures}
     return used
 

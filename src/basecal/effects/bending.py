@@ -10,7 +10,7 @@ from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, rounded_length
 from basecal.effects.faces.views import Views, robot_moves
-from basecal.geometry import Array
+from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import cross_matrix
 
 
@@ -27,10 +27,14 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def _moves(views: Views, k: int, robot: str) -> Array:
-    pose = views.recorded_pose(k, robot)
-    turns = np.zeros((len(pose), 6, 3))
-    turns[:, 3:] = cross_matrix(pose.translation)
-    return views.flange_jacobian(k, robot) @ pose.inverse().adjoint() @ turns
+    return views.flange_jacobian(k, robot) @ turns_by_reach(views.recorded_pose(k, robot))
+
+
+def turns_by_reach(poses: SE3) -> Array:
+    """How a flange at poses, (n,), moves with a rotation of reach x down about its base, (n, 6, 3) by down [rad/m]."""
+    turns = np.zeros((len(poses), 6, 3))
+    turns[:, 3:] = cross_matrix(poses.translation)
+    return np.asarray(poses.inverse().adjoint() @ turns)
 
 
 def words(effect: FoundEffect) -> Words:
@@ -49,8 +53,8 @@ EFFECT = Effect(
         "statement": "an arm whose joints are recorded states `deflection`",
         "size": "a candidate without a prior: only a certain one is reported",
         "unknown": "an arm whose joints are recorded has `deflection`",
-        "random": "smooth errors contain it",
-        "map": "smooth errors contain it",
+        "random": "errors smooth by reach contain it",
+        "map": "errors smooth by reach contain it",
         "fault": "sag of joints bends arms",
     },
 )

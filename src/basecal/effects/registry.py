@@ -25,6 +25,7 @@ from basecal.effects import (
     row_time,
     smooth,
     smooth_by_place,
+    smooth_by_reach,
     step,
     stretch,
     target_shape,
@@ -41,6 +42,7 @@ EFFECTS: Mapping[str, Effect] = {
     for module in (
         smooth,
         smooth_by_place,
+        smooth_by_reach,
         joint_offsets,
         link_parameters,
         deflection,

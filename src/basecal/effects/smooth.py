@@ -84,6 +84,7 @@ EFFECT = Effect(
         SharedPrior((2.5, 2.0), "assumed: larger than what differs between neighbouring stops"),
         "smooth over {length_m:g} m",
         by_poses=errors,
+        is_by_coordinate=True,
         figures=FIGURES,
     ),
     absent=ABSENT,

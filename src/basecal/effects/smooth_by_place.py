@@ -19,7 +19,7 @@ from basecal.geometry import SE3, Array
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
     """Errors along each axis by modes of recorded poses, (m,), at poses, (n,)."""
     found = smooth.Modes.from_poses(recorded_poses, kernel).sizes(poses)
-    return SharedErrors.repeat_coordinates(found).rotate_to_base(poses) if found.shape[1] else None
+    return SharedErrors.repeat_coordinates(found).rotate_to(poses) if found.shape[1] else None
 
 
 def kernel(first: SE3, second: SE3) -> Array:
@@ -28,14 +28,18 @@ def kernel(first: SE3, second: SE3) -> Array:
     return np.asarray(np.exp(-0.5 * np.sum(apart**2, -1) / smooth.LENGTH_M**2))
 
 
+EXPECTED = SharedPrior(
+    (8e-4, 3.0), "accuracy of 0.5 to 2 mm of arms as delivered (Nubiola & Bonev 2013)", is_over_stop=False
+)
+"""Of fields of errors of an arm that records poses alone."""
+
 EFFECT = Effect(
     "smooth_by_place",
     random=RandomEffect(
-        SharedPrior(
-            (8e-4, 3.0), "accuracy of 0.5 to 2 mm of arms as delivered (Nubiola & Bonev 2013)", is_over_stop=False
-        ),
+        EXPECTED,
         "smooth over {length_m:g} m of place, along the axes of its base",
         by_poses=errors,
+        is_by_coordinate=True,
         figures=smooth.FIGURES,
     ),
     absent=smooth.ABSENT,

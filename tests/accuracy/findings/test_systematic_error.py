@@ -120,6 +120,14 @@ def test_several_joints_that_are_off(evidence, monkeypatch):
     assert systematic_error(evidence(systematic_error=error)) == []
 
 
+def test_the_covariance_of_joints_that_are_degrees_off_is_not_promised(evidence):
+    """Bases of arms whose joints are 1 deg off are within it, those of 2 deg are not."""
+    for size, words in ((0.017, "its covariance is wider"), (0.035, "Its covariance may be too small")):
+        effect = found("joint-offsets", [1e-3, -size], 1e-3, unit="rad")
+        (finding,) = systematic_error(evidence(systematic_error=effect))
+        assert words in finding.why
+
+
 def test_nothing_found_is_silent(evidence):
     """Without an error there is no finding."""
     assert systematic_error(evidence()) == []

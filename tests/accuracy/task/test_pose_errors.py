@@ -60,7 +60,8 @@ def test_what_the_base_takes_up_counts_once(solved):
     meeting = make_meeting(made.cell, solution.problem, solution.state, BASE, places)
     mean, covariance = meeting_errors(meeting, solution, {"robots": {}})
     alone = meeting.total_error(solution.covariance, ())
-    assert "hand" in solution.noise.common["smooth_by_place"]
+    (name,) = solution.noise.common
+    assert "hand" in solution.noise.common[name]
     assert np.trace(covariance.mean(0)[:3, :3]) < 0.7 * np.trace(alone.mean(0)[:3, :3])
     meant = np.array([s.robots["hand"].base_from_flange.translation for s in wrong_by_place(made, 1e-3).samples])
     missed = solution.state.transforms[BASE].inverse() @ (made.truth[BASE] @ poses.translation) - meant

@@ -17,7 +17,7 @@ SIGMAS = {"sigma_t_m": [1e-3, None, 1e-3], "sigma_r_rad": [1e-3] * 3}
 def effect(name: str) -> dict[str, Any]:
     """What an effect's errors come to."""
     of = RANDOM_EFFECTS[name]
-    by_joints = {"shift_m": 1e-4, "turn_rad": 1e-4} if of.by_joints is not None else {}
+    by_joints = {} if of.is_by_coordinate else {"shift_m": 1e-4, "turn_rad": 1e-4}
     return {"sigma": [1e-4] * 6, **by_joints, **of.figures}
 
 

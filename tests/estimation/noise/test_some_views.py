@@ -85,8 +85,8 @@ def test_sigmas_are_those_of_all_views(monkeypatch):
     monkeypatch.setattr(joint_estimate, "_SOME_VIEWS", (20, 40))
     monkeypatch.setattr(joint_estimate, "some_views", lambda *of: taken.append(of[2]) or some_views(*of))
     after = found()
-    # The search of the sigmas, which is among thirty of the sixty, and those with errors in common of two kinds.
-    assert taken == [20, 20, 40, 20, 40]
+    # The search of the sigmas, which is among thirty of the sixty, and those with errors in common of three kinds.
+    assert taken == [20, 20, 40, 20, 40, 20, 40]
     sigmas = [np.concatenate([each.noise.robots[robot] for robot in ("eye", "hand")]) for each in (whole, after)]
     np.testing.assert_allclose(sigmas[1], sigmas[0], rtol=0.02)
     assert after.noise.minus_2_log_evidence == pytest.approx(whole.noise.minus_2_log_evidence, abs=0.05)

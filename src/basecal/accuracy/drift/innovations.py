@@ -210,11 +210,13 @@ def _flange_tangents(posture: Posture | None, poses: SE3, effect: RandomEffect, 
 
     Without joints, or the sigma of each error, errors of joints and links count as smooth in the pose.
     """
-    errors = None if posture is None or effect.by_joints is None else effect.by_joints(posture)
-    if errors is not None and "shift_m" in sigmas:
+    by_joints = None if posture is None or effect.by_joints is None else effect.by_joints(posture)
+    errors = by_joints or (effect.by_poses or smooth.errors)(poses, poses)
+    if errors is None:
+        return np.zeros((len(poses), 6, 0))
+    if "shift_m" in sigmas and (by_joints or effect.by_poses):
         return np.asarray(errors.by_stop * np.where(errors.is_turn, sigmas["turn_rad"], sigmas["shift_m"]))
-    shared = (effect.by_poses or smooth.errors)(poses, poses)
-    return np.zeros((len(poses), 6, 0)) if shared is None else shared.by_stop * np.array(sigmas["sigma"])[:, None]
+    return np.asarray(errors.by_stop * np.array(sigmas["sigma"])[:, None])
 
 
 def _sigmas(sigmas: Mapping[str, Any]) -> Array:

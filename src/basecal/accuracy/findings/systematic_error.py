@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.phrases.gravity import describe_gravity
 from basecal.cell import Finding
 from basecal.effects import deflection, joint_offsets
+from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import CONTAINED, describe_effect
 
 _COVERED_SENTENCE = "The answer {} it, and its covariance is wider."
+_NONLINEAR_SENTENCE = "The answer excludes it. Its covariance may be too small, since it is linear in errors of joints."
+_LINEAR_RAD = 0.03  # joints off by 17 mrad leave bases within their ellipsoids, joints off by 35 do not
 _CHANCE_SENTENCE = (
     "It is real with a probability of {:.0f} % at most. The covariance and the expected errors contain it."
 )
@@ -25,8 +30,7 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
     if found is None or (all(each.effect == joint_offsets.NAME for each in named) and robot_model(evidence)):
         return []
     words = describe_effect(found)
-    covered = _COVERED_SENTENCE.format("contains" if found.effect in CONTAINED else "excludes")
-    why = [words.why, covered if found.is_certain else _CHANCE_SENTENCE.format(100 * found.share)]
+    why = [words.why, _answer_sentence(found) if found.is_certain else _CHANCE_SENTENCE.format(100 * found.share)]
     if found.effect == deflection.NAME:
         why.append(describe_gravity(evidence.cell, evidence.solution, (found.about,)))
     about = [each.about for each in named]
@@ -40,3 +44,10 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
             " ".join(filter(None, why)),
         )
     ]
+
+
+def _answer_sentence(effect: FoundEffect) -> str:
+    """The sentence about the answer beside a certain effect."""
+    if effect.effect == joint_offsets.NAME and np.abs(effect.size).max() > _LINEAR_RAD:
+        return _NONLINEAR_SENTENCE
+    return _COVERED_SENTENCE.format("contains" if effect.effect in CONTAINED else "excludes")

@@ -42,7 +42,7 @@ class PoseField(NamedTuple):
 
     def flange_tangents(self, poses: SE3) -> Array:
         """How a flange at poses, (n,), moves with each error, (n, 6, k), right tangents."""
-        shared = SharedErrors.repeat_coordinates(self.modes.sizes(poses)).rotate_to_base(poses)
+        shared = SharedErrors.repeat_coordinates(self.modes.sizes(poses)).rotate_to(poses)
         tangents: Array = shared.by_stop / np.where(shared.is_turn, _LEVER_M, 1.0)
         return tangents
 

@@ -50,8 +50,8 @@ class _Target(BaseModel):
 
 def _shared_entry(name: str, effect: RandomEffect) -> Any:
     """The entry of an effect: its sigmas, and its figures."""
-    by_joints = ("shift_m", "turn_rad") if effect.by_joints is not None else ()
-    numbers: dict[str, Any] = dict.fromkeys((*by_joints, *effect.figures), (Real, ...))
+    of_errors = () if effect.is_by_coordinate else ("shift_m", "turn_rad")
+    numbers: dict[str, Any] = dict.fromkeys((*of_errors, *effect.figures), (Real, ...))
     return create_model(name, sigma=(_Sigma6, ...), **numbers) | None, None
 
 

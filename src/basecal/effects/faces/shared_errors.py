@@ -79,9 +79,10 @@ class SharedErrors:
         left = flat - by_frames @ (pseudo_inverse(by_frames) @ flat)
         return replace(self, by_stop=left.reshape(self.by_stop.shape) / units[:, None])
 
-    def rotate_to_base(self, poses: SE3) -> SharedErrors:
-        """A copy along the axes of the base, not of the flange at poses, (stops,)."""
-        return replace(self, by_stop=np.kron(np.eye(2), poses.rotation.mT) @ self.by_stop)
+    def rotate_to(self, poses: SE3, axes: Array | None = None) -> SharedErrors:
+        """A copy along axes in the base, (stops, 3, 3) or its own, not those of the flange at poses, (stops,)."""
+        flange_from_axes = poses.rotation.mT if axes is None else poses.rotation.mT @ axes
+        return replace(self, by_stop=np.kron(np.eye(2), flange_from_axes) @ self.by_stop)
 
     @classmethod
     def repeat_coordinates(cls, modes: Array) -> SharedErrors:
