@@ -81,14 +81,15 @@ def made_scene(
         SE3.stack([pose[k] for pose in flanges for k in range(count)]),
         np.repeat(np.arange(arms), count),
     )
-    seen, shown, pixels = [], [], []
+    seen, shown, pixels, number = [], [], [], []
     for view in range(arms * count):
         in_camera = cameras[view // count][view % count].inverse() @ at
         visible = np.flatnonzero(LENS.sees(in_camera) & (rng.random(points) < 0.7))
         seen += [view] * len(visible)
         shown += visible.tolist()
+        number += range(len(visible))
         pixels.append(LENS.project(in_camera[visible]) + noise * PIXEL * rng.standard_normal((len(visible), 2)))
-    tracks = Tracks(np.array(seen), np.array(shown), np.concatenate(pixels))
+    tracks = Tracks(np.array(seen), np.array(shown), np.concatenate(pixels), np.array(number))
     tracks, old = tracks.take(np.ones(len(tracks), dtype=bool))
     errors = np.zeros((arms * count, 6))
     truth = SceneState(SE3.stack([MOUNT] * arms), SE3.stack(bases), (LENS,) * arms, errors, at[old])

@@ -21,14 +21,22 @@ from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.cell import Cell, Robot
+from basecal.estimation.scene.views import Tracks
 from basecal.fields.parameters import Parameters
 from basecal.geometry import SE3
 from scene_pictures import pictures_of_scene, solved_camera
 from scene_points import ARM_M, MOUNT, made_scene
 
 NAMES = ("left_eye", "right_eye")
-NONE = (np.zeros(0, dtype=np.int64),) * 3
-GOOD = Join(SE3.identity(), 400, 9.0, NONE, 12, rival=20.0)
+
+
+def sightings(count: int) -> Tracks:
+    """So many image points."""
+    none = np.zeros(count, dtype=np.int64)
+    return Tracks(none, none, np.zeros((count, 2)), none)
+
+
+GOOD = Join(SE3.identity(), sightings(400), 9.0, rival=20.0)
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +59,8 @@ def test_good_pictures_lack_nothing(good: OneCamera) -> None:
 def test_each_lack_of_a_camera_has_its_word(good: OneCamera) -> None:
     """Views, pairs, poses and points are named in this order, each with what to do."""
     assert good.start is not None
-    few = replace(good, views=good.views.take(np.arange(FEWEST_VIEWS - 1)))
-    fewer = replace(good, views=good.views.take(np.arange(FEWEST_VIEWS)))
+    few = replace(good, rows=np.arange(FEWEST_VIEWS - 1))
+    fewer = replace(good, rows=np.arange(FEWEST_VIEWS))
     assert told(few) == [("too-few-samples", "error")]
     assert told(fewer) == [("few-images", "warning")]
     assert told(replace(good, matched_pairs=9)) == [("scene-texture", "error")]
@@ -73,8 +81,8 @@ def test_each_lack_of_a_join_has_its_word() -> None:
 
     assert codes(GOOD) == []
     assert codes(None) == ["scene-overlap"]
-    assert codes(replace(GOOD, found=20)) == ["scene-overlap"]
-    assert codes(replace(GOOD, found=900, by_chance=500.0)) == ["scene-overlap"]
+    assert codes(replace(GOOD, sightings=sightings(20))) == ["scene-overlap"]
+    assert codes(replace(GOOD, sightings=sightings(900), by_chance=500.0)) == ["scene-overlap"]
     assert codes(replace(GOOD, rival=0.4 * GOOD.score)) == ["scene-rival"]
     assert codes(GOOD, common=0.3) == ["scene-rival"]
     assert codes(GOOD, shared=99) == ["scene-overlap"]

@@ -67,7 +67,7 @@ def test_each_picture_with_a_pose_is_a_view(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.views.sample, [0, 2, 2])
     np.testing.assert_array_equal(found.views.camera, [0, 0, 1])
     np.testing.assert_array_equal(found.views.stop_robot[found.views.stop], [0, 0, 1])
-    assert found.camera_views(0) == [0, 1]
+    assert found.views.camera.tolist() == [0, 0, 1]
     assert min(len(each) for each in found.features) > 20
 
 
@@ -126,5 +126,5 @@ def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     )
     (tmp_path / "recording" / "b.png").write_bytes(b"no image")
     found = read(tmp_path)
-    assert found.camera_views(0) == [0]
+    assert found.views.camera.tolist() == [0]
     assert [(each.code, each.about) for each in found.lost] == [("dropped-sample", ("1", "left_eye"))]

@@ -22,5 +22,10 @@ def test_rays_of_one_place_tell_no_depth():
     scene = made_scene(2, noise=0.0)
     same = scene.views.take(np.zeros(3, dtype=np.int64))
     one = np.flatnonzero(scene.tracks.view == 0)[0]
-    tracks = Tracks(np.arange(3), np.zeros(3, dtype=np.int64), np.tile(scene.tracks.pixels[one], (3, 1)))
+    tracks = Tracks(
+        np.arange(3),
+        np.zeros(3, dtype=np.int64),
+        np.tile(scene.tracks.pixels[one], (3, 1)),
+        np.zeros(3, dtype=np.int64),
+    )
     assert not triangulate(same, tracks, scene.truth)[1].any()

@@ -10,7 +10,7 @@ from scene_points import LENS, made_scene
 
 def test_points_that_too_few_views_show_are_left_out():
     """Of three points one is seen twice only once an image point is dropped; the others are numbered anew."""
-    tracks = Tracks(np.array([0, 1, 2, 0, 1, 2, 3]), np.array([0, 0, 0, 1, 1, 1, 1]), np.zeros((7, 2)))
+    tracks = Tracks(np.array([0, 1, 2, 0, 1, 2, 3]), np.array([0, 0, 0, 1, 1, 1, 1]), np.zeros((7, 2)), np.arange(7))
     kept, old = tracks.take(np.array([True, True, False, True, True, True, True]))
     assert old.tolist() == [1]
     assert kept.point.tolist() == [0, 0, 0, 0]

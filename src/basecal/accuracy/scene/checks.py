@@ -57,8 +57,8 @@ def drop_target_findings(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
     """Findings about deficits of one camera's images."""
     about = (name,)
-    if len(one.views) < FEWEST_VIEWS:
-        what = f"{len(one.views)} images of {name} with a pose are too few: a scene needs {FEWEST_VIEWS}."
+    if len(one.rows) < FEWEST_VIEWS:
+        what = f"{len(one.rows)} images of {name} with a pose are too few: a scene needs {FEWEST_VIEWS}."
         yield Finding("too-few-samples", "error", about, what, ("Record 15 images and more with each arm.",))
         return
     points = 0 if one.fit is None else one.fit.tracks.count
@@ -79,8 +79,8 @@ def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
         what = f"{points} points of the scene are seen by {name} in three images and more; {_FEWEST_POINTS} are needed."
         yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
         return
-    if len(one.views) < _ENOUGH_VIEWS:
-        what = f"{len(one.views)} images of {name} are few: its sigmas may be too small."
+    if len(one.rows) < _ENOUGH_VIEWS:
+        what = f"{len(one.rows)} images of {name} are few: its sigmas may be too small."
         yield Finding("few-images", "warning", about, what, (f"Record {_ENOUGH_VIEWS} images and more.",))
 
 
@@ -97,7 +97,7 @@ def join_findings(
         common: Share of places of the first camera's scene that the second shows, of those within its images.
     """
     first, second = names
-    if join is None or join.score < _LEAST_SCORE or join.found < _LEAST_RATIO * join.by_chance:
+    if join is None or join.score < _LEAST_SCORE or len(join.sightings) < _LEAST_RATIO * join.by_chance:
         what = f"The images of {first} and {second} show no common part of the scene."
         yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,))
     elif join.rival > _RIVAL_SHARE * join.score:
