@@ -11,6 +11,7 @@ from basecal.accuracy.scene.checks import (
     FEWEST_VIEWS,
     aim_covariance,
     camera_findings,
+    describe_scatter,
     direction_findings,
     join_findings,
     joint_findings,
@@ -122,6 +123,20 @@ def test_unknown_directions_are_refused() -> None:
     assert codes(0.11, 0.4) == codes(9e-3, 6.0) == ["unobservable-direction"]
 
 
+def test_poses_that_scatter_are_named_as_a_cause() -> None:
+    """Beyond 2 mm or 3 mrad a robot is named with its noise, and a weak direction says to check it first."""
+    scene = made_scene(1, arms=2, count=12, points=120)
+    fit = solved_camera(scene, pictures_of_scene(scene), 0).solved
+    assert describe_scatter(replace(fit, stop_sigma=np.full((12, 6), 1e-3))) == ""
+    scatter = describe_scatter(replace(fit, stop_sigma=np.tile(np.repeat([1e-3, 8e-3], 3), (12, 1))))
+    assert scatter == "Poses of left scatter by 1 mm and 0.46 deg."
+    (found,) = direction_findings("mount", np.diag(np.full(6, 1e-3)), scatter)
+    assert found.why == scatter
+    assert "zeros" in found.do[0]
+    (plain,) = direction_findings("mount", np.diag(np.full(6, 1e-3)))
+    assert (plain.why, plain.do) == ("", found.do[1:])
+
+
 def test_views_that_aim_at_one_point_leave_the_distance_unknown() -> None:
     """Cameras on a sphere about a point: the mount is uncertain along the way to it, far more than of free views."""
     scene = made_scene(1, count=12, points=120)
@@ -144,11 +159,16 @@ def test_views_that_aim_at_one_point_leave_the_distance_unknown() -> None:
 
 
 def test_joints_that_are_to_be_estimated_are_not() -> None:
-    """A scene takes recorded poses with their noise: the robot and what is open of it are named."""
+    """A scene takes recorded poses with their noise: the robot and what is open of it are named.
+
+    What has a prior is information; what is free was asked for, and is missing from the answer.
+    """
     arms = {
         "left": Robot("left", parameters={"joint_offsets": Parameters(status="free")}),
         "right": Robot("right", parameters={"joint_offsets": Parameters()}),
     }
     (found,) = joint_findings(Cell("left", arms, {}, {}, {}), ["left", "right"])
-    assert (found.code, found.severity, found.about) == ("scene-joints", "info", ("left",))
+    assert (found.code, found.severity, found.about) == ("scene-joints", "warning", ("left",))
     assert found.what.startswith("The joint offsets of left are not estimated from a scene")
+    known = {"left": Robot("left", parameters={"joint_offsets": Parameters(status="prior")})}
+    assert [each.severity for each in joint_findings(Cell("left", known, {}, {}, {}), ["left"])] == ["info"]

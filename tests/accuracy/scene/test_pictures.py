@@ -14,6 +14,7 @@ from basecal.accuracy.scene.pictures import Pictures, guessed_lens, read_picture
 from basecal.cell import Intrinsics, RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import InputError
+from basecal.estimation.settings import Settings
 
 CELL = """schema: basecal/cell/1
 reference: left
@@ -128,3 +129,12 @@ def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     found = read(tmp_path)
     assert found.views.camera.tolist() == [0]
     assert [(each.code, each.about) for each in found.lost] == [("dropped-sample", ("1", "left_eye"))]
+
+
+def test_each_picture_that_is_read_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Features of an image take up to a second: how many are read is told one after another."""
+    write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"left_eye": "a.png", "right_eye": "bb.png"}}])
+    cell = read_cell(tmp_path)
+    with caplog.at_level("INFO", logger="basecal"):
+        read_pictures(cell, read_recording(tmp_path, cell), Settings())
+    assert [each.message for each in caplog.records] == ["1 of 2", "2 of 2"]

@@ -11,6 +11,7 @@ from basecal.accuracy.scene.checks import (
     aim_covariance,
     base_findings,
     count_points,
+    describe_scatter,
     direction_findings,
     drop_target_findings,
     joint_findings,
@@ -48,7 +49,7 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
     """
     settings = replace(settings, method="scene")  # also if the cell requests it, or has tracks alone
     with settings.stage("features"):
-        pictures = read_pictures(cell, recording)
+        pictures = read_pictures(cell, recording, settings)
     if not len(pictures.views):
         lost = " ".join(finding.what for finding in pictures.lost[:1])
         raise InputError(lost or "no camera on a robot has images or tracks with poses, which a scene needs")
@@ -107,7 +108,7 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
     rows = {each.name: np.arange(each.columns.stop)[each.columns] for each in (*bases, *mounts) if each.columns}
     found = {each.name: _estimate(each, covariance) for each in (*bases, *mounts)}
     for name, estimate in found.items():
-        report.findings += direction_findings(name, estimate.covariance)
+        report.findings += direction_findings(name, estimate.covariance, describe_scatter(fit))
     for each in bases:
         if each.columns and not report.is_refused:
             report.findings += base_findings(each.name, *_compare_statement(each.known, found[each.name]))

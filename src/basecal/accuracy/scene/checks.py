@@ -34,6 +34,7 @@ _LEAST_KEPT = 0.5  # share of the points found in both scenes that one adjustmen
 _WEAK_M, _WEAK_RAD = 0.01, np.radians(0.5)  # sigma along an axis that is worth a warning
 _STILL_CHANCE = 1e-3  # of errors that follow time so closely in a scene that is still
 _RIDGE = 1e-6  # of rotations about a point, below which it has no place
+_LOOSE_M, _LOOSE_RAD = 2e-3, 3e-3  # noise of poses beyond that of arms as delivered (estimation.noise.hyperpriors)
 _OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that is as good as unknown
 
 _PAPER = "Put printed paper or tools on the table, in view of the camera."
@@ -46,6 +47,7 @@ _SECOND = (
 _TWO_PLACES = "Check what cell.yaml states of the base, and whether anything in the scene moved or stands there twice."
 _MISTAKEN = "Similar objects, or objects that moved between the images, were taken for one."
 _TURN = "Rotate the flange about two axes, by 20 deg and more, between images."
+_ARM = "Check the zeros of such a robot's joints, its URDF, and that each pose is of its image."
 _AIM = "Take images that do not all aim at one spot: move the arm along the viewing direction, too."
 
 
@@ -148,12 +150,13 @@ def motion_findings(motion: SceneMotion) -> Iterator[Finding]:
         yield Finding("scene-moved", "warning", (), what, do, "Errors of the poses follow time.")
 
 
-def direction_findings(name: str, covariance: Array) -> Iterator[Finding]:
+def direction_findings(name: str, covariance: Array, scatter: str = "") -> Iterator[Finding]:
     """Whether a transform is known in all directions.
 
     Args:
         name: Of the transform.
         covariance: (6, 6) [m, rad].
+        scatter: Of poses, if it alone may be the cause; see `describe_scatter`.
     """
     shift, turn = (float(np.sqrt(np.linalg.eigvalsh(covariance[part, part])[-1])) for part in (slice(3), slice(3, 6)))
     how = f"{1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg along an axis (1 sigma)"
@@ -164,7 +167,18 @@ def direction_findings(name: str, covariance: Array) -> Iterator[Finding]:
         code, severity = "weak-direction", "warning"
     else:
         return
-    yield Finding(code, severity, (name,), f"{name} is known to {how} only.", (_TURN, _AIM))
+    do = (_ARM, _TURN, _AIM) if scatter else (_TURN, _AIM)
+    yield Finding(code, severity, (name,), f"{name} is known to {how} only.", do, scatter)
+
+
+def describe_scatter(fit: SceneFit) -> str:
+    """Sentences about robots whose poses scatter more than those of an arm without faults; empty if none do."""
+    found = []
+    for k, robot in enumerate(fit.views.robots):
+        shift, turn = fit.stop_sigma[fit.views.stop_robot == k][0, ::3]
+        if shift > _LOOSE_M or turn > _LOOSE_RAD:
+            found.append(f"Poses of {robot} scatter by {1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg.")
+    return " ".join(found)
 
 
 def count_points(fit: SceneFit) -> Finding:
@@ -199,11 +213,14 @@ def aim_covariance(fit: SceneFit, camera: int) -> Array:
 
 
 def joint_findings(cell: Cell, robots: Sequence[str]) -> Iterator[Finding]:
-    """Whether parameters of robots are to be estimated, which a scene alone does not."""
+    """Whether parameters of robots are to be estimated, which a scene alone does not; a warning if any is free."""
     for robot in robots:
-        kinds = [name for name, each in cell.robots[robot].parameters.items() if each.status != "fixed"]
+        kinds = {name: each.status for name, each in cell.robots[robot].parameters.items() if each.status != "fixed"}
         if kinds:
             words = " and ".join(kind.replace("_", " ") for kind in kinds)
             what = f"The {words} of {robot} are not estimated from a scene: they are in the noise of its poses."
-            do = ("Calibrate the arm with a board first, and import poses of the corrected URDF.",)
-            yield Finding("scene-joints", "info", (robot,), what, do)
+            do = (
+                "Let one camera see a board in some samples, and run `basecal calibrate CELL --scene also`.",
+                "Or calibrate the arm with a board first, and state the corrected URDF in cell.yaml.",
+            )
+            yield Finding("scene-joints", "warning" if "free" in kinds.values() else "info", (robot,), what, do)

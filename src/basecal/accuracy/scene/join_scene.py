@@ -49,7 +49,7 @@ def join_scene(
     report = Report()
     sound = tuple(each for each in recording.samples if each.sample not in outlier_samples)
     with settings.stage("features"):
-        pictures = read_pictures(cell, replace(recording, samples=sound))
+        pictures = read_pictures(cell, replace(recording, samples=sound), settings)
     anchor = next((name for name in (cell.reference, *pictures.views.robots) if name in pictures.views.robots), None)
     if anchor is None:
         do = ("Record images of the scene with the robots' poses, or calibrate without --scene.",)

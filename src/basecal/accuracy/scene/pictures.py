@@ -15,6 +15,7 @@ from basecal.errors import InputError
 from basecal.estimation.problem.build import recorded_states
 from basecal.estimation.problem.stated_lens import with_usual_error
 from basecal.estimation.scene.views import AT_WORLD, SceneCamera, SceneViews, Tracks
+from basecal.estimation.settings import DEFAULT, Settings
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.tracks.feature_cache import kept_features
@@ -59,12 +60,13 @@ class Pictures:
         return unit_descriptors(total)
 
 
-def read_pictures(cell: Cell, recording: Recording) -> Pictures:
+def read_pictures(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Pictures:
     """The images of all cameras, those on robots first, then one image of each camera on `world`.
 
     Args:
         cell: Its cameras and robots.
         recording: Its samples, with images or tracks; features of images are kept in its folder.
+        settings: Told how many images have been read.
 
     Raises:
         InputError: if it has images and its folder is not known.
@@ -73,7 +75,10 @@ def read_pictures(cell: Cell, recording: Recording) -> Pictures:
     fixed = [name for name in cell.cameras if cell.cameras[name].on == WORLD]
     taken = [(name, sample) for sample in recording.samples for name in carried if _has_pose(cell, name, sample)]
     taken += [(name, own[0]) for name in fixed if (own := [s for s in recording.samples if _has_pose(cell, name, s)])]
-    read = [(name, sample, read_features(cell, name, sample, recording.folder)) for name, sample in taken]
+    read = []
+    for number, (name, sample) in enumerate(taken, 1):
+        settings.part(number, len(taken))
+        read.append((name, sample, read_features(cell, name, sample, recording.folder)))
     seen = [(name, sample, *found) for name, sample, found in read if not isinstance(found, str)]
     lost = [_loss(name, sample, found) for name, sample, found in read if isinstance(found, str)]
     sizes = {name: size for name, _, _, size in seen}
