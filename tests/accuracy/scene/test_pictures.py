@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.accuracy.scene.pictures import Pictures, guessed_lens, read_pictures
-from basecal.cell import Intrinsics, RobotState
+from basecal.accuracy.scene.pictures import Pictures, read_pictures
+from basecal.cell import RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import InputError
 from basecal.estimation.settings import Settings
@@ -106,10 +106,21 @@ def test_joints_need_a_urdf(tmp_path: Path) -> None:
         read_pictures(cell, replace(recording, samples=(by_joints,)))
 
 
-def test_distortion_terms_of_a_guess_are_those_asked_for() -> None:
-    """Five unless stated; all zero."""
-    assert len(guessed_lens(Intrinsics("free"), (640, 480)).parameters) == 9
-    assert len(guessed_lens(Intrinsics("free", distortion_terms=8), (640, 480)).parameters) == 12
+@pytest.mark.parametrize(
+    ("stated", "model", "terms"),
+    [
+        ("", "pinhole", 5),
+        ("size_px: [160, 120], intrinsics: {status: free, distortion_terms: 8}", "pinhole", 8),
+        ("model: fisheye, size_px: [160, 120], intrinsics: {status: free}", "fisheye", 4),
+    ],
+)
+def test_a_guess_is_of_the_model_asked_for(tmp_path: Path, stated: str, model: str, terms: int) -> None:
+    """A lens of which nothing is stated has the model and as many terms as the cell asks for, all zero."""
+    write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"right_eye": "bb.png"}}])
+    (tmp_path / "cell.yaml").write_text(CELL.replace("{on: right}", f"{{on: right, {stated}}}"))
+    (lens,) = read(tmp_path).lenses
+    assert lens.model == model
+    assert lens.distortion.tolist() == [0.0] * terms
 
 
 def test_pictures_need_a_folder(tmp_path: Path) -> None:

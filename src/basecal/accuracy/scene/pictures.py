@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from basecal.cell import WORLD, Cell, Finding, Intrinsics, PixelObservation, Recording, Sample
+from basecal.cell import WORLD, Cell, CellCamera, Finding, Intrinsics, PixelObservation, Recording, Sample
 from basecal.cell.format.described_places import DESCRIPTOR
 from basecal.errors import InputError
 from basecal.estimation.problem.build import recorded_states
 from basecal.estimation.problem.stated_lens import with_usual_error
 from basecal.estimation.scene.views import AT_WORLD, SceneCamera, SceneViews, Tracks
 from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.start.lens import guessed_lens
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.tracks.feature_cache import kept_features
@@ -101,7 +102,7 @@ def read_pictures(cell: Cell, recording: Recording, settings: Settings = DEFAULT
         base_from_flange,
         stop_robot,
     )
-    lenses = tuple(camera.lens.camera or guessed_lens(camera.lens, sizes[camera.name]) for camera in cameras)
+    lenses = tuple(each.lens.camera or _guess_lens(cell.cameras[each.name], sizes[each.name]) for each in cameras)
     is_guessed = tuple(camera.lens.camera is None for camera in cameras)
     return Pictures(views, tuple(features for _, _, features, _ in seen), lenses, is_guessed, tuple(lost))
 
@@ -152,13 +153,10 @@ def _moving_targets(cell: Cell, sample: Sample, camera: str) -> list[Array]:
     return [each.pixels for each in seen if cell.targets[each.target].on in cell.robots]
 
 
-def guessed_lens(lens: Intrinsics, size_px: tuple[int, int]) -> Camera:
-    """A usual lens for images of this size."""
-    width, height = size_px
-    focal = _USUAL_FOCAL * width
-    terms = 5 if lens.distortion_terms is None else lens.distortion_terms
-    parameters = [focal, focal, (width - 1) / 2, (height - 1) / 2, *[0.0] * terms]
-    return Camera("pinhole", np.array(parameters), size_px)
+def _guess_lens(camera: CellCamera, size_px: tuple[int, int]) -> Camera:
+    return guessed_lens(
+        replace(camera, intrinsics=camera.intrinsics or Intrinsics("free"), size_px=size_px), _USUAL_FOCAL
+    )
 
 
 def _scene_camera(cell: Cell, name: str) -> SceneCamera:
