@@ -128,3 +128,17 @@ def repeated_object(is_seen_apart: bool) -> tuple[Scene, tuple[Descriptors, Desc
     every = np.ones(260, dtype=bool)
     seen = (is_first, is_second) if is_seen_apart else (every, every)
     return shown_by(scene, points, seen), (looks[0], looks[1])
+
+
+def moved_object() -> tuple[Scene, tuple[Descriptors, Descriptors]]:
+    """A table, and an object of 90 points on it that stood elsewhere when the second arm looked."""
+    rng = np.random.default_rng(8)
+    scene = made_scene(6, arms=2, count=12, points=30, noise=0.0)
+    thing = MIDDLE + rng.uniform(-1, 1, (90, 3)) * [0.06, 0.06, 0.04]
+    table = MIDDLE + rng.uniform(-0.35, 0.35, (160, 3)) * [1, 1, 0]
+    aside = np.array([0.15, 0.1, 0.0])
+    of_thing, of_table = random_looks(rng, 90), random_looks(rng, 160)
+    looks = np.concatenate([of_thing, of_thing, of_table])
+    of_first, of_second = np.arange(340) < 90, (np.arange(340) >= 90) & (np.arange(340) < 180)
+    points = np.concatenate([thing - aside, thing + aside, table]) + np.array([0.0, 0.0, 0.06])
+    return shown_by(scene, points, (~of_second, ~of_first)), (looks, looks)

@@ -37,7 +37,7 @@ def sightings(count: int) -> Tracks:
     return Tracks(none, none, np.zeros((count, 2)), none)
 
 
-GOOD = Join(SE3.identity(), sightings(400), 9.0, rival=20.0)
+GOOD = Join(SE3.identity(), sightings(400), 9.0, 0.9, rival=0.2)
 
 
 @pytest.fixture(scope="module")
@@ -75,17 +75,15 @@ def test_each_lack_of_a_camera_has_its_word(good: OneCamera) -> None:
 def test_each_lack_of_a_join_has_its_word() -> None:
     """No agreement, agreement as by chance, a rival, few points or few images are refused; else nothing is."""
 
-    def codes(
-        found: Join | None, shared: int = 300, of_each: tuple[int, int] = (12, 12), common: float = 0.9
-    ) -> list[str]:
-        return [each.code for each in join_findings(NAMES, found, shared, of_each, common)]
+    def codes(found: Join | None, shared: int = 300, of_each: tuple[int, int] = (12, 12)) -> list[str]:
+        return [each.code for each in join_findings(NAMES, found, shared, of_each)]
 
     assert codes(GOOD) == []
     assert codes(None) == ["scene-overlap"]
     assert codes(replace(GOOD, sightings=sightings(20))) == ["scene-overlap"]
     assert codes(replace(GOOD, sightings=sightings(900), by_chance=500.0)) == ["scene-overlap"]
-    assert codes(replace(GOOD, rival=0.4 * GOOD.score)) == ["scene-rival"]
-    assert codes(GOOD, common=0.3) == ["scene-rival"]
+    assert codes(replace(GOOD, rival=0.4)) == ["scene-rival"]
+    assert codes(replace(GOOD, common=0.3)) == ["scene-rival"]
     assert codes(GOOD, shared=99) == ["scene-overlap"]
     assert codes(GOOD, of_each=(3, 12)) == ["scene-overlap"]
 
@@ -126,7 +124,7 @@ def test_unknown_directions_are_refused() -> None:
 def test_poses_that_scatter_are_named_as_a_cause() -> None:
     """Beyond 2 mm or 3 mrad a robot is named with its noise, and a weak direction says to check it first."""
     scene = made_scene(1, arms=2, count=12, points=120)
-    fit = solved_camera(scene, pictures_of_scene(scene), 0).solved
+    fit = solved_camera(scene, pictures_of_scene(scene), 0).adjustment
     assert describe_scatter(replace(fit, stop_sigma=np.full((12, 6), 1e-3))) == ""
     scatter = describe_scatter(replace(fit, stop_sigma=np.tile(np.repeat([1e-3, 8e-3], 3), (12, 1))))
     assert scatter == "Poses of left scatter by 1 mm and 0.46 deg."

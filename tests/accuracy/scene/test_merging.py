@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.scene import merging
-from basecal.accuracy.scene.joining import Join
-from basecal.accuracy.scene.merging import common_share, merged_tracks, shared_points
+from basecal.accuracy.scene.merging import merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.accuracy.scene.pictures import Pictures
-from basecal.geometry import IntArray
 from basecal.numerics.batch import take
+from scene_joins import point_by_place, true_join, true_points
 from scene_pictures import pictures_of_scene, solved_camera
-from scene_points import BASE, Scene, made_scene
+from scene_points import Scene, made_scene
 
 
 @pytest.fixture(scope="module")
@@ -34,31 +32,6 @@ def pictures(scene: Scene) -> Pictures:
 def ones(scene: Scene, pictures: Pictures) -> tuple[OneCamera, OneCamera]:
     """What each camera's images say."""
     return solved_camera(scene, pictures, 0), solved_camera(scene, pictures, 1)
-
-
-def point_by_place(scene: Scene) -> dict[tuple[float, ...], int]:
-    """The point that an image point shows, by its view and pixels."""
-    places = zip(scene.tracks.view, scene.tracks.pixels, scene.tracks.point, strict=True)
-    return {(int(view), *map(float, pixels)): int(point) for view, pixels, point in places}
-
-
-def true_points(scene: Scene, one: OneCamera) -> IntArray:
-    """The point of the world that each image point of a camera's fit shows."""
-    assert one.fit is not None
-    at = point_by_place(scene)
-    tracks = one.fit.tracks
-    return np.array([at[int(one.rows[v]), *map(float, px)] for v, px in zip(tracks.view, tracks.pixels, strict=True)])
-
-
-def true_join(scene: Scene, ones: tuple[OneCamera, OneCamera]) -> Join:
-    """Each image point of the second that shows a point of the first, as that."""
-    first, second = (true_points(scene, one) for one in ones)
-    assert ones[0].fit is not None
-    assert ones[1].fit is not None
-    of_first = dict(zip(first.tolist(), ones[0].fit.tracks.point.tolist(), strict=True))
-    shown = [k for k, point in enumerate(second.tolist()) if point in of_first]
-    point = np.array([of_first[int(second[k])] for k in shown])
-    return Join(BASE.inverse(), replace(take(ones[1].fit.tracks, np.array(shown)), point=point), 0.0)
 
 
 def test_one_point_is_one_track(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
@@ -102,35 +75,3 @@ def test_two_features_of_one_view_are_no_image_of_a_point(
     tracks = merged_tracks(ones, [(0, 1, beside), (0, 1, join)])
     places = np.column_stack([tracks.view, tracks.point])
     assert len(np.unique(places, axis=0)) == len(places)
-
-
-def test_places_within_both_views_are_one(
-    scene: Scene, ones: tuple[OneCamera, OneCamera], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Most are; with a quarter of the sightings most are not; without places it is unknown."""
-    monkeypatch.setattr(merging, "_CUBE_M", 0.5)
-    join = true_join(scene, ones)
-    assert common_share(*ones, join) > 0.7
-    quarter = take(join.sightings, join.sightings.point % 4 == 0)
-    assert common_share(*ones, replace(join, sightings=quarter)) < 0.5
-    none = take(join.sightings, np.arange(0))
-    assert common_share(*ones, replace(join, sightings=none)) == 0
-    monkeypatch.setattr(merging, "_CUBE_M", 1e-3)
-    assert common_share(*ones, join) == 1
-
-
-def test_places_count_equally_however_many_points_they_have(
-    scene: Scene, ones: tuple[OneCamera, OneCamera], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two equal objects have most of the points, and what is around them contradicts that they are one."""
-    monkeypatch.setattr(merging, "_CUBE_M", 0.25)
-    join, first, second = true_join(scene, ones), ones[0].fit, ones[1].fit
-    assert first is not None
-    assert second is not None
-    cubes = np.floor(first.state.points / 0.25).astype(np.int64)
-    _, number, count = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
-    largest = np.flatnonzero(number.ravel() == np.argmax(count))
-    shown = np.isin(join.sightings.point, largest)
-    assert common_share(*ones, join) > 0.9
-    of_one_object = take(join.sightings, shown)
-    assert common_share(*ones, replace(join, sightings=of_one_object)) < 0.5

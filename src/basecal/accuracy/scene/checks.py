@@ -28,7 +28,7 @@ _FEWEST_SHARED = 100  # points that both cameras see
 _FEWEST_OF_EACH = 4  # views of each camera that show some of them
 _LEAST_SCORE = 30.0  # standard deviations of a count
 _LEAST_RATIO = 2.5  # of points found over those found by chance
-_RIVAL_SHARE = 1 / 3  # of the score of the best that no other transform may have
+_RIVAL_SHARE = 1 / 3  # of the evidence of the best that no other transform may have
 _LEAST_COMMON = 0.45  # of places; right rooms have 1, with each box moved 0.6, two equal groups of objects 0.13 to 0.29
 _LEAST_KEPT = 0.5  # share of the points found in both scenes that one adjustment keeps
 _WEAK_M, _WEAK_RAD = 0.01, np.radians(0.5)  # sigma along an axis that is worth a warning
@@ -87,7 +87,7 @@ def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
 
 
 def join_findings(
-    names: tuple[str, str], join: Join | None, shared_count: int, of_each: tuple[int, int], common: float
+    names: tuple[str, str], join: Join | None, shared_count: int, of_each: tuple[int, int]
 ) -> Iterator[Finding]:
     """Findings about the overlap of two cameras' images.
 
@@ -96,19 +96,18 @@ def join_findings(
         join: How they join; None if they do not.
         shared_count: Points that both see.
         of_each: Views of each that show some of them.
-        common: Share of places of the first camera's scene that the second shows, of those within its images.
     """
     first, second = names
     if join is None or join.score < _LEAST_SCORE or len(join.sightings) < _LEAST_RATIO * join.by_chance:
         what = f"The images of {first} and {second} show no common part of the scene."
         yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,))
-    elif join.rival > _RIVAL_SHARE * join.score:
-        share = join.rival / join.score
-        what = f"Two positions of {second} fit its images: the second has {share:.0%} of the evidence of the first."
+    elif join.rival > _RIVAL_SHARE:
+        share = f"{join.rival:.0%}"
+        what = f"Two positions of {second} fit its images: the second has {share} of the evidence of the first."
         do = "Remove repeated objects, or add different ones around them.", SAME_SPOT
         yield Finding("scene-rival", "error", names, what, do, "Some objects of the scene look the same.")
-    elif common < _LEAST_COMMON:
-        what = f"{second} shows the scene of {first} at {common:.0%} of the places in its view."
+    elif join.common < _LEAST_COMMON:
+        what = f"{second} shows the scene of {first} at {join.common:.0%} of the places in its view."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
     elif shared_count < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:
         what = f"{first} and {second} share {shared_count} points, in {of_each[0]} and {of_each[1]} images."

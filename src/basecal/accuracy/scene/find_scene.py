@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.accuracy.scene.checks import SAME_SPOT, camera_findings, join_findings, kept_findings
 from basecal.accuracy.scene.joining import Join, join
-from basecal.accuracy.scene.merging import common_share, merged_tracks, shared_points
+from basecal.accuracy.scene.merging import merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera, solve_camera
 from basecal.accuracy.scene.pictures import Pictures
 from basecal.accuracy.verdicts import judge_findings
@@ -80,13 +80,12 @@ def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: Report) -> lis
     for index in range(1, len(ones)):
         found = join(pictures, ones[0], ones[index])
         names = (pictures.views.cameras[0].name, pictures.views.cameras[index].name)
-        shared, of_each, common = 0, (0, 0), 0.0
+        shared, of_each = 0, (0, 0)
         if found is not None:
-            common = common_share(ones[0], ones[index], found)
             joins.append((0, index, found))
             tracks = merged_tracks(ones, [joins[-1]])
             shared, of_each = shared_points(pictures.views, tracks, (0, index))
-        report.findings += join_findings(names, found, shared, of_each, common)
+        report.findings += join_findings(names, found, shared, of_each)
     return joins
 
 
@@ -108,7 +107,10 @@ def _fit(
         known.mean if known.status == "fixed" and known.mean is not None else home.inverse() @ base
         for known, base in zip(views.bases, bases, strict=True)
     ]
-    mounts, lenses = [one.solved.state.mounts[0] for one in ones], tuple(one.solved.state.lenses[0] for one in ones)
+    mounts, lenses = (
+        [one.adjustment.state.mounts[0] for one in ones],
+        tuple(one.adjustment.state.lenses[0] for one in ones),
+    )
     tracks = merged_tracks(ones, joins)
     before = [shared_points(views, tracks, (i, k))[0] for i, k, _ in joins]
     try:

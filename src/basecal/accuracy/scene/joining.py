@@ -17,7 +17,7 @@ from basecal.accuracy.scene.pictures import Pictures
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.alignment import alignments, are_one
 from basecal.estimation.scene.base import project_points, refine_transform
-from basecal.estimation.scene.views import Tracks
+from basecal.estimation.scene.views import FEWEST_VIEWS, Tracks
 from basecal.geometry import SE3, Array, IntArray
 from basecal.numerics.batch import concatenate
 from basecal.vision.tracks.features import Descriptors
@@ -28,6 +28,8 @@ _MOST_TRANSFORMS = 12  # transforms that are tried
 _TOLERANCE = 0.015  # [1] of the distance to the cameras, by which paired points may be apart
 _RADII_PX = (12.0, 6.0, 4.0)  # [px] about predictions, one after another
 _NEAR_M, _NEAR_RAD = 0.02, 0.02  # within which two refined transforms are one
+_CUBE_M = 0.15  # [m] sides of the cubes that are places
+_FEWEST_IN_CUBE = 4  # points of a place
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +40,14 @@ class Join:
         second_from_first: The transform.
         sightings: Image points in views of the second that were found where it predicts points of the first.
         by_chance: How many chance finds beside these places.
-        rival: The score of the best other transform; 0 if there is none.
+        common: Share of places of the first camera's scene that the second shows; see `common_share`.
+        rival: The share of the evidence that another transform has at most, by its score and its places.
     """
 
     second_from_first: SE3
     sightings: Tracks
     by_chance: float
+    common: float
     rival: float = 0.0
 
     @property
@@ -55,8 +59,8 @@ class Join:
 def join(pictures: Pictures, first: OneCamera, second: OneCamera) -> Join | None:
     """The transform that images speak for most, with the score of its rival; None if no pairs of points agree."""
     pairs, tolerance = paired_points(pictures, first, second)
-    points = first.solved.state.points
-    one, other = points[pairs[:, 0]], second.solved.state.points[pairs[:, 1]]
+    points = first.adjustment.state.points
+    one, other = points[pairs[:, 0]], second.adjustment.state.points[pairs[:, 1]]
     looks = pictures.descriptors(first.tracks)
     tried = [
         _judge_transform(pictures, points, looks, second, at)
@@ -66,8 +70,13 @@ def join(pictures: Pictures, first: OneCamera, second: OneCamera) -> Join | None
         return None
     best, *others = sorted(tried, key=lambda each: -each.score)
     at = best.second_from_first
-    rivals = [each.score for each in others if not are_one(each.second_from_first, at, one, _NEAR_M, _NEAR_RAD)]
-    return replace(best, rival=max(rivals, default=0.0))
+    rivals = [each for each in others if not are_one(each.second_from_first, at, one, _NEAR_M, _NEAR_RAD)]
+    return replace(best, rival=max((_evidence_share(each, best) for each in rivals), default=0.0))
+
+
+def _evidence_share(rival: Join, best: Join) -> float:
+    """The lesser of both shares: an object that moved has many points, and stands at few places."""
+    return min(rival.score / max(best.score, 1e-9), rival.common / max(best.common, 1e-9))
 
 
 def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tuple[IntArray, Array]:
@@ -84,7 +93,9 @@ def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tu
         best_of_second.setdefault(q, p)
     pairs = np.array([(p, q) for p, q in best_of_first.items() if best_of_second[q] == p], dtype=np.int64)
     pairs = pairs.reshape(-1, 2)
-    return pairs, _TOLERANCE * np.hypot(_distances(first.solved)[pairs[:, 0]], _distances(second.solved)[pairs[:, 1]])
+    return pairs, _TOLERANCE * np.hypot(
+        _distances(first.adjustment)[pairs[:, 0]], _distances(second.adjustment)[pairs[:, 1]]
+    )
 
 
 def _view_points(pictures: Pictures, one: OneCamera) -> Iterator[tuple[IntArray, Descriptors]]:
@@ -104,7 +115,7 @@ def _distances(fit: SceneFit) -> Array:
 
 def _judge_transform(pictures: Pictures, points: Array, looks: Descriptors, second: OneCamera, transform: SE3) -> Join:
     """A transform refined on what images of the second show of points of the first."""
-    fit = second.solved
+    fit = second.adjustment
     camera_from_world, lens = fit.state.world_from_camera(fit.views).inverse(), fit.state.lenses[0]
     for radius_px in _RADII_PX:
         pixels = project_points(points, camera_from_world @ transform, lens)
@@ -119,4 +130,26 @@ def _judge_transform(pictures: Pictures, points: Array, looks: Descriptors, seco
         if len(sightings) < 6:
             break
         transform = refine_transform(points, sightings, camera_from_world, transform, lens)
-    return Join(transform, sightings, by_chance)
+    return Join(transform, sightings, by_chance, common_share(points, fit, transform, sightings))
+
+
+def common_share(points: Array, second: SceneFit, transform: SE3, sightings: Tracks) -> float:
+    """Share of places of the first camera's scene that the second shows, of those predicted within its images.
+
+    Two equal objects, of which each camera sees one, fit; what is around them does not. Places are cubes, which count
+    equally, as objects have more texture than what is around them. 1 if no cube has enough points.
+
+    Args:
+        points: (p, 3) of the first camera's scene [m].
+        second: Of the second camera.
+        transform: From the first camera's world to that of the second.
+        sightings: Of the points in views of the second.
+    """
+    camera_from_world = second.state.world_from_camera(second.views).inverse()
+    pixels = project_points(points, camera_from_world @ transform, second.state.lenses[0])
+    predicted = np.flatnonzero(np.isfinite(pixels).all(-1).sum(0) >= FEWEST_VIEWS)
+    cubes = np.floor(points[predicted] / _CUBE_M).astype(np.int64)
+    _, number, total = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
+    found = np.bincount(number.ravel(), np.isin(predicted, sightings.point), len(total))
+    is_place = total >= _FEWEST_IN_CUBE
+    return float(np.mean(found[is_place] >= total[is_place] / 2)) if is_place.any() else 1.0

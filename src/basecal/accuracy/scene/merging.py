@@ -9,14 +9,10 @@ import numpy as np
 
 from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.one_camera import OneCamera
-from basecal.estimation.scene.base import project_points
-from basecal.estimation.scene.views import FEWEST_VIEWS, SceneViews, Tracks
+from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import IntArray
 from basecal.numerics.batch import concatenate, take
 from basecal.numerics.tied_blocks import components
-
-_CUBE_M = 0.15  # [m] sides of the cubes that are places
-_FEWEST_IN_CUBE = 4  # points of a place
 
 
 def merged_tracks(ones: Sequence[OneCamera], joins: Sequence[tuple[int, int, Join]]) -> Tracks:
@@ -26,11 +22,11 @@ def merged_tracks(ones: Sequence[OneCamera], joins: Sequence[tuple[int, int, Joi
         ones: What each camera's images say.
         joins: Indices among `ones` of two that are joined, and how.
     """
-    offsets = np.cumsum([0, *(each.solved.tracks.count for each in ones)])
+    offsets = np.cumsum([0, *(each.adjustment.tracks.count for each in ones)])
     parts = [replace(each.tracks, point=each.tracks.point + at) for each, at in zip(ones, offsets, strict=False)]
     ties = [np.zeros((0, 2), dtype=np.int64)]
     for i, k, join in joins:
-        more, tied = _new_sightings(ones[k].solved.tracks, join.sightings)
+        more, tied = _new_sightings(ones[k].adjustment.tracks, join.sightings)
         parts.append(replace(more, view=ones[k].rows[more.view], point=more.point + offsets[i]))
         ties.append(tied + offsets[[k, i]])
     tracks = concatenate(parts)
@@ -48,24 +44,6 @@ def shared_points(views: SceneViews, tracks: Tracks, cameras: tuple[int, int]) -
     is_shared = (in_views[0] >= 2) & (in_views[1] >= 2)
     of_both = [np.unique(tracks.view[(camera == each) & is_shared[tracks.point]]) for each in cameras]
     return int(is_shared.sum()), (len(of_both[0]), len(of_both[1]))
-
-
-def common_share(first: OneCamera, second: OneCamera, join: Join) -> float:
-    """Share of places of the first camera's scene that the second shows, of those predicted within its images.
-
-    Two equal objects, of which each camera sees one, fit; what is around them does not. Places are cubes, which count
-    equally, as objects have more texture than what is around them. 1 if no cube has enough points.
-    """
-    points, fit = first.solved.state.points, second.solved
-    camera_from_world = fit.state.world_from_camera(fit.views).inverse()
-    transform = join.second_from_first  # of both cameras' worlds
-    pixels = project_points(points, camera_from_world @ transform, fit.state.lenses[0])
-    predicted = np.flatnonzero(np.isfinite(pixels).all(-1).sum(0) >= FEWEST_VIEWS)
-    found = np.isin(predicted, join.sightings.point)
-    cubes = np.floor(points[predicted] / _CUBE_M).astype(np.int64)
-    _, number, total = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
-    share = np.bincount(number.ravel(), found, len(total))[total >= _FEWEST_IN_CUBE] / total[total >= _FEWEST_IN_CUBE]
-    return float(np.mean(share >= 0.5)) if len(share) else 1.0
 
 
 def _new_sightings(own: Tracks, sightings: Tracks) -> tuple[Tracks, IntArray]:

@@ -43,7 +43,7 @@ class OneCamera:
     matched_pairs: int
 
     @property
-    def solved(self) -> SceneFit:
+    def adjustment(self) -> SceneFit:
         """The adjustment of a camera of which nothing is refused."""
         assert self.fit is not None
         return self.fit
@@ -51,7 +51,7 @@ class OneCamera:
     @property
     def tracks(self) -> Tracks:
         """The image points of the adjustment, by views among all."""
-        return replace(self.solved.tracks, view=self.rows[self.solved.tracks.view])
+        return replace(self.adjustment.tracks, view=self.rows[self.adjustment.tracks.view])
 
 
 def solve_camera(pictures: Pictures, camera: int, stop_noise: Array | None) -> OneCamera:

@@ -67,7 +67,7 @@ def read_pictures(cell: Cell, recording: Recording, settings: Settings = DEFAULT
     Args:
         cell: Its cameras and robots.
         recording: Its samples, with images or tracks; features of images are kept in its folder.
-        settings: Told how many images have been read.
+        settings: They hear how many images have been read.
 
     Raises:
         InputError: if it has images and its folder is not known.

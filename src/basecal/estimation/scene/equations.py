@@ -27,8 +27,7 @@ class PixelEquations:
 
     Attributes:
         residual: (n, 2); 0 if not seen.
-        by_view: (n, 2, 6 + k) to the right tangent of the view's camera, then to parameters of its lens, as many as the
-            longest lens has.
+        by_view: (n, 2, 6 + k) to the right tangent of the view's camera, then to the k parameters of the longest lens.
         by_point: (n, 2, 3) to the point in `world` [1/m].
         seen: (n,) whether the point is in front of the camera.
     """

@@ -60,7 +60,7 @@ class SceneState:
 
 
 def start_state(views: SceneViews, mounts: list[SE3], bases: list[SE3], lenses: tuple[Camera, ...]) -> SceneState:
-    """A state in which no stop errs, without points."""
+    """A state without points, and without errors of stops."""
     errors, points = np.zeros((len(views.stop_robot), 6)), np.zeros((0, 3))
     return SceneState(SE3.stack(mounts), SE3.stack(bases), lenses, errors, points)
 
