@@ -10,7 +10,7 @@ import pytest
 from basecal.accuracy.scene.merging import merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.accuracy.scene.pictures import Pictures
-from basecal.numerics.batch import take
+from basecal.numerics.batch import concatenate, take
 from scene_joins import point_by_place, true_join, true_points
 from scene_pictures import pictures_of_scene, solved_camera
 from scene_points import Scene, made_scene
@@ -36,7 +36,7 @@ def ones(scene: Scene, pictures: Pictures) -> tuple[OneCamera, OneCamera]:
 
 def test_one_point_is_one_track(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
     """Joined as in truth, tracks are the true ones: as many, and each of one point."""
-    tracks = merged_tracks(ones, [(0, 1, true_join(scene, ones))])
+    tracks = merged_tracks(ones, {1: true_join(scene, ones)})
     at = point_by_place(scene)
     true = np.array([at[int(v), *map(float, px)] for v, px in zip(tracks.view, tracks.pixels, strict=True)])
     pairs = np.unique(np.column_stack([tracks.point, true]), axis=0)
@@ -47,9 +47,9 @@ def test_shared_points_are_counted(scene: Scene, pictures: Pictures, ones: tuple
     """A point is shared if two views of each show it; without a join none is."""
     own = [true_points(scene, one) for one in ones]
     many = [set(np.flatnonzero(np.bincount(points) >= 2).tolist()) for points in own]
-    tracks = merged_tracks(ones, [(0, 1, true_join(scene, ones))])
-    assert shared_points(scene.views, tracks, (0, 1)) == (len(many[0] & many[1]), (8, 8))
-    assert shared_points(scene.views, merged_tracks(ones, []), (0, 1)) == (0, (0, 0))
+    tracks = merged_tracks(ones, {1: true_join(scene, ones)})
+    assert shared_points(scene.views, tracks, 1) == (len(many[0] & many[1]), (8, 8))
+    assert shared_points(scene.views, merged_tracks(ones, {}), 1) == (0, (0, 0))
 
 
 def test_a_few_false_sightings_tie_nothing(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
@@ -61,8 +61,8 @@ def test_a_few_false_sightings_tie_nothing(scene: Scene, pictures: Pictures, one
     point = np.where(wrong, rng.permutation(point), point)
     assert ones[0].fit is not None
     mixed = replace(join, sightings=replace(join.sightings, point=point))
-    right = shared_points(scene.views, merged_tracks(ones, [(0, 1, join)]), (0, 1))[0]
-    assert shared_points(scene.views, merged_tracks(ones, [(0, 1, mixed)]), (0, 1))[0] > 0.85 * right
+    right = shared_points(scene.views, merged_tracks(ones, {1: join}), 1)[0]
+    assert shared_points(scene.views, merged_tracks(ones, {1: mixed}), 1)[0] > 0.85 * right
 
 
 def test_two_features_of_one_view_are_no_image_of_a_point(
@@ -71,7 +71,7 @@ def test_two_features_of_one_view_are_no_image_of_a_point(
     """No view shows a point twice in what is merged."""
     join = true_join(scene, ones)
     few = take(join.sightings, np.arange(40))
-    beside = replace(join, sightings=replace(few, feature=few.feature * 0))
-    tracks = merged_tracks(ones, [(0, 1, beside), (0, 1, join)])
+    beside = replace(few, feature=few.feature * 0)
+    tracks = merged_tracks(ones, {1: replace(join, sightings=concatenate([beside, join.sightings]))})
     places = np.column_stack([tracks.view, tracks.point])
     assert len(np.unique(places, axis=0)) == len(places)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.scene.views import Tracks
+from basecal.numerics.batch import take
 from scene_points import LENS, made_scene
 
 
@@ -30,6 +31,6 @@ def test_directions_are_those_of_the_lens():
 def test_views_keep_their_stops():
     """The stops of taken views are the same, and all stops stay known."""
     views = made_scene(2, arms=2).views
-    few = views.take(np.array([3, 20]))
+    few = take(views, np.array([3, 20]))
     assert few.stop.tolist() == [3, 20]
     assert len(few.stop_robot) == len(views.stop_robot)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from basecal.estimation.scene.state import start_state
 from basecal.estimation.scene.views import Tracks
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array
-from basecal.numerics.batch import concatenate
+from basecal.numerics.batch import concatenate, take
 from basecal.vision.tracks.locating import locate_camera
 
 
@@ -74,17 +74,16 @@ def _carrier(pictures: Pictures, camera: int) -> int:
     return int(pictures.views.robot[pictures.views.camera == camera][0])
 
 
-def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: Report) -> list[tuple[int, int, Join]]:
-    """How the scene of each camera joins that of the first."""
-    joins = []
+def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: Report) -> dict[int, Join]:
+    """How the scene of each camera joins that of the first, by index."""
+    joins = {}
     for index in range(1, len(ones)):
         found = join(pictures, ones[0], ones[index])
         names = (pictures.views.cameras[0].name, pictures.views.cameras[index].name)
         shared, of_each = 0, (0, 0)
         if found is not None:
-            joins.append((0, index, found))
-            tracks = merged_tracks(ones, [joins[-1]])
-            shared, of_each = shared_points(pictures.views, tracks, (0, index))
+            joins[index] = found
+            shared, of_each = shared_points(pictures.views, merged_tracks(ones, {index: found}), index)
         report.findings += join_findings(names, found, shared, of_each)
     return joins
 
@@ -92,7 +91,7 @@ def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: Report) -> lis
 def _fit(
     pictures: Pictures,
     ones: Sequence[OneCamera],
-    joins: Sequence[tuple[int, int, Join]],
+    joins: Mapping[int, Join],
     robot_noise: Sequence[Array | None],
     reference: str,
     report: Report,
@@ -100,28 +99,26 @@ def _fit(
     """All images adjusted together."""
     views = pictures.views
     bases = [SE3.identity() for _ in views.robots]
-    for _, index, found in joins:
+    for index, found in joins.items():
         bases[_carrier(pictures, index)] = found.second_from_first.inverse()
     home = bases[views.robots.index(reference)]
     bases = [
         known.mean if known.status == "fixed" and known.mean is not None else home.inverse() @ base
         for known, base in zip(views.bases, bases, strict=True)
     ]
-    mounts, lenses = (
-        [one.adjustment.state.mounts[0] for one in ones],
-        tuple(one.adjustment.state.lenses[0] for one in ones),
-    )
-    tracks = merged_tracks(ones, joins)
-    before = [shared_points(views, tracks, (i, k))[0] for i, k, _ in joins]
+    states, tracks = [one.adjustment.state for one in ones], merged_tracks(ones, joins)
+    lenses = tuple(state.lenses[0] for state in states)
+    start = start_state(views, [state.mounts[0] for state in states], bases, lenses)
     try:
-        fit = fit_scene(views, tracks, start_state(views, mounts, bases, lenses), lenses, robot_noise)
+        fit = fit_scene(views, tracks, start, lenses, robot_noise)
     except np.linalg.LinAlgError:
         what = "The images of all cameras fit no common scene."
         report.findings.append(Finding("scene-rival", "error", (), what, (SAME_SPOT,)))
         return None
-    for (i, k, _), count in zip(joins, before, strict=True):
-        names = (views.cameras[i].name, views.cameras[k].name)
-        report.findings += kept_findings(names, count, shared_points(views, fit.tracks, (i, k))[0])
+    for index in joins:
+        names = (views.cameras[0].name, views.cameras[index].name)
+        before, after = (shared_points(views, each, index)[0] for each in (tracks, fit.tracks))
+        report.findings += kept_findings(names, before, after)
     return None if report.is_refused else fit
 
 
@@ -146,7 +143,7 @@ def _add_fixed_cameras(
         tracks = concatenate([tracks, Tracks(np.full(len(seen), len(kept)), found.point, seen, found.feature)])
         state = state.with_camera(found.camera_from_world.inverse(), lens)
         kept, cameras = [*kept, row], [*cameras, camera]
-    own = replace(views.take(np.array(kept)), cameras=tuple(cameras))
+    own = replace(take(views, np.array(kept)), cameras=tuple(cameras))
     own = replace(own, camera=np.r_[own.camera[:count], np.arange(len(fit.views.cameras), len(cameras))])
     lenses = (*fit.guesses, *state.lenses[len(fit.guesses) :])
     return fit_scene(own, tracks, state, lenses, robot_noise) if len(kept) > count else fit

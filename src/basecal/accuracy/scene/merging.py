@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,20 +15,20 @@ from basecal.numerics.batch import concatenate, take
 from basecal.numerics.tied_blocks import components
 
 
-def merged_tracks(ones: Sequence[OneCamera], joins: Sequence[tuple[int, int, Join]]) -> Tracks:
+def merged_tracks(ones: Sequence[OneCamera], joins: Mapping[int, Join]) -> Tracks:
     """The image points of all cameras, by points of one scene.
 
     Args:
         ones: What each camera's images say.
-        joins: Indices among `ones` of two that are joined, and how.
+        joins: How those of some indices join the first.
     """
     offsets = np.cumsum([0, *(each.adjustment.tracks.count for each in ones)])
     parts = [replace(each.tracks, point=each.tracks.point + at) for each, at in zip(ones, offsets, strict=False)]
     ties = [np.zeros((0, 2), dtype=np.int64)]
-    for i, k, join in joins:
-        more, tied = _new_sightings(ones[k].adjustment.tracks, join.sightings)
-        parts.append(replace(more, view=ones[k].rows[more.view], point=more.point + offsets[i]))
-        ties.append(tied + offsets[[k, i]])
+    for index, join in joins.items():
+        more, tied = _new_sightings(ones[index].adjustment.tracks, join.sightings)
+        parts.append(replace(more, view=ones[index].rows[more.view]))
+        ties.append(tied + offsets[[index, 0]])
     tracks = concatenate(parts)
     tracks = replace(tracks, point=components(np.concatenate(ties), int(offsets[-1]))[tracks.point])
     _, which, times = np.unique(
@@ -37,12 +37,12 @@ def merged_tracks(ones: Sequence[OneCamera], joins: Sequence[tuple[int, int, Joi
     return tracks.take(times[which.ravel()] == 1)[0]
 
 
-def shared_points(views: SceneViews, tracks: Tracks, cameras: tuple[int, int]) -> tuple[int, tuple[int, int]]:
-    """How many points two cameras share, each in two views or more, and how many views of each show some."""
+def shared_points(views: SceneViews, tracks: Tracks, second: int) -> tuple[int, tuple[int, int]]:
+    """How many points the first camera shares with another, each in two views or more; views of each that show some."""
     camera = views.camera[tracks.view]
-    in_views = [np.bincount(tracks.point[camera == each], minlength=tracks.count) for each in cameras]
+    in_views = [np.bincount(tracks.point[camera == each], minlength=tracks.count) for each in (0, second)]
     is_shared = (in_views[0] >= 2) & (in_views[1] >= 2)
-    of_both = [np.unique(tracks.view[(camera == each) & is_shared[tracks.point]]) for each in cameras]
+    of_both = [np.unique(tracks.view[(camera == each) & is_shared[tracks.point]]) for each in (0, second)]
     return int(is_shared.sum()), (len(of_both[0]), len(of_both[1]))
 
 

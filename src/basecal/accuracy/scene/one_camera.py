@@ -15,6 +15,7 @@ from basecal.estimation.scene.mount_search import MountStart, find_mount, scale_
 from basecal.estimation.scene.state import start_state
 from basecal.estimation.scene.views import AT_WORLD, FEWEST_VIEWS, SceneViews, Tracks
 from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.numerics.batch import take
 from basecal.vision.tracks.chains import chain_matches, longest_chains
 from basecal.vision.tracks.matching import Matches, match_rigid
 
@@ -88,7 +89,7 @@ def _first_mount(views: SceneViews, start: MountStart) -> SE3:
 def own_views(views: SceneViews, camera: int) -> tuple[SceneViews, IntArray]:
     """The views of one camera with its robot and stops alone, and their indices among all."""
     rows = np.flatnonzero(views.camera == camera).astype(np.int64)
-    mine, first = views.take(rows), np.zeros(len(rows), dtype=np.int64)
+    mine, first = take(views, rows), np.zeros(len(rows), dtype=np.int64)
     stops, stop = np.unique(mine.stop, return_inverse=True)
     alone = replace(
         mine,

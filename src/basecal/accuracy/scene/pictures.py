@@ -18,6 +18,7 @@ from basecal.estimation.scene.views import AT_WORLD, SceneCamera, SceneViews, Tr
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.start.lens import guessed_lens
 from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.numerics.batch import take
 from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.tracks.feature_cache import kept_features
 from basecal.vision.tracks.features import Descriptors, Features, named_features, unit_descriptors
@@ -49,7 +50,7 @@ class Pictures:
         """Images of cameras that robots carry."""
         cameras = tuple(camera for camera in self.views.cameras if camera.robot is not None)
         rows = np.flatnonzero(self.views.robot >= 0)
-        views = replace(self.views.take(rows), cameras=cameras)
+        views = replace(take(self.views, rows), cameras=cameras)
         return replace(self, views=views, features=self.features[: len(rows)])
 
     def descriptors(self, tracks: Tracks) -> Descriptors:

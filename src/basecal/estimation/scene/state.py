@@ -45,18 +45,12 @@ class SceneState:
 
     def world_from_flange(self, views: SceneViews) -> SE3:
         """Where the flanges of all views were, (v,); identity on `world`."""
-        carried = views.robot >= 0
-        error = np.where(carried[:, None], self.errors[views.stop] if len(self.errors) else 0.0, 0.0)
-        flange = views.base_from_flange @ SE3.exp(np.broadcast_to(error, (len(views), 6)))
-        return self.base_of_views(views) @ flange
+        none = np.zeros(6)  # at -1, which stands for `world`
+        return self.base_of_views(views) @ views.base_from_flange @ SE3.exp(np.vstack([self.errors, none])[views.stop])
 
     def base_of_views(self, views: SceneViews) -> SE3:
         """`world_from_base` of the robots of all views, (v,); identity on `world`."""
-        carried = views.robot >= 0
-        if not len(self.bases):
-            return SE3.identity((len(views),))
-        rotation = np.where(carried[:, None, None], self.bases.rotation[views.robot], np.eye(3))
-        return SE3(rotation, np.where(carried[:, None], self.bases.translation[views.robot], 0.0))
+        return concatenate([self.bases, SE3.identity((1,))])[views.robot]
 
 
 def start_state(views: SceneViews, mounts: list[SE3], bases: list[SE3], lenses: tuple[Camera, ...]) -> SceneState:

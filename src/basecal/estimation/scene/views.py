@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from basecal.cell import Intrinsics, Unknown
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
-from basecal.numerics.batch import take
+from basecal.numerics.batch import SHARED, take
 
 FEWEST_VIEWS = 3  # of a track: two rays of one pair meet whatever the mount, along the epipolar line
 AT_WORLD = Unknown("fixed", SE3.identity())
@@ -80,15 +80,15 @@ class SceneViews:
         stop_robot: (s,) index of the robot of each stop.
     """
 
-    cameras: tuple[SceneCamera, ...]
-    robots: tuple[str, ...]
-    bases: tuple[Unknown, ...]
+    cameras: tuple[SceneCamera, ...] = field(metadata=SHARED)
+    robots: tuple[str, ...] = field(metadata=SHARED)
+    bases: tuple[Unknown, ...] = field(metadata=SHARED)
     sample: IntArray
     camera: IntArray
     robot: IntArray
     stop: IntArray
     base_from_flange: SE3
-    stop_robot: IntArray
+    stop_robot: IntArray = field(metadata=SHARED)
 
     def __len__(self) -> int:
         return len(self.sample)
@@ -98,17 +98,6 @@ class SceneViews:
         """How far each robot's flange is from its base, root of the mean square, (r,) [m]."""
         squares = np.sum(self.base_from_flange.translation**2, 1)
         return np.sqrt([np.mean(squares[self.robot == k]) for k in range(len(self.robots))])
-
-    def take(self, views: IntArray) -> SceneViews:
-        """The views at these indices, with all stops."""
-        return replace(
-            self,
-            sample=self.sample[views],
-            camera=self.camera[views],
-            robot=self.robot[views],
-            stop=self.stop[views],
-            base_from_flange=self.base_from_flange[views],
-        )
 
     def directions(self, tracks: Tracks, lenses: tuple[Camera, ...]) -> tuple[Array, BoolArray]:
         """Unit directions of image points in their cameras' axes, (n, 3), and which the lens has, (n,)."""
