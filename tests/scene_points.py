@@ -49,6 +49,13 @@ def looks_from_above(rng: np.random.Generator, count: int, side: float) -> SE3:
     return SE3(turned, MIDDLE + place + [0, 0, 0.7])
 
 
+def looks_at_one_point(rng: np.random.Generator, count: int, side: float) -> SE3:
+    """Poses of a camera in the world that has the middle at one place before it, 0.8 m away to 5 mm."""
+    free = looks(rng, count, side)
+    away = free.rotation[..., 2] * (0.8 + rng.uniform(-5e-3, 5e-3, (count, 1)))
+    return SE3(free.rotation, MIDDLE - away)
+
+
 def made_scene(
     seed: int,
     arms: int = 1,

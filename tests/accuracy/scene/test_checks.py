@@ -9,7 +9,6 @@ import pytest
 
 from basecal.accuracy.scene.checks import (
     FEWEST_VIEWS,
-    aim_covariance,
     camera_findings,
     describe_scatter,
     direction_findings,
@@ -26,7 +25,7 @@ from basecal.estimation.scene.views import Tracks
 from basecal.fields.parameters import Parameters
 from basecal.geometry import SE3
 from scene_pictures import pictures_of_scene, solved_camera
-from scene_points import ARM_M, MOUNT, made_scene
+from scene_points import made_scene
 
 NAMES = ("left_eye", "right_eye")
 
@@ -133,27 +132,6 @@ def test_poses_that_scatter_are_named_as_a_cause() -> None:
     assert "zeros" in found.do[0]
     (plain,) = direction_findings("mount", np.diag(np.full(6, 1e-3)))
     assert (plain.why, plain.do) == ("", found.do[1:])
-
-
-def test_views_that_aim_at_one_point_leave_the_distance_unknown() -> None:
-    """Cameras on a sphere about a point: the mount is uncertain along the way to it, far more than of free views."""
-    scene = made_scene(1, count=12, points=120)
-    good = solved_camera(scene, pictures_of_scene(scene), 0).fit
-    assert good is not None
-    fit = replace(good, stop_sigma=np.full((12, 6), ARM_M))
-    rng = np.random.default_rng(3)
-    centre = np.array([0.1, 0.05, 0.7])
-    on_sphere = []
-    for _ in range(12):
-        turn = SE3.exp(np.r_[0, 0, 0, rng.uniform(-0.4, 0.4, 3)]).rotation
-        off = 1e-3 * rng.standard_normal(3)
-        on_sphere.append(SE3(turn, [0.7, 0, 0] - turn @ centre + off) @ MOUNT.inverse())
-    aimed = replace(fit, views=replace(fit.views, base_from_flange=SE3.stack(on_sphere)))
-    free, tied = (np.sqrt(np.trace(aim_covariance(each, 0))) for each in (fit, aimed))
-    assert free < 2e-3
-    assert tied > 0.05
-    axis = np.linalg.eigh(aim_covariance(aimed, 0)[:3, :3])[1][:, -1]
-    assert abs(axis @ centre) / np.linalg.norm(centre) > 0.999
 
 
 def test_joints_that_are_to_be_estimated_are_not() -> None:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.scene.checks import (
-    aim_covariance,
     base_findings,
     count_points,
     describe_scatter,
@@ -86,22 +85,19 @@ def _places(cell: Cell, fit: SceneFit, columns: Columns) -> tuple[list[_Place], 
     return [each for each in bases if each.name != cell.base_name(cell.reference)], list(mounts)
 
 
-def _covariance(cell: Cell, fit: SceneFit, columns: Columns) -> Array:
-    """Covariance of all columns but errors of stops, with what stops of arms share and views of one spot."""
+def _covariance(cell: Cell, fit: SceneFit) -> Array:
+    """Covariance of all columns but errors of stops, with what stops of arms share."""
     covariance = scene_covariance(fit)
     for k, robot in enumerate(fit.views.robots):
         if not cell.robots[robot].is_total_noise:
             covariance += shared_covariance(fit, k)
-    for k, where in enumerate(columns.mounts):
-        if where is not None and fit.views.cameras[k].robot is not None:
-            covariance[where, where] += aim_covariance(fit, k)
     return covariance
 
 
 def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> Calibration:
     """The calibration of a scene that was adjusted."""
     columns = scene_columns(fit.views, fit.state.lenses)
-    covariance, (bases, mounts) = _covariance(cell, fit, columns), _places(cell, fit, columns)
+    covariance, (bases, mounts) = _covariance(cell, fit), _places(cell, fit, columns)
     motion = scene_motion(fit)
     for finding in motion_findings(motion):
         covariance, report.findings = covariance + np.outer(motion.step, motion.step), [*report.findings, finding]

@@ -33,7 +33,6 @@ _LEAST_COMMON = 0.45  # of places; right rooms have 1, with each box moved 0.6, 
 _LEAST_KEPT = 0.5  # share of the points found in both scenes that one adjustment keeps
 _WEAK_M, _WEAK_RAD = 0.01, np.radians(0.5)  # sigma along an axis that is worth a warning
 _STILL_CHANCE = 1e-3  # of errors that follow time so closely in a scene that is still
-_RIDGE = 1e-6  # of rotations about a point, below which it has no place
 _LOOSE_M, _LOOSE_RAD = 2e-3, 3e-3  # noise of poses beyond that of arms as delivered (estimation.noise.hyperpriors)
 _OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that is as good as unknown
 
@@ -188,27 +187,6 @@ def count_points(fit: SceneFit) -> Finding:
     what = f"{tracks.count} points of the scene in {len(fit.views)} images take part in the answer."
     also = f" Two cameras or more see {shared} of them." if len(fit.views.cameras) > 1 else ""
     return Finding("scene-joined", "info", (), what + also)
-
-
-def aim_covariance(fit: SceneFit, camera: int) -> Array:
-    """Covariance that an arm's own error adds to a mount whose views all aim at one point, (6, 6) [m, rad].
-
-    The point c that stays still before the camera is found by least squares. Scale is known from the rms of the
-    baselines that are left.
-    An error e of the arm moves the camera along c by |c| e over that.
-    """
-    views, state = fit.views, fit.state
-    mine = np.flatnonzero(views.camera == camera)
-    poses = state.world_from_camera(views)[mine]
-    turned = poses.rotation - poses.rotation.mean(0)
-    moved = poses.translation - poses.translation.mean(0)
-    information = np.einsum("vab,vac->bc", turned, turned) + _RIDGE * np.eye(3)
-    still = -np.linalg.solve(information, np.einsum("vab,va->b", turned, moved))
-    left = float(np.sqrt(np.mean(np.sum((turned @ still + moved) ** 2, 1))))
-    arm_m = float(np.sqrt(np.mean(fit.stop_sigma[views.stop[mine], :3] ** 2)))
-    spread = np.zeros((6, 6))
-    spread[:3, :3] = np.outer(still, still) * (arm_m / max(left, 1e-6)) ** 2
-    return spread
 
 
 def joint_findings(cell: Cell, robots: Sequence[str]) -> Iterator[Finding]:
