@@ -15,12 +15,13 @@ from basecal.accuracy.scene.checks import (
     join_findings,
     joint_findings,
     kept_findings,
+    missing_base_findings,
     motion_findings,
 )
 from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import OneCamera
-from basecal.cell import Cell, Robot
+from basecal.cell import Cell, Robot, Unknown
 from basecal.estimation.scene.views import Tracks
 from basecal.fields.parameters import Parameters
 from basecal.geometry import SE3
@@ -148,3 +149,16 @@ def test_joints_that_are_to_be_estimated_are_not() -> None:
     assert found.what.startswith("The joint offsets of left are not estimated from a scene")
     known = {"left": Robot("left", parameters={"joint_offsets": Parameters(status="prior")})}
     assert [each.severity for each in joint_findings(Cell("left", known, {}, {}, {}), ["left"])] == ["info"]
+
+
+def test_bases_of_robots_without_images_are_missing() -> None:
+    """Each that is free is an error; that of the reference, and one that is known, is none."""
+    robots = {name: Robot(name) for name in ("left", "right", "third")}
+    cell = Cell("left", robots, {"right": Unknown(), "third": Unknown("fixed", SE3.identity())}, {}, {})
+    assert list(missing_base_findings(cell, ["left", "right"])) == []
+    (found,) = missing_base_findings(cell, ["left"])
+    assert (found.code, found.severity, found.about) == (
+        "unobservable-direction",
+        "error",
+        ("left_base_from_right_base",),
+    )

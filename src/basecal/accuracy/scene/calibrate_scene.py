@@ -14,6 +14,7 @@ from basecal.accuracy.scene.checks import (
     direction_findings,
     drop_target_findings,
     joint_findings,
+    missing_base_findings,
     motion_findings,
 )
 from basecal.accuracy.scene.find_scene import Report, find_scene
@@ -53,7 +54,8 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
         lost = " ".join(finding.what for finding in pictures.lost[:1])
         raise InputError(lost or "no camera on a robot has images or tracks with poses, which a scene needs")
     if cell.reference not in pictures.views.robots:
-        raise InputError(f"robot {cell.reference!r}, the reference, has no camera with images: name another reference")
+        what = f"robot {cell.reference!r}, the reference, has no camera with images"
+        raise InputError(f"{what}: state another as `reference:` in cell.yaml")
     report = Report([*drop_target_findings(recording.findings), *pictures.lost])
     stated = [cell.robots[name].noise for name in pictures.views.robots]
     fit = find_scene(pictures, stated, cell.reference, report, settings)
@@ -114,8 +116,9 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
     report.findings += joint_findings(cell, fit.views.robots)
     at = np.concatenate([[], *rows.values()]).astype(np.int64)
     verdict = judge_findings(report.findings)
+    report.findings += missing_base_findings(cell, fit.views.robots)
     return Calibration(
-        verdict,
+        judge_findings(report.findings),
         transforms=found,
         status={each.name: each.known.status for each in (*bases, *mounts)},
         cameras=_lenses(fit, columns, covariance),

@@ -201,3 +201,18 @@ def joint_findings(cell: Cell, robots: Sequence[str]) -> Iterator[Finding]:
                 "Or calibrate the arm with a board first, and state the corrected URDF in cell.yaml.",
             )
             yield Finding("scene-joints", "warning" if "free" in kinds.values() else "info", (robot,), what, do)
+
+
+def missing_base_findings(cell: Cell, robots: Sequence[str]) -> Iterator[Finding]:
+    """Requested bases of robots whose cameras show nothing of the scene.
+
+    Args:
+        cell: What was to be calibrated.
+        robots: Whose cameras show the scene.
+    """
+    for robot in cell.robots:
+        name = cell.base_name(robot)
+        if robot not in (cell.reference, *robots) and cell.transforms[name].status == "free":
+            what = f"{name} stays unknown: no camera on {robot} has images with poses."
+            do = (f"Record images with a camera on {robot}, or take {robot} out of cell.yaml.",)
+            yield Finding("unobservable-direction", "error", (name,), what, do)
