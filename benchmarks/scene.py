@@ -177,8 +177,8 @@ _SOLVED: dict[str, OneCamera] = {}
 
 def solve_camera_once(pictures: Pictures, camera: int, stop_noise: Array | None) -> OneCamera:
     """What `solve_camera` gives, kept for other cells of the same images and poses."""
-    rows = pictures.camera_views(camera)
-    poses = pictures.views.base_from_flange[np.array(rows)]
+    rows = np.flatnonzero(pictures.views.camera == camera)
+    poses = pictures.views.base_from_flange[rows]
     seen = [poses.translation.tobytes(), *(pictures.features[row].pixels.tobytes() for row in rows)]
     key = hashlib.sha256(b"".join(seen)).hexdigest()
     _SOLVED[key] = _SOLVED.pop(key, None) or solve_camera(pictures, camera, stop_noise)

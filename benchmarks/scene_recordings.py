@@ -22,7 +22,7 @@ from tests.shared.real_recordings import EXAMPLES, data_folder
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.scene import pictures
-from basecal.cell import Calibration, Cell, PixelObservation, Recording, Sample
+from basecal.cell import Calibration, Cell, PixelObservation, Recording, Sample, Unknown
 from basecal.cell.files import read_cell, read_recording
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_file import cell_from_dict
@@ -44,8 +44,10 @@ def masked(cell: Cell, sample: Sample, camera: str) -> list[Array]:
 
 
 def from_scene(cell: Cell, recording: Recording) -> tuple[Calibration, float]:
-    """The answer of the scene beside the boards, and seconds of the processor."""
+    """The answer of the scene beside the boards, without bases of robots that have no camera, and CPU time [s]."""
     found: list[Calibration] = []
+    idle = cell.robots.keys() - {cell.reference, *(camera.on for camera in cell.cameras.values())}
+    cell = replace(cell, bases={**cell.bases, **dict.fromkeys(idle, Unknown("fixed", SE3.identity()))})
     with patch.object(pictures, "_moving_targets", masked):
         cpu_s = cpu_seconds(lambda: found.append(calibrate(cell, recording, Settings(method="scene"))))
     return found[0], cpu_s

@@ -68,8 +68,11 @@ def solved_camera(scene: Scene, pictures: Pictures, camera: int) -> OneCamera:
     views, rows = own_views(scene.views, camera)
     mine = scene.views.camera[scene.tracks.view] == camera
     local = scene.tracks.view[mine] - rows[0]
-    own = Tracks(local, scene.tracks.point[mine], scene.tracks.pixels[mine])
+    own = Tracks(local, scene.tracks.point[mine], scene.tracks.pixels[mine], scene.tracks.feature[mine])
     tracks, old = own.take(np.ones(len(own), dtype=bool))
+    at = [pictures.features[rows[v]].pixels for v in tracks.view]
+    feature = [int(np.argmin(np.sum((all_px - px) ** 2, 1))) for all_px, px in zip(at, tracks.pixels, strict=True)]
+    tracks = replace(tracks, feature=np.array(feature))
     base = scene.truth.bases[camera]
     state = SceneState(
         SE3.stack([MOUNT]),
@@ -79,11 +82,9 @@ def solved_camera(scene: Scene, pictures: Pictures, camera: int) -> OneCamera:
         base.inverse() @ scene.truth.points[old],
     )
     nothing = np.zeros(0)
-    fit = SceneFit(views, tracks, state, PIXEL, np.zeros((len(rows), 6)), nothing, nothing, nothing, 0.0, (LENS,))
-    at = [pictures.features[rows[v]].pixels for v in tracks.view]
-    feature = [int(np.argmin(np.sum((all_px - px) ** 2, 1))) for all_px, px in zip(at, tracks.pixels, strict=True)]
+    fit = SceneFit(views, tracks, PIXEL, np.zeros((len(rows), 6)), (LENS,), state, nothing, nothing, nothing)
     start = MountStart(MOUNT, LENS, PIXEL)
-    return OneCamera(camera, views, rows, start, fit, np.array(feature), 60)
+    return OneCamera(rows, start, fit, 60)
 
 
 def shown_by(scene: Scene, points: Array, seen_by: tuple[BoolArray, BoolArray], seed: int = 1) -> Scene:
@@ -97,14 +98,15 @@ def shown_by(scene: Scene, points: Array, seen_by: tuple[BoolArray, BoolArray], 
     """
     rng = np.random.default_rng(seed)
     world_from_camera = scene.truth.world_from_camera(scene.views)
-    view, point, pixels = [], [], []
+    view, point, pixels, number = [], [], [], []
     for index, camera in enumerate(scene.views.camera):
         at = world_from_camera[index].inverse() @ points
         visible = np.flatnonzero(LENS.sees(at) & seen_by[camera] & (rng.random(len(points)) < 0.7))
         view += [index] * len(visible)
         point += visible.tolist()
+        number += range(len(visible))
         pixels.append(LENS.project(at[visible]) + PIXEL * rng.standard_normal((len(visible), 2)))
-    tracks = Tracks(np.array(view), np.array(point), np.concatenate(pixels))
+    tracks = Tracks(np.array(view), np.array(point), np.concatenate(pixels), np.array(number))
     return Scene(scene.views, tracks, scene.truth.with_points(points))
 
 
@@ -126,3 +128,17 @@ def repeated_object(is_seen_apart: bool) -> tuple[Scene, tuple[Descriptors, Desc
     every = np.ones(260, dtype=bool)
     seen = (is_first, is_second) if is_seen_apart else (every, every)
     return shown_by(scene, points, seen), (looks[0], looks[1])
+
+
+def moved_object() -> tuple[Scene, tuple[Descriptors, Descriptors]]:
+    """A table, and an object of 90 points on it that stood elsewhere when the second arm looked."""
+    rng = np.random.default_rng(8)
+    scene = made_scene(6, arms=2, count=12, points=30, noise=0.0)
+    thing = MIDDLE + rng.uniform(-1, 1, (90, 3)) * [0.06, 0.06, 0.04]
+    table = MIDDLE + rng.uniform(-0.35, 0.35, (160, 3)) * [1, 1, 0]
+    aside = np.array([0.15, 0.1, 0.0])
+    of_thing, of_table = random_looks(rng, 90), random_looks(rng, 160)
+    looks = np.concatenate([of_thing, of_thing, of_table])
+    of_first, of_second = np.arange(340) < 90, (np.arange(340) >= 90) & (np.arange(340) < 180)
+    points = np.concatenate([thing - aside, thing + aside, table]) + np.array([0.0, 0.0, 0.06])
+    return shown_by(scene, points, (~of_second, ~of_first)), (looks, looks)

@@ -49,6 +49,13 @@ def looks_from_above(rng: np.random.Generator, count: int, side: float) -> SE3:
     return SE3(turned, MIDDLE + place + [0, 0, 0.7])
 
 
+def looks_at_one_point(rng: np.random.Generator, count: int, side: float) -> SE3:
+    """Poses of a camera in the world that has the middle at one place before it, 0.8 m away to 5 mm."""
+    free = looks(rng, count, side)
+    away = free.rotation[..., 2] * (0.8 + rng.uniform(-5e-3, 5e-3, (count, 1)))
+    return SE3(free.rotation, MIDDLE - away)
+
+
 def made_scene(
     seed: int,
     arms: int = 1,
@@ -81,14 +88,15 @@ def made_scene(
         SE3.stack([pose[k] for pose in flanges for k in range(count)]),
         np.repeat(np.arange(arms), count),
     )
-    seen, shown, pixels = [], [], []
+    seen, shown, pixels, number = [], [], [], []
     for view in range(arms * count):
         in_camera = cameras[view // count][view % count].inverse() @ at
         visible = np.flatnonzero(LENS.sees(in_camera) & (rng.random(points) < 0.7))
         seen += [view] * len(visible)
         shown += visible.tolist()
+        number += range(len(visible))
         pixels.append(LENS.project(in_camera[visible]) + noise * PIXEL * rng.standard_normal((len(visible), 2)))
-    tracks = Tracks(np.array(seen), np.array(shown), np.concatenate(pixels))
+    tracks = Tracks(np.array(seen), np.array(shown), np.concatenate(pixels), np.array(number))
     tracks, old = tracks.take(np.ones(len(tracks), dtype=bool))
     errors = np.zeros((arms * count, 6))
     truth = SceneState(SE3.stack([MOUNT] * arms), SE3.stack(bases), (LENS,) * arms, errors, at[old])

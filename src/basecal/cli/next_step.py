@@ -81,7 +81,7 @@ def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = F
 
     place = quote_path(folder)
     if not cell.cameras:
-        return f"next, its images: basecal import images {place} DIR --camera NAME --on ROBOT --target KIND ..."
+        return f"next, its images: basecal import images {place} DIR --camera NAME --on ROBOT [--target KIND ...]"
     seen = any(sample.images or sample.observations or sample.tracks for sample in recording.samples)
     silent = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
     if silent:

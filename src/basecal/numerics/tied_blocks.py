@@ -35,11 +35,11 @@ def tied_blocks(pairs: IntArray, count: int, block_size: int, known_hubs: Sequen
         known_hubs: Nodes that are hubs whatever they tie.
     """
     pairs = pairs[~np.isin(pairs, known_hubs).any(axis=1)]
-    label = _components(pairs, count)
+    label = components(pairs, count)
     found = _separator_nodes(pairs[np.bincount(label)[label[pairs[:, 0]]] > block_size], block_size)
     hubs = sorted({*map(int, known_hubs), *found})
     if hubs:
-        label = _components(pairs[~np.isin(pairs, hubs).any(axis=1)], count)
+        label = components(pairs[~np.isin(pairs, hubs).any(axis=1)], count)
     others = np.setdiff1d(np.arange(count), hubs)
     block, place = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
     _, block[others] = np.unique(label[others], return_inverse=True)
@@ -48,7 +48,7 @@ def tied_blocks(pairs: IntArray, count: int, block_size: int, known_hubs: Sequen
     return TiedBlocks(block, place, hubs)
 
 
-def _components(pairs: IntArray, count: int) -> IntArray:
+def components(pairs: IntArray, count: int) -> IntArray:
     """The lowest node that pairs lead to from each of so many nodes, (count,)."""
     label = np.arange(count)
     previous = label - 1

@@ -22,6 +22,7 @@ from basecal.cli import main
 from basecal.errors import InputError
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
+from basecal.numerics.batch import take
 from scene_pictures import pictures_of_scene, random_looks, repeated_object, solved_camera
 from scene_points import BASE, MOUNT, Scene, made_scene, moved_in_time
 
@@ -189,7 +190,7 @@ def test_few_views_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_recording_without_pictures_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """There is nothing to answer."""
     pictures = pictures_of_scene(made_scene(1, count=3, points=20))
-    empty = replace(pictures, views=pictures.views.take(np.zeros(0, dtype=np.int64)), features=())
+    empty = replace(pictures, views=take(pictures.views, np.zeros(0, dtype=np.int64)), features=())
     with pytest.raises(InputError, match="no camera on a robot has images"):
         calibrated(monkeypatch, empty)
     lost = Finding("dropped-sample", "info", (), "The image of eye in sample 0 is not used: is missing.")

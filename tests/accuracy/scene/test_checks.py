@@ -9,26 +9,35 @@ import pytest
 
 from basecal.accuracy.scene.checks import (
     FEWEST_VIEWS,
-    aim_covariance,
     camera_findings,
+    describe_scatter,
     direction_findings,
     join_findings,
     joint_findings,
     kept_findings,
+    missing_base_findings,
     motion_findings,
 )
 from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import OneCamera
-from basecal.cell import Cell, Robot
+from basecal.cell import Cell, Robot, Unknown
+from basecal.estimation.scene.views import Tracks
 from basecal.fields.parameters import Parameters
 from basecal.geometry import SE3
 from scene_pictures import pictures_of_scene, solved_camera
-from scene_points import ARM_M, MOUNT, made_scene
+from scene_points import made_scene
 
 NAMES = ("left_eye", "right_eye")
-NONE = (np.zeros(0, dtype=np.int64),) * 3
-GOOD = Join(SE3.identity(), 400, 9.0, NONE, 12, rival=20.0)
+
+
+def sightings(count: int) -> Tracks:
+    """So many image points."""
+    none = np.zeros(count, dtype=np.int64)
+    return Tracks(none, none, np.zeros((count, 2)), none)
+
+
+GOOD = Join(SE3.identity(), sightings(400), 9.0, 0.9, rival=0.2)
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +60,8 @@ def test_good_pictures_lack_nothing(good: OneCamera) -> None:
 def test_each_lack_of_a_camera_has_its_word(good: OneCamera) -> None:
     """Views, pairs, poses and points are named in this order, each with what to do."""
     assert good.start is not None
-    few = replace(good, views=good.views.take(np.arange(FEWEST_VIEWS - 1)))
-    fewer = replace(good, views=good.views.take(np.arange(FEWEST_VIEWS)))
+    few = replace(good, rows=np.arange(FEWEST_VIEWS - 1))
+    fewer = replace(good, rows=np.arange(FEWEST_VIEWS))
     assert told(few) == [("too-few-samples", "error")]
     assert told(fewer) == [("few-images", "warning")]
     assert told(replace(good, matched_pairs=9)) == [("scene-texture", "error")]
@@ -66,17 +75,15 @@ def test_each_lack_of_a_camera_has_its_word(good: OneCamera) -> None:
 def test_each_lack_of_a_join_has_its_word() -> None:
     """No agreement, agreement as by chance, a rival, few points or few images are refused; else nothing is."""
 
-    def codes(
-        found: Join | None, shared: int = 300, of_each: tuple[int, int] = (12, 12), common: float = 0.9
-    ) -> list[str]:
-        return [each.code for each in join_findings(NAMES, found, shared, of_each, common)]
+    def codes(found: Join | None, shared: int = 300, of_each: tuple[int, int] = (12, 12)) -> list[str]:
+        return [each.code for each in join_findings(NAMES, found, shared, of_each)]
 
     assert codes(GOOD) == []
     assert codes(None) == ["scene-overlap"]
-    assert codes(replace(GOOD, found=20)) == ["scene-overlap"]
-    assert codes(replace(GOOD, found=900, by_chance=500.0)) == ["scene-overlap"]
-    assert codes(replace(GOOD, rival=0.4 * GOOD.score)) == ["scene-rival"]
-    assert codes(GOOD, common=0.3) == ["scene-rival"]
+    assert codes(replace(GOOD, sightings=sightings(20))) == ["scene-overlap"]
+    assert codes(replace(GOOD, sightings=sightings(900), by_chance=500.0)) == ["scene-overlap"]
+    assert codes(replace(GOOD, rival=0.4)) == ["scene-rival"]
+    assert codes(replace(GOOD, common=0.3)) == ["scene-rival"]
     assert codes(GOOD, shared=99) == ["scene-overlap"]
     assert codes(GOOD, of_each=(3, 12)) == ["scene-overlap"]
 
@@ -114,33 +121,44 @@ def test_unknown_directions_are_refused() -> None:
     assert codes(0.11, 0.4) == codes(9e-3, 6.0) == ["unobservable-direction"]
 
 
-def test_views_that_aim_at_one_point_leave_the_distance_unknown() -> None:
-    """Cameras on a sphere about a point: the mount is uncertain along the way to it, far more than of free views."""
-    scene = made_scene(1, count=12, points=120)
-    good = solved_camera(scene, pictures_of_scene(scene), 0).fit
-    assert good is not None
-    fit = replace(good, stop_sigma=np.full((12, 6), ARM_M))
-    rng = np.random.default_rng(3)
-    centre = np.array([0.1, 0.05, 0.7])
-    on_sphere = []
-    for _ in range(12):
-        turn = SE3.exp(np.r_[0, 0, 0, rng.uniform(-0.4, 0.4, 3)]).rotation
-        off = 1e-3 * rng.standard_normal(3)
-        on_sphere.append(SE3(turn, [0.7, 0, 0] - turn @ centre + off) @ MOUNT.inverse())
-    aimed = replace(fit, views=replace(fit.views, base_from_flange=SE3.stack(on_sphere)))
-    free, tied = (np.sqrt(np.trace(aim_covariance(each, 0))) for each in (fit, aimed))
-    assert free < 2e-3
-    assert tied > 0.05
-    axis = np.linalg.eigh(aim_covariance(aimed, 0)[:3, :3])[1][:, -1]
-    assert abs(axis @ centre) / np.linalg.norm(centre) > 0.999
+def test_poses_that_scatter_are_named_as_a_cause() -> None:
+    """Beyond 2 mm or 3 mrad a robot is named with its noise, and a weak direction says to check it first."""
+    scene = made_scene(1, arms=2, count=12, points=120)
+    fit = solved_camera(scene, pictures_of_scene(scene), 0).adjustment
+    assert describe_scatter(replace(fit, stop_sigma=np.full((12, 6), 1e-3))) == ""
+    scatter = describe_scatter(replace(fit, stop_sigma=np.tile(np.repeat([1e-3, 8e-3], 3), (12, 1))))
+    assert scatter == "Poses of left scatter by 1 mm and 0.46 deg."
+    (found,) = direction_findings("mount", np.diag(np.full(6, 1e-3)), scatter)
+    assert found.why == scatter
+    assert "zeros" in found.do[0]
+    (plain,) = direction_findings("mount", np.diag(np.full(6, 1e-3)))
+    assert (plain.why, plain.do) == ("", found.do[1:])
 
 
 def test_joints_that_are_to_be_estimated_are_not() -> None:
-    """A scene takes recorded poses with their noise: the robot and what is open of it are named."""
+    """A scene takes recorded poses with their noise: the robot and what is open of it are named.
+
+    What has a prior is information; what is free was asked for, and is missing from the answer.
+    """
     arms = {
         "left": Robot("left", parameters={"joint_offsets": Parameters(status="free")}),
         "right": Robot("right", parameters={"joint_offsets": Parameters()}),
     }
     (found,) = joint_findings(Cell("left", arms, {}, {}, {}), ["left", "right"])
-    assert (found.code, found.severity, found.about) == ("scene-joints", "info", ("left",))
+    assert (found.code, found.severity, found.about) == ("scene-joints", "warning", ("left",))
     assert found.what.startswith("The joint offsets of left are not estimated from a scene")
+    known = {"left": Robot("left", parameters={"joint_offsets": Parameters(status="prior")})}
+    assert [each.severity for each in joint_findings(Cell("left", known, {}, {}, {}), ["left"])] == ["info"]
+
+
+def test_bases_of_robots_without_images_are_missing() -> None:
+    """Each that is free is an error; that of the reference, and one that is known, is none."""
+    robots = {name: Robot(name) for name in ("left", "right", "third")}
+    cell = Cell("left", robots, {"right": Unknown(), "third": Unknown("fixed", SE3.identity())}, {}, {})
+    assert list(missing_base_findings(cell, ["left", "right"])) == []
+    (found,) = missing_base_findings(cell, ["left"])
+    assert (found.code, found.severity, found.about) == (
+        "unobservable-direction",
+        "error",
+        ("left_base_from_right_base",),
+    )

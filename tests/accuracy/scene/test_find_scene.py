@@ -36,6 +36,7 @@ def with_fixed_camera(scene: Scene, lens: Intrinsics) -> tuple[Scene, SE3]:
     at, views, tracks = looks(rng, 1, 0.5)[0], scene.views, scene.tracks
     shown = np.flatnonzero(LENS.sees(at.inverse() @ scene.truth.points))
     pixels = LENS.project(at.inverse() @ scene.truth.points[shown]) + PIXEL * rng.standard_normal((len(shown), 2))
+    own = Tracks(np.full(len(shown), len(views)), shown, pixels, np.arange(len(shown)))
     more = SceneViews(
         (*views.cameras, SceneCamera("above", None, Unknown(), lens)),
         views.robots,
@@ -47,7 +48,7 @@ def with_fixed_camera(scene: Scene, lens: Intrinsics) -> tuple[Scene, SE3]:
         concatenate([views.base_from_flange, SE3.stack([SE3.identity()])]),
         views.stop_robot,
     )
-    return replace(scene, views=more, tracks=tracks.join(Tracks(np.full(len(shown), len(views)), shown, pixels))), at
+    return replace(scene, views=more, tracks=concatenate([tracks, own])), at
 
 
 @pytest.mark.parametrize("is_stated", [True, False])

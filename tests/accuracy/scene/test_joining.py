@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from basecal.accuracy.scene import joining
 from basecal.accuracy.scene.checks import join_findings
-from basecal.accuracy.scene.joining import Join, join, paired_points
+from basecal.accuracy.scene.joining import Join, common_share, join, paired_points
+from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.accuracy.scene.pictures import Pictures
+from basecal.estimation.scene.views import Tracks
+from basecal.numerics.batch import take
 from basecal.vision.tracks.features import Descriptors
-from scene_pictures import pictures_of_scene, random_looks, repeated_object, solved_camera
+from scene_joins import true_join
+from scene_pictures import moved_object, pictures_of_scene, random_looks, repeated_object, solved_camera
 from scene_points import BASE, Scene, made_scene
 
 NAMES = ("left_eye", "right_eye")
@@ -23,7 +28,7 @@ def joined(scene: Scene, looks: tuple[Descriptors, Descriptors] | None = None) -
 
 def codes(found: Join | None) -> list[str]:
     """Of the refusals, if enough points are shared."""
-    return [each.code for each in join_findings(NAMES, found, 200, (12, 12), 1.0)]
+    return [each.code for each in join_findings(NAMES, found, 200, (12, 12))]
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +45,8 @@ def test_common_points_join_two_arms(scene: Scene) -> None:
     assert np.linalg.norm(off[:3]) < 2e-3
     assert np.degrees(np.linalg.norm(off[3:])) < 0.1
     assert found.by_chance < 1
-    assert found.views == 12
-    assert found.rival < found.score / 10
+    assert found.common > 0.9
+    assert found.rival < 0.1
     assert codes(found) == []
 
 
@@ -51,10 +56,11 @@ def test_sightings_are_of_the_same_points(scene: Scene) -> None:
     pictures, found = joined(scene, (looks, looks))
     assert found is not None
     first, second = (solved_camera(scene, pictures, camera) for camera in (0, 1))
-    view, point, feature = found.sightings
-    of_points = first.descriptors(pictures)[point]
-    shown = [pictures.features[second.rows[v]].descriptors[f] for v, f in zip(view, feature, strict=True)]
-    assert len(view) == found.found > 500
+    seen = found.sightings
+    of_points = pictures.descriptors(first.tracks)[seen.point]
+    shown = [pictures.features[second.rows[v]].descriptors[f] for v, f in zip(seen.view, seen.feature, strict=True)]
+    assert len(seen) > 500
+    assert set(seen.view) == set(range(12))
     assert np.sum(of_points * np.array(shown), 1).min() > 0.8
 
 
@@ -84,4 +90,52 @@ def test_a_repeated_object_has_a_rival() -> None:
     _, found = joined(scene, looks)
     assert found is not None
     assert codes(found) == ["scene-rival"]
+    assert np.linalg.norm((BASE @ found.second_from_first).translation) < 5e-3
+
+
+def share(ones: tuple[OneCamera, OneCamera], sightings: Tracks) -> float:
+    """Of places of the first camera that the second shows."""
+    return common_share(ones[0].adjustment.state.points, ones[1].adjustment, BASE.inverse(), sightings)
+
+
+@pytest.fixture(scope="module")
+def few() -> tuple[Scene, tuple[OneCamera, OneCamera]]:
+    """Two arms before one table of fewer points, solved."""
+    scene = made_scene(1, arms=2, count=8, points=120)
+    pictures = pictures_of_scene(scene)
+    return scene, (solved_camera(scene, pictures, 0), solved_camera(scene, pictures, 1))
+
+
+def test_places_within_both_views_are_one(
+    few: tuple[Scene, tuple[OneCamera, OneCamera]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Most are; with a quarter of the sightings most are not; without places it is unknown."""
+    monkeypatch.setattr(joining, "_CUBE_M", 0.5)
+    seen = true_join(*few).sightings
+    assert share(few[1], seen) > 0.7
+    assert share(few[1], take(seen, seen.point % 4 == 0)) < 0.5
+    assert share(few[1], take(seen, np.arange(0))) == 0
+    monkeypatch.setattr(joining, "_CUBE_M", 1e-3)
+    assert share(few[1], seen) == 1
+
+
+def test_places_count_equally_however_many_points_they_have(
+    few: tuple[Scene, tuple[OneCamera, OneCamera]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two equal objects have most of the points, and what is around them contradicts that they are one."""
+    monkeypatch.setattr(joining, "_CUBE_M", 0.25)
+    seen = true_join(*few).sightings
+    cubes = np.floor(few[1][0].adjustment.state.points / 0.25).astype(np.int64)
+    _, number, count = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
+    largest = np.flatnonzero(number.ravel() == np.argmax(count))
+    assert share(few[1], seen) > 0.9
+    assert share(few[1], take(seen, np.isin(seen.point, largest))) < 0.5
+
+
+def test_an_object_that_moved_is_no_rival() -> None:
+    """A box of most points that stood elsewhere before the second arm looked has a base of its own, at few places."""
+    scene, looks = moved_object()
+    _, found = joined(scene, looks)
+    assert found is not None
+    assert codes(found) == []
     assert np.linalg.norm((BASE @ found.second_from_first).translation) < 5e-3

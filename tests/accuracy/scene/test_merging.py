@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.scene import merging
-from basecal.accuracy.scene.joining import Join
-from basecal.accuracy.scene.merging import common_share, merged_tracks, shared_points
+from basecal.accuracy.scene.merging import merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.accuracy.scene.pictures import Pictures
-from basecal.geometry import IntArray
+from basecal.numerics.batch import concatenate, take
+from scene_joins import point_by_place, true_join, true_points
 from scene_pictures import pictures_of_scene, solved_camera
-from scene_points import BASE, Scene, made_scene
+from scene_points import Scene, made_scene
 
 
 @pytest.fixture(scope="module")
@@ -35,35 +34,9 @@ def ones(scene: Scene, pictures: Pictures) -> tuple[OneCamera, OneCamera]:
     return solved_camera(scene, pictures, 0), solved_camera(scene, pictures, 1)
 
 
-def point_by_place(scene: Scene) -> dict[tuple[float, ...], int]:
-    """The point that an image point shows, by its view and pixels."""
-    places = zip(scene.tracks.view, scene.tracks.pixels, scene.tracks.point, strict=True)
-    return {(int(view), *map(float, pixels)): int(point) for view, pixels, point in places}
-
-
-def true_points(scene: Scene, one: OneCamera) -> IntArray:
-    """The point of the world that each image point of a camera's fit shows."""
-    assert one.fit is not None
-    at = point_by_place(scene)
-    tracks = one.fit.tracks
-    return np.array([at[int(one.rows[v]), *map(float, px)] for v, px in zip(tracks.view, tracks.pixels, strict=True)])
-
-
-def true_join(scene: Scene, ones: tuple[OneCamera, OneCamera]) -> Join:
-    """Each image point of the second that shows a point of the first, as that."""
-    first, second = (true_points(scene, one) for one in ones)
-    assert ones[0].fit is not None
-    assert ones[1].fit is not None
-    of_first = dict(zip(first.tolist(), ones[0].fit.tracks.point.tolist(), strict=True))
-    shown = [k for k, point in enumerate(second.tolist()) if point in of_first]
-    view, feature = ones[1].fit.tracks.view[shown], ones[1].feature[shown]
-    point = np.array([of_first[int(second[k])] for k in shown])
-    return Join(BASE.inverse(), len(shown), 0.0, (view, point, feature), 8)
-
-
 def test_one_point_is_one_track(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
     """Joined as in truth, tracks are the true ones: as many, and each of one point."""
-    tracks = merged_tracks(pictures, ones, [(0, 1, true_join(scene, ones))])
+    tracks = merged_tracks(ones, {1: true_join(scene, ones)})
     at = point_by_place(scene)
     true = np.array([at[int(v), *map(float, px)] for v, px in zip(tracks.view, tracks.pixels, strict=True)])
     pairs = np.unique(np.column_stack([tracks.point, true]), axis=0)
@@ -74,22 +47,22 @@ def test_shared_points_are_counted(scene: Scene, pictures: Pictures, ones: tuple
     """A point is shared if two views of each show it; without a join none is."""
     own = [true_points(scene, one) for one in ones]
     many = [set(np.flatnonzero(np.bincount(points) >= 2).tolist()) for points in own]
-    tracks = merged_tracks(pictures, ones, [(0, 1, true_join(scene, ones))])
-    assert shared_points(pictures, tracks, (0, 1)) == (len(many[0] & many[1]), (8, 8))
-    assert shared_points(pictures, merged_tracks(pictures, ones, []), (0, 1)) == (0, (0, 0))
+    tracks = merged_tracks(ones, {1: true_join(scene, ones)})
+    assert shared_points(scene.views, tracks, 1) == (len(many[0] & many[1]), (8, 8))
+    assert shared_points(scene.views, merged_tracks(ones, {}), 1) == (0, (0, 0))
 
 
 def test_a_few_false_sightings_tie_nothing(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
     """One image point in six that shows another point than it is said to: most of each track decide, none is mixed."""
     join = true_join(scene, ones)
-    view, point, feature = join.sightings
+    point = join.sightings.point
     rng = np.random.default_rng(2)
     wrong = rng.random(len(point)) < 1 / 6
     point = np.where(wrong, rng.permutation(point), point)
     assert ones[0].fit is not None
-    mixed = Join(join.second_from_first, join.found, 0.0, (view, point, feature), 8)
-    right = shared_points(pictures, merged_tracks(pictures, ones, [(0, 1, join)]), (0, 1))[0]
-    assert shared_points(pictures, merged_tracks(pictures, ones, [(0, 1, mixed)]), (0, 1))[0] > 0.85 * right
+    mixed = replace(join, sightings=replace(join.sightings, point=point))
+    right = shared_points(scene.views, merged_tracks(ones, {1: join}), 1)[0]
+    assert shared_points(scene.views, merged_tracks(ones, {1: mixed}), 1)[0] > 0.85 * right
 
 
 def test_two_features_of_one_view_are_no_image_of_a_point(
@@ -97,40 +70,8 @@ def test_two_features_of_one_view_are_no_image_of_a_point(
 ) -> None:
     """No view shows a point twice in what is merged."""
     join = true_join(scene, ones)
-    view, point, feature = join.sightings
-    beside = Join(join.second_from_first, 0, 0.0, (view[:40], point[:40], feature[:40] * 0), 8)
-    tracks = merged_tracks(pictures, ones, [(0, 1, beside), (0, 1, join)])
+    few = take(join.sightings, np.arange(40))
+    beside = replace(few, feature=few.feature * 0)
+    tracks = merged_tracks(ones, {1: replace(join, sightings=concatenate([beside, join.sightings]))})
     places = np.column_stack([tracks.view, tracks.point])
     assert len(np.unique(places, axis=0)) == len(places)
-
-
-def test_places_within_both_views_are_one(
-    scene: Scene, ones: tuple[OneCamera, OneCamera], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Most are; with a quarter of the sightings most are not; without places it is unknown."""
-    monkeypatch.setattr(merging, "_CUBE_M", 0.5)
-    join = true_join(scene, ones)
-    assert common_share(*ones, join) > 0.7
-    quarter = tuple(each[join.sightings[1] % 4 == 0] for each in join.sightings)
-    assert common_share(*ones, replace(join, sightings=quarter)) < 0.5
-    none = tuple(each[:0] for each in join.sightings)
-    assert common_share(*ones, replace(join, sightings=none)) == 0
-    monkeypatch.setattr(merging, "_CUBE_M", 1e-3)
-    assert common_share(*ones, join) == 1
-
-
-def test_places_count_equally_however_many_points_they_have(
-    scene: Scene, ones: tuple[OneCamera, OneCamera], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two equal objects have most of the points, and what is around them contradicts that they are one."""
-    monkeypatch.setattr(merging, "_CUBE_M", 0.25)
-    join, first, second = true_join(scene, ones), ones[0].fit, ones[1].fit
-    assert first is not None
-    assert second is not None
-    cubes = np.floor(first.state.points / 0.25).astype(np.int64)
-    _, number, count = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
-    largest = np.flatnonzero(number.ravel() == np.argmax(count))
-    shown = np.isin(join.sightings[1], largest)
-    assert common_share(*ones, join) > 0.9
-    of_one_object = tuple(each[shown] for each in join.sightings)
-    assert common_share(*ones, replace(join, sightings=of_one_object)) < 0.5

@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.accuracy.scene.pictures import Pictures, guessed_lens, read_pictures
-from basecal.cell import Intrinsics, RobotState
+from basecal.accuracy.scene.pictures import Pictures, read_pictures
+from basecal.cell import RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import InputError
+from basecal.estimation.settings import Settings
 
 CELL = """schema: basecal/cell/1
 reference: left
@@ -67,7 +68,7 @@ def test_each_picture_with_a_pose_is_a_view(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.views.sample, [0, 2, 2])
     np.testing.assert_array_equal(found.views.camera, [0, 0, 1])
     np.testing.assert_array_equal(found.views.stop_robot[found.views.stop], [0, 0, 1])
-    assert found.camera_views(0) == [0, 1]
+    assert found.views.camera.tolist() == [0, 0, 1]
     assert min(len(each) for each in found.features) > 20
 
 
@@ -105,10 +106,21 @@ def test_joints_need_a_urdf(tmp_path: Path) -> None:
         read_pictures(cell, replace(recording, samples=(by_joints,)))
 
 
-def test_distortion_terms_of_a_guess_are_those_asked_for() -> None:
-    """Five unless stated; all zero."""
-    assert len(guessed_lens(Intrinsics("free"), (640, 480)).parameters) == 9
-    assert len(guessed_lens(Intrinsics("free", distortion_terms=8), (640, 480)).parameters) == 12
+@pytest.mark.parametrize(
+    ("stated", "model", "terms"),
+    [
+        ("", "pinhole", 5),
+        ("size_px: [160, 120], intrinsics: {status: free, distortion_terms: 8}", "pinhole", 8),
+        ("model: fisheye, size_px: [160, 120], intrinsics: {status: free}", "fisheye", 4),
+    ],
+)
+def test_a_guess_is_of_the_model_asked_for(tmp_path: Path, stated: str, model: str, terms: int) -> None:
+    """A lens of which nothing is stated has the model and as many terms as the cell asks for, all zero."""
+    write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"right_eye": "bb.png"}}])
+    (tmp_path / "cell.yaml").write_text(CELL.replace("{on: right}", f"{{on: right, {stated}}}"))
+    (lens,) = read(tmp_path).lenses
+    assert lens.model == model
+    assert lens.distortion.tolist() == [0.0] * terms
 
 
 def test_pictures_need_a_folder(tmp_path: Path) -> None:
@@ -126,5 +138,14 @@ def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     )
     (tmp_path / "recording" / "b.png").write_bytes(b"no image")
     found = read(tmp_path)
-    assert found.camera_views(0) == [0]
+    assert found.views.camera.tolist() == [0]
     assert [(each.code, each.about) for each in found.lost] == [("dropped-sample", ("1", "left_eye"))]
+
+
+def test_each_picture_that_is_read_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Features of an image take up to a second: how many are read is told one after another."""
+    write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"left_eye": "a.png", "right_eye": "bb.png"}}])
+    cell = read_cell(tmp_path)
+    with caplog.at_level("INFO", logger="basecal"):
+        read_pictures(cell, read_recording(tmp_path, cell), Settings())
+    assert [each.message for each in caplog.records] == ["1 of 2", "2 of 2"]

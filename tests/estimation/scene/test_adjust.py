@@ -42,7 +42,7 @@ def test_a_tail_keeps_gross_errors_from_the_mount():
     tracks = replace(scene.tracks, pixels=pixels)
     noise = np.tile(NOISE, (len(scene.views.stop_robot), 1))
     sound, plain, robust = (
-        adjust(Task(scene.views, each, PIXEL, noise, (LENS,), tail), scene.truth).state.mounts[0]
+        adjust(Task(scene.views, each, PIXEL, noise, (LENS,), tail=tail), scene.truth).state.mounts[0]
         for each, tail in ((scene.tracks, np.inf), (tracks, np.inf), (tracks, 2.0))
     )
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from basecal.estimation.scene.base import Sightings, project_points, refine_transform
+from basecal.estimation.scene.base import project_points, refine_transform
 from basecal.geometry import SE3
+from basecal.numerics.batch import take
 from scene_points import BASE, LENS, made_scene
 
 
@@ -17,7 +20,7 @@ def test_it_is_refined_to_the_truth():
     camera_from_second = (BASE.inverse() @ poses).inverse()
     pixels = scene.tracks.pixels[second].copy()
     pixels[::20] += 40.0
-    sightings = Sightings(scene.tracks.view[second], scene.tracks.point[second], pixels)
+    sightings = replace(take(scene.tracks, second), pixels=pixels)
     start = BASE.inverse() @ SE3.exp([0.02, -0.02, 0.01, 0.02, 0.02, -0.02])
     found = refine_transform(scene.truth.points, sightings, camera_from_second, start, LENS)
     assert np.linalg.norm((BASE @ found).log()) < 5e-4

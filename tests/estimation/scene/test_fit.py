@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,6 @@ from basecal.estimation.scene.adjust import residuals_px
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
 from basecal.estimation.scene.state import scene_columns
-from basecal.estimation.scene.views import Tracks
 from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, started
 
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
@@ -38,7 +39,7 @@ def test_gross_errors_are_left_out():
     rng = np.random.default_rng(5)
     wrong = rng.random(len(scene.tracks)) < 0.1
     pixels = scene.tracks.pixels + np.where(wrong[:, None], rng.normal(0, 30, scene.tracks.pixels.shape), 0.0)
-    tracks = Tracks(scene.tracks.view, scene.tracks.point, pixels)
+    tracks = replace(scene.tracks, pixels=pixels)
     fit = fit_scene(scene.views, tracks, started(scene), (LENS,), (NOISE,))
     off = (MOUNT.inverse() @ fit.state.mounts[0]).log()
     where = scene_columns(fit.views, fit.state.lenses).mounts[0]
@@ -51,6 +52,6 @@ def test_a_scene_of_which_nothing_is_left_is_no_scene():
     scene = made_scene(2, count=5, points=40)
     rng = np.random.default_rng(6)
     anywhere = rng.uniform(0, 700, scene.tracks.pixels.shape)
-    tracks = Tracks(scene.tracks.view, scene.tracks.point, anywhere)
+    tracks = replace(scene.tracks, pixels=anywhere)
     with pytest.raises(np.linalg.LinAlgError):
         fit_scene(scene.views, tracks, started(scene), (LENS,), (None,))

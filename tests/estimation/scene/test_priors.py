@@ -24,10 +24,10 @@ def test_gradients_are_differences_of_costs():
     sigmas = np.full((6, 6), 1e-3)
     columns = scene_columns(views, scene.truth.lenses)
     rng = np.random.default_rng(0)
-    state = take_step(scene.truth, columns, rng.normal(0, 1e-3, columns.width))
+    state = take_step(scene.truth, columns, rng.normal(0, 1e-3, columns.errors.stop))
     about = prior_information(views, state, columns, sigmas, (LENS, LENS))
     for _ in range(5):
-        step = rng.normal(0, 1e-7, columns.width)
+        step = rng.normal(0, 1e-7, columns.errors.stop)
         ahead, behind = (
             prior_information(views, take_step(state, columns, sign * step), columns, sigmas, (LENS, LENS)).cost
             for sign in (1, -1)

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.estimation.scene.adjust import SceneFit, Task, adjust
+from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
-from scene_points import ARM_M, ARM_RAD, LENS, PIXEL, made_scene
+from scene_points import ARM_M, ARM_RAD, LENS, MOUNT, PIXEL, looks, looks_at_one_point, made_scene, started
 
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
 
@@ -37,3 +38,18 @@ def test_contradicting_parts_widen_sigmas():
     """Where half of the points is pulled by a pixel from view to view, sigmas of the mount are larger."""
     sound, pulled = scene_covariance(fitted(0.0)), scene_covariance(fitted(2.0))
     assert np.trace(pulled[:6, :6]) > 1.5 * np.trace(sound[:6, :6])
+
+
+def test_views_that_aim_at_one_point_leave_the_distance_to_it_unknown() -> None:
+    """The mount is ten times as uncertain as of free views, along the way to that point, and within its ellipsoid."""
+    sigmas = []
+    for look in (looks, looks_at_one_point):
+        scene = made_scene(1, count=15, points=120, look=look)
+        fit = fit_scene(scene.views, scene.tracks, started(scene, 0.01), (LENS,), (None,))
+        covariance = scene_covariance(fit)[:6, :6]
+        off = (MOUNT.inverse() @ fit.state.mounts[0]).log()
+        assert off @ np.linalg.solve(covariance, off) < 27.9
+        variance, axes = np.linalg.eigh(covariance[:3, :3])
+        sigmas.append(np.sqrt(variance[-1]))
+    assert sigmas[1] > 10 * sigmas[0]
+    assert abs(axes[2, -1]) > 0.95

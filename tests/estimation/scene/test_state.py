@@ -30,15 +30,15 @@ def test_what_is_fixed_has_no_columns():
     assert columns.mounts == (None, slice(0, 6))
     assert columns.bases == (None, slice(6, 12))
     assert columns.lenses == (None, slice(12, 21))
-    assert columns.errors == slice(21, columns.width)
-    assert columns.width == 21 + 6 * len(views.stop_robot)
+    assert columns.errors == slice(21, columns.errors.stop)
+    assert columns.errors.stop == 21 + 6 * len(views.stop_robot)
 
 
 def test_a_step_moves_each_unknown_by_its_part():
     """Mounts and bases by right tangents, lenses and errors by sums."""
     scene = made_scene(3, arms=2)
     columns = scene_columns(scene.views, scene.truth.lenses)
-    step = np.random.default_rng(0).normal(0, 1e-3, columns.width)
+    step = np.random.default_rng(0).normal(0, 1e-3, columns.errors.stop)
     after = take_step(scene.truth, columns, step)
     assert np.linalg.norm((BASE.inverse() @ after.bases[1]).log() - step[columns.bases[1]]) < 1e-12
     assert np.linalg.norm((MOUNT.inverse() @ after.mounts[0]).log() - step[columns.mounts[0]]) < 1e-12

@@ -128,3 +128,19 @@ def test_another_camera_of_the_same_poses_joins_its_samples() -> None:
 
 def at(place: float) -> RobotState:
     return RobotState(SE3.from_rotvec([0, 0, 0.1 * place], [0.1 * place, 0, 0.4]))
+
+
+def test_images_of_a_new_camera_are_of_the_samples_of_its_robot() -> None:
+    """Two arms that were recorded apart, three samples and two: a count that is of neither is an error as before."""
+    apart = [Sample(n, None, {"left" if n < 3 else "right": at(0.1 * n)}) for n in range(5)]
+
+    def folder(count: int) -> Imported:
+        """So many images of a camera on the right arm."""
+        of_folder = tuple(Row(pictures={"eye": Path(f"{n}.png")}, image=f"{n}.png") for n in range(1, count + 1))
+        return Imported("photos", "", of_folder, cell={"cameras": {"eye": {"on": "right"}}})
+
+    paired = pair(folder(2), apart, {})
+    assert (paired.by, paired.numbers, paired.unpaired_samples) == ("order", (3, 4), ())
+    assert pair(folder(5), apart, {}).numbers == (0, 1, 2, 3, 4)
+    with pytest.raises(InputError, match="photos holds 4, the recording has 5 samples"):
+        pair(folder(4), apart, {})

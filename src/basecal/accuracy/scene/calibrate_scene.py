@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.scene.checks import (
-    aim_covariance,
     base_findings,
     count_points,
+    describe_scatter,
     direction_findings,
     drop_target_findings,
     joint_findings,
+    missing_base_findings,
     motion_findings,
 )
 from basecal.accuracy.scene.find_scene import Report, find_scene
@@ -48,12 +49,13 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
     """
     settings = replace(settings, method="scene")  # also if the cell requests it, or has tracks alone
     with settings.stage("features"):
-        pictures = read_pictures(cell, recording)
+        pictures = read_pictures(cell, recording, settings)
     if not len(pictures.views):
         lost = " ".join(finding.what for finding in pictures.lost[:1])
         raise InputError(lost or "no camera on a robot has images or tracks with poses, which a scene needs")
     if cell.reference not in pictures.views.robots:
-        raise InputError(f"robot {cell.reference!r}, the reference, has no camera with images: name another reference")
+        what = f"robot {cell.reference!r}, the reference, has no camera with images"
+        raise InputError(f"{what}: state another as `reference:` in cell.yaml")
     report = Report([*drop_target_findings(recording.findings), *pictures.lost])
     stated = [cell.robots[name].noise for name in pictures.views.robots]
     fit = find_scene(pictures, stated, cell.reference, report, settings)
@@ -68,77 +70,72 @@ def _refuse(report: Report, settings: Settings) -> Calibration:
 
 
 class _Place(NamedTuple):
-    """A transform of the answer, and its columns; None if it is fixed."""
+    """A transform of the answer, what is known of it beforehand, and its columns; None if it is fixed."""
 
     name: str
     mean: SE3
+    known: Unknown
     columns: slice | None
-    status: str
 
 
-def _places(cell: Cell, fit: SceneFit, columns: Columns) -> list[_Place]:
-    """The bases of robots, then the mounts of cameras."""
-    mounts = [
-        _Place(cell.mount_name(camera.name), fit.state.mounts[k], columns.mounts[k], camera.mount.status)
-        for k, camera in enumerate(fit.views.cameras)
-    ]
-    bases = [
-        _Place(cell.base_name(robot), fit.state.bases[k], columns.bases[k], fit.views.bases[k].status)
-        for k, robot in enumerate(fit.views.robots)
-        if robot != cell.reference
-    ]
-    return [*bases, *mounts]
+def _places(cell: Cell, fit: SceneFit, columns: Columns) -> tuple[list[_Place], list[_Place]]:
+    """The bases of robots but that of the reference, and the mounts of cameras."""
+    views, state = fit.views, fit.state
+    names = [cell.base_name(robot) for robot in views.robots], [cell.mount_name(each.name) for each in views.cameras]
+    bases = map(_Place, names[0], state.bases, views.bases, columns.bases)
+    mounts = map(_Place, names[1], state.mounts, (each.mount for each in views.cameras), columns.mounts)
+    return [each for each in bases if each.name != cell.base_name(cell.reference)], list(mounts)
 
 
-def _covariance(cell: Cell, fit: SceneFit, columns: Columns) -> Array:
-    """Covariance of all columns but errors of stops, with what stops of arms share and views of one spot."""
+def _covariance(cell: Cell, fit: SceneFit) -> Array:
+    """Covariance of all columns but errors of stops, with what stops of arms share."""
     covariance = scene_covariance(fit)
     for k, robot in enumerate(fit.views.robots):
         if not cell.robots[robot].is_total_noise:
             covariance += shared_covariance(fit, k)
-    for k, where in enumerate(columns.mounts):
-        if where is not None and fit.views.cameras[k].robot is not None:
-            covariance[where, where] += aim_covariance(fit, k)
     return covariance
 
 
 def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> Calibration:
     """The calibration of a scene that was adjusted."""
     columns = scene_columns(fit.views, fit.state.lenses)
-    covariance, places = _covariance(cell, fit, columns), _places(cell, fit, columns)
+    covariance, (bases, mounts) = _covariance(cell, fit), _places(cell, fit, columns)
     motion = scene_motion(fit)
     for finding in motion_findings(motion):
         covariance, report.findings = covariance + np.outer(motion.step, motion.step), [*report.findings, finding]
-    open_covariance = {each.name: covariance[each.columns, each.columns] for each in places if each.columns is not None}
-    own = {each.name: open_covariance.get(each.name, np.zeros((6, 6))) for each in places}
-    for name, spread in own.items():
-        report.findings += direction_findings(name, spread)
-    for robot, known in zip(fit.views.robots, fit.views.bases, strict=True):
-        if known.status != "fixed" and not report.is_refused:
-            name = cell.base_name(robot)
-            base = PoseEstimate(fit.state.bases[fit.views.robots.index(robot)], own[name])
-            report.findings += base_findings(name, *_compare_statement(known, base))
+    rows = {each.name: np.arange(each.columns.stop)[each.columns] for each in (*bases, *mounts) if each.columns}
+    found = {each.name: _estimate(each, covariance) for each in (*bases, *mounts)}
+    for name, estimate in found.items():
+        report.findings += direction_findings(name, estimate.covariance, describe_scatter(fit))
+    for each in bases:
+        if each.columns and not report.is_refused:
+            report.findings += base_findings(each.name, *_compare_statement(each.known, found[each.name]))
     if report.is_refused:
         return _refuse(report, settings)
     report.findings += [count_points(fit), Finding("scene-scale", "info", (), _UNIT)]
     report.findings += joint_findings(cell, fit.views.robots)
-    rows = {each.name: each.columns for each in places if each.columns is not None}
-    at = [row for where in rows.values() for row in range(where.start, where.stop)]
+    at = np.concatenate([[], *rows.values()]).astype(np.int64)
     verdict = judge_findings(report.findings)
+    report.findings += missing_base_findings(cell, fit.views.robots)
     return Calibration(
-        verdict,
-        transforms={each.name: PoseEstimate(each.mean, own[each.name]) for each in places},
-        status={each.name: each.status for each in places},
+        judge_findings(report.findings),
+        transforms=found,
+        status={each.name: each.known.status for each in (*bases, *mounts)},
         cameras=_lenses(fit, columns, covariance),
         noise={"pixel_px": fit.sigma_px, "robots": _robot_noise(fit)},
         order=tuple(rows),
-        joint_covariance=covariance[np.ix_(at, at)] if at else None,
+        joint_covariance=covariance[np.ix_(at, at)] if len(at) else None,
         residuals=_residuals(fit),
         findings=tuple(report.findings),
-        verdicts=dict.fromkeys(own, verdict),
+        verdicts=dict.fromkeys(found, verdict),
         settings=settings.as_dict(),
         meeting=scene_meeting(cell, fit, covariance, settings),
     )
+
+
+def _estimate(place: _Place, covariance: Array) -> PoseEstimate:
+    """A transform with its part of a covariance, which is zero if it is fixed."""
+    return PoseEstimate(place.mean, covariance[place.columns, place.columns] if place.columns else np.zeros((6, 6)))
 
 
 def _compare_statement(statement: Unknown, base: PoseEstimate) -> tuple[Array | None, Array]:

@@ -28,12 +28,12 @@ _FEWEST_SHARED = 100  # points that both cameras see
 _FEWEST_OF_EACH = 4  # views of each camera that show some of them
 _LEAST_SCORE = 30.0  # standard deviations of a count
 _LEAST_RATIO = 2.5  # of points found over those found by chance
-_RIVAL_SHARE = 1 / 3  # of the score of the best that no other transform may have
+_RIVAL_SHARE = 1 / 3  # of the evidence of the best that no other transform may have
 _LEAST_COMMON = 0.45  # of places; right rooms have 1, with each box moved 0.6, two equal groups of objects 0.13 to 0.29
 _LEAST_KEPT = 0.5  # share of the points found in both scenes that one adjustment keeps
 _WEAK_M, _WEAK_RAD = 0.01, np.radians(0.5)  # sigma along an axis that is worth a warning
 _STILL_CHANCE = 1e-3  # of errors that follow time so closely in a scene that is still
-_RIDGE = 1e-6  # of rotations about a point, below which it has no place
+_LOOSE_M, _LOOSE_RAD = 2e-3, 3e-3  # noise of poses beyond that of arms as delivered (estimation.noise.hyperpriors)
 _OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that is as good as unknown
 
 _PAPER = "Put printed paper or tools on the table, in view of the camera."
@@ -46,6 +46,7 @@ _SECOND = (
 _TWO_PLACES = "Check what cell.yaml states of the base, and whether anything in the scene moved or stands there twice."
 _MISTAKEN = "Similar objects, or objects that moved between the images, were taken for one."
 _TURN = "Rotate the flange about two axes, by 20 deg and more, between images."
+_ARM = "Check the zeros of such a robot's joints, its URDF, and that each pose is of its image."
 _AIM = "Take images that do not all aim at one spot: move the arm along the viewing direction, too."
 
 
@@ -57,8 +58,8 @@ def drop_target_findings(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
     """Findings about deficits of one camera's images."""
     about = (name,)
-    if len(one.views) < FEWEST_VIEWS:
-        what = f"{len(one.views)} images of {name} with a pose are too few: a scene needs {FEWEST_VIEWS}."
+    if len(one.rows) < FEWEST_VIEWS:
+        what = f"{len(one.rows)} images of {name} with a pose are too few: a scene needs {FEWEST_VIEWS}."
         yield Finding("too-few-samples", "error", about, what, ("Record 15 images and more with each arm.",))
         return
     points = 0 if one.fit is None else one.fit.tracks.count
@@ -79,13 +80,13 @@ def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
         what = f"{points} points of the scene are seen by {name} in three images and more; {_FEWEST_POINTS} are needed."
         yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
         return
-    if len(one.views) < _ENOUGH_VIEWS:
-        what = f"{len(one.views)} images of {name} are few: its sigmas may be too small."
+    if len(one.rows) < _ENOUGH_VIEWS:
+        what = f"{len(one.rows)} images of {name} are few: its sigmas may be too small."
         yield Finding("few-images", "warning", about, what, (f"Record {_ENOUGH_VIEWS} images and more.",))
 
 
 def join_findings(
-    names: tuple[str, str], join: Join | None, shared_count: int, of_each: tuple[int, int], common: float
+    names: tuple[str, str], join: Join | None, shared_count: int, of_each: tuple[int, int]
 ) -> Iterator[Finding]:
     """Findings about the overlap of two cameras' images.
 
@@ -94,19 +95,18 @@ def join_findings(
         join: How they join; None if they do not.
         shared_count: Points that both see.
         of_each: Views of each that show some of them.
-        common: Share of places of the first camera's scene that the second shows, of those within its images.
     """
     first, second = names
-    if join is None or join.score < _LEAST_SCORE or join.found < _LEAST_RATIO * join.by_chance:
+    if join is None or join.score < _LEAST_SCORE or len(join.sightings) < _LEAST_RATIO * join.by_chance:
         what = f"The images of {first} and {second} show no common part of the scene."
         yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,))
-    elif join.rival > _RIVAL_SHARE * join.score:
-        share = join.rival / join.score
-        what = f"Two positions of {second} fit its images: the second has {share:.0%} of the evidence of the first."
+    elif join.rival > _RIVAL_SHARE:
+        share = f"{join.rival:.0%}"
+        what = f"Two positions of {second} fit its images: the second has {share} of the evidence of the first."
         do = "Remove repeated objects, or add different ones around them.", SAME_SPOT
         yield Finding("scene-rival", "error", names, what, do, "Some objects of the scene look the same.")
-    elif common < _LEAST_COMMON:
-        what = f"{second} shows the scene of {first} at {common:.0%} of the places in its view."
+    elif join.common < _LEAST_COMMON:
+        what = f"{second} shows the scene of {first} at {join.common:.0%} of the places in its view."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
     elif shared_count < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:
         what = f"{first} and {second} share {shared_count} points, in {of_each[0]} and {of_each[1]} images."
@@ -148,12 +148,13 @@ def motion_findings(motion: SceneMotion) -> Iterator[Finding]:
         yield Finding("scene-moved", "warning", (), what, do, "Errors of the poses follow time.")
 
 
-def direction_findings(name: str, covariance: Array) -> Iterator[Finding]:
+def direction_findings(name: str, covariance: Array, scatter: str = "") -> Iterator[Finding]:
     """Whether a transform is known in all directions.
 
     Args:
         name: Of the transform.
         covariance: (6, 6) [m, rad].
+        scatter: Of poses, if it alone may be the cause; see `describe_scatter`.
     """
     shift, turn = (float(np.sqrt(np.linalg.eigvalsh(covariance[part, part])[-1])) for part in (slice(3), slice(3, 6)))
     how = f"{1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg along an axis (1 sigma)"
@@ -164,7 +165,18 @@ def direction_findings(name: str, covariance: Array) -> Iterator[Finding]:
         code, severity = "weak-direction", "warning"
     else:
         return
-    yield Finding(code, severity, (name,), f"{name} is known to {how} only.", (_TURN, _AIM))
+    do = (_ARM, _TURN, _AIM) if scatter else (_TURN, _AIM)
+    yield Finding(code, severity, (name,), f"{name} is known to {how} only.", do, scatter)
+
+
+def describe_scatter(fit: SceneFit) -> str:
+    """Sentences about robots whose poses scatter more than those of an arm without faults; empty if none do."""
+    found = []
+    for k, robot in enumerate(fit.views.robots):
+        shift, turn = fit.stop_sigma[fit.views.stop_robot == k][0, ::3]
+        if shift > _LOOSE_M or turn > _LOOSE_RAD:
+            found.append(f"Poses of {robot} scatter by {1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg.")
+    return " ".join(found)
 
 
 def count_points(fit: SceneFit) -> Finding:
@@ -177,33 +189,30 @@ def count_points(fit: SceneFit) -> Finding:
     return Finding("scene-joined", "info", (), what + also)
 
 
-def aim_covariance(fit: SceneFit, camera: int) -> Array:
-    """Covariance that an arm's own error adds to a mount whose views all aim at one point, (6, 6) [m, rad].
-
-    The point c that stays still before the camera is found by least squares. Scale is known from the rms of the
-    baselines that are left.
-    An error e of the arm moves the camera along c by |c| e over that.
-    """
-    views, state = fit.views, fit.state
-    mine = np.flatnonzero(views.camera == camera)
-    poses = state.world_from_camera(views)[mine]
-    turned = poses.rotation - poses.rotation.mean(0)
-    moved = poses.translation - poses.translation.mean(0)
-    information = np.einsum("vab,vac->bc", turned, turned) + _RIDGE * np.eye(3)
-    still = -np.linalg.solve(information, np.einsum("vab,va->b", turned, moved))
-    left = float(np.sqrt(np.mean(np.sum((turned @ still + moved) ** 2, 1))))
-    arm_m = float(np.sqrt(np.mean(fit.stop_sigma[views.stop[mine], :3] ** 2)))
-    spread = np.zeros((6, 6))
-    spread[:3, :3] = np.outer(still, still) * (arm_m / max(left, 1e-6)) ** 2
-    return spread
-
-
 def joint_findings(cell: Cell, robots: Sequence[str]) -> Iterator[Finding]:
-    """Whether parameters of robots are to be estimated, which a scene alone does not."""
+    """Whether parameters of robots are to be estimated, which a scene alone does not; a warning if any is free."""
     for robot in robots:
-        kinds = [name for name, each in cell.robots[robot].parameters.items() if each.status != "fixed"]
+        kinds = {name: each.status for name, each in cell.robots[robot].parameters.items() if each.status != "fixed"}
         if kinds:
             words = " and ".join(kind.replace("_", " ") for kind in kinds)
             what = f"The {words} of {robot} are not estimated from a scene: they are in the noise of its poses."
-            do = ("Calibrate the arm with a board first, and import poses of the corrected URDF.",)
-            yield Finding("scene-joints", "info", (robot,), what, do)
+            do = (
+                "Let one camera see a board in some samples, and run `basecal calibrate CELL --scene also`.",
+                "Or calibrate the arm with a board first, and state the corrected URDF in cell.yaml.",
+            )
+            yield Finding("scene-joints", "warning" if "free" in kinds.values() else "info", (robot,), what, do)
+
+
+def missing_base_findings(cell: Cell, robots: Sequence[str]) -> Iterator[Finding]:
+    """Requested bases of robots whose cameras show nothing of the scene.
+
+    Args:
+        cell: What was to be calibrated.
+        robots: Whose cameras show the scene.
+    """
+    for robot in cell.robots:
+        name = cell.base_name(robot)
+        if robot not in (cell.reference, *robots) and cell.transforms[name].status == "free":
+            what = f"{name} stays unknown: no camera on {robot} has images with poses."
+            do = (f"Record images with a camera on {robot}, or take {robot} out of cell.yaml.",)
+            yield Finding("unobservable-direction", "error", (name,), what, do)

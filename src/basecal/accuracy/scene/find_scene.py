@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from basecal.accuracy.scene.checks import SAME_SPOT, camera_findings, join_findings, kept_findings
 from basecal.accuracy.scene.joining import Join, join
-from basecal.accuracy.scene.merging import common_share, merged_tracks, shared_points
+from basecal.accuracy.scene.merging import merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera, solve_camera
 from basecal.accuracy.scene.pictures import Pictures
 from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Finding
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.fit import fit_scene
-from basecal.estimation.scene.state import SceneState
+from basecal.estimation.scene.state import start_state
 from basecal.estimation.scene.views import Tracks
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array
+from basecal.numerics.batch import concatenate, take
 from basecal.vision.tracks.locating import locate_camera
 
 
@@ -65,64 +66,59 @@ def find_scene(
 
 def _solve_one(pictures: Pictures, camera: int, robot_noise: Sequence[Array | None], settings: Settings) -> OneCamera:
     settings.part(camera + 1, len(pictures.views.cameras))
-    rows = pictures.camera_views(camera)
-    robot = int(pictures.views.robot[rows[0]]) if rows else 0
-    return solve_camera(pictures, camera, robot_noise[robot])
+    return solve_camera(pictures, camera, robot_noise[_carrier(pictures, camera)])
 
 
-def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: Report) -> list[tuple[int, int, Join]]:
-    """How the scene of each camera joins that of the first."""
-    joins = []
+def _carrier(pictures: Pictures, camera: int) -> int:
+    """Index of the robot that carries a camera."""
+    return int(pictures.views.robot[pictures.views.camera == camera][0])
+
+
+def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: Report) -> dict[int, Join]:
+    """How the scene of each camera joins that of the first, by index."""
+    joins = {}
     for index in range(1, len(ones)):
         found = join(pictures, ones[0], ones[index])
         names = (pictures.views.cameras[0].name, pictures.views.cameras[index].name)
-        shared, of_each, common = 0, (0, 0), 0.0
+        shared, of_each = 0, (0, 0)
         if found is not None:
-            common = common_share(ones[0], ones[index], found)
-            joins.append((0, index, found))
-            tracks = merged_tracks(pictures, ones, [joins[-1]])
-            shared, of_each = shared_points(pictures, tracks, (0, index))
-        report.findings += join_findings(names, found, shared, of_each, common)
+            joins[index] = found
+            shared, of_each = shared_points(pictures.views, merged_tracks(ones, {index: found}), index)
+        report.findings += join_findings(names, found, shared, of_each)
     return joins
 
 
 def _fit(
     pictures: Pictures,
     ones: Sequence[OneCamera],
-    joins: Sequence[tuple[int, int, Join]],
+    joins: Mapping[int, Join],
     robot_noise: Sequence[Array | None],
     reference: str,
     report: Report,
 ) -> SceneFit | None:
     """All images adjusted together."""
-    fits = [one.fit for one in ones if one.fit is not None]
-    lenses = tuple(fit.state.lenses[0] for fit in fits)
     views = pictures.views
-    if not joins:
-        start = replace(fits[0].state, errors=np.zeros((len(views.stop_robot), 6)))
-    else:
-        bases = [SE3.identity() for _ in views.robots]
-        for _, index, found in joins:
-            robot = int(views.robot[pictures.camera_views(index)[0]])
-            bases[robot] = found.second_from_first.inverse()
-        mounts = SE3.stack([fit.state.mounts[0] for fit in fits])
-        home = bases[views.robots.index(reference)]
-        bases = [
-            known.mean if known.status == "fixed" and known.mean is not None else home.inverse() @ base
-            for known, base in zip(views.bases, bases, strict=True)
-        ]
-        start = SceneState(mounts, SE3.stack(bases), lenses, np.zeros((len(views.stop_robot), 6)), np.zeros((0, 3)))
-    tracks = merged_tracks(pictures, ones, joins)
-    before = [shared_points(pictures, tracks, (i, k))[0] for i, k, _ in joins]
+    bases = [SE3.identity() for _ in views.robots]
+    for index, found in joins.items():
+        bases[_carrier(pictures, index)] = found.second_from_first.inverse()
+    home = bases[views.robots.index(reference)]
+    bases = [
+        known.mean if known.status == "fixed" and known.mean is not None else home.inverse() @ base
+        for known, base in zip(views.bases, bases, strict=True)
+    ]
+    states, tracks = [one.adjustment.state for one in ones], merged_tracks(ones, joins)
+    lenses = tuple(state.lenses[0] for state in states)
+    start = start_state(views, [state.mounts[0] for state in states], bases, lenses)
     try:
         fit = fit_scene(views, tracks, start, lenses, robot_noise)
     except np.linalg.LinAlgError:
         what = "The images of all cameras fit no common scene."
         report.findings.append(Finding("scene-rival", "error", (), what, (SAME_SPOT,)))
         return None
-    for (i, k, _), count in zip(joins, before, strict=True):
-        names = (views.cameras[i].name, views.cameras[k].name)
-        report.findings += kept_findings(names, count, shared_points(pictures, fit.tracks, (i, k))[0])
+    for index in joins:
+        names = (views.cameras[0].name, views.cameras[index].name)
+        before, after = (shared_points(views, each, index)[0] for each in (tracks, fit.tracks))
+        report.findings += kept_findings(names, before, after)
     return None if report.is_refused else fit
 
 
@@ -133,7 +129,7 @@ def _add_fixed_cameras(
     views, count = pictures.views, len(fit.views)
     if count == len(views):
         return fit
-    descriptors = pictures.descriptors(fit.tracks, np.arange(count))
+    descriptors = pictures.descriptors(fit.tracks)
     state, tracks, kept, cameras = fit.state, fit.tracks, list(range(count)), list(fit.views.cameras)
     for row in range(count, len(views)):
         number = int(views.camera[row])
@@ -144,10 +140,10 @@ def _add_fixed_cameras(
             report.findings.append(_missing_camera(camera.name, guessed))
             continue
         seen = pictures.features[row].pixels[found.feature]
-        tracks = tracks.join(Tracks(np.full(len(seen), len(kept)), found.point, seen))
+        tracks = concatenate([tracks, Tracks(np.full(len(seen), len(kept)), found.point, seen, found.feature)])
         state = state.with_camera(found.camera_from_world.inverse(), lens)
         kept, cameras = [*kept, row], [*cameras, camera]
-    own = replace(views.take(np.array(kept)), cameras=tuple(cameras))
+    own = replace(take(views, np.array(kept)), cameras=tuple(cameras))
     own = replace(own, camera=np.r_[own.camera[:count], np.arange(len(fit.views.cameras), len(cameras))])
     lenses = (*fit.guesses, *state.lenses[len(fit.guesses) :])
     return fit_scene(own, tracks, state, lenses, robot_noise) if len(kept) > count else fit

@@ -15,12 +15,11 @@ from basecal.cell import WORLD, Calibration, Cell, CellTarget, PixelObservation,
 from basecal.cell.fingerprint import Fingerprint
 from basecal.cell.targets.points import points_target
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.views import Tracks
 from basecal.geometry import SE3, Array, Camera
-from basecal.vision.tracks.features import Descriptors
+from basecal.numerics.batch import take
+from basecal.vision.tracks.features import Descriptors, descriptor_levels, unit_descriptors
 from basecal.vision.tracks.locating import locate_camera
 
-_LEVELS = 255.0  # of a descriptor's entries in bytes
 _NORMAL_MAD = 1.4826  # sigma over median absolute value, of a normal
 _WIDENING = 1.5  # of sigmas of image points about their image's own pose: points are off, too; assumed
 
@@ -28,9 +27,7 @@ _WIDENING = 1.5  # of sigmas of image points about their image's own pose: point
 def scene_fingerprint(pictures: Pictures, fit: SceneFit, points: Array) -> Fingerprint:
     """The points of a scene, (p, 3) in the world [m], with what they look like."""
     moving = fit.views.robot[fit.tracks.view] >= 0
-    own = Tracks(fit.tracks.view[moving], fit.tracks.point[moving], fit.tracks.pixels[moving])
-    found = pictures.descriptors(own, np.arange(len(fit.views)))
-    return Fingerprint(points, np.round(_LEVELS * found).astype(np.uint8))
+    return Fingerprint(points, descriptor_levels(pictures.descriptors(take(fit.tracks, moving))))
 
 
 def with_scene_as_target(
@@ -49,8 +46,7 @@ def with_scene_as_target(
     )
     described = replace(cell, targets={**cell.targets, target.name: target})
     pictures = read_pictures(cell, recording)
-    looks = fingerprint.descriptors.astype(np.float32)
-    looks /= np.maximum(np.linalg.norm(looks, axis=1, keepdims=True), 1e-9)
+    looks = unit_descriptors(fingerprint.descriptors)
     seen: dict[int, list[PixelObservation]] = {}
     for row, (number, index) in enumerate(zip(pictures.views.sample, pictures.views.camera, strict=True)):
         name = pictures.views.cameras[index].name

@@ -26,6 +26,7 @@ from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.spread import scene_covariance, widening
 from basecal.estimation.scene.state import scene_columns
 from basecal.estimation.scene.tie import with_scene
+from basecal.estimation.scene.views import AT_WORLD
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
 from basecal.geometry import SE3, Array
@@ -45,20 +46,20 @@ def join_scene(
         settings: How to solve.
         outlier_samples: Numbers of samples whose images do not count, as their poses may be wrong.
     """
-    report, fit = Report(), None
+    report = Report()
     sound = tuple(each for each in recording.samples if each.sample not in outlier_samples)
     with settings.stage("features"):
-        pictures = _update_pictures(read_pictures(cell, replace(recording, samples=sound)), solution, cell)
-    if not len(pictures.views):
+        pictures = read_pictures(cell, replace(recording, samples=sound), settings)
+    anchor = next((name for name in (cell.reference, *pictures.views.robots) if name in pictures.views.robots), None)
+    if anchor is None:
         do = ("Record images of the scene with the robots' poses, or calibrate without --scene.",)
         what = "No camera has images or tracks with poses."
-        report.findings.append(Finding("scene-left-out", "error", (), what, do))
-    else:
-        stated = [_noise(solution, robot) for robot in pictures.views.robots]
-        fit = find_scene(pictures, stated, pictures.views.robots[0], report, settings)
+        return solution, (_explain_omission([Finding("scene-left-out", "error", (), what, do)]),), None
+    stated = [_noise(solution, robot) for robot in pictures.views.robots]
+    fit = find_scene(_update_pictures(pictures, solution, cell, anchor), stated, anchor, report, settings)
     if fit is None:
         return solution, (_explain_omission(report.findings),), None
-    fit = _place_in_world(fit, solution.state.transforms.get(cell.base_name(fit.views.robots[0])))
+    fit = _place_in_world(fit, solution.state.transforms.get(cell.base_name(anchor)))
     findings = tuple(_base_findings(cell, solution, fit))
     refused = [replace(each, severity="warning") for each in findings if each.severity == "error"]
     if refused:
@@ -75,25 +76,14 @@ def join_scene(
     return joined, (*report.findings, *findings, count_points(fit)), kept
 
 
-def _update_pictures(pictures: Pictures, solution: Solution, cell: Cell) -> Pictures:
-    """The images with what a solution has of lenses and mounts; the first robot's base is the world of the scene."""
+def _update_pictures(pictures: Pictures, solution: Solution, cell: Cell, anchor: str) -> Pictures:
+    """The images with what a solution has of lenses and mounts; the base of one robot is the world of the scene."""
     views, state, open_names = pictures.views, solution.state, solution.observability.unobservable
-    if not len(views):
-        return pictures
-    anchor = next((k for k, name in enumerate(views.robots) if name == cell.reference), 0)
-    robots = [anchor, *(k for k in range(len(views.robots)) if k != anchor)]
-    renumbered = np.append(np.argsort(robots), -1)
     lenses = [state.cameras.get(c.name, lens) for c, lens in zip(views.cameras, pictures.lenses, strict=True)]
     mounts = [cell.mount_name(camera.name) for camera in views.cameras]
     return replace(
         pictures,
-        views=replace(
-            views,
-            robots=tuple(views.robots[k] for k in robots),
-            bases=(Unknown("fixed", SE3.identity()), *(Unknown() for _ in robots[1:])),
-            robot=renumbered[views.robot],
-            stop_robot=renumbered[views.stop_robot],
-        ),
+        views=replace(views, bases=tuple(AT_WORLD if name == anchor else Unknown() for name in views.robots)),
         lenses=tuple(lenses),
         is_guessed=tuple(
             is_guessed and c.name not in state.cameras
@@ -109,15 +99,15 @@ def _noise(solution: Solution, robot: str) -> Array | None:
     return solution.problem.stops.sigma[rows[0]] if rows else None
 
 
-def _place_in_world(fit: SceneFit, world_from_first: SE3 | None) -> SceneFit:
-    """A scene whose world is the base of its first robot, in the world of the cell."""
-    if world_from_first is None:
+def _place_in_world(fit: SceneFit, world_from_base: SE3 | None) -> SceneFit:
+    """A scene whose world is the base of a robot, in the world of the cell."""
+    if world_from_base is None:
         return fit
     cameras = enumerate(fit.views.cameras)
     mounts = SE3.stack(
-        [world_from_first @ fit.state.mounts[k] if each.robot is None else fit.state.mounts[k] for k, each in cameras]
+        [world_from_base @ fit.state.mounts[k] if each.robot is None else fit.state.mounts[k] for k, each in cameras]
     )
-    bases, points = world_from_first @ fit.state.bases, world_from_first @ fit.state.points
+    bases, points = world_from_base @ fit.state.bases, world_from_base @ fit.state.points
     return replace(fit, state=replace(fit.state, mounts=mounts, bases=bases, points=points))
 
 
@@ -176,8 +166,8 @@ def _predicts_better(solution: Solution, iterations: int) -> bool:
 
 def _explain_omission(findings: Sequence[Finding]) -> Finding:
     """Finding of a scene that takes no part, with the last reason, which is the gravest."""
-    first = findings[-1] if findings else None
-    if first is None:
+    if not findings:
         return Finding("scene-left-out", "info", (), "Views that were held out are predicted no better with the scene.")
-    what = f"The scene takes no part in the answer. {first.what}"
-    return Finding("scene-left-out", "info", first.about, what, first.do, first.why)
+    last = findings[-1]
+    what = f"The scene takes no part in the answer. {last.what}"
+    return replace(last, code="scene-left-out", severity="info", what=what)

@@ -7,15 +7,19 @@ beside these places, are its evidence. A repeated object makes rivals.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.accuracy.scene.pictures import Pictures
+from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.alignment import alignments, are_one
-from basecal.estimation.scene.base import Sightings, project_points, refine_transform
+from basecal.estimation.scene.base import project_points, refine_transform
+from basecal.estimation.scene.views import FEWEST_VIEWS, Tracks
 from basecal.geometry import SE3, Array, IntArray
+from basecal.numerics.batch import concatenate
 from basecal.vision.tracks.features import Descriptors
 from basecal.vision.tracks.guided_matching import match_predictions
 from basecal.vision.tracks.matching import match
@@ -24,6 +28,8 @@ _MOST_TRANSFORMS = 12  # transforms that are tried
 _TOLERANCE = 0.015  # [1] of the distance to the cameras, by which paired points may be apart
 _RADII_PX = (12.0, 6.0, 4.0)  # [px] about predictions, one after another
 _NEAR_M, _NEAR_RAD = 0.02, 0.02  # within which two refined transforms are one
+_CUBE_M = 0.15  # [m] sides of the cubes that are places
+_FEWEST_IN_CUBE = 4  # points of a place
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,56 +38,53 @@ class Join:
 
     Attributes:
         second_from_first: The transform.
-        found: Image points that were found where it predicts them.
+        sightings: Image points in views of the second that were found where it predicts points of the first.
         by_chance: How many chance finds beside these places.
-        sightings: Of points of the first in views of the second: view, point and feature, (n,) each.
-        views: How many views of the second show points of the first.
-        rival: The score of the best other transform; 0 if there is none.
+        common: Share of places of the first camera's scene that the second shows; see `common_share`.
+        rival: The share of the evidence that another transform has at most, by its score and its places.
     """
 
     second_from_first: SE3
-    found: int
+    sightings: Tracks
     by_chance: float
-    sightings: tuple[IntArray, IntArray, IntArray]
-    views: int
+    common: float
     rival: float = 0.0
 
     @property
     def score(self) -> float:
         """The excess over the count by chance, in its standard deviations."""
-        return float((self.found - self.by_chance) / np.sqrt(max(self.by_chance, 1.0)))
+        return float((len(self.sightings) - self.by_chance) / np.sqrt(max(self.by_chance, 1.0)))
 
 
 def join(pictures: Pictures, first: OneCamera, second: OneCamera) -> Join | None:
     """The transform that images speak for most, with the score of its rival; None if no pairs of points agree."""
-    assert first.fit is not None
-    assert second.fit is not None
     pairs, tolerance = paired_points(pictures, first, second)
-    if not len(pairs):
-        return None
-    one, other = first.fit.state.points[pairs[:, 0]], second.fit.state.points[pairs[:, 1]]
-    looks = first.descriptors(pictures)
+    points = first.adjustment.state.points
+    one, other = points[pairs[:, 0]], second.adjustment.state.points[pairs[:, 1]]
+    looks = pictures.descriptors(first.tracks)
     tried = [
-        _judge_transform(pictures, first, second, each.second_from_first, looks)
-        for each in alignments(one, other, tolerance, _MOST_TRANSFORMS)
+        _judge_transform(pictures, points, looks, second, at)
+        for at, _ in alignments(one, other, tolerance, _MOST_TRANSFORMS)
     ]
-    ranked = sorted(tried, key=lambda each: -each.score)
-    if not ranked:
+    if not tried:
         return None
-    best = ranked[0]
+    best, *others = sorted(tried, key=lambda each: -each.score)
     at = best.second_from_first
-    rivals = [each for each in ranked[1:] if not are_one(each.second_from_first, at, one, _NEAR_M, _NEAR_RAD)]
-    return replace(best, rival=max((each.score for each in rivals), default=0.0))
+    rivals = [each for each in others if not are_one(each.second_from_first, at, one, _NEAR_M, _NEAR_RAD)]
+    return replace(best, rival=max((_evidence_share(each, best) for each in rivals), default=0.0))
+
+
+def _evidence_share(rival: Join, best: Join) -> float:
+    """The lesser of both shares: an object that moved has many points, and stands at few places."""
+    return min(rival.score / max(best.score, 1e-9), rival.common / max(best.common, 1e-9))
 
 
 def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tuple[IntArray, Array]:
     """Points of both with the same look in most pairs of images, (n, 2), and how far they may be apart, (n,) [m]."""
-    assert first.fit is not None
-    assert second.fit is not None
     votes: Counter[tuple[int, int]] = Counter()
-    seen = [_view_points(pictures, each) for each in (first, second)]
-    for points, descriptors in seen[0]:
-        for others, of_others in seen[1]:
+    of_second = list(_view_points(pictures, second))
+    for points, descriptors in _view_points(pictures, first):
+        for others, of_others in of_second:
             found = match(descriptors, of_others)
             votes.update(zip(points[found.first].tolist(), others[found.second].tolist(), strict=True))
     best_of_first, best_of_second = dict[int, int](), dict[int, int]()
@@ -90,53 +93,63 @@ def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tu
         best_of_second.setdefault(q, p)
     pairs = np.array([(p, q) for p, q in best_of_first.items() if best_of_second[q] == p], dtype=np.int64)
     pairs = pairs.reshape(-1, 2)
-    distances = [_distances(each)[pairs[:, k]] for k, each in enumerate((first, second))]
-    return pairs, _TOLERANCE * np.hypot(*distances)
+    return pairs, _TOLERANCE * np.hypot(
+        _distances(first.adjustment)[pairs[:, 0]], _distances(second.adjustment)[pairs[:, 1]]
+    )
 
 
-def _view_points(pictures: Pictures, one: OneCamera) -> list[tuple[IntArray, Descriptors]]:
+def _view_points(pictures: Pictures, one: OneCamera) -> Iterator[tuple[IntArray, Descriptors]]:
     """Points that each view shows, and their descriptors there."""
-    assert one.fit is not None
-    tracks = one.fit.tracks
-    rows = [np.flatnonzero(tracks.view == view) for view in range(len(one.rows))]
-    return [
-        (tracks.point[mine], pictures.features[one.rows[view]].descriptors[one.feature[mine]])
-        for view, mine in enumerate(rows)
-        if len(mine)
-    ]
+    tracks = one.tracks
+    for view in np.unique(tracks.view):
+        mine = tracks.view == view
+        yield tracks.point[mine], pictures.features[view].descriptors[tracks.feature[mine]]
 
 
-def _distances(one: OneCamera) -> Array:
+def _distances(fit: SceneFit) -> Array:
     """Mean distance of each point to the cameras that see it, (p,) [m]."""
-    assert one.fit is not None
-    fit = one.fit
     centre = fit.state.world_from_camera(fit.views).translation[fit.tracks.view]
     distance = np.linalg.norm(fit.state.points[fit.tracks.point] - centre, axis=1)
     return np.asarray(np.bincount(fit.tracks.point, distance) / np.maximum(np.bincount(fit.tracks.point), 1))
 
 
-def _judge_transform(
-    pictures: Pictures, first: OneCamera, second: OneCamera, transform: SE3, looks: Descriptors
-) -> Join:
+def _judge_transform(pictures: Pictures, points: Array, looks: Descriptors, second: OneCamera, transform: SE3) -> Join:
     """A transform refined on what images of the second show of points of the first."""
-    assert first.fit is not None
-    assert second.fit is not None
-    points, fit = first.fit.state.points, second.fit
-    camera_from_world = fit.state.world_from_camera(fit.views).inverse()
-    lens = fit.state.lenses[0]
-    view, point, feature = (np.zeros(0, dtype=np.int64) for _ in range(3))
-    by_chance = 0.0
+    fit = second.adjustment
+    camera_from_world, lens = fit.state.world_from_camera(fit.views).inverse(), fit.state.lenses[0]
     for radius_px in _RADII_PX:
         pixels = project_points(points, camera_from_world @ transform, lens)
-        guided = [
-            match_predictions(pictures.features[row], pixels[k], looks, radius_px) for k, row in enumerate(second.rows)
-        ]
-        view = np.repeat(np.arange(len(guided)), [len(each.point) for each in guided])
-        point = np.concatenate([each.point for each in guided])
-        feature = np.concatenate([each.feature for each in guided])
-        by_chance = sum(each.by_chance for each in guided)
-        if len(point) < 6:
+        seen, by_chance = list[Tracks](), 0.0
+        for view, row in enumerate(second.rows):
+            features = pictures.features[row]
+            found = match_predictions(features, pixels[view], looks, radius_px)
+            at = features.pixels[found.feature]
+            seen.append(Tracks(np.full(len(at), view), found.point, at, found.feature))
+            by_chance += found.by_chance
+        sightings = concatenate(seen)
+        if len(sightings) < 6:
             break
-        places = np.array([pictures.features[second.rows[v]].pixels[f] for v, f in zip(view, feature, strict=True)])
-        transform = refine_transform(points, Sightings(view, point, places), camera_from_world, transform, lens)
-    return Join(transform, len(point), by_chance, (view, point, feature), len(np.unique(view)))
+        transform = refine_transform(points, sightings, camera_from_world, transform, lens)
+    return Join(transform, sightings, by_chance, common_share(points, fit, transform, sightings))
+
+
+def common_share(points: Array, second: SceneFit, transform: SE3, sightings: Tracks) -> float:
+    """Share of places of the first camera's scene that the second shows, of those predicted within its images.
+
+    Two equal objects, of which each camera sees one, fit; what is around them does not. Places are cubes, which count
+    equally, as objects have more texture than what is around them. 1 if no cube has enough points.
+
+    Args:
+        points: (p, 3) of the first camera's scene [m].
+        second: Of the second camera.
+        transform: From the first camera's world to that of the second.
+        sightings: Of the points in views of the second.
+    """
+    camera_from_world = second.state.world_from_camera(second.views).inverse()
+    pixels = project_points(points, camera_from_world @ transform, second.state.lenses[0])
+    predicted = np.flatnonzero(np.isfinite(pixels).all(-1).sum(0) >= FEWEST_VIEWS)
+    cubes = np.floor(points[predicted] / _CUBE_M).astype(np.int64)
+    _, number, total = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
+    found = np.bincount(number.ravel(), np.isin(predicted, sightings.point), len(total))
+    is_place = total >= _FEWEST_IN_CUBE
+    return float(np.mean(found[is_place] >= total[is_place] / 2)) if is_place.any() else 1.0

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from basecal.accuracy.scene.pictures import Pictures
-from basecal.cell import Unknown
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.epipolar import PointPairs, point_pairs
 from basecal.estimation.scene.fit import fit_scene
-from basecal.estimation.scene.mount_search import MountStart, find_mount
-from basecal.estimation.scene.state import SceneState
-from basecal.estimation.scene.views import FEWEST_VIEWS, SceneViews, Tracks
+from basecal.estimation.scene.mount_search import MountStart, find_mount, scale_focal
+from basecal.estimation.scene.state import start_state
+from basecal.estimation.scene.views import AT_WORLD, FEWEST_VIEWS, SceneViews, Tracks
 from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.numerics.batch import take
 from basecal.vision.tracks.chains import chain_matches, longest_chains
-from basecal.vision.tracks.features import Descriptors
 from basecal.vision.tracks.matching import Matches, match_rigid
 
 _NEIGHBOURS = 20  # images of the most similar directions that each one is matched with
@@ -24,7 +24,6 @@ _MOST_ALL = 60  # images that are all matched with one another
 _PAIRS = 3000  # of image points by which the mount is found
 _MOST_POINTS = 1500  # of a camera's own scene: more take time and move no answer (benchmarks.scene)
 MOST_PX = 5.0  # [px] median distance of image points from their epipolar geometry; right poses leave 0.5 to 2
-_AT_WORLD = Unknown("fixed", SE3.identity())
 _FOCAL_SCALES = (0.65, 1.0, 1.5)  # of a guessed lens, that are tried
 
 
@@ -33,35 +32,27 @@ class OneCamera:
     """The answer of one camera's images.
 
     Attributes:
-        camera: Its index.
-        views: Its views alone, of which the camera, the robot and its stops are the only ones.
-        rows: Of these views, their indices among all.
+        rows: Of its views, their indices among all.
         start: Its mount by pairs of image points; None if there are too few.
-        fit: The adjustment; None without a start, or with one that does not explain the images.
-        feature: (n,) index of the feature of each image point of the fit.
+        fit: The adjustment of its views alone; None without a start, or with one that does not explain the images.
         matched_pairs: Pairs of images with matches.
     """
 
-    camera: int
-    views: SceneViews
     rows: IntArray
     start: MountStart | None
     fit: SceneFit | None
-    feature: IntArray
     matched_pairs: int
 
-    def points_by_feature(self) -> dict[tuple[int, int], int]:
-        """The point of each feature that shows one, by view and feature."""
+    @property
+    def adjustment(self) -> SceneFit:
+        """The adjustment of a camera of which nothing is refused."""
         assert self.fit is not None
-        tracks = self.fit.tracks
-        return dict(
-            zip(zip(tracks.view.tolist(), self.feature.tolist(), strict=True), tracks.point.tolist(), strict=True)
-        )
+        return self.fit
 
-    def descriptors(self, pictures: Pictures) -> Descriptors:
-        """Mean descriptor of the image points of each point of the fit, (p, 128) of unit length."""
-        assert self.fit is not None
-        return pictures.descriptors(self.fit.tracks, self.rows)
+    @property
+    def tracks(self) -> Tracks:
+        """The image points of the adjustment, by views among all."""
+        return replace(self.adjustment.tracks, view=self.rows[self.adjustment.tracks.view])
 
 
 def solve_camera(pictures: Pictures, camera: int, stop_noise: Array | None) -> OneCamera:
@@ -78,27 +69,15 @@ def solve_camera(pictures: Pictures, camera: int, stop_noise: Array | None) -> O
     counts = [len(pictures.features[row]) for row in rows]
     chains = longest_chains(chain_matches(counts, matches, FEWEST_VIEWS), _MOST_POINTS)
     pixels = [pictures.features[rows[v]].pixels[f] for v, f in zip(chains.view, chains.feature, strict=True)]
-    tracks = Tracks(chains.view, chains.track, np.array(pixels).reshape(-1, 2))
-    pairs = point_pairs(views, tracks, 0, _PAIRS)
+    tracks = Tracks(chains.view, chains.track, np.array(pixels).reshape(-1, 2), chains.feature)
     guess = pictures.mounts[camera] if pictures.mounts else None
-    start = _start(pairs, views, lens, pictures.is_guessed[camera], guess)
-    nothing = OneCamera(camera, views, rows, start, None, np.zeros(0, dtype=np.int64), len(matches))
-    if start is None or start.misfit > (False, MOST_PX):
-        return nothing
-    state = SceneState(
-        SE3.stack([_first_mount(views, start)]),
-        SE3.stack([SE3.identity()]),
-        (start.lens,),
-        np.zeros((len(views.stop_robot), 6)),
-        np.zeros((0, 3)),
-    )
-    try:
-        fit = fit_scene(views, tracks, state, (start.lens,), (stop_noise,))
-    except np.linalg.LinAlgError:
-        return nothing
-    return OneCamera(
-        camera, views, rows, start, fit, _feature_indices(fit.tracks, tracks, chains.feature), len(matches)
-    )
+    start = _start(point_pairs(tracks, _PAIRS), views, lens, pictures.is_guessed[camera], guess)
+    fit = None
+    if start is not None and start.misfit <= (False, MOST_PX):
+        state = start_state(views, [_first_mount(views, start)], [SE3.identity()], (start.lens,))
+        with suppress(np.linalg.LinAlgError):
+            fit = fit_scene(views, tracks, state, state.lenses, (stop_noise,))
+    return OneCamera(rows, start, fit, len(matches))
 
 
 def _first_mount(views: SceneViews, start: MountStart) -> SE3:
@@ -110,21 +89,17 @@ def _first_mount(views: SceneViews, start: MountStart) -> SE3:
 def own_views(views: SceneViews, camera: int) -> tuple[SceneViews, IntArray]:
     """The views of one camera with its robot and stops alone, and their indices among all."""
     rows = np.flatnonzero(views.camera == camera).astype(np.int64)
-    mine = views.take(rows)
-    robot = mine.robot[0] if len(rows) else 0
-    stops = np.flatnonzero(views.stop_robot == robot)
-    numbered = np.full(len(views.stop_robot), -1, dtype=np.int64)
-    numbered[stops] = np.arange(len(stops))
-    alone = SceneViews(
-        (views.cameras[camera],),
-        (views.robots[robot],),
-        (_AT_WORLD,),
-        mine.sample,
-        np.zeros(len(rows), dtype=np.int64),
-        np.zeros(len(rows), dtype=np.int64),
-        numbered[mine.stop],
-        mine.base_from_flange,
-        np.zeros(len(stops), dtype=np.int64),
+    mine, first = take(views, rows), np.zeros(len(rows), dtype=np.int64)
+    stops, stop = np.unique(mine.stop, return_inverse=True)
+    alone = replace(
+        mine,
+        cameras=(views.cameras[camera],),
+        robots=(views.robots[mine.robot[0]],),
+        bases=(AT_WORLD,),
+        camera=first,
+        robot=first,
+        stop=stop.astype(np.int64),
+        stop_robot=first[: len(stops)],
     )
     return alone, rows
 
@@ -167,17 +142,6 @@ def _start(
     is_free = views.cameras[0].lens.status == "free"
     found = []
     for scale in _FOCAL_SCALES if is_guessed else (1.0,):
-        parameters = lens.parameters.copy()
-        parameters[:2] *= scale
-        start = find_mount(pairs, views.base_from_flange, lens.with_parameters(parameters), is_free, guess)
+        start = find_mount(pairs, views.base_from_flange, scale_focal(lens, scale), is_free, guess)
         found += [] if start is None else [start]
     return min(found, key=lambda each: each.misfit, default=None)
-
-
-def _feature_indices(kept_tracks: Tracks, tracks: Tracks, feature: IntArray) -> IntArray:
-    """The features of the image points that were kept, which have a view and pixels each."""
-    by_place = {(int(v), *map(float, p)): int(f) for v, p, f in zip(tracks.view, tracks.pixels, feature, strict=True)}
-    return np.array(
-        [by_place[int(v), *map(float, p)] for v, p in zip(kept_tracks.view, kept_tracks.pixels, strict=True)],
-        dtype=np.int64,
-    )

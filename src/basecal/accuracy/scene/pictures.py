@@ -8,17 +8,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from basecal.cell import WORLD, Cell, Finding, Intrinsics, PixelObservation, Recording, Sample, Unknown
+from basecal.cell import WORLD, Cell, CellCamera, Finding, Intrinsics, PixelObservation, Recording, Sample
+from basecal.cell.format.described_places import DESCRIPTOR
 from basecal.errors import InputError
 from basecal.estimation.problem.build import recorded_states
 from basecal.estimation.problem.stated_lens import with_usual_error
-from basecal.estimation.scene.views import SceneCamera, SceneViews, Tracks
+from basecal.estimation.scene.views import AT_WORLD, SceneCamera, SceneViews, Tracks
+from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.start.lens import guessed_lens
 from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.numerics.batch import take
 from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.tracks.feature_cache import kept_features
-from basecal.vision.tracks.features import DESCRIPTOR, Descriptors, Features, named_features
+from basecal.vision.tracks.features import Descriptors, Features, named_features, unit_descriptors
 
 _USUAL_FOCAL = 0.9  # of the image's width, of a lens of which nothing is stated: 58 degrees wide
 
@@ -45,69 +48,64 @@ class Pictures:
 
     def select_moving(self) -> Pictures:
         """Images of cameras that robots carry."""
-        count = sum(camera.robot is not None for camera in self.views.cameras)
+        cameras = tuple(camera for camera in self.views.cameras if camera.robot is not None)
         rows = np.flatnonzero(self.views.robot >= 0)
-        views = replace(self.views.take(rows), cameras=self.views.cameras[:count])
+        views = replace(take(self.views, rows), cameras=cameras)
         return replace(self, views=views, features=self.features[: len(rows)])
 
-    def descriptors(self, tracks: Tracks, rows: IntArray) -> Descriptors:
-        """Mean descriptor of each point over its image points, (p, 128) of unit length.
-
-        Args:
-            tracks: The image points.
-            rows: Of their views, the indices among all.
-        """
+    def descriptors(self, tracks: Tracks) -> Descriptors:
+        """Mean descriptor of each point over its image points, (p, 128) of unit length."""
         total = np.zeros((tracks.count, DESCRIPTOR), dtype=np.float32)
         for view in np.unique(tracks.view):
-            mine, features = np.flatnonzero(tracks.view == view), self.features[rows[view]]
-            nearest = cKDTree(features.pixels).query(tracks.pixels[mine])[1]
-            np.add.at(total, tracks.point[mine], features.descriptors[nearest])
-        return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-9), dtype=np.float32)
-
-    def camera_views(self, camera: int) -> list[int]:
-        """The views of a camera."""
-        return np.flatnonzero(self.views.camera == camera).tolist()
+            mine = np.flatnonzero(tracks.view == view)
+            total[tracks.point[mine]] += self.features[view].descriptors[tracks.feature[mine]]
+        return unit_descriptors(total)
 
 
-def read_pictures(cell: Cell, recording: Recording) -> Pictures:
+def read_pictures(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Pictures:
     """The images of all cameras, those on robots first, then one image of each camera on `world`.
 
     Args:
         cell: Its cameras and robots.
         recording: Its samples, with images or tracks; features of images are kept in its folder.
+        settings: They hear how many images have been read.
 
     Raises:
         InputError: if it has images and its folder is not known.
     """
-    names = [name for name in cell.cameras if cell.cameras[name].on in cell.robots]
-    taken = [(name, sample) for sample in recording.samples for name in names if _has_pose(cell, name, sample)]
+    carried = [name for name in cell.cameras if cell.cameras[name].on in cell.robots]
     fixed = [name for name in cell.cameras if cell.cameras[name].on == WORLD]
-    names += fixed
+    taken = [(name, sample) for sample in recording.samples for name in carried if _has_pose(cell, name, sample)]
     taken += [(name, own[0]) for name in fixed if (own := [s for s in recording.samples if _has_pose(cell, name, s)])]
-    read = [(name, sample, read_features(cell, name, sample, recording.folder)) for name, sample in taken]
-    seen = [(name, sample, found) for name, sample, found in read if not isinstance(found, str)]
+    read = []
+    for number, (name, sample) in enumerate(taken, 1):
+        settings.part(number, len(taken))
+        read.append((name, sample, read_features(cell, name, sample, recording.folder)))
+    seen = [(name, sample, *found) for name, sample, found in read if not isinstance(found, str)]
     lost = [_loss(name, sample, found) for name, sample, found in read if isinstance(found, str)]
-    cameras = tuple(_scene_camera(cell, name) for name in names if any(name == each for each, _, _ in seen))
-    by_name = {camera.name: k for k, camera in enumerate(cameras)}
+    sizes = {name: size for name, _, _, size in seen}
+    names = [name for name in (*carried, *fixed) if name in sizes]
+    cameras = tuple(_scene_camera(cell, name) for name in names)
     robots = list(dict.fromkeys(camera.robot for camera in cameras if camera.robot is not None))
-    carriers = [cell.cameras[name].on for name, _, _ in seen]
-    robot = np.array([-1 if on == WORLD else robots.index(on) for on in carriers], dtype=np.int64)
-    base_from_flange, stop, stop_robot = _robot_states(cell, robots, robot, [sample for _, sample, _ in seen])
+    places = [*robots, WORLD]
+    robot = np.array([places.index(cell.cameras[name].on) for name, *_ in seen], dtype=np.int64)
+    robot[robot == len(robots)] = -1
+    samples = [sample for _, sample, *_ in seen]
+    base_from_flange, stop, stop_robot = _robot_states(cell, robots, robot, samples)
     views = SceneViews(
         cameras,
         tuple(robots),
-        tuple(_base(cell, name) for name in robots),
-        np.array([sample.sample for _, sample, _ in seen], dtype=np.int64),
-        np.array([by_name[name] for name, _, _ in seen], dtype=np.int64),
+        tuple(AT_WORLD if name == cell.reference else cell.transforms[cell.base_name(name)] for name in robots),
+        np.array([sample.sample for sample in samples], dtype=np.int64),
+        np.array([names.index(name) for name, *_ in seen], dtype=np.int64),
         robot,
         stop,
         base_from_flange,
         stop_robot,
     )
-    sizes = {name: size for name, _, (_, size) in seen}
-    lenses = tuple(camera.lens.camera or guessed_lens(camera.lens, sizes[camera.name]) for camera in cameras)
-    features = tuple(found for _, _, (found, _) in seen)
-    return Pictures(views, features, lenses, tuple(camera.lens.camera is None for camera in cameras), tuple(lost))
+    lenses = tuple(each.lens.camera or _guess_lens(cell.cameras[each.name], sizes[each.name]) for each in cameras)
+    is_guessed = tuple(camera.lens.camera is None for camera in cameras)
+    return Pictures(views, tuple(features for _, _, features, _ in seen), lenses, is_guessed, tuple(lost))
 
 
 def _has_pose(cell: Cell, camera: str, sample: Sample) -> bool:
@@ -156,23 +154,16 @@ def _moving_targets(cell: Cell, sample: Sample, camera: str) -> list[Array]:
     return [each.pixels for each in seen if cell.targets[each.target].on in cell.robots]
 
 
-def guessed_lens(lens: Intrinsics, size_px: tuple[int, int]) -> Camera:
-    """A usual lens for images of this size."""
-    width, height = size_px
-    focal = _USUAL_FOCAL * width
-    terms = 5 if lens.distortion_terms is None else lens.distortion_terms
-    parameters = [focal, focal, (width - 1) / 2, (height - 1) / 2, *[0.0] * terms]
-    return Camera("pinhole", np.array(parameters), size_px)
+def _guess_lens(camera: CellCamera, size_px: tuple[int, int]) -> Camera:
+    return guessed_lens(
+        replace(camera, intrinsics=camera.intrinsics or Intrinsics("free"), size_px=size_px), _USUAL_FOCAL
+    )
 
 
 def _scene_camera(cell: Cell, name: str) -> SceneCamera:
     camera = cell.cameras[name]
     lens = with_usual_error(camera.intrinsics or Intrinsics("free"))
     return SceneCamera(name, None if camera.on == WORLD else camera.on, cell.transforms[cell.mount_name(name)], lens)
-
-
-def _base(cell: Cell, robot: str) -> Unknown:
-    return Unknown("fixed", SE3.identity()) if robot == cell.reference else cell.transforms[cell.base_name(robot)]
 
 
 def _robot_states(

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from basecal.cell import Unknown
 from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, SharedView
 from basecal.estimation.least_squares.tied_equations import linearise_scene
@@ -309,11 +310,8 @@ def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, 
     for name, where in problem.columns.items():
         if name in problem.unknowns:
             unknown = problem.unknowns[name]
-            if unknown.status == "prior" and unknown.mean is not None and unknown.sigma is not None:
-                width = where.stop - where.start
-                error = (unknown.mean.inverse() @ state.transforms[name]).log()
-                jacobian = right_jacobian_inverse(error)[..., :width, :width] / unknown.sigma[:width, None]
-                out.append((error[..., :width] / unknown.sigma[:width], jacobian, where))
+            if unknown.status == "prior":
+                out.append((*prior_residual(unknown, state.transforms[name], where.stop - where.start), where))
         elif name in problem.lenses:
             lens = problem.lenses[name]
             if lens.status == "prior" and lens.camera is not None and lens.sigma is not None:
@@ -325,6 +323,15 @@ def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, 
         if name in problem.columns:
             out.append((np.zeros(6), np.diag(of / _GAUGE_SIGMA), problem.columns[name]))
     return out + _robot_residuals(problem, state)
+
+
+def prior_residual(unknown: Unknown, value: SE3, width: int = 6) -> tuple[Array, Array]:
+    """Residual (..., width) of a transform with a prior, in sigmas, and its derivative to the transform's columns."""
+    assert unknown.mean is not None
+    assert unknown.sigma is not None
+    error = (unknown.mean.inverse() @ value).log()
+    jacobian = right_jacobian_inverse(error)[..., :width, :width] / unknown.sigma[:width, None]
+    return error[..., :width] / unknown.sigma[:width], jacobian
 
 
 def _lens_priors(camera: Camera, rows: slice) -> list[tuple[Array, Array, slice]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,35 +17,6 @@ from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marq
 _MOST_STEPS = 30  # of one descent
 _SHARE_LEFT = 1e-3  # its square is the share of the cost that may be left to go
 _POINT_STEPS = 2  # Gauss-Newton steps of the points after each step of the cameras
-
-
-@dataclass(frozen=True, eq=False)
-class SceneFit:
-    """An optimum.
-
-    Attributes:
-        views: The views.
-        tracks: The image points that were used.
-        state: The optimum.
-        sigma_px: Of image points [px].
-        stop_sigma: (s, 6) of the errors of stops [m, rad].
-        information: (m, m) about all columns.
-        pixel_information: (m, m) the part of it that pixels give, at a sigma of one pixel.
-        pixel_gradient: (m,) likewise.
-        cost: Sum of squared residuals over sigmas.
-        guesses: Lenses about which free ones are expected.
-    """
-
-    views: SceneViews
-    tracks: Tracks
-    state: SceneState
-    sigma_px: float
-    stop_sigma: Array
-    information: Array
-    pixel_information: Array
-    pixel_gradient: Array
-    cost: float
-    guesses: tuple[Camera, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,28 +37,44 @@ class Task:
     sigma_px: float
     stop_sigma: Array
     guesses: tuple[Camera, ...]
-    tail: float = np.inf
+    tail: float = field(default=np.inf, kw_only=True)
+
+    def linearise(self, state: SceneState) -> tuple[Quadratic, Quadratic]:
+        """Image points and priors about a state, in all columns."""
+        columns = scene_columns(self.views, state.lenses)
+        of_pixels = _reduce_equations(self, state, columns)
+        return of_pixels, prior_information(self.views, state, columns, self.stop_sigma, self.guesses)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFit(Task):
+    """An optimum of a task.
+
+    Attributes:
+        state: The optimum.
+        information: (m, m) about all columns.
+        pixel_information: (m, m) the part of it that pixels give, at a sigma of one pixel.
+        pixel_gradient: (m,) likewise.
+    """
+
+    state: SceneState
+    information: Array
+    pixel_information: Array
+    pixel_gradient: Array
 
 
 def adjust(task: Task, state: SceneState) -> SceneFit:
     """The optimum downhill of a state."""
     optima = levenberg_marquardt(_System(task), stack([state]), Stop(_MOST_STEPS, sigmas=_SHARE_LEFT))
     state = take(optima.state, 0)
-    columns = scene_columns(task.views, state.lenses)
-    reduced = _reduce_equations(task, state, _weight_equations(task, state), columns)
-    of_pixels = Quadratic(reduced.cost, reduced.gradient * task.sigma_px**2, reduced.hessian * task.sigma_px**2)
-    prior = prior_information(task.views, state, columns, task.stop_sigma, task.guesses)
+    pixels, prior = task.linearise(state)
+    square, every = task.sigma_px**2, pixels.hessian + prior.hessian
     return SceneFit(
-        task.views,
-        task.tracks,
-        state,
-        task.sigma_px,
-        task.stop_sigma,
-        reduced.hessian + prior.information,
-        of_pixels.hessian,
-        of_pixels.gradient,
-        float(reduced.cost + prior.cost),
-        task.guesses,
+        **vars(task),
+        state=state,
+        information=every,
+        pixel_information=pixels.hessian * square,
+        pixel_gradient=pixels.gradient * square,
     )
 
 
@@ -99,20 +86,15 @@ class _System:
 
     def linearise(self, state: SceneState) -> Quadratic:
         """See `System`."""
-        alone = take(state, 0)
-        columns = scene_columns(self.task.views, alone.lenses)
-        reduced = _reduce_equations(self.task, alone, _weight_equations(self.task, alone), columns)
-        prior = prior_information(self.task.views, alone, columns, self.task.stop_sigma, self.task.guesses)
-        information, gradient = reduced.hessian + prior.information, reduced.gradient + prior.gradient
-        return Quadratic(np.array([reduced.cost + prior.cost]), gradient[None], information[None])
+        pixels, prior = self.task.linearise(take(state, 0))
+        return Quadratic(*(one[None] + other for one, other in zip(pixels[:3], prior[:3], strict=True)))
 
     def retract(self, state: SceneState, model: Quadratic, step: Array) -> SceneState:
         """See `System`; the points are at their best for the cameras after the step."""
         alone = take(state, 0)
         after = take_step(alone, scene_columns(self.task.views, alone.lenses), step[0])
         for _ in range(_POINT_STEPS):
-            equations = _weight_equations(self.task, after)
-            after = after.with_points(after.points + point_steps(self.task.tracks, equations))
+            after = after.with_points(after.points + point_steps(self.task.tracks, _weigh_equations(self.task, after)))
         return stack([after])
 
     def take(self, rows: IntArray) -> _System:
@@ -120,10 +102,11 @@ class _System:
         return self
 
 
-def _reduce_equations(task: Task, state: SceneState, equations: PixelEquations, columns: Columns) -> Quadratic:
+def _reduce_equations(task: Task, state: SceneState, columns: Columns) -> Quadratic:
     """Normal equations of image points in all columns; a point behind its camera costs as much as one at ten tails."""
-    reduced = reduced_equations(task.views.camera, task.tracks, equations, columns.lens_widths)
-    moves = column_jacobian(task.views, state, columns, sum(columns.lens_widths))
+    equations = _weigh_equations(task, state)
+    gradient, information = reduced_equations(task.views.camera, task.tracks, equations, columns.lens_widths)
+    moves = column_jacobian(task.views, state, columns)
     squares = np.sum(equations.residual**2, 1)
     if np.isfinite(task.tail):
         # Weighted squares w e^2 with w = 1 / (1 + e^2 / c^2) hold e^2 = s / (1 - s / c^2).
@@ -131,23 +114,17 @@ def _reduce_equations(task: Task, state: SceneState, equations: PixelEquations, 
         squares = -(task.tail**2) * np.log1p(-share)
     worst = np.log1p(100.0) * min(task.tail, 10.0) ** 2
     cost = np.array(squares.sum() + worst * np.count_nonzero(~equations.seen))
-    return Quadratic(cost, moves.T @ reduced.gradient, moves.T @ reduced.information @ moves)
+    return Quadratic(cost, moves.T @ gradient, moves.T @ information @ moves)
 
 
 def residuals_px(views: SceneViews, tracks: Tracks, state: SceneState) -> Array:
     """Residuals of image points, (n, 2) [px]; infinite behind a camera."""
-    equations = pixel_equations(views, tracks, state, np.ones(len(tracks)))
+    equations = pixel_equations(views, tracks, state, 1.0)
     return np.where(equations.seen[:, None], equations.residual, np.inf)
 
 
-def _weight_equations(task: Task, state: SceneState) -> PixelEquations:
+def _weigh_equations(task: Task, state: SceneState) -> PixelEquations:
     """The equations, large residuals with less weight."""
-    equations = pixel_equations(task.views, task.tracks, state, np.full(len(task.tracks), 1 / task.sigma_px))
-    if not np.isfinite(task.tail):
-        return equations
-    share = 1 / np.sqrt(1 + np.sum(equations.residual**2, 1) / task.tail**2)
-    scaled = {
-        name: getattr(equations, name) * share.reshape(-1, *[1] * (getattr(equations, name).ndim - 1))
-        for name in ("residual", "by_camera", "by_lens", "by_point")
-    }
-    return replace(equations, **scaled)
+    equations = pixel_equations(task.views, task.tracks, state, 1 / task.sigma_px)
+    share = 1 / np.sqrt(1 + np.sum(equations.residual**2, 1, keepdims=True) / task.tail**2)
+    return equations.scale(share)

@@ -6,37 +6,21 @@ judge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from basecal.estimation.start.pair_views import umeyama
 from basecal.geometry import SE3, Array, BoolArray
-from basecal.geometry.rotation import nearest_rotation
 
 _TRIPLES = 4000  # of pairs that are tried: 97 % of all are wrong before the chance of a right triple falls below 10 %
 _AT_ONCE = 500
 _REFINEMENTS = 4  # of refinement on the pairs that agree
-_FEWEST_PAIRS_BEYOND = 5  # pairs that agree beyond the three that define a transform
+_FEWEST_PAIRS = 8  # that agree, five beyond the three that define a transform
 _NEAR_M, _NEAR_RAD = 0.05, 0.05  # within which two transforms are one hypothesis
 _SEED = 1
 
 
-@dataclass(frozen=True, eq=False)
-class Alignment:
-    """A transform, and which pairs of points agree with it.
-
-    Attributes:
-        second_from_first: The transform.
-        agrees: (n,).
-    """
-
-    second_from_first: SE3
-    agrees: BoolArray
-
-
-def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) -> list[Alignment]:
-    """Distinct transforms that pairs of points agree with, those of most pairs first.
+def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) -> list[tuple[SE3, BoolArray]]:
+    """Distinct `second_from_first` and which pairs of points agree with them, (n,), those of most pairs first.
 
     Args:
         first: (n, 3) points of the first arm [m].
@@ -44,60 +28,44 @@ def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) 
         tolerance_m: (n,) how far a pair may be apart [m].
         max_count: How many to give.
     """
-    if len(first) < 3 + _FEWEST_PAIRS_BEYOND:
+    if len(first) < _FEWEST_PAIRS:
         return []
-    rng = np.random.default_rng(_SEED)
-    triples = rng.integers(len(first), size=(_TRIPLES, 3))
-    triples = triples[
-        (triples[:, 0] != triples[:, 1]) & (triples[:, 1] != triples[:, 2]) & (triples[:, 0] != triples[:, 2])
-    ]
-    every = _triple_transforms(first[triples], second[triples])
-    agrees = np.concatenate([_agreeing(every[some], first, second, tolerance_m) for some in _parts(len(triples))])
+    triples = np.random.default_rng(_SEED).integers(len(first), size=(_TRIPLES, 3))
+    triples = triples[(np.diff(np.sort(triples, axis=1)) > 0).all(1)]
+    every = umeyama(first[triples], second[triples], np.ones(triples.shape))
+    parts = [slice(at, at + _AT_ONCE) for at in range(0, len(triples), _AT_ONCE)]
+    agrees = np.concatenate([_agreeing(every[some], first, second, tolerance_m) for some in parts])
     is_left = np.ones(len(first), dtype=bool)
-    found: list[Alignment] = []
+    found: list[tuple[SE3, BoolArray]] = []
     while len(found) < max_count:
         # A transform of fewer pairs, such as of a repeated object, shows among the pairs that others leave.
         best = int(np.argmax(agrees @ is_left.astype(np.int64)))
-        refined = _refine(every[best], first, second, tolerance_m)
-        if refined is None or not np.any(refined.agrees & is_left):
+        at, mine = _refine(every[best], agrees[best], first, second, tolerance_m)
+        if mine.sum() < _FEWEST_PAIRS or not np.any(mine & is_left):
             break
-        at = refined.second_from_first
-        if not any(are_one(at, other.second_from_first, first, _NEAR_M, _NEAR_RAD) for other in found):
-            found.append(refined)
-        is_left &= ~refined.agrees
-    return sorted(found, key=lambda each: -int(each.agrees.sum()))
-
-
-def _parts(count: int) -> list[slice]:
-    """Parts of so many rows, some at a time."""
-    return [slice(first, first + _AT_ONCE) for first in range(0, count, _AT_ONCE)]
-
-
-def _triple_transforms(first: Array, second: Array) -> SE3:
-    """Transforms of triples of pairs, (t, 3, 3) each. Source: Umeyama 1991."""
-    middle, other_middle = first.mean(1), second.mean(1)
-    spread = (second - other_middle[:, None]).mT @ (first - middle[:, None])
-    rotation = nearest_rotation(spread)
-    return SE3(rotation, other_middle - (rotation @ middle[..., None])[..., 0])
+        if not any(are_one(at, other, first, _NEAR_M, _NEAR_RAD) for other, _ in found):
+            found.append((at, mine))
+        is_left &= ~mine
+    return sorted(found, key=lambda each: -int(each[1].sum()))
 
 
 def _agreeing(transforms: SE3, first: Array, second: Array, tolerance_m: Array) -> BoolArray:
-    """Which pairs agree with each transform, (t, n)."""
-    moved = np.einsum("tab,nb->tna", transforms.rotation, first, optimize=True) + transforms.translation[:, None]
+    """Which pairs agree with each transform, (..., n)."""
+    moved = first @ transforms.rotation.mT + transforms.translation[..., None, :]
     agrees: BoolArray = np.sum((moved - second) ** 2, -1) < tolerance_m**2
     return agrees
 
 
-def _refine(transform: SE3, first: Array, second: Array, tolerance_m: Array) -> Alignment | None:
-    """The transform of the pairs that agree with it; None if these are too few."""
-    agrees = _agreeing(SE3.stack([transform]), first, second, tolerance_m)[0]
+def _refine(
+    transform: SE3, agrees: BoolArray, first: Array, second: Array, tolerance_m: Array
+) -> tuple[SE3, BoolArray]:
+    """The transform of the pairs that agree with it, and these; as it was, and too few, if so."""
     for _ in range(_REFINEMENTS):
-        if agrees.sum() < 3 + _FEWEST_PAIRS_BEYOND:
-            return None
-        weight = 1 / tolerance_m[None, agrees] ** 2
-        transform = umeyama(first[agrees], second[None, agrees], weight)[0]
-        agrees = _agreeing(SE3.stack([transform]), first, second, tolerance_m)[0]
-    return Alignment(transform, agrees) if agrees.sum() >= 3 + _FEWEST_PAIRS_BEYOND else None
+        if agrees.sum() < _FEWEST_PAIRS:
+            break
+        transform = umeyama(first[agrees], second[None, agrees], 1 / tolerance_m[None, agrees] ** 2)[0]
+        agrees = _agreeing(transform, first, second, tolerance_m)
+    return transform, agrees
 
 
 def are_one(first: SE3, second: SE3, points: Array, near_m: float, near_rad: float) -> bool:

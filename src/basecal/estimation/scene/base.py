@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.estimation.scene.views import Tracks
+from basecal.geometry import SE3, Array, Camera
 from basecal.numerics.robust_step import STEP, robust_step
 
 _TAIL_PX = 3.0  # [px] from which on an image point counts less
 _MOST_STEPS = 10
-
-
-class Sightings(NamedTuple):
-    """Image points of known points: view, point and pixels, (n,), (n,) and (n, 2) [px]."""
-
-    view: IntArray
-    point: IntArray
-    pixels: Array
 
 
 def project_points(points: Array, camera_from_first: SE3, lens: Camera) -> Array:
@@ -34,13 +25,13 @@ def project_points(points: Array, camera_from_first: SE3, lens: Camera) -> Array
 
 
 def refine_transform(
-    points: Array, sightings: Sightings, camera_from_second: SE3, second_from_first: SE3, lens: Camera
+    points: Array, sightings: Tracks, camera_from_second: SE3, second_from_first: SE3, lens: Camera
 ) -> SE3:
     """`second_from_first` at which image points are nearest to the points that they show.
 
     Args:
         points: (p, 3) in the first frame [m].
-        sightings: Image points.
+        sightings: Image points of them.
         camera_from_second: (v,) of the views.
         second_from_first: Where to start.
         lens: Of these views.

@@ -11,7 +11,7 @@ from basecal.estimation.noise.hyperpriors import ROBOT_RAD
 from basecal.estimation.scene.adjust import SceneFit, Task, adjust, residuals_px
 from basecal.estimation.scene.equations import pixel_equations, point_information
 from basecal.estimation.scene.points import triangulate
-from basecal.estimation.scene.sigmas import estimate_sigmas
+from basecal.estimation.scene.sigmas import estimate_sigmas, sigmas_by_stop
 from basecal.estimation.scene.state import SceneState, scene_columns
 from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import Array, Camera
@@ -44,45 +44,33 @@ def fit_scene(
     Raises:
         np.linalg.LinAlgError: if no points are left, or too few.
     """
-    reach_m = _reach_m(views)
-    stop_sigma = _first_sigmas(views, stop_noise, reach_m)
-    state = start
-    points, is_seen = triangulate(views, tracks, state)
+    usual = [np.repeat([ROBOT_RAD[0] * reach_m, ROBOT_RAD[0]], 3) for reach_m in views.reach_m]
+    by_robot = [own if noise is None else noise for own, noise in zip(usual, stop_noise, strict=True)]
+    points, is_seen = triangulate(views, tracks, start)
     tracks, kept = tracks.take(is_seen[tracks.point])
-    state = replace(state, points=points[kept])
-    sigma_px = _FIRST_PX
+    state = replace(start, points=points[kept])
+    task = Task(views, tracks, _FIRST_PX, sigmas_by_stop(views, by_robot), guesses, tail=_TAIL)
     for number in range(_REFINEMENTS):
-        _check_points(views, tracks, state)
-        found = adjust(Task(views, tracks, sigma_px, stop_sigma, guesses, _TAIL), state)
+        _check_points(task, state)
+        found = adjust(task, state)
         sigma_px = _robust_sigma(found)
-        stop_sigma = estimate_sigmas(replace(found, sigma_px=sigma_px), stop_noise, reach_m).stop_sigma
+        _, stop_sigma = estimate_sigmas(replace(found, sigma_px=sigma_px), stop_noise)
         limit_px = max(_GROSS * sigma_px, _FIRST_LIMIT_PX / 2**number if number < _REFINEMENTS - 1 else 0.0)
         tracks, state = _without_gross(found, limit_px)
-    _check_points(views, tracks, state)
+        task = replace(task, tracks=tracks, sigma_px=sigma_px, stop_sigma=stop_sigma)
+    task = replace(task, tail=np.inf)
+    _check_points(task, state)
     for _ in range(2):
-        found = adjust(Task(views, tracks, sigma_px, stop_sigma, guesses), state)
-        sigmas = estimate_sigmas(found, stop_noise, reach_m)
-        sigma_px, stop_sigma, state = sigmas.sigma_px, sigmas.stop_sigma, found.state
-    return adjust(Task(views, tracks, sigma_px, stop_sigma, guesses), state)
+        found = adjust(task, state)
+        sigma_px, stop_sigma = estimate_sigmas(found, stop_noise)
+        task, state = replace(task, sigma_px=sigma_px, stop_sigma=stop_sigma), found.state
+    return adjust(task, state)
 
 
-def _check_points(views: SceneViews, tracks: Tracks, state: SceneState) -> None:
-    unknowns = scene_columns(views, state.lenses).errors.start
-    if 2 * len(tracks) - 3 * tracks.count <= unknowns:
+def _check_points(task: Task, state: SceneState) -> None:
+    unknowns = scene_columns(task.views, state.lenses).errors.start
+    if 2 * len(task.tracks) - 3 * task.tracks.count <= unknowns:
         raise np.linalg.LinAlgError("too few points of the scene are left")
-
-
-def _reach_m(views: SceneViews) -> list[float]:
-    """How far each robot's flange is from its base, root of the mean square [m]."""
-    squares = np.sum(views.base_from_flange.translation**2, 1)
-    return [float(np.sqrt(np.mean(squares[views.robot == k]))) for k in range(len(views.robots))]
-
-
-def _first_sigmas(views: SceneViews, stop_noise: Sequence[Array | None], reach_m: Sequence[float]) -> Array:
-    """Noise of stops that is stated, or usual, (s, 6)."""
-    usual = [np.repeat([ROBOT_RAD[0] * reach, ROBOT_RAD[0]], 3) for reach in reach_m]
-    by_robot = [own if noise is None else noise for own, noise in zip(usual, stop_noise, strict=True)]
-    return np.array(by_robot)[views.stop_robot].reshape(-1, 6)
 
 
 def _robust_sigma(fit: SceneFit) -> float:
@@ -99,7 +87,7 @@ def _without_gross(fit: SceneFit, limit_px: float) -> tuple[Tracks, SceneState]:
     """Image points within a limit, of points whose depth is known."""
     views, tracks, state = fit.views, fit.tracks, fit.state
     off = np.linalg.norm(residuals_px(views, tracks, state), axis=1)
-    equations = pixel_equations(views, tracks, state, np.full(len(tracks), 1 / fit.sigma_px))
+    equations = pixel_equations(views, tracks, state, 1 / fit.sigma_px)
     worst = np.sqrt(np.trace(np.linalg.inv(point_information(tracks, equations)), axis1=1, axis2=2))
     centres = state.world_from_camera(views).translation[tracks.view]
     distance = np.linalg.norm(state.points[tracks.point] - centres, axis=1)

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.estimation.scene.epipolar import PointPairs, are_in_front, sampson_px
+from basecal.estimation.scene.epipolar import PointPairs, are_in_front, directions, sampson_px
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_from_quaternion
+from basecal.numerics.batch import take
 from basecal.numerics.robust_step import STEP, robust_step
 
 _ROTATIONS = 1000  # of the grid, 25 degrees apart: basins are 20 to 30 degrees wide
@@ -69,11 +70,11 @@ def find_mount(
         is_free: Whether the focal length is refined.
         guess: A mount to start from; all rotations are searched if it is None.
     """
-    if len(pairs) < _RANKED // 10:
+    if len(pairs[0]) < _RANKED // 10:
         return None
     if guess is not None:
         return _refine(pairs, base_from_flange, guess, lens, is_free)
-    ranked = pairs.take(np.unique(np.linspace(0, len(pairs) - 1, _RANKED).astype(np.int64)))
+    ranked = take(pairs, np.unique(np.linspace(0, len(pairs[0]) - 1, _RANKED).astype(np.int64)))
     rotations = rotation_grid(_ROTATIONS)
     scored = [
         _score_rotations(ranked, base_from_flange, lens, some) for some in np.split(rotations, _ROTATIONS // _AT_ONCE)
@@ -98,8 +99,8 @@ def rotation_grid(count: int) -> Array:
 
 def _score_rotations(pairs: PointPairs, base_from_flange: SE3, lens: Camera, rotations: Array) -> tuple[Array, Array]:
     """The best position of the camera for each of its rotations, (r, 3) [m], and the remaining median sine, (r,)."""
-    first, second = pairs.directions(lens)
-    one, other = base_from_flange[pairs.first], base_from_flange[pairs.second]
+    first, second = directions(pairs, lens)
+    one, other = (base_from_flange[each.view] for each in pairs)
     ray = np.einsum("nab,rbc,nc->rna", one.rotation, rotations, first, optimize=True)
     normal = np.cross(ray, np.einsum("nab,rbc,nc->rna", other.rotation, rotations, second, optimize=True))
     turned, moved = other.rotation - one.rotation, other.translation - one.translation
@@ -127,12 +128,12 @@ def _refine(
     tails_px: Sequence[float] = _TAILS_PX,
 ) -> MountStart:
     """The optimum of Sampson distances downhill of a mount."""
-    mount, logarithm, rays = start, 0.0, pairs.directions(lens)
+    mount, logarithm, rays = start, 0.0, directions(pairs, lens)
 
     def distances(step: Array) -> Array:
         """Distances after a step of the mount, and of the focal length's logarithm if it is free, (n, 1)."""
-        scaled = _scale_focal(lens, logarithm + step[6:].sum())
-        seen = pairs.directions(scaled) if step[6:].any() else rays
+        scaled = scale_focal(lens, np.exp(logarithm + step[6:].sum()))
+        seen = directions(pairs, scaled) if step[6:].any() else rays
         at = mount @ SE3.exp(step[:6])
         return sampson_px(pairs, seen, base_from_flange, at, float(scaled.focal.mean()))[:, None]
 
@@ -143,16 +144,16 @@ def _refine(
             mount = mount @ SE3.exp(step[:6])
             if is_free:
                 logarithm += float(step[6])
-                rays = pairs.directions(_scale_focal(lens, logarithm))
+                rays = directions(pairs, scale_focal(lens, np.exp(logarithm)))
             if np.abs(step).max() < STEP:
                 break
     median_px = float(np.median(np.abs(distances(np.zeros(6)))))
     front = float(np.mean(are_in_front(pairs, rays, base_from_flange, mount)))
-    return MountStart(mount, _scale_focal(lens, logarithm), median_px, front)
+    return MountStart(mount, scale_focal(lens, np.exp(logarithm)), median_px, front)
 
 
-def _scale_focal(lens: Camera, logarithm: float) -> Camera:
-    """The lens with its focal length times the exponential of this."""
+def scale_focal(lens: Camera, factor: float) -> Camera:
+    """The lens with its focal length times this."""
     scaled = lens.parameters.copy()
-    scaled[:2] *= np.exp(logarithm)
+    scaled[:2] *= factor
     return lens.with_parameters(scaled)

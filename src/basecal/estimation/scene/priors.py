@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from basecal.cell import Intrinsics, Unknown
+from basecal.cell import Intrinsics
+from basecal.estimation.least_squares.normal_equations import prior_residual
 from basecal.estimation.scene.state import Columns, SceneState
 from basecal.estimation.scene.views import SceneViews
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import Array, Camera
+from basecal.numerics.levenberg_marquardt import Quadratic
 
 _FOCAL_SHARE = 0.1  # [1] sigma of a free focal length about its guess; assumed
 _CENTER_SHARE = 0.03  # [1] of the image size, sigma of a free principal point; assumed
@@ -17,18 +17,9 @@ _ASPECT_SHARE = 1e-3  # [1] sigma of fy / fx: pixels of today's sensors are squa
 _TERM = 1.0  # [1] sigma of a distortion term of which nothing is known; assumed
 
 
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """Information known beforehand, about a state: gradient (m,), information (m, m) and cost."""
-
-    gradient: Array
-    information: Array
-    cost: float
-
-
 def prior_information(
     views: SceneViews, state: SceneState, columns: Columns, sigmas: Array, guesses: tuple[Camera, ...]
-) -> Prior:
+) -> Quadratic:
     """Prior information of all unknowns.
 
     Args:
@@ -38,7 +29,8 @@ def prior_information(
         sigmas: (s, 6) of the errors of stops [m, rad].
         guesses: Lenses about which free ones are expected.
     """
-    gradient, information, cost = np.zeros(columns.width), np.zeros((columns.width, columns.width)), 0.0
+    width = columns.errors.stop
+    gradient, information, cost = np.zeros(width), np.zeros((width, width)), 0.0
     for residual, jacobian, where in _residuals(views, state, columns, guesses):
         gradient[where] += jacobian.T @ residual
         information[where, where] += jacobian.T @ jacobian
@@ -47,7 +39,7 @@ def prior_information(
     gradient[columns.errors] = scaled
     at = np.arange(columns.errors.start, columns.errors.stop)
     information[at, at] = (1 / sigmas**2).ravel()
-    return Prior(gradient, information, cost + float(scaled @ state.errors.ravel()))
+    return Quadratic(np.array(cost + scaled @ state.errors.ravel()), gradient, information)
 
 
 def _residuals(
@@ -60,17 +52,11 @@ def _residuals(
     places = [(known, values[k], where[k]) for all_known, values, where in stacks for k, known in enumerate(all_known)]
     for known, value, where in places:
         if where is not None and known.status == "prior":
-            found.append((*_transform_residual(known, value), where))
+            found.append((*prior_residual(known, value), where))
     for camera, lens, guess, where in zip(views.cameras, state.lenses, guesses, columns.lenses, strict=True):
         if where is not None:
             found.append((*_lens_residual(camera.lens, lens, guess), where))
     return found
-
-
-def _transform_residual(unknown: Unknown, value: SE3) -> tuple[Array, Array]:
-    assert unknown.mean is not None
-    assert unknown.sigma is not None
-    return (unknown.mean.inverse() @ value).log() / unknown.sigma, np.diag(1 / unknown.sigma)
 
 
 def _lens_residual(intrinsics: Intrinsics, value: Camera, guess: Camera) -> tuple[Array, Array]:

@@ -8,14 +8,13 @@ Sources: Efron 1982 (jackknife); Ledoit & Wolf 2004 (shrinkage).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.equations import pixel_equations, reduced_equations
-from basecal.estimation.scene.priors import prior_information
-from basecal.estimation.scene.state import column_jacobian, scene_columns
-from basecal.estimation.scene.views import Tracks
+from basecal.estimation.scene.state import scene_columns
 from basecal.geometry import Array, BoolArray
 
 _CLUSTERS = 10  # of points
@@ -58,16 +57,9 @@ def _view_folds(fit: SceneFit) -> list[BoolArray]:
 
 def _jackknife_step(fit: SceneFit, left_out: BoolArray) -> Array:
     """How the optimum moves without some image points, to first order, (m,)."""
-    rest = Tracks(fit.tracks.view[~left_out], fit.tracks.point[~left_out], fit.tracks.pixels[~left_out])
-    rest, old = rest.take(np.ones(len(rest), dtype=bool), min_views=2)
-    state = fit.state.with_points(fit.state.points[old])
-    columns = scene_columns(fit.views, state.lenses)
-    equations = pixel_equations(fit.views, rest, state, np.full(len(rest), 1 / fit.sigma_px))
-    reduced = reduced_equations(fit.views.camera, rest, equations, columns.lens_widths)
-    moves = column_jacobian(fit.views, state, columns, sum(columns.lens_widths))
-    prior = prior_information(fit.views, state, columns, fit.stop_sigma, fit.guesses)
-    information = moves.T @ reduced.information @ moves + prior.information
-    return np.asarray(-np.linalg.solve(information, moves.T @ reduced.gradient + prior.gradient))
+    rest, old = fit.tracks.take(~left_out, min_views=2)
+    pixels, prior = replace(fit, tracks=rest).linearise(fit.state.with_points(fit.state.points[old]))
+    return np.asarray(-np.linalg.solve(pixels.hessian + prior.hessian, pixels.gradient + prior.gradient))
 
 
 def _jackknife(moves: Array) -> Array:

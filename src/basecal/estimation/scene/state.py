@@ -45,18 +45,18 @@ class SceneState:
 
     def world_from_flange(self, views: SceneViews) -> SE3:
         """Where the flanges of all views were, (v,); identity on `world`."""
-        carried = views.robot >= 0
-        error = np.where(carried[:, None], self.errors[views.stop] if len(self.errors) else 0.0, 0.0)
-        flange = views.base_from_flange @ SE3.exp(np.broadcast_to(error, (len(views), 6)))
-        return self.base_of_views(views) @ flange
+        none = np.zeros(6)  # at -1, which stands for `world`
+        return self.base_of_views(views) @ views.base_from_flange @ SE3.exp(np.vstack([self.errors, none])[views.stop])
 
     def base_of_views(self, views: SceneViews) -> SE3:
         """`world_from_base` of the robots of all views, (v,); identity on `world`."""
-        carried = views.robot >= 0
-        if not len(self.bases):
-            return SE3.identity((len(views),))
-        rotation = np.where(carried[:, None, None], self.bases.rotation[views.robot], np.eye(3))
-        return SE3(rotation, np.where(carried[:, None], self.bases.translation[views.robot], 0.0))
+        return concatenate([self.bases, SE3.identity((1,))])[views.robot]
+
+
+def start_state(views: SceneViews, mounts: list[SE3], bases: list[SE3], lenses: tuple[Camera, ...]) -> SceneState:
+    """A state without points, and without errors of stops."""
+    errors, points = np.zeros((len(views.stop_robot), 6)), np.zeros((0, 3))
+    return SceneState(SE3.stack(mounts), SE3.stack(bases), lenses, errors, points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,15 +67,13 @@ class Columns:
         mounts: By camera.
         bases: By robot.
         lenses: By camera.
-        errors: Of all stops.
-        width: How many columns there are.
+        errors: Of all stops, the last.
     """
 
     mounts: tuple[slice | None, ...]
     bases: tuple[slice | None, ...]
     lenses: tuple[slice | None, ...]
     errors: slice
-    width: int
 
     @property
     def lens_widths(self) -> list[int]:
@@ -99,21 +97,20 @@ def scene_columns(views: SceneViews, lenses: tuple[Camera, ...]) -> Columns:
         0 if c.lens.status == "fixed" else len(lens.parameters) for c, lens in zip(views.cameras, lenses, strict=True)
     ]
     of_lenses = tuple(next_columns(width) if width else None for width in widths)
-    errors = next_columns(6 * len(views.stop_robot))
-    return Columns(mounts, bases, of_lenses, errors, at)
+    return Columns(mounts, bases, of_lenses, next_columns(6 * len(views.stop_robot)))
 
 
-def column_jacobian(views: SceneViews, state: SceneState, columns: Columns, lens_rows: int) -> Array:
+def column_jacobian(views: SceneViews, state: SceneState, columns: Columns) -> Array:
     """How right tangents of all cameras, then parameters of all lenses, move with the columns, (6 v + k, width).
 
     Args:
         views: The views.
         state: The state.
         columns: Of the unknowns.
-        lens_rows: Parameters of the lenses that are not fixed, in the order of cameras.
     """
-    count = len(views)
-    moves = np.zeros((6 * count + lens_rows, columns.width))
+    count, terms = len(views), sum(columns.lens_widths)
+    moves = np.zeros((6 * count + terms, columns.errors.stop))
+    moves[6 * count :, columns.errors.start - terms : columns.errors.start] = np.eye(terms)
     world_from_flange = state.world_from_flange(views)
     camera_from_flange = state.mounts[views.camera].inverse()
     by_flange = camera_from_flange.adjoint()
@@ -129,12 +126,6 @@ def column_jacobian(views: SceneViews, state: SceneState, columns: Columns, lens
             base = columns.bases[views.robot[view]]
             if base is not None:
                 moves[rows, base] = by_flange[view] @ by_base[view]
-    row = 6 * count
-    for where in columns.lenses:
-        if where is not None:
-            width = where.stop - where.start
-            moves[row : row + width, where] = np.eye(width)
-            row += width
     return moves
 
 

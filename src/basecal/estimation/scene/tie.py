@@ -46,14 +46,14 @@ def _eliminate_points(
     camera = fit.views.camera[order]
     camera_from_world = concatenate([state.camera_from_target(group, problem.stops) for group in groups])
     own = tuple(state.cameras[group.camera] for group in groups)
-    points, weight = fit.state.points, np.full(len(tracks), 1 / sigma_px)
+    points = fit.state.points
     for _ in range(_POINT_STEPS):
-        equations = equations_of_points(tracks, camera, camera_from_world, own, points, weight)
+        equations = equations_of_points(tracks, camera, camera_from_world, own, points, 1 / sigma_px)
         points = points + point_steps(tracks, equations)
-    equations = equations_of_points(tracks, camera, camera_from_world, own, points, weight)
+    equations = equations_of_points(tracks, camera, camera_from_world, own, points, 1 / sigma_px)
     free = {group.camera: lens for group, lens in zip(groups, own, strict=True) if group.camera in problem.columns}
     widths = [len(lens.parameters) if group.camera in free else 0 for group, lens in zip(groups, own, strict=True)]
-    reduced = reduced_equations(camera, tracks, equations, widths)
+    gradient, information = reduced_equations(camera, tracks, equations, widths)
     # A right tangent of a camera in the world is one of the world in the camera, carried and turned about.
     turn = block_diag(*-camera_from_world.adjoint(), np.eye(sum(widths)))
     return TiedViews(
@@ -61,8 +61,8 @@ def _eliminate_points(
         camera_from_world,
         free,
         float(np.sum(equations.residual**2)),
-        turn.T @ reduced.gradient,
-        turn.T @ reduced.information @ turn,
+        turn.T @ gradient,
+        turn.T @ information @ turn,
         2 * len(tracks) - 3 * tracks.count,
         points,
     )

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from basecal.cell import Intrinsics, Unknown
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
+from basecal.numerics.batch import SHARED, take
 
 FEWEST_VIEWS = 3  # of a track: two rays of one pair meet whatever the mount, along the epipolar line
+AT_WORLD = Unknown("fixed", SE3.identity())
+"""Of the base that is the world of a scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,11 +23,13 @@ class Tracks:
         view: (n,) index of the view.
         point: (n,) index of the point of the scene, each at most once in a view.
         pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
+        feature: (n,) index of the feature among those of its view.
     """
 
     view: IntArray
     point: IntArray
     pixels: Array
+    feature: IntArray
 
     def __len__(self) -> int:
         return len(self.view)
@@ -34,17 +39,12 @@ class Tracks:
         """How many points of the scene there are."""
         return int(self.point.max(initial=-1)) + 1
 
-    def join(self, tracks: Tracks) -> Tracks:
-        """These image points and others of the same scene."""
-        parts = zip((self.view, self.point, self.pixels), (tracks.view, tracks.point, tracks.pixels), strict=True)
-        return Tracks(*(np.concatenate(part) for part in parts))
-
     def take(self, keep: BoolArray, min_views: int = FEWEST_VIEWS) -> tuple[Tracks, IntArray]:
         """The image points to keep of the points that so many views still show, and the old indices of these."""
         left = np.bincount(self.point[keep], minlength=self.count)
-        chosen = keep & (left[self.point] >= min_views)
-        old, point = np.unique(self.point[chosen], return_inverse=True)
-        return Tracks(self.view[chosen], point.astype(np.int64), self.pixels[chosen]), old.astype(np.int64)
+        chosen = take(self, np.flatnonzero(keep & (left[self.point] >= min_views)))
+        old, point = np.unique(chosen.point, return_inverse=True)
+        return replace(chosen, point=point.astype(np.int64)), old.astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,29 +80,24 @@ class SceneViews:
         stop_robot: (s,) index of the robot of each stop.
     """
 
-    cameras: tuple[SceneCamera, ...]
-    robots: tuple[str, ...]
-    bases: tuple[Unknown, ...]
+    cameras: tuple[SceneCamera, ...] = field(metadata=SHARED)
+    robots: tuple[str, ...] = field(metadata=SHARED)
+    bases: tuple[Unknown, ...] = field(metadata=SHARED)
     sample: IntArray
     camera: IntArray
     robot: IntArray
     stop: IntArray
     base_from_flange: SE3
-    stop_robot: IntArray
+    stop_robot: IntArray = field(metadata=SHARED)
 
     def __len__(self) -> int:
         return len(self.sample)
 
-    def take(self, views: IntArray) -> SceneViews:
-        """The views at these indices, with all stops."""
-        return replace(
-            self,
-            sample=self.sample[views],
-            camera=self.camera[views],
-            robot=self.robot[views],
-            stop=self.stop[views],
-            base_from_flange=self.base_from_flange[views],
-        )
+    @property
+    def reach_m(self) -> Array:
+        """How far each robot's flange is from its base, root of the mean square, (r,) [m]."""
+        squares = np.sum(self.base_from_flange.translation**2, 1)
+        return np.sqrt([np.mean(squares[self.robot == k]) for k in range(len(self.robots))])
 
     def directions(self, tracks: Tracks, lenses: tuple[Camera, ...]) -> tuple[Array, BoolArray]:
         """Unit directions of image points in their cameras' axes, (n, 3), and which the lens has, (n,)."""

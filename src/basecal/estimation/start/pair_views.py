@@ -179,10 +179,12 @@ def _point_views(group: ViewGroup, measurement: PointMeasurement, total: int) ->
 
 
 def umeyama(p_in_a: Array, p_in_b: Array, weight: Array) -> SE3:
-    """`b_from_a`, (n,), that bring points (p, 3) nearest to others (n, p, 3), weighted (n, p). Source: Umeyama 1991."""
+    """`b_from_a`, (n,), that bring points (..., p, 3) nearest to others (n, p, 3), weighted (n, p).
+
+    Source: Umeyama 1991.
+    """
     share = weight / weight.sum(-1, keepdims=True)
-    centre_a = share @ p_in_a
-    centre_b = np.einsum("np,npi->ni", share, p_in_b)
+    centre_a, centre_b = ((share[:, None] @ points)[:, 0] for points in (p_in_a, p_in_b))
     spread = np.einsum("np,npi,npj->nij", share, p_in_b - centre_b[:, None], p_in_a - centre_a[:, None])
     rotation = nearest_rotation(spread)
     return SE3(rotation, centre_b - (rotation @ centre_a[..., None])[..., 0])

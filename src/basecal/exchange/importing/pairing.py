@@ -54,7 +54,7 @@ def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int],
             already.
     """
     rows, by = imports.rows, imports.by
-    waiting = samples if replace else open_samples(rows, samples)
+    waiting = samples if replace else _samples_of_carrier(imports, open_samples(rows, samples))
     is_numbered = all(row.sample is not None for row in rows)
     if imports.is_stream or imports.is_session or (samples and not waiting and not is_numbered):
         return _own_samples(imports, samples)
@@ -93,6 +93,13 @@ def open_samples(rows: Sequence[Row], samples: Sequence[Sample]) -> list[Sample]
     brought = _content_names(rows)
     views = {name for name in brought if not name.startswith(_ROBOT)} if same else brought
     return [sample for sample in samples if not (views or brought) & _content_names([sample])]
+
+
+def _samples_of_carrier(imports: Imported, samples: Sequence[Sample]) -> Sequence[Sample]:
+    """The samples with a robot that carries an imported camera, if these are as many as rows; else all."""
+    carriers = {camera.get("on") for camera in imports.cell.get("cameras", {}).values()}
+    own = [sample for sample in samples if carriers & sample.robots.keys()]
+    return own if len(own) == len(imports.rows) else samples
 
 
 def _own_samples(imports: Imported, samples: Sequence[Sample]) -> Pairing:

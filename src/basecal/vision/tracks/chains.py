@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from basecal.geometry import IntArray
+from basecal.numerics.tied_blocks import components
 from basecal.vision.tracks.matching import Matches
 
 
@@ -33,8 +32,7 @@ def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Match
     pairs = [(first[i] + each.first, first[j] + each.second) for (i, j), each in matches.items()]
     none = np.zeros(0, dtype=np.int64)
     one, other = (np.concatenate([none, *(pair[k] for pair in pairs)]) for k in (0, 1))
-    graph = coo_matrix((np.ones(len(one)), (one, other)), shape=(first[-1], first[-1]))
-    track = connected_components(graph, directed=False)[1].astype(np.int64)
+    track = components(np.column_stack([one, other]), int(first[-1]))
     view = np.repeat(np.arange(len(counts)), counts)
     _, which, times = np.unique(track * len(counts) + view, return_inverse=True, return_counts=True)
     is_single = times[which] == 1

@@ -9,15 +9,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from basecal.cell.format.described_places import DESCRIPTOR
 from basecal.geometry import Array, IntArray
 from basecal.vision.detection import Image, eight_bit
 
 MAX_FEATURES = 2500  # of an image
-DESCRIPTOR = 128  # numbers of a descriptor
 _CELLS = 24, 16  # of an image, each of which keeps its clearest features first
 _CONTRAST = 0.02  # half of OpenCV's: what is too many is thinned evenly
 _CLIP, _TILES = 2.0, (8, 8)  # of the equalised histogram
 _HULL_GROWS = 1.3  # of what a mask covers, about its middle
+
+_LEVELS = 255.0  # of a descriptor's numbers, which are between 0 and 1, in a byte
 
 Descriptors = NDArray[np.float32]
 
@@ -68,8 +70,18 @@ def named_features(names: IntArray, pixels: Array) -> Features:
         pixels: (n, 2) [px].
     """
     looks = np.array([np.random.default_rng(int(name) % 2**64).standard_normal(DESCRIPTOR) for name in names])
-    looks = np.abs(looks.reshape(-1, DESCRIPTOR))
-    return Features(pixels, (looks / np.linalg.norm(looks, axis=1, keepdims=True)).astype(np.float32))
+    return Features(pixels, unit_descriptors(np.abs(looks.reshape(-1, DESCRIPTOR))))
+
+
+def descriptor_levels(descriptors: Descriptors) -> NDArray[np.uint8]:
+    """Descriptors in bytes."""
+    return np.round(descriptors * _LEVELS).astype(np.uint8)
+
+
+def unit_descriptors(rows: NDArray[np.generic]) -> Descriptors:
+    """Descriptors from sums or levels of them, (n, 128), of unit length; zero remains zero."""
+    numbers = rows.astype(np.float32)
+    return np.asarray(numbers / np.maximum(np.linalg.norm(numbers, axis=1, keepdims=True), 1e-9), dtype=np.float32)
 
 
 def _mask(shape: tuple[int, ...], excluded_pixels: Sequence[Array]) -> NDArray[np.uint8]:
