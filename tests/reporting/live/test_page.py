@@ -98,7 +98,7 @@ def test_what_is_left_to_go_has_the_digits_of_a_move(cell):
 
 def test_arms_are_where_they_are_and_where_they_were_sent(cell):
     """The first flange of an arm is now, the second its goal; of a cell without guesses nothing is drawn."""
-    arms = {arm["name"]: arm["flanges"] for arm in page.LivePage(captured(cell), cell).state()["arms"]}
+    arms = {arm["name"]: arm["base_from_flange"] for arm in page.LivePage(captured(cell), cell).state()["arms"]}
     assert arms["eye"][0] == arms["eye"][1]
     assert np.linalg.norm(np.subtract(*arms["hand"])[:3]) > 0.05
     unknown = replace(cell, bases={"hand": Unknown("free", None)})
