@@ -20,7 +20,6 @@ from basecal.exchange.exporters.exporter import pasteable
 from basecal.geometry import Array
 from basecal.reporting.cell_view.scene import scene
 from basecal.reporting.cell_view.stage import stage
-from basecal.reporting.decision.budget_bar import budget_bar
 from basecal.reporting.decision.checks import check_words, passed_checks
 from basecal.reporting.decision.components import component_figure
 from basecal.reporting.decision.outlook import outlook_figure
@@ -182,12 +181,10 @@ def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, 
 def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> dict[str, Any]:
     """The error at the task, for the template."""
     tolerance_m = calibration.settings.get("tolerance_m")
-    budget = calibration.budget or ()
     recorded = sum(bool(sample.observations) for sample in recording.samples)
     return {
         "task": list(task_rows(calibration)),
-        "budget": budget,
-        "budget_figure": budget_bar(budget),
+        "budget": calibration.budget or (),
         "outlook_figure": outlook_figure(outlook, recorded, tolerance_m) if outlook else None,
         # What `basecal plan` is asked for more samples.
         "task_options": task_options(calibration),

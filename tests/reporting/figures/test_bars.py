@@ -15,7 +15,7 @@ def test_what_was_left_out_is_marked_and_widens_nothing():
     assert "dashed: rms over the views used, 0.354 px; orange: left out" in figure.caption
     assert figure.svg.count('class="view stranger"') == 1
     assert "sample 2: 50 px, left out" in figure.svg
-    assert 'height="100.00"' in figure.svg
+    assert 'height="100.0"' in figure.svg
 
 
 def test_the_largest_of_many():

@@ -6,20 +6,8 @@ import xml.etree.ElementTree as tree
 
 import numpy as np
 
-from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.watching import Sigma, Snapshot
-from basecal.reporting.live.drawings import coverage_drawing, picture_drawing, progress_figure
-
-
-def test_a_part_of_the_picture_is_a_square():
-    """As many full ones as parts in which something was seen, and the share in words."""
-    cells = np.zeros(COVERAGE_GRID, dtype=bool)
-    cells[1, :3] = True
-    root = tree.fromstring(coverage_drawing(Coverage(cells, {})))
-    kinds = [rect.get("class") for rect in root.iter("rect")]
-    assert len(kinds) == cells.size
-    assert kinds.count("tile") == 3
-    assert root.find("title").text == "12 % of the image is covered"
+from basecal.reporting.live.drawings import picture_drawing, progress_figure
 
 
 def test_the_error_is_drawn_beside_its_tolerance():

@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
+from basecal.acquisition.coverage import COVERAGE_GRID
 from basecal.acquisition.watching import End
 from basecal.cell import RobotState, Unknown
 from basecal.errors import DriverError
@@ -103,3 +104,11 @@ def test_arms_are_where_they_are_and_where_they_were_sent(cell):
     assert np.linalg.norm(np.subtract(*arms["hand"])[:3]) > 0.05
     unknown = replace(cell, bases={"hand": Unknown("free", None)})
     assert page.LivePage(captured(cell), unknown).state()["arms"] == []
+
+
+def test_a_part_of_the_image_is_a_square(cell):
+    """As many full ones as parts in which something was seen, and the share in words."""
+    shown = page.LivePage(captured(cell), cell).state()["html"]
+    drawn = shown[shown.index("covered-live") :].partition("</svg>")[0]
+    assert (drawn.count("<rect"), drawn.count('class="tile"')) == (np.prod(COVERAGE_GRID), 2)
+    assert "<title>8 % of the image is covered</title>" in drawn

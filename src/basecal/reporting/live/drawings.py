@@ -1,35 +1,14 @@
-"""Drawings of the local page of a capture: coverage, the error over samples, an image with its detections."""
+"""Drawings of the local page of a capture: the error over samples, an image with its detections."""
 
 from __future__ import annotations
 
-from basecal.acquisition.coverage import Coverage
 from basecal.acquisition.watching import Snapshot
 from basecal.geometry import Array
 from basecal.reporting.decision.outlook import error_curve
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.svg import dots, drawing, element
 
-_TILE_PX = 20.0
 _WIDTH = 400.0
-
-
-def coverage_drawing(coverage: Coverage) -> str:
-    """The image's parts, those in which points were seen full."""
-    rows, columns = coverage.cells.shape
-    cells = (
-        element(
-            "rect",
-            class_="tile" if coverage.cells[row, column] else "frame",
-            x=column * _TILE_PX + 1,
-            y=row * _TILE_PX + 1,
-            width=_TILE_PX - 2,
-            height=_TILE_PX - 2,
-        )
-        for row in range(rows)
-        for column in range(columns)
-    )
-    label = f"{100 * coverage.share:.0f} % of the image is covered"
-    return drawing(columns * _TILE_PX, rows * _TILE_PX, label, *cells)
 
 
 def progress_figure(snapshot: Snapshot) -> Figure | None:

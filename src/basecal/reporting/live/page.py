@@ -18,10 +18,9 @@ from basecal.errors import BasecalError
 from basecal.planning.sketch import Sketch, sketch_cell
 from basecal.reporting.cell_view.scene import scene_data
 from basecal.reporting.cell_view.stage import json_inside_html, stated_scene
-from basecal.reporting.decision.tiles import Tile, tolerance_bar
-from basecal.reporting.live.drawings import coverage_drawing, picture_drawing, progress_figure
+from basecal.reporting.decision.tiles import Tile, error_tile
+from basecal.reporting.live.drawings import picture_drawing, progress_figure
 from basecal.reporting.live.serving import Answer, serving
-from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import COLOURS, error_text
 from basecal.reporting.templates.environment import environment, fill_page
 from basecal.vision.detectors import find
@@ -123,7 +122,7 @@ class LivePage:
             "title": "capture" if snapshot.step is None else f"{taken} of {planned} samples",
             "tiles": list(_tiles(snapshot)),
             "motions": list(self._motions(snapshot)),
-            "covered": "" if snapshot.step is None else coverage_drawing(snapshot.step.coverage),
+            "coverage": None if snapshot.step is None else snapshot.step.coverage,
             "progress": progress_figure(snapshot),
         }
 
@@ -151,13 +150,7 @@ class LivePage:
 def _tiles(snapshot: Snapshot) -> Iterator[Tile]:
     step = snapshot.step
     if snapshot.errors and snapshot.tolerance_m is not None:
-        error_m = snapshot.errors[-1][1]
-        name = f"expected error, 95 %; tolerance {1e3 * snapshot.tolerance_m:.3g} mm"
-        yield Tile(
-            f"{two_digits(1e3 * error_m)} mm",
-            name,
-            tolerance_bar(error_m, snapshot.tolerance_m, snapshot.end is not None),
-        )
+        yield error_tile(snapshot.errors[-1][1], snapshot.tolerance_m, snapshot.end is not None)
     if step is not None and step.sigma is not None:
         yield Tile(error_text(*step.sigma).replace(" and ", ", "), "1 sigma (3-D norm) of the base")
     if step is not None:
