@@ -120,7 +120,8 @@ def drift_sentence(drift: Drift) -> str:
     """Whether a transform drifts, and how fast."""
     speed, sigma = 1e3 * float(np.linalg.norm(drift.m_per_day)), 1e3 * float(np.linalg.norm(drift.sigma))
     verb = "drifts" if drift.chance < MOVED else "does not drift:"
-    return f"{drift.transform} {verb} {format_with_sigma(speed, sigma)} mm a day over {drift.count} checks (p = {drift.chance:.2g})"
+    rate = f"{format_with_sigma(speed, sigma)} mm a day"
+    return f"{drift.transform} {verb} {rate} over {drift.count} checks (p = {drift.chance:.2g})"
 
 
 def comparison_dict(names: Sequence[str], comparisons: Sequence[Comparison]) -> dict[str, Any]:

@@ -38,6 +38,7 @@ from basecal.reporting.figures.thumbnails import thumbnails
 from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import COLOURS, headline, missed_step, sort_by_severity, task_options
 from basecal.reporting.templates.environment import fill_page
 from basecal.reporting.text import (
@@ -193,42 +194,25 @@ def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tupl
 
 
 def _closed_form(comparison: ClosedFormComparison) -> dict[str, Any]:
-    """Two methods beside each other, and each station, for the template."""
+    """Two methods beside each other, and each station, for the template; lengths in mm, angles in deg."""
     both = {"closed form of the paper": comparison.estimate, "maximum likelihood": comparison.other}
-    largest = max(station.weight for station in comparison.stations)
     return {
         "name": comparison.name,
         "methods": [
-            (
-                how,
-                *_format_three(1e3 * of.mean.translation),
-                *_format_three(np.degrees(of.mean.rpy)),
-                *_sizes(of.sigma_t, of.sigma_r),
-            )
-            for how, of in both.items()
+            (how, 1e3 * each.mean.translation, np.degrees(each.mean.rpy), _lengths(each.sigma_t, each.sigma_r))
+            for how, each in both.items()
         ],
-        "apart": _sizes(comparison.difference[:3], comparison.difference[3:]),
+        "apart": _lengths(*np.split(comparison.difference, 2)),
         "stations": [
-            (
-                f"{station.samples[0]} to {station.samples[-1]}",
-                *_format_three(1e3 * station.light),
-                *_sizes(station.off[:3], station.off[3:]),
-                f"{100 * station.weight:.0f}",
-                station.weight == largest,
-            )
-            for station in comparison.stations
+            (station, 1e3 * station.light, _lengths(*np.split(station.off, 2))) for station in comparison.stations
         ],
-        "is_one": largest == 1.0,
+        "most": max(station.weight for station in comparison.stations),
     }
 
 
-def _format_three(values: Array) -> list[str]:
-    return [f"{value:.3f}" for value in values]
-
-
-def _sizes(t: Array, r: Array) -> list[str]:
+def _lengths(t: Array, r: Array) -> tuple[str, ...]:
     """Lengths of a translation [mm] and a rotation [deg]."""
-    return [f"{1e3 * float(np.linalg.norm(t)):.3f}", f"{np.degrees(float(np.linalg.norm(r))):.4f}"]
+    return two_digits(1e3 * float(np.linalg.norm(t))), two_digits(float(np.degrees(np.linalg.norm(r))))
 
 
 def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails) -> dict[str, Any]:

@@ -66,9 +66,9 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     return "\n\n".join("\n".join(block) for block in blocks if block)
 
 
-def number_row(values: Array, decimals: int) -> str:
+def number_row(numbers: Iterable[str]) -> str:
     """Numbers side by side, in columns."""
-    return "".join(f" {number:>13}" for number in format_decimals(values, decimals))
+    return "".join(f" {number:>13}" for number in numbers)
 
 
 def _transform(name: str, calibration: Calibration) -> list[str]:
@@ -77,34 +77,37 @@ def _transform(name: str, calibration: Calibration) -> list[str]:
     heading = f"{'fixed' if status == 'fixed' else 'estimated'} transform {name}"
     verdict = calibration.verdicts.get(name, calibration.verdict)
     lines = [f"{heading}  ({status}{', a point' if is_point else ''}): {verdict}"]
-    for what, unit, values, sigmas, decimals in transform_rows(name, calibration):
-        lines.append(f"  {what:<6}{number_row(values, decimals)} {unit}")
-        if status != "fixed":
-            lines.append(f"  sigma {number_row(sigmas, decimals)} {unit}")
+    for what, unit, values, sigmas in transform_rows(name, calibration):
+        lines.append(f"  {what:<6}{number_row(values)} {unit}")
+        lines += [f"  sigma {number_row(sigmas)} {unit}"] if sigmas else []
     if clause := gauge_clause(name, calibration):
         lines.append(f"  sigma{clause}")
-    return lines if is_point else [*lines, f"  q_xyzw{number_row(estimate.mean.quaternion, 9)}"]
+    return lines if is_point else [*lines, f"  q_xyzw{number_row(format_decimals(estimate.mean.quaternion, 9))}"]
 
 
 class TransformRow(NamedTuple):
-    """Three numbers along x, y, z and their sigmas in one unit, and the decimals that the sigmas justify."""
+    """Three numbers along x, y, z and their sigmas in one unit, to the digits that the sigmas justify."""
 
     name: str
     unit: str
-    values: Array
-    sigmas: Array
-    decimals: int
+    values: list[str]
+    sigmas: list[str]
 
 
 def transform_rows(name: str, calibration: Calibration) -> Iterator[TransformRow]:
-    """Translation and, but of a point, angles about fixed x, y, z; sigmas along the axes of the frame on the right."""
+    """Translation and, but of a point, angles about fixed x, y, z.
+
+    Sigmas are along the axes of the frame on the right; what is fixed has none.
+    """
     estimate = calibration[name]
     halves = [("t", "mm", estimate.mean.translation * 1e3, estimate.sigma_t * 1e3)]
     if name not in calibration.points:
         halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
     is_fixed = calibration.status.get(name) == "fixed"
     for what, unit, values, sigmas in halves:
-        yield TransformRow(what, unit, values, sigmas, shown_decimals(0 * sigmas if is_fixed else sigmas))
+        known = sigmas[:0] if is_fixed else sigmas
+        decimals = shown_decimals(known)
+        yield TransformRow(what, unit, format_decimals(values, decimals), format_decimals(known, decimals))
 
 
 class LensParameter(NamedTuple):

@@ -22,7 +22,7 @@ from basecal.reporting.decision.tiles import Tile, error_tile
 from basecal.reporting.live.drawings import picture_drawing, progress_figure
 from basecal.reporting.live.serving import Answer, serving
 from basecal.reporting.statement.verdict import COLOURS, error_text
-from basecal.reporting.templates.environment import environment, fill_page
+from basecal.reporting.templates.environment import fill_page, fill_part
 from basecal.vision.detectors import find
 from basecal.vision.image_file import png_bytes
 from basecal.vision.thumbnail import thumbnail
@@ -94,7 +94,7 @@ class LivePage:
         snapshot = self._watch.snapshot
         drawn = self._scene(snapshot)
         return {
-            "html": environment().get_template("live_state.html").render(self._part_values(snapshot)),
+            "html": fill_part("live_state.html", **self._part_values(snapshot)),
             "pictures": {name: id(grey) for name, grey in snapshot.pictures},
             "arms": drawn["arms"] if drawn else [],
             "over": snapshot.end is not None,
