@@ -12,7 +12,8 @@ from basecal.reporting.figures.figure import Figure
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import drawing, element, label_lines, text, wrapped_label
 
-_WIDTH, _HEIGHT = 640.0, 290.0
+WIDTH, HEIGHT = 640.0, 290.0
+"""Of a drawing, if no label has several lines."""
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 12.0, 42.0
 _CHARACTER, _LINE = 11.5, 22.0  # of the drawing, that a label takes at the size of letters on a narrow screen
 _NUMBER = 12  # characters, which no number exceeds
@@ -48,37 +49,37 @@ def curves(
         title: What it is of.
         axis: Name of the axis.
         unit: Of the errors.
-        lines: All with the same values of the axis.
+        lines: Values of the axis in the order of the first.
         limit: A dashed line across; none where None.
         logarithmic: Whether numbers of the axis are; where None, if they reach far.
     """
-    places = [band.at for band in lines[0].bands]
+    places = list(dict.fromkeys(band.at for line in lines for band in line.bands))
     along = _axis_positions(places, logarithmic)
     limits = [] if limit is None else [limit]
     values = [value for line in lines for band in line.bands for value in (band.low, band.high) if value is not None]
-    up = fitted_scale([*values, *limits] or [1.0], _HEIGHT - _BOTTOM, _TOP)
-    parts = horizontal_rules(up, _LEFT, _WIDTH - _RIGHT)
-    column = (_WIDTH - _LEFT - _RIGHT) / len(places)
+    up = fitted_scale([*values, *limits] or [1.0], HEIGHT - _BOTTOM, _TOP)
+    parts = horizontal_rules(up, _LEFT, WIDTH - _RIGHT)
+    column = (WIDTH - _LEFT - _RIGHT) / len(places)
     characters = _NUMBER if _is_by_size(places) else int(column / _CHARACTER)
     labelled, line_count = -math.inf, 1
-    for place in sorted(set(places), key=along.__getitem__):
+    for place in sorted(places, key=along.__getitem__):
         label = f"{place:g}" if isinstance(place, float) else str(place)
         if along[place] - labelled < _LABEL:
             continue
         labelled = along[place]
         line_count = max(line_count, len(label_lines(label, characters)))
-        parts.append(element("path", class_="rule", d=f"M{labelled:.1f} {_TOP}V{_HEIGHT - _BOTTOM}"))
-        parts.append(wrapped_label(label, characters, (labelled, _HEIGHT - _BOTTOM + 18), "middle"))
+        parts.append(element("path", class_="rule", d=f"M{labelled:.1f} {_TOP}V{HEIGHT - _BOTTOM}"))
+        parts.append(wrapped_label(label, characters, (labelled, HEIGHT - _BOTTOM + 18), "middle"))
     parts += [_line(k, line, along, up, (axis, unit)) for k, line in enumerate(lines)]
-    parts += [element("path", class_="level", d=f"M{_LEFT} {up.position(at):.1f}H{_WIDTH - _RIGHT}") for at in limits]
-    svg = drawing(_WIDTH, _HEIGHT + (line_count - 1) * _LINE, f"{title} over {axis}", *parts)
+    parts += [element("path", class_="level", d=f"M{_LEFT} {up.position(at):.1f}H{WIDTH - _RIGHT}") for at in limits]
+    svg = drawing(WIDTH, HEIGHT + (line_count - 1) * _LINE, f"{title} over {axis}", *parts)
     caption = f"{axis} across, errors [{unit}] upwards: the median, and the band from 5 % to 95 % of the trials."
     return Figure(title, svg, caption)
 
 
 def _axis_positions(places: Sequence[float | str], logarithmic: bool | None) -> dict[float | str, float]:
     """Where each value of the axis stands: by its size where all are numbers, else one after the other."""
-    start, end = _LEFT, _WIDTH - _RIGHT
+    start, end = _LEFT, WIDTH - _RIGHT
     if _is_by_size(places):
         numbers = [float(place) for place in places]
         scale = fitted_scale(numbers, start, end, logarithmic)
