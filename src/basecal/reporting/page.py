@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -73,14 +72,6 @@ _CONTENTS = (
     ("transforms", "others", "Other transforms"),
     ("provenance", "provenance", "Provenance"),
 )
-
-
-@dataclass(frozen=True)
-class Views:
-    """The views of one target by one camera: its name, a figure for each quantity there is."""
-
-    name: str
-    figures: tuple[Figure, ...]
 
 
 def page(
@@ -240,7 +231,8 @@ def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: Fi
     }
 
 
-def _views(views: Sequence[SampleResidual], exclusions: Collection[SampleResidual]) -> list[Views]:
+def _views(views: Sequence[SampleResidual], exclusions: Collection[SampleResidual]) -> list[tuple[str, list[Figure]]]:
+    """The views of each target by each camera: their name, a figure for each quantity there is."""
     pairs = dict.fromkeys((view.camera, view.target) for view in views)
     # So many in each figure that the page stays small.
     figure_count = max(len(pairs) * len(QUANTITIES), 1)
@@ -248,9 +240,9 @@ def _views(views: Sequence[SampleResidual], exclusions: Collection[SampleResidua
     shown = []
     for camera, target in pairs:
         own = [view for view in views if (view.camera, view.target) == (camera, target)]
-        figures = [bar_figure(own, quantity, most, exclusions) for quantity in QUANTITIES]
-        shown.append(Views(f"{target} seen by {camera}", tuple(f for f in figures if f is not None)))
-    return [each for each in shown if each.figures]
+        figures = [f for quantity in QUANTITIES if (f := bar_figure(own, quantity, most, exclusions)) is not None]
+        shown.append((f"{target} seen by {camera}", figures))
+    return [each for each in shown if each[1]]
 
 
 def _worst_rows(views: Sequence[SampleResidual]) -> list[tuple[str, ...]]:
