@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from basecal.reporting.figures.chart_file import chart_file
+from basecal.reporting.sweep.chart_file import chart_file
 
 _SOLVER_NAMES = {"closed_form": "closed form", "maximum_likelihood": "maximum likelihood", "bound": "Cramer-Rao bound"}
 

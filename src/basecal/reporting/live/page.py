@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -18,8 +17,9 @@ from basecal.errors import BasecalError
 from basecal.planning.sketch import Sketch, sketch_cell
 from basecal.reporting.cell_view.scene import scene_data
 from basecal.reporting.cell_view.stage import json_inside_html, stated_scene
+from basecal.reporting.decision.outlook import progress_figure
 from basecal.reporting.decision.tiles import Tile, error_tile
-from basecal.reporting.live.drawings import picture_drawing, progress_figure
+from basecal.reporting.figures.thumbnails import image_drawing
 from basecal.reporting.live.serving import Answer, serving
 from basecal.reporting.statement.verdict import COLOURS, error_text
 from basecal.reporting.templates.environment import fill_page, fill_part
@@ -108,8 +108,9 @@ class LivePage:
             return ""
         seen = [found.pixels for target in visible_targets(self._cell, camera) if (found := find(grey, target))]
         pixels = np.concatenate(seen) if seen else np.zeros((0, 2))
-        address = f"data:image/jpeg;base64,{base64.b64encode(small).decode()}"
-        return picture_drawing(address, (grey.shape[1], grey.shape[0]), pixels, camera)
+        label = f"last image of {camera}, {len(pixels)} points found"
+        used = np.ones(len(pixels), dtype=bool)
+        return image_drawing(label, small, (grey.shape[1], grey.shape[0]), pixels, 0 * pixels, used)
 
     def _part_values(self, snapshot: Snapshot) -> dict[str, Any]:
         """Values of the parts that change."""

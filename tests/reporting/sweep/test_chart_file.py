@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-from basecal.reporting.figures.chart_file import chart_file
+from basecal.reporting.sweep.chart_file import chart_file
 
 SVG = "{http://www.w3.org/2000/svg}"
 SERIES = {"a < b": [(0.01, 5.0), (0.1, 0.5), (1.0, 0.05)], "c": [(0.01, 4.9), (1.0, 0.051)]}
