@@ -28,7 +28,7 @@ def plan(needed, reachable, recorded=12, count=3, place="recorded places"):
         (
             plan(None, False, place="task point"),
             1e-4,
-            "FAIL: 0.1 mm at the task point cannot be reached. views of wrist forbids it.",
+            "FAIL: 0.1 mm at the task point cannot be reached. The largest part of the error is views of wrist.",
         ),
         (plan(None, None, 0), None, "GOOD: Expected error with 3 samples: 0.40 mm (95 %) where the arms worked."),
     ],

@@ -36,6 +36,7 @@ def test_the_tolerance_is_a_line_beside_the_bar() -> None:
     assert 'd="M95.2 0V8"' in shown
     assert "<title>expected error 0.40 mm, tolerance 1 mm</title>" in shown
     assert "<svg" not in drawn("tile_list", [error_tile(4e-4, None)])
+    assert drawn("tile_list", []).strip() == ""
 
 
 def test_what_is_given_is_escaped() -> None:

@@ -34,4 +34,6 @@ def component_figure(child: str, estimate: PoseEstimate, tolerance_m: float | No
         ]
     also = "" if limit is None else f" Shaded: the tolerance, {limit:.3g} mm."
     caption = f"Intervals that hold 95 % of errors along each axis of {child}.{also}"
-    return Figure("position by axis", drawing(_WIDTH, height, "95 % intervals by axis", *parts), caption)
+    return Figure(
+        "position by axis, 95 % intervals", drawing(_WIDTH, height, "95 % intervals by axis", *parts), caption
+    )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from basecal.reporting.figures.figure import Figure, rectangle, tile
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import drawing, label_lines, wrapped_label
 
 _TILE_WIDTH, _TILE_HEIGHT = 84.0, 34.0
@@ -50,7 +51,7 @@ def heat_map(
 def _tile(x: float, y: float, value: float | None, shades: tuple[float, float]) -> str:
     low, high = shades
     box = (x, y, _TILE_WIDTH, _TILE_HEIGHT)
-    number = "-" if value is None else f"{value:.3g}"
+    number = "-" if value is None else two_digits(value)
     shown = wrapped_label(number, _COLUMN_CHARACTERS, (x + 0.5 * _TILE_WIDTH, y + 0.6 * _TILE_HEIGHT), "middle")
     if value is None or value <= 0:
         return rectangle("frame", box) + shown

@@ -136,7 +136,7 @@ class LivePage:
             with suppress(BasecalError):
                 here, there = (self._sketch.base_from_flange(robot, each[robot]) for each in (states, goals))
                 off = (here.inverse() @ there).log()
-                left_m, left_rad = (float(np.linalg.norm(each)) for each in (off[:3], off[3:]))
+                left_m, left_rad = (float(np.linalg.norm(each)) for each in np.split(off, 2))
                 yield f"{robot}: {1e3 * left_m:.1f} mm and {np.degrees(left_rad):.2f} deg to go"
 
     def _scene(self, snapshot: Snapshot) -> dict[str, Any]:
