@@ -31,7 +31,7 @@ def test_what_moved_is_named_with_its_size() -> None:
     assert text.startswith("MOVED: 2 samples are not explained (p = 1e-07)")
     assert "most likely hand_base, by 5.000 +/- 0.060 mm and 0.50 +/- 0.10 deg" in text
     assert "as likely, or nearly: joint 3 of hand;" in text
-    assert "a shift of 0.4 mm would be seen with 95% chance" in text
+    assert "a shift of 0.40 mm would be seen with 95% chance" in text
 
 
 def test_as_json() -> None:

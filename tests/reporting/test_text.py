@@ -69,7 +69,7 @@ def test_numbers_are_those_of_the_calibration() -> None:
         "pose consistency error 0.40 mm and 0.050 deg rms over 1 views",
         "worst view: sample 3 by wrist, 0.40 px rms",
         "measurement noise, 1 sigma per axis: 0.21 px",
-        "pose noise of robot eye, 1 sigma per axis: 0.3 0.1 0.3 mm, 0.5 mrad",
+        "pose noise of robot eye, 1 sigma per axis: 0.30 0.10 0.30 mm, 0.50 mrad",
     ):
         assert said in text
 

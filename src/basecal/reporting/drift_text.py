@@ -15,6 +15,7 @@ from basecal.accuracy.drift.verify import POWER, Verification
 from basecal.accuracy.model_comparison.nested_models import MOVED
 from basecal.cell import PastVerification
 from basecal.effects.faces.found_effect import format_tangent, format_with_sigma
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import error_text
 
 _TIME_FORMAT = "%Y-%m-%d %H:%M"
@@ -58,7 +59,9 @@ def verification_text(verification: Verification) -> str:
             lines.append(f"as likely, or nearly: {others}; samples with other rotations of both arms distinguish them")
         lines.append("look what was bumped or loosened there, and calibrate again")
     if verification.detectable_m is not None:
-        lines.append(f"a shift of {1e3 * verification.detectable_m:.2g} mm would be seen with {POWER:.0%} chance")
+        lines.append(
+            f"a shift of {two_digits(1e3 * verification.detectable_m)} mm would be seen with {POWER:.0%} chance"
+        )
     lines += [f"sample {number} is off alone and was left out" for number in verification.outliers[:_SHOWN_SAMPLES]]
     return "\n".join(lines)
 

@@ -252,6 +252,6 @@ def _worst_rows(views: Sequence[SampleResidual]) -> list[tuple[str, ...]]:
     rows = []
     for view in ordered:
         values = [(getattr(view, quantity.field), quantity.factor) for quantity in QUANTITIES]
-        shown = ("" if value is None else f"{value * factor:.3f}" for value, factor in values)
+        shown = ("" if value is None else two_digits(value * factor) for value, factor in values)
         rows.append((str(view.sample), view.camera, view.target, *shown))
     return rows

@@ -82,7 +82,8 @@ def printed_pages(target: Target, title: str, paper: str | None = None) -> list[
         discs = 1e3 * sheet.discs
         discs[:, :2] += shift
         rectangles = 1e3 * sheet.rectangles + np.tile(shift, 2)
-        check = f"between the cut marks {right - left:g} x {bottom - top:g} mm; pitch {1e3 * sheet.pitch:g} mm"
+        part = next((key for key, value in target.options.items() if value == sheet.pitch), "size_m")
+        check = f"between the cut marks {right - left:g} x {bottom - top:g} mm; {part[:-2]} {1e3 * sheet.pitch:g} mm"
         rulers, texts = _rulers(size, title, check)
         axes, names = _axes(sheet, shift)
         lines = np.concatenate([rulers, _cut_marks(1e3 * sheet.paper + np.tile(shift, 2)), axes])

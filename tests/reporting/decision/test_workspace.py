@@ -23,7 +23,7 @@ def test_a_drawing_for_each_height():
     assert 'x="40.0" y="0.0"' in darkest
     assert re.findall(r'class="contour-label"[^>]*>([^<]+)<', high.svg)[0] == "1.2"
     assert "contour" not in low.svg
-    assert "(1.000, 2.000, 1.000) m: 2 mm and 0.57 deg" in high.svg
+    assert "(1.000, 2.000, 1.000) m: 2.0 mm and 0.57 deg" in high.svg
     assert "1.0 to 2.0 mm in all" in low.caption
     assert high.svg.count('class="tile worst"') == 1
     assert high.caption.endswith("Outlined: the worst place, 1.00, 2.00, 1.00 m.")

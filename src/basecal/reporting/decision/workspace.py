@@ -49,7 +49,7 @@ def _tile(error_map: ErrorMap, number: int, xs: Array, ys: Array, share: float) 
     """The square of a point, the darker the larger its error; pointed at it says all."""
     x, y, z = error_map.points_m[number]
     mm, degrees = 1e3 * error_map.length_95_m[number], float(np.degrees(error_map.angle_95_rad[number]))
-    label = f"({x:.3f}, {y:.3f}, {z:.3f}) m: {mm:.3g} mm and {degrees:.2g} deg"
+    label = f"({x:.3f}, {y:.3f}, {z:.3f}) m: {two_digits(mm)} mm and {two_digits(degrees)} deg"
     column, row = np.searchsorted(xs, x), len(ys) - 1 - np.searchsorted(ys, y)
     kind = "tile worst" if number == error_map.worst else "tile"
     return tile((_TILE * column, _TILE * row, _TILE, _TILE), share, label, kind)
