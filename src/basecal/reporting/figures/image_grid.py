@@ -64,7 +64,7 @@ class ImageGrid:
 
     def strip(self, low_label: str, high_label: str) -> list[str]:
         """Below the image: its size, and a bar from the shade of the least to that of the most."""
-        top, right = self.height + 10, IMAGE_WIDTH - 100
+        top, right = self.height + 10, IMAGE_WIDTH - 124
         step = _BAR_WIDTH / _BAR_STEPS
         starts = right - _BAR_WIDTH + step * np.arange(_BAR_STEPS)
         bars = [tile((x, top, step, 14), k / (_BAR_STEPS - 1), kind="tile shade") for k, x in enumerate(starts)]
