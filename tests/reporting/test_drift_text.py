@@ -29,7 +29,7 @@ MOVED = Verification(True, 1e-7, BASE, (JOINT,), 4e-4, (40, 41))
 def test_what_moved_is_named_with_its_size() -> None:
     text = verification_text(MOVED)
     assert text.startswith("MOVED: 2 samples are not explained (p = 1e-07)")
-    assert "most likely hand_base, by 5.000 +/- 0.060 mm and 0.50 +/- 0.10 deg" in text
+    assert "most likely hand_base, by 5.000 ± 0.060 mm and 0.50 ± 0.10 deg" in text
     assert "as likely, or nearly: joint 3 of hand;" in text
     assert "a shift of 0.40 mm would be seen with 95% chance" in text
 

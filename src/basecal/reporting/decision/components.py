@@ -7,7 +7,7 @@ from basecal.reporting.figures.figure import Figure, rectangle
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import drawing, element, text
 
-_WIDTH, _ROW, _LEFT, _RIGHT = 420.0, 30.0, 24.0, 90.0
+_WIDTH, _ROW, _LEFT, _RIGHT = 420.0, 30.0, 24.0, 100.0
 _INTERVAL_SIGMAS = 1.96  # sigmas on either side, within which 95 % of normal errors are
 
 
