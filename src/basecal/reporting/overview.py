@@ -13,7 +13,7 @@ _LENS_PHRASES = {"fixed": "lens as stated", "prior": "lens stated and refined", 
 
 
 def overview(cell: Cell, time: datetime | None) -> tuple[list[tuple[str, str]], ...]:
-    """What came out at some time, UTC, and what it is of: a name and a few words each."""
+    """The answer of some time, UTC, and the cell: a name and a few words each."""
     return list(_answer(cell, time)), list(_cell_parts(cell))
 
 

@@ -22,7 +22,7 @@ def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]
 
 
 def view_words(view: SampleResidual, state: str = "") -> str:
-    """Who saw what, and how it fits, as far as that is known."""
+    """Camera and target of a view, and its residuals as far as they are known."""
     errors = [] if view.rms_px is None else [f"reprojection error {two_digits(view.rms_px)} px"]
     if view.loop_m is not None:
         errors.append(f"pose consistency error {error_text(view.loop_m, view.loop_rad)}")

@@ -36,8 +36,8 @@ class Arm:
         known: (n,) whether that was recorded.
         joints: (n, k) frames of its joints in its base at each sample; None if poses are recorded.
         surfaces: Bodies of its links as its URDF has them; empty if there are none that can be read.
-        ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes, as large as it is
-            drawn [m]; None if its place was not requested.
+        ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes [m]. They are as
+            large as they are drawn; None if its place was not requested.
     """
 
     name: str
@@ -260,7 +260,7 @@ def worst_words(errors: ErrorMap) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON can hold of fields, transforms (their translation, then their quaternion) and arrays."""
+    """Fields, transforms and arrays as JSON holds them; of a transform its translation, then its quaternion."""
     if isinstance(value, SE3):
         return _plain(np.concatenate([value.translation, value.quaternion], -1))
     if isinstance(value, np.ndarray) and value.dtype != np.float64:

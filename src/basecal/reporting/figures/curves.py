@@ -91,13 +91,15 @@ def _is_by_size(places: Sequence[float | str]) -> bool:
     return all(isinstance(place, int | float) and not isinstance(place, bool) for place in places)
 
 
-def _line(number: int, line: Line, along: dict[float | str, float], up: Scale, names: tuple[str, str]) -> str:
+def _line(number: int, line: Line, positions: dict[float | str, float], scale: Scale, names: tuple[str, str]) -> str:
     """A line and its band; broken where there is no answer."""
     axis, unit = names
     parts: list[str] = []
     # Bands with answers that are next to one another.
     for has_answer, bands in groupby(line.bands, lambda band: band.middle is not None):
-        run = [(along[b.at], *(up.position(y) for y in (b.low, b.middle, b.high) if y is not None)) for b in bands]
+        run = [
+            (positions[b.at], *(scale.position(y) for y in (b.low, b.middle, b.high) if y is not None)) for b in bands
+        ]
         if not has_answer:
             continue
         edge, middle = ([f"{each[0]:.1f} {each[k]:.1f}" for each in run] for k in (3, 2))
@@ -108,6 +110,6 @@ def _line(number: int, line: Line, along: dict[float | str, float], up: Scale, n
     for band in line.bands:
         if band.middle is not None:
             title = element("title", text(f"{axis} {band.at}: {two_digits(band.middle)} {unit}"))
-            place = {"cx": f"{along[band.at]:.1f}", "cy": f"{up.position(band.middle):.1f}"}
+            place = {"cx": f"{positions[band.at]:.1f}", "cy": f"{scale.position(band.middle):.1f}"}
             parts.append(element("circle", title, **place, r=3.5))
     return element("g", element("title", text(line.name)), *parts, class_=f"line-{number % COLOURS}")

@@ -175,7 +175,7 @@ def _drawing(view: _View, jpeg: bytes, size_px: tuple[int, int], longest_px: flo
 
 
 def image_drawing(
-    label: str, jpeg: bytes, size_px: tuple[int, int], pixels: Array, offsets: Array, used: BoolArray
+    label: str, jpeg: bytes, size_px: tuple[int, int], pixels: Array, offsets: Array, mask: BoolArray
 ) -> str:
     """An image with points on it.
 
@@ -184,8 +184,8 @@ def image_drawing(
         jpeg: The image, of any size.
         size_px: Its size as it was taken.
         pixels: (n, 2) [px].
-        offsets: (n, 2) of lines from used points [px].
-        used: (n,) whether they were; others have another colour.
+        offsets: (n, 2) of lines from points that were used [px].
+        mask: (n,) whether they were used; others have another colour.
     """
     scale = _WIDTH / size_px[0]
     height = size_px[1] * scale
@@ -196,7 +196,7 @@ def image_drawing(
         height,
         label,
         element("image", href=address, width=f"{_WIDTH:g}", height=f"{height:.1f}"),
-        element("path", class_="off", d=segments(np.stack([at[used], tip[used]], 1))),
-        element("path", class_="found", d=dots(at[used])),
-        element("path", class_="left-out", d=dots(at[~used])),
+        element("path", class_="off", d=segments(np.stack([at[mask], tip[mask]], 1))),
+        element("path", class_="found", d=dots(at[mask])),
+        element("path", class_="left-out", d=dots(at[~mask])),
     )
