@@ -1,4 +1,4 @@
-"""Formulas of the documents as MathML, made when the site is built; what keyboards and readers of screens need."""
+"""Formulas of the documents as MathML, made when the site is built, and names for readers of screens."""
 
 from __future__ import annotations
 
@@ -12,20 +12,15 @@ _INLINE = re.compile(r'<span class="arithmatex">\\\((.+?)\\\)</span>', re.DOTALL
 _DISPLAY = re.compile(r'<div class="arithmatex">\s*\\\[(.+?)\\\]\s*</div>', re.DOTALL)
 _TAG = re.compile(r"\\tag\{(\d+\.\d+)\}")
 _BAR = '<mo stretchy="false">&#x0007C;</mo>'  # of a norm, and no operator between others
-_CODE = re.compile(r"(<pre[^>]*>(?:<span></span>)?)<code")
 _CITED = re.compile(r"\((\d+\.\d+)\)(?![^<]*</a>)")
 
 
 def on_page_content(html: str, page: object, **_: object) -> str:
-    """The page with its formulas typeset and blocks of code that the keyboard can scroll.
-
-    Each numbered equation is an anchor to which its mentions on the page lead.
-    """
+    """The page with its formulas typeset, each numbered equation an anchor to which its mentions on the page lead."""
     numbers = set(_TAG.findall(html))
     linked = _CITED.sub(lambda found: _link(found[1]) if found[1] in numbers else found[0], html)
     shown = _DISPLAY.sub(lambda found: _equation(unescape(found[1])), linked)
-    typeset = _INLINE.sub(lambda found: _mathml(unescape(found[1]), "inline"), shown)
-    return _CODE.sub(r'\1<code tabindex="0"', typeset)
+    return _INLINE.sub(lambda found: _mathml(unescape(found[1]), "inline"), shown)
 
 
 def on_post_page(output: str, **_: object) -> str:
