@@ -22,7 +22,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import SE3
-from basecal.reporting.charts import Series, log_chart
+from basecal.reporting.sweep.chart_file import chart_file
 from basecal.simulation import Scenario, simulate
 from benchmarks.common import on_one_core, table, write
 
@@ -95,12 +95,13 @@ def slopes(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return out
 
 
-def _lines(rows: list[dict[str, Any]], field: str, scale: float) -> list[Series]:
+def _lines(rows: list[dict[str, Any]], field: str, scale: float) -> dict[str, list[tuple[float, float]]]:
     """A line a case, and a linear one through the end of the first."""
     cases = dict.fromkeys(row["case"] for row in rows)
-    lines = [Series(c, [(r["samples"], scale * r[field]) for r in rows if r["case"] == c]) for c in cases]
-    (few, _), (many, at_end) = lines[0].points[0], lines[0].points[-1]
-    return [*lines, Series("linear", [(few, at_end * few / many), (many, at_end)])]
+    lines = {c: [(r["samples"], scale * r[field]) for r in rows if r["case"] == c] for c in cases}
+    first = next(iter(lines.values()))
+    (few, _), (many, at_end) = first[0], first[-1]
+    return lines | {"linear": [(few, at_end * few / many), (many, at_end)]}
 
 
 def drawn(rows: list[dict[str, Any]]) -> dict[str, str]:
@@ -108,8 +109,8 @@ def drawn(rows: list[dict[str, Any]]) -> dict[str, str]:
     time, memory = _lines(rows, "seconds", 1e3), _lines(rows, "peak_bytes", 1e-6)
     across = "samples of 4 points"
     return {
-        "scaling_time.svg": log_chart("Time of a solution", across, "time [ms]", time),
-        "scaling_memory.svg": log_chart("Peak memory of a solution", across, "memory [MB]", memory),
+        "scaling_time.svg": chart_file("Time of a solution", across, "time [ms]", time),
+        "scaling_memory.svg": chart_file("Peak memory of a solution", across, "memory [MB]", memory),
     }
 
 

@@ -17,7 +17,7 @@ from basecal.reporting.summary import summary
 
 FIGURE = Path(__file__).parent / "figures" / "demo.svg"
 FRAMES, FRAME_S = 12, 0.8  # samples shown, and for how long each
-WIDTH, HEIGHT, LEFT, LINE = 1180, 470, 560, 23
+WIDTH, HEIGHT, LEFT, LINE = 1240, 470, 620, 23
 STYLE = """
 text{font:14px ui-monospace,Menlo,Consolas,monospace;fill:#e8eaed;white-space:pre}
 .cell text{font:14px system-ui,sans-serif;fill:#1b1f24;text-anchor:middle}

@@ -175,3 +175,22 @@ def test_documents_load_nothing_from_outside() -> None:
     files = [*DOCS.rglob("*.md"), *DOCS.rglob("*.css"), *DOCS.rglob("*.svg"), *DOCS.rglob("*.py"), ROOT / "mkdocs.yml"]
     assert [str(path) for path in files if loading.search(path.read_text(encoding="utf-8"))] == []
     assert "font: false" in (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of `#rrggbb`, as WCAG 2 defines it."""
+    parts = (int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    red, green, blue = (part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def test_colours_of_code_have_contrast() -> None:
+    """4.5 at least against the theme's background of code, light and dark."""
+    style = (DOCS / "assets" / "site.css").read_text(encoding="utf-8")
+    for scheme, background in (("default", "#f5f5f5"), ("slate", "#272a35")):
+        block = style.partition(f'[data-md-color-scheme="{scheme}"]')[2].partition("}")[0]
+        colours = re.findall(r"#[0-9a-f]{6}", block)
+        assert len(colours) >= 2
+        for colour in colours:
+            dark, bright = sorted((luminance(colour), luminance(background)))
+            assert (bright + 0.05) / (dark + 0.05) >= 4.5, colour

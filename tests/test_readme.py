@@ -51,6 +51,9 @@ def test_the_picture_is_that_of_the_demo() -> None:
     assert "basecal demo" in picture
     assert ">GOOD</tspan>: expected error" in picture
     assert "prefers-reduced-motion" in picture
+    panel = float(re.findall(r'<rect width="([\d.]+)"', picture)[1])
+    rows = ["".join(row.itertext()) for row in fromstring(picture).iter() if row.get("x") == "20"]
+    assert 20 + 8.5 * max(map(len, rows)) <= panel  # of letters of 14 px that all are as wide
 
 
 def test_the_first_screen_has_the_commands_of_a_fresh_machine() -> None:

@@ -154,7 +154,7 @@ def test_sizes_are_those_beside_errors_of_the_arm(tmp_path: Path) -> None:
     cell = read_cell(folder)
     found = calibrate(cell, detect(cell, read_recording(folder)))
     (sag,) = (each for each in found.findings if each.code == "lens-sag")
-    sizes = re.findall(r"([\d.]+) \+/- ([\d.]+)", sag.what)
+    sizes = re.findall(r"([\d.]+) ± ([\d.]+)", sag.what)
     assert len(sizes) == 2
     assert all(float(size) > 3 * float(sigma) for size, sigma in sizes)
 

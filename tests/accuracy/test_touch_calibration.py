@@ -83,4 +83,4 @@ def test_a_tip_that_was_bent_is_named(monkeypatch):
     found = calibrate(touch_cell(), recorded(touch_cell(), lines[:18] + later[18:]))
     (finding,) = (each for each in found.findings if each.code == "base-moved")
     assert finding.about[0] == "hand_flange_from_hand_tip"
-    assert re.search(r"hand_tip moved by [45]\.[0-9]+ \+/- 0\.[0-9]+ mm at about sample 19", finding.what)
+    assert re.search(r"hand_tip moved by [45]\.[0-9]+ ± 0\.[0-9]+ mm at about sample 19", finding.what)

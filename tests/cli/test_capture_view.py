@@ -53,7 +53,7 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
 def test_where_nobody_watches_a_sample_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """With what was covered and how well the base is known, after reports; nothing where a program reads."""
     late = "camera wrist: images arrive late\n"
-    line = late + "   4/9 sample 3: taken, 100 % of the image; base known to 1.0 mm and 0.057 deg (1 sigma)\n"
+    line = late + "   4/9 sample 3: taken, 100 % of the image; base known to 1.0 mm and 0.057 deg (1 sigma, 3-D norm)\n"
     assert shown(io.StringIO(), monkeypatch, rig()) == line
     assert shown(io.StringIO(), monkeypatch, rig(), quiet=True) == ""
 

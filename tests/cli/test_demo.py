@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.cli import main
-from basecal.cli.demo import true_error
+from basecal.cli.demo import _comparison, true_error
 from basecal.geometry import SE3, PoseEstimate
 
 
@@ -30,3 +30,14 @@ def test_a_cell_of_somebody_else_is_left_alone(tmp_path: Path, capsys: pytest.Ca
     assert main(["demo", str(tmp_path / "c")]) == 3
     assert "is not overwritten" in capsys.readouterr().err
     assert (tmp_path / "c" / "cell.yaml").read_text() == text
+
+
+def test_the_truth_is_compared_with_the_digits_of_sigma() -> None:
+    """And with the limit of chi-square in words."""
+    estimate = PoseEstimate(SE3.identity(), np.diag(np.array([1e-3, 2e-3, 1e-3, 1e-2, 1e-2, 2e-2]) ** 2))
+    lines = _comparison(estimate, true_error(estimate, SE3.exp(np.array([0, 2e-3, 0, 0, 0, 0]))), "b").splitlines()
+    assert lines[2].split() == ["true", "error", "0.0", "2.0", "0.0", "mm"]
+    assert lines[4].split() == ["in", "sigmas", "0.00", "1.00", "0.00"]
+    assert lines[-1] == "  chi-square 1.0 with 6 degrees of freedom (99 % limit 16.8): consistent"
+    far = _comparison(estimate, true_error(estimate, SE3.exp(np.array([0.1, 0, 0, 0, 0, 0]))), "b")
+    assert far.endswith("inconsistent")

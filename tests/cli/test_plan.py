@@ -85,6 +85,16 @@ def test_a_file_for_capture(cell, tmp_path, capsys):
     assert len(json.loads((tmp_path / "plan.json").read_text())["samples"]) == 3
 
 
+def test_what_is_reached_needs_no_capture(cell, tmp_path, capsys):
+    """The next command calibrates what is recorded, by the same tolerance; nothing says to record an empty plan."""
+    assert main(["calibrate", str(cell)]) in (0, 1)
+    capsys.readouterr()
+    asked = ["plan", str(cell), "--tolerance", "900mm", "-o", str(tmp_path / "plan.jsonl")]
+    assert main(asked) == 0
+    *_, last = capsys.readouterr().out.splitlines()
+    assert last == f"next: basecal calibrate {cell} --tolerance 900mm"
+
+
 def test_what_robots_run(cell, tmp_path, capsys):
     """Each kind is printed, or written with -o; a program of one arm asks which."""
     asked = ["plan", str(cell), "--samples", "3", "--task-point", "-0.3 0.7 0.1"]

@@ -55,5 +55,5 @@ def test_a_wrong_mount_is_not_taken_for_a_wrong_lens():
 def test_a_statement_is_named_by_what_it_places(name, stated):
     """A base or a mount, with the shift and the rotation in sigmas of their own."""
     what, do = disagreement(name, np.array([5e-3, 0, 0, 0, 0, 1e-3]), np.diag([1e-8] * 3 + [1e-10] * 3))
-    assert what == f"The stated {stated} disagrees with the data by 5.00 +/- 0.10 mm and 0.05730 +/- 0.00057 deg."
+    assert what == f"The stated {stated} disagrees with the data by 5.00 ± 0.10 mm and 0.05730 ± 0.00057 deg."
     assert name in do[0]

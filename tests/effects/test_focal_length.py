@@ -17,7 +17,4 @@ def test_a_usual_calibration_is_off_by_two_in_a_thousand():
 
 def test_percent_of_what_is_stated():
     """The stated lens over the estimated one, with its sigma in the same unit."""
-    assert (
-        words(LENS, draw_fault(0.01, LENS), np.full(4, 0.9))
-        == "fx is off by -1.00 +/- 0.10 %, fy by -1.000 +/- 0.099 %"
-    )
+    assert words(LENS, draw_fault(0.01, LENS), np.full(4, 0.9)) == "fx is off by -1.00 ± 0.10 %, fy by -1.000 ± 0.099 %"

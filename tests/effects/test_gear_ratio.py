@@ -66,8 +66,8 @@ def test_it_is_found_if_it_is_not_stated():
 
 
 @pytest.mark.parametrize(("joint", "what"), [
-    (2, "Joint 3 of hand turns by 0.400 +/- 0.010 % more than recorded."),
-    (None, "Gear ratios of hand are off; the clearest is that of joint 1, by 0.400 +/- 0.010 %."),
+    (2, "Joint 3 of hand turns by 0.400 ± 0.010 % more than recorded."),
+    (None, "Gear ratios of hand are off; the clearest is that of joint 1, by 0.400 ± 0.010 %."),
 ])  # fmt: skip
 def test_words(joint, what):
     """The size in percent, and an entry that does not contradict it."""

@@ -34,4 +34,4 @@ def test_words_have_its_turn():
     found = FoundEffect(
         "lens_sag", "lens-sag", "c", True, False, None, "", np.array([-1.3e-3]), np.array([[4e-8]]), np.zeros(1)
     )
-    assert words(found).what == "The lens of c sags by 1.30 +/- 0.20 mrad in its holder."
+    assert words(found).what == "The lens of c sags by 1.30 ± 0.20 mrad in its holder."

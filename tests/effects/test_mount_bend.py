@@ -46,4 +46,4 @@ def test_words_have_its_size():
     """With the name of the mount."""
     size, covariance = np.array([6e-4, 0.0, -8e-4]), 4e-8 * np.eye(3)
     found = FoundEffect("mount_bend", "mount-bent", "m", False, False, None, "rad", size, covariance, np.zeros(1))
-    assert words(found).what == "m bends by 1.00 +/- 0.20 mrad under gravity."
+    assert words(found).what == "m bends by 1.00 ± 0.20 mrad under gravity."

@@ -36,4 +36,4 @@ def test_words_have_the_mean_shift():
     """That of gravity turned by c is its length times the root of two thirds over all directions."""
     size = np.array([0.0, 0.0, 3e-4, *np.zeros(5)])
     found = FoundEffect("mount_play", "mount-play", "m", False, False, None, "m", size, 1e-10 * np.eye(8), np.zeros(1))
-    assert words(found).what == "m shifts by 0.2449 +/- 0.0082 mm under gravity."
+    assert words(found).what == "m shifts by 0.2449 ± 0.0082 mm under gravity."

@@ -19,6 +19,4 @@ def test_a_usual_calibration_is_off_by_a_thousandth_of_the_width(size_px, sigma)
 
 def test_pixels_of_both_coordinates():
     """The stated lens less the estimated one."""
-    assert (
-        words(LENS, draw_fault(np.sqrt(2), LENS), np.full(4, 0.1)) == "cx by -1.00 +/- 0.10 px, cy by -1.00 +/- 0.10 px"
-    )
+    assert words(LENS, draw_fault(np.sqrt(2), LENS), np.full(4, 0.1)) == "cx by -1.00 ± 0.10 px, cy by -1.00 ± 0.10 px"

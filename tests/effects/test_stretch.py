@@ -32,4 +32,4 @@ def test_words_have_its_share():
     """In percent."""
     size = np.array([1e-3, 0, 0, 0, 0, 0])
     found = FoundEffect("stretch", "stretch", "eye", False, False, None, "", size, 1e-8 * np.eye(6), np.zeros(1))
-    assert words(found).what == "Poses of eye are stretched by 0.100 +/- 0.010 %, not equally in all directions."
+    assert words(found).what == "Poses of eye are stretched by 0.100 ± 0.010 %, not equally in all directions."

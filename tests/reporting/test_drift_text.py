@@ -29,9 +29,9 @@ MOVED = Verification(True, 1e-7, BASE, (JOINT,), 4e-4, (40, 41))
 def test_what_moved_is_named_with_its_size() -> None:
     text = verification_text(MOVED)
     assert text.startswith("MOVED: 2 samples are not explained (p = 1e-07)")
-    assert "most likely hand_base, by 5.00 +/- 0.10 mm and 0.500 +/- 0.100 deg" in text
+    assert "most likely hand_base, by 5.000 ± 0.060 mm and 0.50 ± 0.10 deg" in text
     assert "as likely, or nearly: joint 3 of hand;" in text
-    assert "a shift of 0.4 mm would be seen with 95% chance" in text
+    assert "a shift of 0.40 mm would be seen with 95% chance" in text
 
 
 def test_as_json() -> None:
@@ -72,8 +72,8 @@ def test_comparisons() -> None:
     assert text.splitlines() == [
         "DISAGREE",
         "two against one",
-        "  a_from_b  2.000 mm  0.1000 deg  4.5 sigma (p = 1e-06)",
-        "  b_from_c  0.000 mm  0.0000 deg",
+        "  a_from_b  2.0 mm and 0.10 deg  4.5 sigma (p = 1e-06)",
+        "  b_from_c  0 mm and 0 deg",
         "  c_from_d is only in two",
         "  other cell.yaml",
         "  start: closed there, guess here",

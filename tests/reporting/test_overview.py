@@ -14,13 +14,13 @@ CELL = simulate(Scenario(samples=2, joints=True), 0).cell
 
 def test_what_when_of_what_and_how_good():
     """In words, lengths in mm."""
-    made = overview(CELL, datetime(2026, 11, 2, 4, 5, tzinfo=UTC))
-    answer = dict(made.answer)
+    came_out, parts = overview(CELL, datetime(2026, 11, 2, 4, 5, tzinfo=UTC))
+    answer = dict(came_out)
     assert answer["Calibrated"] == "Monday 2 November 2026, 04:05 UTC"
     assert answer["Requested"] == "where hand_base is, seen from eye_base"
-    robots = [words for name, words in made.cell if name == "Robot"]
+    robots = [words for name, words in parts if name == "Robot"]
     assert robots == ["eye, the reference, joints recorded, eye.urdf", "hand, joints recorded, hand.urdf"]
-    cell = dict(made.cell)
+    cell = dict(parts)
     assert cell["Camera"] == "wrist, on the flange of eye, 1280 x 720 px, pinhole, lens as stated"
     assert cell["Target"].startswith("board, on the flange of hand, charuco, 7 x 7 squares, square 30 mm, marker 22 mm")
 
@@ -28,6 +28,6 @@ def test_what_when_of_what_and_how_good():
 def test_a_target_seen_as_poses_beside_the_robots():
     """What has no shape and stands on the world."""
     cell = replace(CELL, targets={"tag": CellTarget("tag", "world", Unknown())})
-    made = overview(cell, None)
-    assert dict(made.cell)["Target"] == "tag, beside the robots, seen as poses"
-    assert "Calibrated" not in dict(made.answer)
+    came_out, parts = overview(cell, None)
+    assert dict(parts)["Target"] == "tag, beside the robots, seen as poses"
+    assert "Calibrated" not in dict(came_out)

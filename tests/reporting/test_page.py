@@ -378,7 +378,7 @@ def test_a_task_has_what_more_samples_bring(made: tuple[Cell, Recording, Calibra
         error_map=ErrorMap(np.zeros((1, 3)), np.array([4e-4]), np.array([1e-3])),
     )
     html = page(cell, recording, at_task, outlook=[(0, 3e-4), (10, 1.234e-4)])
-    assert f">{10 + len(recording.samples)} samples: 0.12 mm<" in html
+    assert f">samples {10 + len(recording.samples)}: 0.12 mm<" in html
     assert "10 more samples would leave 0.12 mm (95 %)." in html
     assert "--samples 10 --task-point 0.5 0.1 0.3 -o plan.jsonl" in html
     assert "over the workspace 95 % of errors" in html

@@ -153,7 +153,7 @@ def test_the_scene_is_saved_as_gltf(written: Path) -> None:
     assert {"world", "eye_base", "hand_base", "wrist", "board"} <= nodes.keys()
     scene = json.loads(re.search(r'id="scene-data">(.*?)</script>', written.read_text(encoding="utf-8"))[1])
     for arm in scene["arms"]:
-        assert nodes[f"{arm['name']}_base"]["matrix"][12:15] == pytest.approx(arm["base"][:3])
+        assert nodes[f"{arm['name']}_base"]["matrix"][12:15] == pytest.approx(arm["world_from_base"][:3])
     for accessor in made["accessors"]:
         view = made["bufferViews"][accessor["bufferView"]]
         kind = {5126: np.float32, 5123: np.uint16, 5125: np.uint32}[accessor["componentType"]]

@@ -37,7 +37,7 @@ def test_a_good_answer() -> None:
     """The verdict with the norm of the sigmas, both halves above their sigmas, and what held-out samples say."""
     told = replace(good(2e-3, 1e-4), validation=Validation("k-fold", 5, 0.2345, 4.123e-4, np.radians(0.0512)))
     assert summary(a_cell("eye", "hand"), told).splitlines() == [
-        f"GOOD: {BASE} to 3.5 mm and 0.0099 deg (1 sigma)",
+        f"GOOD: {BASE} to 3.5 mm and 0.0099 deg (1 sigma, 3-D norm)",
         "  t            1234.6         -12.3       12345.7 mm",
         "  sigma           2.0           2.0           2.0",
         "  rpy          5.7296      -11.4592      171.8873 deg",

@@ -100,7 +100,7 @@ def test_cut_marks_stand_where_the_sheet_is_cut():
     ends = marks.reshape(-1, 2)
     for corner in (low, high, [low[0], high[1]], [high[0], low[1]]):
         assert np.sum(np.isclose(np.abs(ends - corner).min(1), 0) & (np.abs(ends - corner).max(1) < 6)) == 4
-    assert [text for *_, text in page.texts][2] == "between the cut marks 180 x 240 mm; pitch 30 mm"
+    assert [text for *_, text in page.texts][2] == "between the cut marks 180 x 240 mm; square 30 mm"
 
 
 @pytest.mark.parametrize("kind", ["charuco", "chessboard", "circles", "apriltag"])

@@ -55,7 +55,7 @@ def a_calibration() -> Calibration:
 def test_verdict_comes_first() -> None:
     """The first line says the verdict and how well what was asked is known, from the covariance's traces."""
     first = text_report(a_cell(), a_calibration()).splitlines()[0]
-    assert first == f"GOOD: {BASE} to 0.50 mm and 0.29 deg (1 sigma)."
+    assert first == f"GOOD: {BASE} to 0.50 mm and 0.29 deg (1 sigma, 3-D norm)."
 
 
 def test_numbers_are_those_of_the_calibration() -> None:
@@ -69,7 +69,7 @@ def test_numbers_are_those_of_the_calibration() -> None:
         "pose consistency error 0.40 mm and 0.050 deg rms over 1 views",
         "worst view: sample 3 by wrist, 0.40 px rms",
         "measurement noise, 1 sigma per axis: 0.21 px",
-        "pose noise of robot eye, 1 sigma per axis: 0.3 0.1 0.3 mm, 0.5 mrad",
+        "pose noise of robot eye, 1 sigma per axis: 0.30 0.10 0.30 mm, 0.50 mrad",
     ):
         assert said in text
 
@@ -97,7 +97,7 @@ def test_doubt_says_number_and_reason() -> None:
     warning = Finding("intrinsics", "warning", ("wrist",), "the lens moved far from its prior.")
     doubtful = replace(a_calibration(), verdict="doubtful", findings=(warning,))
     assert str(headline(a_cell(), doubtful)) == (
-        f"DOUBTFUL: {BASE} to 0.50 mm and 0.29 deg (1 sigma), but: {warning.message}"
+        f"DOUBTFUL: {BASE} to 0.50 mm and 0.29 deg (1 sigma, 3-D norm), but: {warning.message}"
     )
 
 
@@ -127,7 +127,7 @@ def test_good_says_what_it_predicts() -> None:
     at_target = Validation("k-fold", 5, 0.25, 4.1e-4, np.radians(0.052), 1.0)
     good = replace(a_calibration(), validation=at_target)
     assert str(headline(a_cell(), good)) == (
-        f"GOOD: {BASE} to 0.50 mm and 0.29 deg (1 sigma); "
+        f"GOOD: {BASE} to 0.50 mm and 0.29 deg (1 sigma, 3-D norm); "
         "cross-validation error, rms: 0.41 mm and 0.052 deg at the target."
     )
     in_pixels = replace(good, validation=Validation("k-fold", 5, 0.25))

@@ -79,7 +79,7 @@ def test_what_is_fixed_has_no_sigmas():
     """Its numbers alone; what has no status is free."""
     fixed = transform_view(MOUNT, BARE_CELL, BARE, {})
     assert fixed.status == "fixed"
-    assert all(row.sigmas is None for row in fixed.rows)
+    assert not any(row.sigmas for row in fixed.rows)
     assert transform_view(BASE, BARE_CELL, replace(BARE, status={}), {}).status == "free"
 
 

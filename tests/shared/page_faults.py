@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.shared.browser import Tab
 
-SIZES = ((1400, 900), (820, 1000), (420, 860))  # of windows [px]
+SIZES = ((1400, 900), (820, 1000), (375, 812))  # of windows [px]
 SCHEMES = ("light", "dark")
 _SMALLEST_PX = 9.0  # of letters in a drawing
 

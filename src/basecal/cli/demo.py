@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,6 +23,7 @@ _SAMPLES = {"poses": 25, "shifts": 35}  # by pattern; of shifts five stations of
 _SPEED_DEG_S = 120.0  # as fast as simulated arms go without a person near them
 _FILES = ("cell.yaml", "truth.yaml", *(f"recording/{name}.jsonl" for name in ("samples", "plan", "given_up")))
 _FOLDERS = ("recording/images", "derived", "runs")
+_LIMIT = 16.8  # of chi-square with six degrees of freedom: passed once in 100
 _UNIT = {"t": (1e3, "mm"), "r": (57.29577951308232, "deg")}
 
 
@@ -130,18 +132,21 @@ def true_error(estimate: PoseEstimate, truth: SE3) -> dict[str, Any]:
 
 
 def _comparison(estimate: PoseEstimate, error: dict[str, Any], subject: str) -> str:
+    from basecal.reporting.statement.digits import shown_decimals
+
     lines = ["", f"{subject} against the truth, along x y z of hand_base:"]
     for half, sigma in (("t", estimate.sigma_t), ("r", estimate.sigma_r)):
         scale, unit = _UNIT[half]
         off = error["t_m" if half == "t" else "r_rad"]
-        lines.append(f"  true error {_three(scale * value for value in off)} {unit}")
-        lines.append(f"  sigma      {_three(scale * value for value in sigma)} {unit}")
-        lines.append(f"  in sigmas  {_three(value / one for value, one in zip(off, sigma, strict=True))}")
-    lines += [
-        f"  all six together: {error['squared_sigmas']:.1f} squared sigmas; 6 is the mean, 16.8 is passed once in 100",
-    ]
+        decimals = shown_decimals(scale * sigma)
+        lines.append(f"  true error {_three((scale * value for value in off), decimals)} {unit}")
+        lines.append(f"  sigma      {_three(scale * sigma, decimals)} {unit}")
+        lines.append(f"  in sigmas  {_three((value / one for value, one in zip(off, sigma, strict=True)), 2)}")
+    squared = error["squared_sigmas"]
+    outcome = "consistent" if squared < _LIMIT else "inconsistent"
+    lines.append(f"  chi-square {squared:.1f} with 6 degrees of freedom (99 % limit {_LIMIT:g}): {outcome}")
     return "\n".join(lines)
 
 
-def _three(values: Any) -> str:
-    return " ".join(f"{value:10.4f}" for value in values)
+def _three(values: Iterable[float], decimals: int) -> str:
+    return " ".join(f"{value:10.{decimals}f}" for value in values)

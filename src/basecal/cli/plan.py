@@ -202,7 +202,9 @@ def _print_plan(
     say("\n".join(plan_lines(plan_result, needed_m)))
     if motion is not None:
         say(f"written: {output}")
-    elif output is not None:
+    elif not plan_result.samples and needed_m is not None and plan_result.needed == 0:
+        say(f"next: basecal calibrate {quote_path(folder)} --tolerance {1e3 * needed_m:.3g}mm")
+    elif output is not None and plan_result.samples:
         say(f"next: {_capture_words(cell, folder, output)}")
     elif plan_result.samples:
         say("write them with -o plan.jsonl")

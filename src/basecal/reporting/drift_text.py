@@ -14,6 +14,9 @@ from basecal.accuracy.drift.shifts import Shift
 from basecal.accuracy.drift.verify import POWER, Verification
 from basecal.accuracy.model_comparison.nested_models import MOVED
 from basecal.cell import PastVerification
+from basecal.effects.faces.found_effect import format_tangent, format_with_sigma
+from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import error_text
 
 _TIME_FORMAT = "%Y-%m-%d %H:%M"
 _SHOWN_SAMPLES = 6  # numbers of samples in a line
@@ -21,14 +24,14 @@ _SHOWN_SAMPLES = 6  # numbers of samples in a line
 
 def verification_dict(verification: Verification) -> dict[str, Any]:
     """One JSON object; lengths in mm, angles in degrees, null if nothing can be determined."""
-    shift = verification.shift
+    shift = verification.shift if verification.moved else None
     return {
         "moved": verification.moved,
-        "frame": shift.frame if shift is not None and verification.moved else None,
-        "transform": (shift.transform or None) if shift is not None and verification.moved else None,
-        "joint": shift.joint + 1 if shift is not None and verification.moved and shift.joint is not None else None,
-        "shift_mm": 1e3 * shift.shift_m if shift is not None and verification.moved else None,
-        "shift_deg": math.degrees(shift.shift_rad) if shift is not None and verification.moved else None,
+        "frame": shift and shift.frame,
+        "transform": (shift and shift.transform) or None,
+        "joint": None if shift is None or shift.joint is None else shift.joint + 1,
+        "shift_mm": shift and 1e3 * shift.shift_m,
+        "shift_deg": shift and math.degrees(shift.shift_rad),
         "alike": [_thing_name(other) for other in verification.alternatives],
         "p": verification.chance,
         "detectable_mm": None if verification.detectable_m is None else 1e3 * verification.detectable_m,
@@ -56,20 +59,18 @@ def verification_text(verification: Verification) -> str:
             lines.append(f"as likely, or nearly: {others}; samples with other rotations of both arms distinguish them")
         lines.append("look what was bumped or loosened there, and calibrate again")
     if verification.detectable_m is not None:
-        lines.append(f"a shift of {1e3 * verification.detectable_m:.2g} mm would be seen with {POWER:.0%} chance")
+        lines.append(
+            f"a shift of {two_digits(1e3 * verification.detectable_m)} mm would be seen with {POWER:.0%} chance"
+        )
     lines += [f"sample {number} is off alone and was left out" for number in verification.outliers[:_SHOWN_SAMPLES]]
     return "\n".join(lines)
 
 
 def _shift_sentence(shift: Shift) -> str:
-    sigma = [math.sqrt(max(float(v), 0.0)) for v in shift.covariance.diagonal()]
-    if shift.joint is not None:
-        off, doubt = math.degrees(float(shift.size[0])), math.degrees(sigma[0])
-        return f"the zero of {_thing_name(shift)}, by {off:.3f} +/- {doubt:.3f} deg"
-    length, angle = 1e3 * shift.shift_m, math.degrees(shift.shift_rad)
-    doubt_mm, doubt_deg = 1e3 * math.hypot(*sigma[:3]), math.degrees(math.hypot(*sigma[3:]))
-    rotation = f" and {angle:.3f} +/- {doubt_deg:.3f} deg" if doubt_deg else ""  # a point has none
-    return f"{shift.frame}, by {length:.2f} +/- {doubt_mm:.2f} mm{rotation}"
+    if shift.joint is None:
+        return f"{shift.frame},{format_tangent(shift.size, shift.covariance)}"
+    off, sigma = np.degrees([shift.size[0], math.sqrt(shift.covariance[0, 0])])
+    return f"the zero of {_thing_name(shift)}, by {format_with_sigma(off, sigma)} deg"
 
 
 def _thing_name(shift: Shift) -> str:
@@ -113,7 +114,7 @@ def history_text(history: Sequence[PastVerification], drifts: Sequence[Drift]) -
     lines = []
     for each in history:
         what = {False: "not moved", None: "cannot tell"}.get(each.moved, f"MOVED, {each.frame}")
-        shifts = [f"{name} {1e3 * float(np.linalg.norm(s.t_m)):.2f} mm" for name, s in each.shifts.items()]
+        shifts = [f"{name} {error_text(float(np.linalg.norm(s.t_m)), None)}" for name, s in each.shifts.items()]
         lines.append(f"{each.when.strftime(_TIME_FORMAT)}  {what} (p = {each.chance:.2g})  {', '.join(shifts)}")
     return "\n".join([*lines, *map(drift_sentence, drifts)])
 
@@ -122,7 +123,7 @@ def drift_sentence(drift: Drift) -> str:
     """Whether a transform drifts, and how fast."""
     speed, sigma = 1e3 * float(np.linalg.norm(drift.m_per_day)), 1e3 * float(np.linalg.norm(drift.sigma))
     verb = "drifts" if drift.chance < MOVED else "does not drift:"
-    rate = f"{speed:.2g} +/- {sigma:.2g} mm a day"
+    rate = f"{format_with_sigma(speed, sigma)} mm a day"
     return f"{drift.transform} {verb} {rate} over {drift.count} checks (p = {drift.chance:.2g})"
 
 
@@ -167,7 +168,7 @@ def comparison_text(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
         lines.append(f"{name} against {names[0]}")
         for transform, d in each.transforms.items():
             sigmas = "" if d.sigmas is None else f"  {d.sigmas:.1f} sigma (p = {d.chance:.2g})"
-            lines.append(f"  {transform}  {1e3 * d.shift_m:.3f} mm  {math.degrees(d.shift_rad):.4f} deg{sigmas}")
+            lines.append(f"  {transform}  {error_text(d.shift_m, d.shift_rad)}{sigmas}")
         lines += [
             f"  {transform} is only in {names[0] if which == 0 else name}" for transform, which in each.only.items()
         ]

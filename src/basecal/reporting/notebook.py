@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from html import escape
-
 from basecal.cell import Calibration
-from basecal.exchange.exports.digits import format_decimals
-from basecal.reporting.statement.verdict import sort_by_severity, tolerance_sentence, verdict_word
+from basecal.reporting.statement.verdict import COLOURS, sort_by_severity, tolerance_sentence, verdict_word
+from basecal.reporting.templates.environment import fill_part
 from basecal.reporting.text import transform_rows
 
-_COLOURS = {"PASS": "#1a7f45", "GOOD": "#1a7f45", "DOUBTFUL": "#a55b00"}
-_OTHER_COLOUR = "#b3261e"
+_COLOURS = {"good": "#1a7f45", "doubtful": "#9a5500", "refused": "#b3261e"}  # those of the page, in the light
 
 
 def html_summary(calibration: Calibration) -> str:
@@ -20,25 +16,15 @@ def html_summary(calibration: Calibration) -> str:
     Args:
         calibration: What came out.
     """
-    rows = ""
-    for name in calibration.transforms:
-        status, cells = calibration.status.get(name, "free"), []
-        for row in transform_rows(name, calibration):
-            sigmas = "" if status == "fixed" else _numbers(row.sigmas, row.decimals)
-            cells += [_numbers(row.values, row.decimals), sigmas]
-        row_cells = [escape(name), *cells, *[""] * (4 - len(cells)), escape(status)]
-        rows += f"<tr>{''.join(f'<td>{cell}</td>' for cell in row_cells)}</tr>"
-    titles = ("transform", "t [mm]", "1 sigma per axis", "rpy [deg]", "1 sigma per axis", "status")
-    head = "".join(f"<th>{cell}</th>" for cell in titles)
-    table = f"<table><tr>{head}</tr>{rows}</table>" if calibration.transforms else ""
-    found = [
-        f"<li><code>{escape(f.code)}</code> {escape(f.message)}</li>" for f in sort_by_severity(calibration.findings)
-    ]
     word, tolerance = verdict_word(calibration), calibration.tolerance
-    why = "" if tolerance is None or word == "REFUSED" else f" {escape(tolerance_sentence(tolerance))}"
-    style = f"color:#fff;background:{_COLOURS.get(word, _OTHER_COLOUR)};padding:0.1em 0.5em;border-radius:4px"
-    return f'<p><b style="{style}">{word}</b>{why}</p>{table}<ul>{"".join(found)}</ul>'
-
-
-def _numbers(values: Iterable[float], decimals: int) -> str:
-    return ", ".join(format_decimals(values, decimals))
+    return fill_part(
+        "notebook.html",
+        word=word,
+        colour=_COLOURS[COLOURS[word]],
+        why="" if tolerance is None or word == "REFUSED" else tolerance_sentence(tolerance),
+        transforms=[
+            (name, list(transform_rows(name, calibration)), calibration.status.get(name, "free"))
+            for name in calibration.transforms
+        ],
+        findings=sort_by_severity(calibration.findings),
+    )

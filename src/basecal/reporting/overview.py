@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import PurePosixPath
 from typing import Any
@@ -13,25 +12,9 @@ from basecal.cell import WORLD, Cell, CellCamera, CellTarget
 _LENS_PHRASES = {"fixed": "lens as stated", "prior": "lens stated and refined", "free": "lens estimated"}
 
 
-Rows = tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True)
-class Overview:
-    """The first part of the page.
-
-    Attributes:
-        answer: What came out: a name and a few words each.
-        cell: What it is of, likewise.
-    """
-
-    answer: Rows
-    cell: Rows
-
-
-def overview(cell: Cell, time: datetime | None) -> Overview:
-    """The overview of a calibration that was made at some time, UTC."""
-    return Overview(tuple(_answer(cell, time)), tuple(_cell_parts(cell)))
+def overview(cell: Cell, time: datetime | None) -> tuple[list[tuple[str, str]], ...]:
+    """The answer of some time, UTC, and the cell: a name and a few words each."""
+    return list(_answer(cell, time)), list(_cell_parts(cell))
 
 
 def _answer(cell: Cell, time: datetime | None) -> Iterator[tuple[str, str]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -20,7 +19,6 @@ from basecal.exchange.exporters.exporter import pasteable
 from basecal.geometry import Array
 from basecal.reporting.cell_view.scene import scene
 from basecal.reporting.cell_view.stage import stage
-from basecal.reporting.decision.budget_bar import budget_bar
 from basecal.reporting.decision.checks import check_words, passed_checks
 from basecal.reporting.decision.components import component_figure
 from basecal.reporting.decision.outlook import outlook_figure
@@ -39,6 +37,7 @@ from basecal.reporting.figures.thumbnails import thumbnails
 from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import COLOURS, headline, missed_step, sort_by_severity, task_options
 from basecal.reporting.templates.environment import fill_page
 from basecal.reporting.text import (
@@ -73,14 +72,6 @@ _CONTENTS = (
     ("transforms", "others", "Other transforms"),
     ("provenance", "provenance", "Provenance"),
 )
-
-
-@dataclass(frozen=True)
-class Views:
-    """The views of one target by one camera: its name, a figure for each quantity there is."""
-
-    name: str
-    figures: tuple[Figure, ...]
 
 
 def page(
@@ -182,12 +173,10 @@ def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, 
 def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> dict[str, Any]:
     """The error at the task, for the template."""
     tolerance_m = calibration.settings.get("tolerance_m")
-    budget = calibration.budget or ()
     recorded = sum(bool(sample.observations) for sample in recording.samples)
     return {
         "task": list(task_rows(calibration)),
-        "budget": budget,
-        "budget_figure": budget_bar(budget),
+        "budget": calibration.budget or (),
         "outlook_figure": outlook_figure(outlook, recorded, tolerance_m) if outlook else None,
         # What `basecal plan` is asked for more samples.
         "task_options": task_options(calibration),
@@ -196,42 +185,25 @@ def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tupl
 
 
 def _closed_form(comparison: ClosedFormComparison) -> dict[str, Any]:
-    """Two methods beside each other, and each station, for the template."""
+    """Two methods beside each other, and each station, for the template; lengths in mm, angles in deg."""
     both = {"closed form of the paper": comparison.estimate, "maximum likelihood": comparison.other}
-    largest = max(station.weight for station in comparison.stations)
     return {
         "name": comparison.name,
         "methods": [
-            (
-                how,
-                *_format_three(1e3 * of.mean.translation),
-                *_format_three(np.degrees(of.mean.rpy)),
-                *_sizes(of.sigma_t, of.sigma_r),
-            )
-            for how, of in both.items()
+            (how, 1e3 * each.mean.translation, np.degrees(each.mean.rpy), _lengths(each.sigma_t, each.sigma_r))
+            for how, each in both.items()
         ],
-        "apart": _sizes(comparison.difference[:3], comparison.difference[3:]),
+        "apart": _lengths(*np.split(comparison.difference, 2)),
         "stations": [
-            (
-                f"{station.samples[0]} to {station.samples[-1]}",
-                *_format_three(1e3 * station.light),
-                *_sizes(station.off[:3], station.off[3:]),
-                f"{100 * station.weight:.0f}",
-                station.weight == largest,
-            )
-            for station in comparison.stations
+            (station, 1e3 * station.light, _lengths(*np.split(station.off, 2))) for station in comparison.stations
         ],
-        "is_one": largest == 1.0,
+        "most": max(station.weight for station in comparison.stations),
     }
 
 
-def _format_three(values: Array) -> list[str]:
-    return [f"{value:.3f}" for value in values]
-
-
-def _sizes(t: Array, r: Array) -> list[str]:
+def _lengths(t: Array, r: Array) -> tuple[str, ...]:
     """Lengths of a translation [mm] and a rotation [deg]."""
-    return [f"{1e3 * float(np.linalg.norm(t)):.3f}", f"{np.degrees(float(np.linalg.norm(r))):.4f}"]
+    return two_digits(1e3 * float(np.linalg.norm(t))), two_digits(float(np.degrees(np.linalg.norm(r))))
 
 
 def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails) -> dict[str, Any]:
@@ -259,7 +231,8 @@ def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: Fi
     }
 
 
-def _views(views: Sequence[SampleResidual], exclusions: Collection[SampleResidual]) -> list[Views]:
+def _views(views: Sequence[SampleResidual], exclusions: Collection[SampleResidual]) -> list[tuple[str, list[Figure]]]:
+    """The views of each target by each camera: their name, a figure for each quantity there is."""
     pairs = dict.fromkeys((view.camera, view.target) for view in views)
     # So many in each figure that the page stays small.
     figure_count = max(len(pairs) * len(QUANTITIES), 1)
@@ -267,9 +240,9 @@ def _views(views: Sequence[SampleResidual], exclusions: Collection[SampleResidua
     shown = []
     for camera, target in pairs:
         own = [view for view in views if (view.camera, view.target) == (camera, target)]
-        figures = [bar_figure(own, quantity, most, exclusions) for quantity in QUANTITIES]
-        shown.append(Views(f"{target} seen by {camera}", tuple(f for f in figures if f is not None)))
-    return [each for each in shown if each.figures]
+        figures = [f for quantity in QUANTITIES if (f := bar_figure(own, quantity, most, exclusions)) is not None]
+        shown.append((f"{target} seen by {camera}", figures))
+    return [each for each in shown if each[1]]
 
 
 def _worst_rows(views: Sequence[SampleResidual]) -> list[tuple[str, ...]]:
@@ -279,6 +252,6 @@ def _worst_rows(views: Sequence[SampleResidual]) -> list[tuple[str, ...]]:
     rows = []
     for view in ordered:
         values = [(getattr(view, quantity.field), quantity.factor) for quantity in QUANTITIES]
-        shown = ("" if value is None else f"{value * factor:.3f}" for value, factor in values)
+        shown = ("" if value is None else two_digits(value * factor) for value, factor in values)
         rows.append((str(view.sample), view.camera, view.target, *shown))
     return rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from basecal.reporting.charts import Series, log_chart
+from basecal.reporting.sweep.chart_file import chart_file
 
 _SOLVER_NAMES = {"closed_form": "closed form", "maximum_likelihood": "maximum likelihood", "bound": "Cramer-Rao bound"}
 
@@ -42,12 +42,14 @@ def length_figures(study: Mapping[str, Any]) -> dict[str, str]:
     pixel = study["settings"]["sigma_px"]
     figures = {}
     for unit, what in (("deg", "rotation"), ("mm", "translation")):
-        lines = [
-            Series(name, [(row["shift_m"], row[f"{key}_{unit}"]) for row in study["shift_length"]])
+        lines = {
+            name: [(row["shift_m"], row[f"{key}_{unit}"]) for row in study["shift_length"]]
             for key, name in _SOLVER_NAMES.items()
-        ]
+        }
         title = f"Error of {what} of one station, {pixel} px, one-sided shifts"
-        figures[f"shift_length_{what}.svg"] = log_chart(title, "length of the shifts [m]", f"rms error [{unit}]", lines)
+        figures[f"shift_length_{what}.svg"] = chart_file(
+            title, "length of the shifts [m]", f"rms error [{unit}]", lines
+        )
     return figures
 
 

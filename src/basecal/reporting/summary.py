@@ -89,6 +89,7 @@ def _finding_sentence(finding: Finding) -> str:
 
 def _rows(name: str, calibration: Calibration) -> Iterator[str]:
     """Each half of a transform above its sigma along the axes of the frame on the right."""
-    for what, unit, values, sigmas, decimals in transform_rows(name, calibration):
-        yield f"  {what:<5}{number_row(values, decimals)} {unit}"
-        yield f"  sigma{number_row(sigmas, decimals)}"
+    for what, unit, values, sigmas in transform_rows(name, calibration):
+        yield f"  {what:<5}{number_row(values)} {unit}"
+        if sigmas:
+            yield f"  sigma{number_row(sigmas)}"

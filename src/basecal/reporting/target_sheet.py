@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from basecal.cell.sheet import Sheet
 from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.reporting import pdf
+from basecal.reporting.templates.environment import fill_part
 from basecal.vision.draw.drawing import target_drawing
 
 _PAPERS = {
@@ -82,7 +82,8 @@ def printed_pages(target: Target, title: str, paper: str | None = None) -> list[
         discs = 1e3 * sheet.discs
         discs[:, :2] += shift
         rectangles = 1e3 * sheet.rectangles + np.tile(shift, 2)
-        check = f"between the cut marks {right - left:g} x {bottom - top:g} mm; pitch {1e3 * sheet.pitch:g} mm"
+        part = next((key for key, value in target.options.items() if value == sheet.pitch), "size_m")
+        check = f"between the cut marks {right - left:g} x {bottom - top:g} mm; {part[:-2]} {1e3 * sheet.pitch:g} mm"
         rulers, texts = _rulers(size, title, check)
         axes, names = _axes(sheet, shift)
         lines = np.concatenate([rulers, _cut_marks(1e3 * sheet.paper + np.tile(shift, 2)), axes])
@@ -213,19 +214,4 @@ def _axes(sheet: Sheet, shift: Array) -> tuple[Array, tuple[tuple[float, float, 
 
 def page_svg(page: PrintedPage) -> str:
     """A page as SVG whose units are millimetres."""
-    width, height = page.size_mm
-    rectangles = "".join(f"M{a:.4f} {b:.4f}H{c:.4f}V{d:.4f}H{a:.4f}Z" for a, b, c, d in page.rectangles)
-    lines = "".join(f"M{a:.4f} {b:.4f}L{c:.4f} {d:.4f}" for a, b, c, d in page.lines)
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" '
-        f'viewBox="0 0 {width} {height}">',
-        f'<rect width="{width}" height="{height}" fill="#fff"/>',
-        f'<path d="{rectangles}" shape-rendering="crispEdges"/>' if rectangles else "",
-        *(f'<circle cx="{x:.4f}" cy="{y:.4f}" r="{r:.4f}"/>' for x, y, r in page.discs),
-        f'<g fill="none" stroke="#000" stroke-width="{_LINE_MM}"><path d="{lines}"/>',
-        *(f'<circle cx="{x:.4f}" cy="{y:.4f}" r="{r:.4f}"/>' for x, y, r in page.rings),
-        f'</g><g font-family="sans-serif" font-size="{_TEXT_MM}">',
-        *(f'<text x="{x:.3f}" y="{y:.3f}">{escape(text)}</text>' for x, y, text in page.texts),
-        "</g></svg>",
-    ]
-    return "\n".join(part for part in parts if part) + "\n"
+    return fill_part("sheet.svg", page=page, line_mm=_LINE_MM, text_mm=_TEXT_MM)

@@ -66,9 +66,9 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     return "\n\n".join("\n".join(block) for block in blocks if block)
 
 
-def number_row(values: Array, decimals: int) -> str:
+def number_row(numbers: Iterable[str]) -> str:
     """Numbers side by side, in columns."""
-    return "".join(f" {number:>13}" for number in format_decimals(values, decimals))
+    return "".join(f" {number:>13}" for number in numbers)
 
 
 def _transform(name: str, calibration: Calibration) -> list[str]:
@@ -77,34 +77,37 @@ def _transform(name: str, calibration: Calibration) -> list[str]:
     heading = f"{'fixed' if status == 'fixed' else 'estimated'} transform {name}"
     verdict = calibration.verdicts.get(name, calibration.verdict)
     lines = [f"{heading}  ({status}{', a point' if is_point else ''}): {verdict}"]
-    for what, unit, values, sigmas, decimals in transform_rows(name, calibration):
-        lines.append(f"  {what:<6}{number_row(values, decimals)} {unit}")
-        if status != "fixed":
-            lines.append(f"  sigma {number_row(sigmas, decimals)} {unit}")
+    for what, unit, values, sigmas in transform_rows(name, calibration):
+        lines.append(f"  {what:<6}{number_row(values)} {unit}")
+        lines += [f"  sigma {number_row(sigmas)} {unit}"] if sigmas else []
     if clause := gauge_clause(name, calibration):
         lines.append(f"  sigma{clause}")
-    return lines if is_point else [*lines, f"  q_xyzw{number_row(estimate.mean.quaternion, 9)}"]
+    return lines if is_point else [*lines, f"  q_xyzw{number_row(format_decimals(estimate.mean.quaternion, 9))}"]
 
 
 class TransformRow(NamedTuple):
-    """Three numbers along x, y, z and their sigmas in one unit, and the decimals that the sigmas justify."""
+    """Three numbers along x, y, z and their sigmas in one unit, to the digits that the sigmas justify."""
 
     name: str
     unit: str
-    values: Array
-    sigmas: Array
-    decimals: int
+    values: list[str]
+    sigmas: list[str]
 
 
 def transform_rows(name: str, calibration: Calibration) -> Iterator[TransformRow]:
-    """Translation and, but of a point, angles about fixed x, y, z; sigmas along the axes of the frame on the right."""
+    """Translation and, but of a point, angles about fixed x, y, z.
+
+    Sigmas are along the axes of the frame on the right; what is fixed has none.
+    """
     estimate = calibration[name]
     halves = [("t", "mm", estimate.mean.translation * 1e3, estimate.sigma_t * 1e3)]
     if name not in calibration.points:
         halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
     is_fixed = calibration.status.get(name) == "fixed"
     for what, unit, values, sigmas in halves:
-        yield TransformRow(what, unit, values, sigmas, shown_decimals(0 * sigmas if is_fixed else sigmas))
+        known = sigmas[:0] if is_fixed else sigmas
+        decimals = shown_decimals(known)
+        yield TransformRow(what, unit, format_decimals(values, decimals), format_decimals(known, decimals))
 
 
 class LensParameter(NamedTuple):
@@ -177,7 +180,7 @@ def validation_sentences(calibration: Calibration) -> Iterator[str]:
     if errors := held_out_errors(validation):
         yield f"cross-validation error ({validation.kind}, {validation.folds} folds), rms: {', '.join(errors)}"
     if validation.base_change is not None:
-        yield f"fold spread over predicted sigma: {float(np.sqrt(validation.base_change)):.2f}"
+        yield f"fold spread over predicted sigma: {float(np.sqrt(validation.base_change)):.2f}; 1 if sigmas are true"
     yield from rival_lines(validation)
 
 
@@ -208,9 +211,10 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
         yield f"measurement noise, 1 sigma per axis: {', '.join(measured)}"
     for camera, of in cameras.items():
         if of.get("factor") is not None:
-            yield f"pixel noise of {camera}: {of['pixel_px']:.3g} px, {of['factor']:.2g} times what its detector claims"
+            times = f"{two_digits(of['factor'])} times what its detector claims"
+            yield f"pixel noise of {camera}: {two_digits(of['pixel_px'])} px, {times}"
         elif len(cameras) > 1 and of.get("pixel_px") is not None:
-            yield f"pixel noise of {camera}: {of['pixel_px']:.3g} px"
+            yield f"pixel noise of {camera}: {two_digits(of['pixel_px'])} px"
     for robot, sigmas in robots.items():
         posed = [_sigma(key, value) for key, value in sigmas.items() if key.startswith("sigma_") and value is not None]
         yield f"pose noise of robot {robot}, 1 sigma per axis: {', '.join(posed)}"
@@ -228,7 +232,7 @@ def task_sentence(calibration: Calibration) -> str:
         return ""
     total_mm = 1e3 * sum(entry.rms_m**2 for entry in calibration.budget) ** 0.5
     largest = [f"{entry.source} {100 * entry.share:.0f} %" for entry in calibration.budget[:_SHOWN_SOURCES]]
-    return f"error at the task {total_mm:.2g} mm rms, of its variance {', '.join(largest)}"
+    return f"error at the task {two_digits(total_mm)} mm rms, of its variance {', '.join(largest)}"
 
 
 def task_rows(calibration: Calibration) -> Iterator[str]:
@@ -236,11 +240,11 @@ def task_rows(calibration: Calibration) -> Iterator[str]:
     if calibration.budget:
         yield task_sentence(calibration)
         for entry in calibration.budget:
-            halved = f"{1e3 * entry.halved_rms_m:.3g} mm with half of it"
+            halved = f"{two_digits(1e3 * entry.halved_rms_m)} mm with half of it"
             yield f"  {1e3 * entry.rms_m:8.4f} mm {100 * entry.share:5.1f} %  {entry.source}; in all {halved}"
     if calibration.error_map is not None:
         lengths, angles = 1e3 * calibration.error_map.length_95_m, np.degrees(calibration.error_map.angle_95_rad)
-        spread = f"{lengths.min():.2g} to {lengths.max():.2g} mm and {angles.max():.2g} deg"
+        spread = f"{two_digits(lengths.min())} to {two_digits(lengths.max())} mm and {two_digits(angles.max())} deg"
         yield f"over the workspace 95 % of errors of one flange to another are expected below {spread}"
     yield from local_rows(calibration)
 
@@ -261,7 +265,8 @@ def local_sentence(part: LocalFit) -> str:
     where = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
     if part.global_m is None or part.local_m is None:
         return f"{where}: a local calibration comes to no end; use the global one"
-    errors = f"held-out {1e3 * part.local_m:.2g} mm by a local calibration, {1e3 * part.global_m:.2g} mm by the global"
+    local, whole = (two_digits(1e3 * length) for length in (part.local_m, part.global_m))
+    errors = f"held-out {local} mm by a local calibration, {whole} mm by the global"
     choice = "use the local one there" if part.is_better else "use the global one"
     return f"{where}: {errors}; noise alone makes the two differ so with p = {part.chance:.2g}; {choice}"
 
@@ -271,7 +276,7 @@ def _sigma(key: str, value: float | Array) -> str:
     scale, unit = _DISPLAY_UNITS.get(key.rpartition("_")[2], (1.0, ""))
     sigmas = np.atleast_1d(np.array(value, dtype=np.float64))
     shown = sigmas[:1] if np.all(sigmas == sigmas[0]) else sigmas
-    return f"{' '.join(f'{scale * each:.3g}' for each in shown)} {unit}".rstrip()
+    return f"{' '.join(two_digits(scale * each) for each in shown)} {unit}".rstrip()
 
 
 def _findings(findings: Iterable[Finding]) -> Iterator[str]:

@@ -9,23 +9,12 @@ from dataclasses import dataclass
 from basecal.cell import Calibration, Cell
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import frame_names
-from basecal.exchange.exports.digits import format_decimals
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import numbers, origin_line
 from basecal.reporting.text import TransformRow, transform_rows
 
 Pasted = Mapping[str, Mapping[str, str]]
 """Texts by transform, and then by kind."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """Three numbers along x, y, z in one unit, and their sigmas; None if given as fixed."""
-
-    name: str
-    unit: str
-    values: tuple[str, ...]
-    sigmas: tuple[str, ...] | None
 
 
 @dataclass(frozen=True)
@@ -64,7 +53,7 @@ class TransformView:
     status: str
     parent: str
     child: str
-    rows: tuple[Row, ...]
+    rows: tuple[TransformRow, ...]
     quaternion: tuple[str, ...]
     copies: tuple[ToCopy, ...]
     ways: tuple[str, ...]
@@ -74,7 +63,6 @@ def transform_view(name: str, cell: Cell, calibration: Calibration, clipboard: P
     """How the page shows a transform that the calibration has, with what is pasted of all transforms."""
     estimate, status = calibration[name], calibration.status.get(name, "free")
     is_point = name in calibration.points
-    rows = [_row(row, status == "fixed") for row in transform_rows(name, calibration)]
     parent, _, child = name.partition("_from_")
     drivers = {robot.driver.kind for robot in cell.robots.values() if robot.driver is not None}
     copies = (
@@ -85,16 +73,11 @@ def transform_view(name: str, cell: Cell, calibration: Calibration, clipboard: P
         status=f"{status}, a point" if is_point else status,
         parent=parent,
         child=child,
-        rows=tuple(rows),
+        rows=tuple(transform_rows(name, calibration)),
         quaternion=() if is_point else tuple(numbers(estimate.mean.quaternion).split()),
         copies=tuple(copies),
         ways=tuple(dict.fromkeys(copy.way for copy in copies)),
     )
-
-
-def _row(row: TransformRow, is_fixed: bool) -> Row:
-    values, sigmas = (tuple(format_decimals(each, row.decimals)) for each in (row.values, row.sigmas))
-    return Row(row.name, row.unit, values, None if is_fixed else sigmas)
 
 
 def _copies(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -> Iterator[ToCopy]:

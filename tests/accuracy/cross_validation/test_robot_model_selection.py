@@ -57,7 +57,7 @@ def test_one_joint_that_is_off_is_named_with_its_offset():
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
     said = (
         r"Freeing joint 3 of hand lowers the cross-validation error from [\d.]+ to [\d.]+ mm rms\. "
-        r"Its offset is 0\.\d\d \+/- [\d.]+"
+        r"Its offset is 0\.\d\d ± [\d.]+"
     )
     assert re.match(said, finding.message)
     # As wide as what was found: 0.3 deg are 0.0052 rad, rounded up.

@@ -60,14 +60,14 @@ def test_offsets_that_help():
     assert (found.severity, found.about) == ("warning", ("arm", "hand"))
     gain, entry = f"{found.what} {found.why}", *found.do
     assert gain.startswith("Freeing the joint offsets of arm and hand lowers the cross-validation error from 4 to 2 mm")
-    assert gain.endswith("The clearest offset, of joint 2 of hand, is -0.57 +/- 0.11 deg.")
+    assert gain.endswith("The clearest offset, of joint 2 of hand, is -0.57 ± 0.11 deg.")
     assert entry == "Write `joint_offsets: {status: prior, sigma_rad: 0.02}` at arm and hand in cell.yaml."
 
 
 def test_a_single_joint(offsets):
     """Its offset is told as such; where none is seen, that."""
     (found,) = robot_model_findings(choice(candidate("joint", joint=1), none=candidate(rms=2.5)))
-    assert "from 2.5 to 1 sigmas rms. Its offset is -0.57 +/- 0.11 deg" in found.message
+    assert "from 2.5 to 1 sigmas rms. Its offset is -0.57 ± 0.11 deg" in found.message
     for each in offsets.values():
         each.seen[:] = False
     (found,) = robot_model_findings(choice(candidate("joint", joint=1)))

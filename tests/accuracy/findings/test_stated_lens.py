@@ -32,7 +32,7 @@ def test_it_is_named_and_the_answer_holds(factor, shift_px, named):
     messages = [f.message for f in found.findings if f.code == "intrinsics"]
     assert (found.verdict, len(messages)) == (("good", 0) if named is None else ("doubtful", 1))
     if named is not None:
-        number = r"(\S+) \+/- (\S+)"
+        number = r"(\S+) ± (\S+)"
         value, sigma = map(float, re.search(named.format(number), messages[0]).groups())
         assert abs(value - (shift_px or 100 * (1 - 1 / factor))) < 3 * sigma
     for name, estimate in found.transforms.items():

@@ -40,47 +40,47 @@ def found(code, size, sigma, about="hand", unit="", since=None, kind=None):
 STEP = found("base-moved", [2e-3, 0, 0, 0, 0, 0], 1e-4, "eye_base", since=4)
 BOARD = found("length-scale", [-1e-2], 1e-3, "board", kind="target")
 WORDS = {
-    "short": (found("length-scale", [1e-3], 1e-4), "Poses of hand are 0.100 +/- 0.010 % too short"),
-    "long": (found("length-scale", [-2.5e-3], 2e-3), "Poses of hand are 0.25 +/- 0.20 % too long"),
+    "short": (found("length-scale", [1e-3], 1e-4), "Poses of hand are 0.100 ± 0.010 % too short"),
+    "long": (found("length-scale", [-2.5e-3], 2e-3), "Poses of hand are 0.25 ± 0.20 % too long"),
     "short, or a target": (
         replace(found("length-scale", [1e-2], 1e-3), alternatives=(BOARD,)),
-        "Poses of hand are 1.00 +/- 0.10 % too short, or board is 1.00 +/- 0.10 % smaller than stated.",
+        "Poses of hand are 1.00 ± 0.10 % too short, or board is 1.00 ± 0.10 % smaller than stated.",
     ),
-    "larger": (found("length-scale", [0.02], 1e-3, "board", kind="target"), "board is 2.00 +/- 0.10 % larger"),
-    "smaller": (found("length-scale", [-0.02], 1e-3, "board", kind="target"), "board is 2.00 +/- 0.10 % smaller"),
+    "larger": (found("length-scale", [0.02], 1e-3, "board", kind="target"), "board is 2.00 ± 0.10 % larger"),
+    "smaller": (found("length-scale", [-0.02], 1e-3, "board", kind="target"), "board is 2.00 ± 0.10 % smaller"),
     "late": (
         found("clock-offset", [-0.021], 1e-3, "wrist", "s", kind="camera"),
-        "Images of wrist lag behind the other devices by 21.0 +/- 1.0 ms",
+        "Images of wrist lag behind the other devices by 21.0 ± 1.0 ms",
     ),
     "early": (
         found("clock-offset", [0.021], 1e-3, "wrist", "s", kind="camera"),
-        "Images of wrist run ahead of the other devices by 21.0 +/- 1.0 ms",
+        "Images of wrist run ahead of the other devices by 21.0 ± 1.0 ms",
     ),
     "robot late": (
         found("clock-offset", [0.5], 0.1, "eye", "samples"),
-        "Poses of eye lag behind the other devices by 0.50 +/- 0.10 samples",
+        "Poses of eye lag behind the other devices by 0.50 ± 0.10 samples",
     ),
     "camera drifts": (
         found("clock-drift", [-0.021], 1e-3, "wrist", "s", kind="camera"),
-        "The clock of wrist drifts: its images fall behind the other devices by 21.0 +/- 1.0 ms from first to last",
+        "The clock of wrist drifts: its images fall behind the other devices by 21.0 ± 1.0 ms from first to last",
     ),
     "robot drifts": (
         found("clock-drift", [-0.021], 1e-3, "eye", "s"),
-        "The clock of eye drifts: its poses run ahead of the other devices by 21.0 +/- 1.0 ms from first to last",
+        "The clock of eye drifts: its poses run ahead of the other devices by 21.0 ± 1.0 ms from first to last",
     ),
     "step": (
         found("base-moved", [3e-3, 4e-3, 0, 0, 0, np.radians(0.5)], 1e-3, "hand_base", since=12),
-        "hand_base moved by 5.0 +/- 1.0 mm and 0.500 +/- 0.057 deg at about sample 12",
+        "hand_base moved by 5.0 ± 1.0 mm and 0.500 ± 0.057 deg at about sample 12",
     ),
     "drift": (
         found("drift", [0, 0, -2e-3, 0, np.radians(-0.1), 0], 1e-3, "hand_base"),
-        "hand_base drifts by 2.0 +/- 1.0 mm and 0.100 +/- 0.057 deg from the first sample to the last",
+        "hand_base drifts by 2.0 ± 1.0 mm and 0.100 ± 0.057 deg from the first sample to the last",
     ),
     "yield": (
         found("deflection", [3e-5, 4e-5, 0, 0], 2e-6, unit="rad/Nm"),
-        "Joints of hand yield by 25.0 +/- 1.0 urad per Nm of the torque",
+        "Joints of hand yield by 25.0 ± 1.0 urad per Nm of the torque",
     ),
-    "bend": (found("deflection", [0, 0, -2e-3], 1e-4), "hand bends by 2.00 +/- 0.10 mrad per metre of reach"),
+    "bend": (found("deflection", [0, 0, -2e-3], 1e-4), "hand bends by 2.00 ± 0.10 mrad per metre of reach"),
 }
 
 
@@ -102,7 +102,7 @@ def test_a_joint_that_is_off_is_said_once(evidence, monkeypatch):
     error = replace(found("joint-offset", [np.radians(0.25)], np.radians(0.01)), joint=2)
     (finding,) = systematic_error(evidence(systematic_error=error))
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
-    assert "Joint 3 of hand is off by 0.250 +/- 0.010 deg" in finding.message
+    assert "Joint 3 of hand is off by 0.250 ± 0.010 deg" in finding.message
     monkeypatch.setattr("basecal.accuracy.findings.systematic_error.robot_model", lambda of: [finding])
     assert systematic_error(evidence(systematic_error=error)) == []
     bent, _ = WORDS["bend"]
@@ -114,7 +114,7 @@ def test_several_joints_that_are_off(evidence, monkeypatch):
     error = found("joint-offsets", np.radians([0.1, -0.3, 0.7]), np.radians([0.01, 0.02, 0.3]))
     (finding,) = systematic_error(evidence(systematic_error=error))
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
-    assert "Several joints of hand are off; the clearest is joint 2, by -0.300 +/- 0.020 deg" in finding.message
+    assert "Several joints of hand are off; the clearest is joint 2, by -0.300 ± 0.020 deg" in finding.message
     assert "sigma_rad: 0.02}" in finding.message
     monkeypatch.setattr("basecal.accuracy.findings.systematic_error.robot_model", lambda of: [finding])
     assert systematic_error(evidence(systematic_error=error)) == []
@@ -167,17 +167,17 @@ def test_who_is_late_goes_by_the_sign_alone(evidence, code, kind, size, late):
     (finding,) = systematic_error(evidence(systematic_error=error))
     way = {"clock-offset": "lag behind", "clock-drift": "fall behind"}[code] if late else "run ahead of"
     assert ("images" if kind == "camera" else "poses") in finding.message.lower()
-    assert f" {way} the other devices by 0.300 +/- 0.010 ms" in finding.message
+    assert f" {way} the other devices by 0.300 ± 0.010 ms" in finding.message
 
 
 def test_fractions_are_given_in_percent(evidence):
     """Both the size and its sigma, to the last digit shown."""
     (finding,) = systematic_error(evidence(systematic_error=found("length-scale", [0.08], 9.46e-3)))
-    assert "8.00 +/- 0.95 %" in finding.message
+    assert "8.00 ± 0.95 %" in finding.message
 
 
 def test_a_joint_of_which_nothing_is_known_is_not_the_clearest(evidence):
     """One that the data do not tell has a sigma of zero; the others are compared by their sigmas, on either side."""
     error = found("joint-offsets", np.radians([0.5, 0.1, -0.2]), np.radians([0.0, 0.01, 0.01]))
     (finding,) = systematic_error(evidence(systematic_error=error))
-    assert "the clearest is joint 3, by -0.200 +/- 0.010 deg" in finding.message
+    assert "the clearest is joint 3, by -0.200 ± 0.010 deg" in finding.message

@@ -17,5 +17,5 @@ def test_the_length_and_its_sigma() -> None:
     (found,) = unit_lengths(SimpleNamespace(solution=solution, units_m={"board": 1.0}))
     assert (found.code, found.severity, found.about) == ("unit-length", "info", ("board",))
     words = found.what.split()
-    length, sigma = float(words[words.index("is") + 1]), float(words[words.index("+/-") + 1])
+    length, sigma = float(words[words.index("is") + 1]), float(words[words.index("±") + 1])
     assert abs(length - 1e3) < 3 * sigma < 15

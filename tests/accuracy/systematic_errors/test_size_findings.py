@@ -27,7 +27,7 @@ def test_a_size_that_both_tests_find_is_told_once(found):
     """By the test that knows the arms' noise, with its sigma and what to write; other findings stay."""
     told = deduplicate_size_findings(CELL, [SIZE, OTHER, LENGTH], found)
     assert [f.code for f in told] == ["board-size", "poor-fit"]
-    assert "board is 1.136 +/- 0.013 times as large as stated" in told[0].message
+    assert "board is 1.136 ± 0.013 times as large as stated" in told[0].message
     assert f"square_m would be {1.13636 * CELL.targets['board'].target.options['square_m']:.5g}" in told[0].message
     assert ("which the data do not determine" in told[0].message) == bool(found.alternatives)
 

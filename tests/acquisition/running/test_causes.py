@@ -39,9 +39,7 @@ def test_an_error_of_all_samples_is_named():
     """A joint counts from 1; what only the report judges has no words."""
     size, covariance = np.radians([-0.3]), np.radians([[0.01]]) ** 2
     error = FoundEffect("joint_offsets", "joint-offset", "eye", False, False, None, "rad", size, covariance, size, 1)
-    assert (
-        cause_of_error(error) == "Joint 2 of eye is off by -0.300 +/- 0.010 deg. Check the zeros of the joints of eye."
-    )
+    assert cause_of_error(error) == "Joint 2 of eye is off by -0.300 ± 0.010 deg. Check the zeros of the joints of eye."
     assert cause_of_error(replace(error, effect="bending")) is None
 
 
@@ -51,4 +49,4 @@ def test_a_frame_that_moved_has_a_short_name():
     error = FoundEffect(
         "step", "base-moved", "eye_base_from_hand_base", False, False, 12, "", tangent, 1e-8 * np.eye(6), tangent
     )
-    assert cause_of_error(error).startswith("hand_base moved by 5.00 +/- 0.10 mm")
+    assert cause_of_error(error).startswith("hand_base moved by 5.00 ± 0.10 mm")

@@ -24,10 +24,10 @@ CALIBRATION = Calibration(
 def test_every_number_has_its_name_and_unit():
     """Views of a sample one after another; of a sample without views nothing."""
     first, third, fourth, fifth = sample_labels([0, 3, 4, 5], CALIBRATION)
-    assert first == "board seen by wrist: reprojection error 0.123 px, pose consistency error 1 mm and 0.5 deg"
-    assert third == "board seen by wrist: reprojection error 0.5 px; board seen by top: pose consistency error 2 mm"
+    assert first == "board seen by wrist: reprojection error 0.12 px, pose consistency error 1.0 mm and 0.50 deg"
+    assert third == "board seen by wrist: reprojection error 0.50 px; board seen by top: pose consistency error 2.0 mm"
     assert fourth == ""
-    assert fifth == "board seen by wrist (left out): reprojection error 9 px"
+    assert fifth == "board seen by wrist (left out): reprojection error 9.0 px"
 
 
 def test_the_worst_is_one_that_was_used():

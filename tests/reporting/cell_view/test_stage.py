@@ -19,7 +19,9 @@ def test_a_cell_is_drawn_as_it_is_stated() -> None:
     sketch = sketch_cell(facing_arms().cell)
     shown = stage(stated_scene(sketch, [Sample(0, robots=HOME)]))
     arms = {arm["name"]: arm for arm in json.loads(shown["scene_json"])["arms"]}
-    np.testing.assert_allclose(arms["hand"]["base"][:3], sketch.world_from_base("hand").translation, atol=1e-5)
+    np.testing.assert_allclose(
+        arms["hand"]["world_from_base"][:3], sketch.world_from_base("hand").translation, atol=1e-5
+    )
     assert arms["hand"]["ellipsoid"] is None
     assert shown["picture"].startswith("<svg")
     assert shown["legend"] == ["Axes: x red, y green, z blue. Dots: flanges at each sample."]

@@ -22,7 +22,7 @@ from basecal.cell import (
     Validation,
 )
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.decision.tiles import expected_error_m, remarks, tiles, tolerance_bar
+from basecal.reporting.decision.tiles import error_tile, expected_error_m, remarks, tiles
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -52,14 +52,13 @@ def test_what_is_known_is_a_tile() -> None:
     assert bare == []
 
 
-def test_the_tolerance_is_a_line() -> None:
-    """Right of the bar where it is met, and on it where it is missed."""
+def test_the_tolerance_stands_beside_the_error() -> None:
+    """Met, missed, or still open; the expected error of a task comes before that where flanges meet."""
     for expected, kind, shown in ((4e-4, "within", "0.40 mm"), (4e-3, "beyond", "4.0 mm")):
         told = replace(CALIBRATION, tolerance=Tolerance(1e-3, expected, kind == "within"))
         first = next(iter(tiles(CELL, RECORDING, told, DETAILS)))
-        assert f'class="{kind}"' in first.svg
-        assert first.value == shown
-    assert 'class="open"' in tolerance_bar(4e-3, 1e-3, is_final=False)
+        assert (first.kind, first.value, first.name) == (kind, shown, "expected error, 95 %; tolerance 1 mm")
+    assert error_tile(4e-3, 1e-3, is_final=False).kind == "open"
     assert expected_error_m(CELL, replace(CALIBRATION, tolerance=Tolerance(1e-3, None, False)), DETAILS) is None
     assert expected_error_m(CELL, CALIBRATION, FitDetails()) is None
     at_work = replace(CALIBRATION, meeting=MeetingError(6e-4, "recorded places", 2e-4))

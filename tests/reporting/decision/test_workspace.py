@@ -20,10 +20,10 @@ def test_a_drawing_for_each_height():
     assert low.svg.count("<rect") == high.svg.count("<rect") == 5
     assert (high.x, high.y) == (("x 0.00 m", "1.00 m"), ("y 2.00 m", "0.00 m"))
     darkest = high.svg[high.svg.index('fill-opacity="1.00"') - 100 :]
-    assert 'x="40" y="0"' in darkest
+    assert 'x="40.0" y="0.0"' in darkest
     assert re.findall(r'class="contour-label"[^>]*>([^<]+)<', high.svg)[0] == "1.2"
     assert "contour" not in low.svg
-    assert "(1.000, 2.000, 1.000) m: 2 mm and 0.57 deg" in high.svg
+    assert "(1.000, 2.000, 1.000) m: 2.0 mm and 0.57 deg" in high.svg
     assert "1.0 to 2.0 mm in all" in low.caption
     assert high.svg.count('class="tile worst"') == 1
     assert high.caption.endswith("Outlined: the worst place, 1.00, 2.00, 1.00 m.")

@@ -9,13 +9,13 @@ VIEWS = [SampleResidual(k, "wrist", "board", value) for k, value in enumerate((0
 
 
 def test_what_was_left_out_is_marked_and_widens_nothing():
-    """Its bar is red and ends with the figure; the mean is of the others: 0.354 px."""
+    """Its bar is red and ends with the figure; the mean is of the others: 0.35 px."""
     figure = bar_figure(VIEWS, QUANTITIES[0], 10, [VIEWS[2]])
     assert figure.y[0] == "0.5 px"
-    assert "dashed: rms over the views used, 0.354 px; orange: left out" in figure.caption
+    assert "dashed: rms over the views used, 0.35 px; orange: left out" in figure.caption
     assert figure.svg.count('class="view stranger"') == 1
     assert "sample 2: 50 px, left out" in figure.svg
-    assert 'height="100.00"' in figure.svg
+    assert 'height="100.0"' in figure.svg
 
 
 def test_the_largest_of_many():

@@ -11,7 +11,7 @@ import pytest
 from tests.seen_points import seen
 
 from basecal.cell import Calibration, Recording, Residuals, Sample
-from basecal.reporting.figures.thumbnails import sample_pictures, thumbnails
+from basecal.reporting.figures.thumbnails import image_drawing, sample_pictures, thumbnails
 from basecal.simulation import Scenario, simulate
 from basecal.vision.image_file import write_png
 
@@ -40,7 +40,7 @@ def test_the_worst_come_first_and_what_was_left_out_last(recording):
     made = thumbnails(CELL, recording, CALIBRATION, [points(0.1, 0.5, 0.3, 9.0, left_out=[3])])
     assert [one.sample for one in made.pictures] == [1, 2, 0, 3]
     assert [one.left_out for one in made.pictures] == [False, False, False, True]
-    assert made.pictures[0].words == "wrist, 0.354 px rms"
+    assert made.pictures[0].words == "wrist, 0.35 px rms"
     assert made.pictures[3].words.endswith(", left out")
     assert made.caption.startswith("4 of 4 views.")
 
@@ -78,3 +78,11 @@ def test_missing_images_are_left_out(recording):
     assert thumbnails(CELL, Recording((Sample(0),), folder="."), CALIBRATION, [points(0.9)]) is None
     assert thumbnails(CELL, replace(recording, folder=None), CALIBRATION, [points(0.9)]) is None
     assert thumbnails(CELL, recording, CALIBRATION, []) is None
+
+
+def test_points_stand_on_the_image():
+    """A dot each, in the pixels of the drawing."""
+    pixels = np.array([[99.5, 199.5], [3.5, 4.5]])
+    shown = image_drawing("wrist", b"", (1440, 1080), pixels, 0 * pixels, np.ones(2, dtype=bool))
+    assert 'viewBox="0 0 360 270"' in shown
+    assert 'class="found" d="M25.0 50.0h0M1.0 1.2h0"' in shown

@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
+from basecal.acquisition.coverage import COVERAGE_GRID
 from basecal.acquisition.watching import End
 from basecal.cell import RobotState, Unknown
 from basecal.errors import DriverError
@@ -98,8 +99,16 @@ def test_what_is_left_to_go_has_the_digits_of_a_move(cell):
 
 def test_arms_are_where_they_are_and_where_they_were_sent(cell):
     """The first flange of an arm is now, the second its goal; of a cell without guesses nothing is drawn."""
-    arms = {arm["name"]: arm["flanges"] for arm in page.LivePage(captured(cell), cell).state()["arms"]}
+    arms = {arm["name"]: arm["base_from_flange"] for arm in page.LivePage(captured(cell), cell).state()["arms"]}
     assert arms["eye"][0] == arms["eye"][1]
     assert np.linalg.norm(np.subtract(*arms["hand"])[:3]) > 0.05
     unknown = replace(cell, bases={"hand": Unknown("free", None)})
     assert page.LivePage(captured(cell), unknown).state()["arms"] == []
+
+
+def test_a_part_of_the_image_is_a_square(cell):
+    """As many full ones as parts in which something was seen, and the share in words."""
+    shown = page.LivePage(captured(cell), cell).state()["html"]
+    drawn = shown[shown.index("covered-live") :].partition("</svg>")[0]
+    assert (drawn.count("<rect"), drawn.count('class="tile"')) == (np.prod(COVERAGE_GRID), 2)
+    assert "<title>8 % of the image is covered</title>" in drawn

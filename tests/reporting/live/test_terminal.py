@@ -38,7 +38,7 @@ def test_bars_fall_with_the_sigma():
     assert bars[0] == "█"
     assert bars[-1] == "▁"
     assert list(bars) == sorted(bars, reverse=True)
-    assert (size, word) == ("0.15 mm and 0.057 deg", "(1 sigma)")
+    assert (size, word) == ("0.15 mm and 0.057 deg", "(1 sigma, 3-D norm)")
 
 
 def test_the_view_says_all_of_it():

@@ -28,7 +28,7 @@ def plan(needed, reachable, recorded=12, count=3, place="recorded places"):
         (
             plan(None, False, place="task point"),
             1e-4,
-            "FAIL: 0.1 mm at the task point cannot be reached. views of wrist forbids it.",
+            "FAIL: 0.1 mm at the task point cannot be reached. The largest part of the error is views of wrist.",
         ),
         (plan(None, None, 0), None, "GOOD: Expected error with 3 samples: 0.40 mm (95 %) where the arms worked."),
     ],
@@ -42,6 +42,6 @@ def test_lines_are_said_once() -> None:
     """What the samples lead to, then the error by source; nothing of samples where none is planned."""
     _, second, third = plan_lines(plan(3, True), 5e-4)
     assert second == "Expected error with 3 more samples: 0.40 mm (95 %) where the arms worked."
-    assert third == "   90.0 % of the variance: views of wrist; 0.1 mm rms in all with half of it"
+    assert third == "   90.0 % of the variance: views of wrist; 0.10 mm rms in all with half of it"
     assert len(list(plan_lines(plan(None, None), None))) == 2
     assert len(list(plan_lines(plan(0, True, count=0), 5e-4))) == 2

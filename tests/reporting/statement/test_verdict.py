@@ -97,7 +97,7 @@ def test_a_gauge_is_named_beside_the_sigma_that_it_makes() -> None:
     gauges = (HeldGauge("hand", ("joint_offsets",), part), HeldGauge("eye", ("joint_offsets",), 0 * part))
     made = Calibration("good", KNOWN, order=(name,), joint_covariance=1e-8 * np.eye(6), gauges=gauges)
     clause = ", of which 0 mm and 0.0036 deg by the gauge that holds joint offsets of hand"
-    assert f"{name} to 0.17 mm and 0.0099 deg (1 sigma){clause}" in " ".join(summary(CELL, made).split())
+    assert f"{name} to 0.17 mm and 0.0099 deg (1 sigma, 3-D norm){clause}" in " ".join(summary(CELL, made).split())
     assert clause in text_report(CELL, made)
 
 

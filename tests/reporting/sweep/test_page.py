@@ -13,7 +13,7 @@ def test_page_has_curves_map_table_and_file() -> None:
     html = sweep_page(summary(), "schema: x  # mine")
     assert html.count("<svg") == 2 * 2 + 1
     assert html.count("<tr>") == 1 + 6
-    assert "schema: x  # mine" in html
+    assert '<pre class="file" tabindex="0">schema: x  # mine</pre>' in html  # the keyboard scrolls it
 
 
 def test_hostile_words_stay_words() -> None:

@@ -4,11 +4,39 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 
 import pytest
 from jinja2 import UndefinedError
 
+from basecal.cell import BudgetEntry
+from basecal.reporting.decision.tiles import error_tile
 from basecal.reporting.templates.environment import environment, own_file, policy
+
+
+def drawn(macro: str, *values: object) -> str:
+    """What a macro of the parts draws."""
+    return str(getattr(environment().get_template("parts.html").module, macro)(*values))
+
+
+def test_parts_are_as_long_as_their_shares() -> None:
+    """One after the other; a small one has no number inside, and all are told when pointed at."""
+    shares = (("a<", 0.75), ("b", 0.2), ("c", 0.05))
+    bar = drawn("budget_bar", [BudgetEntry(name, 1e-3, share, 1e-3) for name, share in shares])
+    assert [float(found) for found in re.findall(r' x="([0-9.]+)" width', bar)] == [0.0, 480.0, 608.0]
+    assert [float(found) for found in re.findall(r'width="([0-9.]+)" height="34"', bar)] == [480.0, 128.0, 32.0]
+    assert re.findall(r">(\d+ %)</text>", bar) == ["75 %", "20 %"]
+    assert "<title>a&lt;: 75 %</title>" in bar
+
+
+def test_the_tolerance_is_a_line_beside_the_bar() -> None:
+    """Right of it where it is met, and on it where it is missed; without a tolerance there is neither."""
+    shown = drawn("tile_list", [error_tile(4e-4, 1e-3)])
+    assert '<rect class="within" width="38.1"' in shown
+    assert 'd="M95.2 0V8"' in shown
+    assert "<title>expected error 0.40 mm, tolerance 1 mm</title>" in shown
+    assert "<svg" not in drawn("tile_list", [error_tile(4e-4, None)])
+    assert drawn("tile_list", []).strip() == ""
 
 
 def test_what_is_given_is_escaped() -> None:

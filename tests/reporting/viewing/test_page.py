@@ -40,7 +40,7 @@ def test_the_sigma_is_that_of_the_report(viewed: Viewed) -> None:
     """On the first screen and in the terminal, too; the page has it before anything is asked for."""
     calibration, (name,) = viewed.read(RUN), viewed.cell.requested_transforms
     sigma = error_text(*calibration[name].sigma_norms)
-    assert f"{name} to {sigma} (1 sigma)" in summary(viewed.cell, calibration)
+    assert f"{name} to {sigma} (1 sigma, 3-D norm)" in summary(viewed.cell, calibration)
     tile = next(each for each in tiles(viewed.cell, viewed.recording, calibration, FitDetails()) if name in each.name)
     assert tile.value == sigma.replace(" and ", ", ")
     assert sigma in ViewPage(viewed).page()

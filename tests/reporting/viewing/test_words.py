@@ -22,7 +22,8 @@ def made():
 def test_views_of_a_sample() -> None:
     """Those of this sample alone, with what is known of them."""
     views = [SampleResidual(1, "wrist", "board", 0.214, 1.5e-3, 0.01), SampleResidual(2, "wrist", "board")]
-    assert sample_words(1, views, ()) == ["sample 1", "board seen by wrist: 0.21 px, 1.5 mm and 0.57 deg"]
+    loop = "pose consistency error 1.5 mm and 0.57 deg"
+    assert sample_words(1, views, ()) == ["sample 1", f"board seen by wrist: reprojection error 0.21 px, {loop}"]
     assert sample_words(2, views, {2}) == ["sample 2, left out", "board seen by wrist: no residual"]
 
 

@@ -81,4 +81,4 @@ def _largest_deviation(choice: RobotModelChoice) -> str:
     of = found[robot]
     value, sigma = np.degrees(of.values[joint]), np.degrees(of.sigma[joint])
     whose = "Its offset" if choice.chosen.kind == "joint" else f"The clearest offset, of joint {joint + 1} of {robot},"
-    return f"{whose} is {value:.2f} +/- {sigma:.2g} deg."
+    return f"{whose} is {value:.2f} ± {sigma:.2g} deg."

@@ -23,7 +23,7 @@ def explain_held_out_error(calibration: Calibration) -> str | None:
     if not robots or validation.rms_px < _CLEAR_RATIO * residuals.rms_px:
         return None
     return (
-        f"Held-out views are off by {validation.rms_px:.3f} px and residuals are {residuals.rms_px:.3f} px. "
+        f"Held-out views are off by {validation.rms_px:.2g} px and residuals are {residuals.rms_px:.2g} px. "
         f"Each stop in use has its own estimated pose error ({'; '.join(robots)}; 1 sigma per axis). The pose "
         "error of a held-out stop is unknown. Expect the larger figure at a new pose."
     )

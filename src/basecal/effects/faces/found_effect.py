@@ -79,7 +79,7 @@ class FoundEffect:
 def format_with_sigma(value: float, sigma: float) -> str:
     """A value with its sigma to two digits."""
     digits = int(np.clip(1 - np.floor(np.log10(max(sigma, 1e-9))), 0, 9))
-    return f"{value:.{digits}f} +/- {sigma:.{digits}f}"
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
 
 def rounded_length(values: Array, covariance: Array, unit: float = 1.0) -> str:

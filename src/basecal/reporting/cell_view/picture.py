@@ -50,7 +50,7 @@ def picture(scene: Scene) -> str:
         if world_from_body is None:
             continue
         if body.ellipsoid is not None:
-            parts.append(_ellipsoid(body.ellipsoid, world_from_body, scene.ellipsoid_scale, project))
+            parts.append(_ellipsoid(body.ellipsoid, world_from_body, project))
         lines, points = project(world_from_body @ body.lines), project(world_from_body @ body.points)
         parts.append(element("path", class_=body.kind, d=segments(lines) + dots(points)))
         ends = np.concatenate([lines.reshape(-1, 2), points])
@@ -130,13 +130,13 @@ def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> 
         yield from _frame(world_from_flange, 0.4 * _AXIS_SHARE * size, project)
     yield from _frame(arm.world_from_base, _AXIS_SHARE * size, project)
     if arm.ellipsoid is not None:
-        yield _ellipsoid(arm.ellipsoid, arm.world_from_base, scene.ellipsoid_scale, project)
+        yield _ellipsoid(arm.ellipsoid, arm.world_from_base, project)
     yield Label(f"{arm.name}_base", base + np.array([0.0, 18.0]), f"label robot-{colour}")
 
 
-def _ellipsoid(ellipsoid: Array, world_from_body: SE3, scale: float, project: Project) -> str:
+def _ellipsoid(ellipsoid: Array, world_from_body: SE3, project: Project) -> str:
     """The outline of an ellipsoid: the shadow of a ball's image under M is that of a disc under (M M')^1/2."""
-    world_from_ball = scale * world_from_body.rotation @ ellipsoid
+    world_from_ball = world_from_body.rotation @ ellipsoid
     shadow = (project(world_from_ball.T) - project(np.zeros(3))).T
     u, lengths, _ = np.linalg.svd(shadow, full_matrices=False)
     turn = np.linspace(0, 2 * np.pi, 49)

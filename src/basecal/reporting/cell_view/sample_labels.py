@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from basecal.accuracy.sample_use import outlier_views
-from basecal.cell import Calibration
+from basecal.cell import Calibration, SampleResidual
+from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import error_text
 
 
 def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]:
@@ -16,16 +17,16 @@ def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]
     for view in calibration.residuals.per_sample:
         if view.sample not in said:
             continue
-        errors = []
-        if view.rms_px is not None:
-            errors.append(f"reprojection error {view.rms_px:.3g} px")
-        if view.loop_m is not None:
-            angle = "" if view.loop_rad is None else f" and {math.degrees(view.loop_rad):.3g} deg"
-            errors.append(f"pose consistency error {1e3 * view.loop_m:.3g} mm{angle}")
-        unused = " (left out)" if view in left_out else ""
-        fit = f": {', '.join(errors)}" if errors else ""
-        said[view.sample].append(f"{view.target} seen by {view.camera}{unused}{fit}")
+        said[view.sample].append(view_words(view, " (left out)" if view in left_out else ""))
     return ["; ".join(views) for views in said.values()]
+
+
+def view_words(view: SampleResidual, state: str = "") -> str:
+    """Camera and target of a view, and its residuals as far as they are known."""
+    errors = [] if view.rms_px is None else [f"reprojection error {two_digits(view.rms_px)} px"]
+    if view.loop_m is not None:
+        errors.append(f"pose consistency error {error_text(view.loop_m, view.loop_rad)}")
+    return f"{view.target} seen by {view.camera}{state}: {', '.join(errors) or 'no residual'}"
 
 
 def worst_sample(calibration: Calibration) -> int | None:

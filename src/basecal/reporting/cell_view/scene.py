@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,7 @@ _SMALLEST_M = 0.2
 _FRUSTUM_SHARE = 0.08
 _ELLIPSOID_SHARE = 0.06
 _TURN_RAD = 0.4
-
-Ellipsoids = Mapping[str, Array | None]
+_DECIMALS = 5  # of metres and of parts of quaternions
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +36,8 @@ class Arm:
         known: (n,) whether that was recorded.
         joints: (n, k) frames of its joints in its base at each sample; None if poses are recorded.
         surfaces: Bodies of its links as its URDF has them; empty if there are none that can be read.
-        ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes [m]; None if its
-            place was not requested.
+        ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes [m]. They are as
+            large as they are drawn; None if its place was not requested.
     """
 
     name: str
@@ -120,17 +119,16 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
     numbers = tuple(sample.sample for sample in shown)
     means = {**calibration.known_transforms(cell), cell.base_name(cell.reference): SE3.identity()}
     robots = [robot for robot in cell.robots.values() if cell.base_name(robot.name) in means]
-    sure = {name: _semi_axes(name, calibration) for name in cell.requested_transforms}
-    arms = tuple(_arm(robot, cell.base_name(robot.name), means, shown, sure) for robot in robots)
+    arms = tuple(_arm(robot, means[cell.base_name(robot.name)], shown) for robot in robots)
     size = _size(arms)
+    scale, sure = _ellipsoids(cell, calibration, size)
+    arms = tuple(replace(arm, ellipsoid=sure.get(cell.base_name(arm.name))) for arm in arms)
     placed = {WORLD, *(arm.name for arm in arms)}
     things: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
     drawn = {t.name: t for t in things if t.on in placed and cell.mount_name(t.name) in means}
-    bodies = tuple(_body(t, cell.mount_name(t.name), means, calibration, sure, size) for t in drawn.values())
+    bodies = tuple(_body(t, means[cell.mount_name(t.name)], calibration, size) for t in drawn.values())
+    bodies = tuple(replace(body, ellipsoid=sure.get(cell.mount_name(body.name))) for body in bodies)
     missing = [name for name in (*cell.robots, *cell.cameras, *cell.targets) if name not in placed | drawn.keys()]
-    longest = max(
-        (float(np.linalg.norm(axes, axis=0).max()) for axes in sure.values() if axes is not None), default=0.0
-    )
     return Scene(
         arms=arms,
         bodies=bodies,
@@ -140,13 +138,13 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
         total=len(samples),
         size_m=size,
         across=_view_direction(arms),
-        ellipsoid_scale=1.0 if longest <= 0 else max(1.0, nice_ceiling(_ELLIPSOID_SHARE * size / longest) / 2),
+        ellipsoid_scale=scale,
         errors=calibration.error_map,
         missing=tuple(missing),
     )
 
 
-def _arm(robot: Robot, base: str, means: Mapping[str, SE3], samples: Sequence[Sample], ellipsoids: Ellipsoids) -> Arm:
+def _arm(robot: Robot, world_from_base: SE3, samples: Sequence[Sample]) -> Arm:
     poses: list[SE3 | None] = []
     for sample in samples:
         state = sample.robots.get(robot.name)
@@ -158,7 +156,7 @@ def _arm(robot: Robot, base: str, means: Mapping[str, SE3], samples: Sequence[Sa
     flanges = SE3.stack([pose or SE3.identity() for pose in poses])
     joints = _joints(robot, samples)
     surfaces = () if joints is None else _surfaces(robot)
-    return Arm(robot.name, means[base], flanges, known, joints, surfaces, ellipsoids.get(base))
+    return Arm(robot.name, world_from_base, flanges, known, joints, surfaces)
 
 
 def _surfaces(robot: Robot) -> tuple[Surface, ...]:
@@ -179,15 +177,17 @@ def _joints(robot: Robot, samples: Sequence[Sample]) -> SE3 | None:
     return SE3(frames.rotation.swapaxes(0, 1), frames.translation.swapaxes(0, 1))
 
 
-def _semi_axes(name: str, calibration: Calibration) -> Array | None:
-    """Columns along the axes of the ellipsoid of one sigma, right-handed, (3, 3); None of what was not found."""
-    if name not in calibration.transforms or not np.all(np.isfinite(calibration[name].covariance)):
-        return None
-    covariance = calibration[name].covariance[:3, :3]
-    squares, axes = np.linalg.eigh(covariance)
-    axes[:, 0] *= np.sign(np.linalg.det(axes))
-    semi_axes: Array = axes * np.sqrt(np.maximum(squares, 0.0))
-    return semi_axes
+def _ellipsoids(cell: Cell, calibration: Calibration, size: float) -> tuple[float, dict[str, Array]]:
+    """How many times as large as one sigma ellipsoids are drawn, and those of requested transforms that are known."""
+    axes = {}
+    for name in cell.requested_transforms:
+        if name in calibration.transforms and np.all(np.isfinite(calibration[name].covariance)):
+            squares, axes[name] = np.linalg.eigh(calibration[name].covariance[:3, :3])
+            axes[name][:, 0] *= np.sign(np.linalg.det(axes[name]))  # right-handed
+            axes[name] *= np.sqrt(np.maximum(squares, 0.0))
+    longest = max((float(np.linalg.norm(each, axis=0).max()) for each in axes.values()), default=0.0)
+    scale = 1.0 if longest <= 0 else max(1.0, nice_ceiling(_ELLIPSOID_SHARE * size / longest) / 2)
+    return scale, {name: scale * each for name, each in axes.items()}
 
 
 def _size(arms: Sequence[Arm]) -> float:
@@ -203,31 +203,15 @@ def _view_direction(arms: Sequence[Arm]) -> Array:
     return np.array([np.cos(angle), np.sin(angle), 0.0])
 
 
-def _body(
-    body: CellCamera | CellTarget,
-    mount: str,
-    means: Mapping[str, SE3],
-    calibration: Calibration,
-    ellipsoids: Ellipsoids,
-    size: float,
-) -> Body:
-    on, mean = None if body.on == WORLD else body.on, means[mount]
+def _body(body: CellCamera | CellTarget, mount: SE3, calibration: Calibration, size: float) -> Body:
+    on = None if body.on == WORLD else body.on
     if isinstance(body, CellCamera):
         lens = body.intrinsics.camera if body.intrinsics is not None else None
         camera = calibration.cameras[body.name][0] if body.name in calibration.cameras else lens
-        return Body(
-            body.name,
-            "camera",
-            on,
-            mean,
-            frustum(camera, _FRUSTUM_SHARE * size),
-            np.zeros((0, 3)),
-            ellipsoids.get(mount),
-        )
+        return Body(body.name, "camera", on, mount, frustum(camera, _FRUSTUM_SHARE * size), np.zeros((0, 3)))
     shape = body.target
     points = np.zeros((1, 3)) if shape is None else shape.points
-    some = points[:: -(-len(points) // _MOST_POINTS)]
-    return Body(body.name, "target", on, mean, outline(shape), some, ellipsoids.get(mount))
+    return Body(body.name, "target", on, mount, outline(shape), points[:: -(-len(points) // _MOST_POINTS)])
 
 
 def frustum(camera: Camera | None, length: float) -> Array:
@@ -257,44 +241,17 @@ def outline(shape: Target | None) -> Array:
 
 def scene_data(scene: Scene) -> dict[str, Any]:
     """A scene as plain data for the script of the page; lengths to 0.01 mm."""
-    return {
-        "arms": [
-            {
-                "name": arm.name,
-                "base": _round_values(_pose(arm.world_from_base)),
-                "flanges": [
-                    pose if known else None
-                    for pose, known in zip(_round_values(_pose(arm.base_from_flange)), arm.known, strict=True)
-                ],
-                "joints": None if arm.joints is None else _joint_values(arm, arm.joints),
-                "surfaces": [
-                    {"frame": each.frame, "points": _round_values(each.points), "triangles": each.triangles.tolist()}
-                    for each in arm.surfaces
-                ],
-                "ellipsoid": _ellipsoid_data(arm.ellipsoid),
-            }
-            for arm in scene.arms
-        ],
-        "bodies": [
-            {
-                "name": body.name,
-                "kind": body.kind,
-                "on": body.on,
-                "mount": _round_values(_pose(body.mount)),
-                "lines": _round_values(body.lines),
-                "points": _round_values(body.points),
-                "ellipsoid": _ellipsoid_data(body.ellipsoid),
-            }
-            for body in scene.bodies
-        ],
-        "errors": None if scene.errors is None else _error_data(scene.errors),
-        "samples": list(scene.samples),
-        "labels": list(scene.labels),
-        "opening": scene.opening,
-        "size": _round_values(scene.size_m),
-        "across": _round_values(scene.across),
-        "ellipsoidScale": scene.ellipsoid_scale,
-    }
+    data: dict[str, Any] = _plain(scene)
+    for arm, plain in zip(scene.arms, data["arms"], strict=True):
+        if arm.joints is not None and not arm.surfaces:  # no body turns with them
+            plain["joints"] = _plain(arm.joints.translation)
+    if scene.errors is not None:
+        data["errors"] = {
+            "points": _plain(scene.errors.points_m),
+            "mm": _plain(1e3 * scene.errors.length_95_m),
+            "worst": worst_words(scene.errors),
+        }
+    return data
 
 
 def worst_words(errors: ErrorMap) -> str:
@@ -302,24 +259,18 @@ def worst_words(errors: ErrorMap) -> str:
     return f"worst place: {two_digits(1e3 * float(errors.length_95_m[errors.worst]))} mm"
 
 
-def _joint_values(arm: Arm, joints: SE3) -> Any:
-    """Places of joints, whole poses where bodies turn with them."""
-    return _round_values(_pose(joints) if arm.surfaces else joints.translation)
-
-
-def _error_data(errors: ErrorMap) -> dict[str, Any]:
-    mm = _round_values(1e3 * errors.length_95_m)
-    return {"points": _round_values(errors.points_m), "mm": mm, "worst": worst_words(errors)}
-
-
-def _round_values(values: Any) -> Any:
-    return np.round(values, 5).tolist()
-
-
-def _pose(transform: SE3) -> Array:
-    return np.concatenate([transform.translation, transform.quaternion], -1)
-
-
-def _ellipsoid_data(ellipsoid: Array | None) -> Any:
-    """Semi-axes unrounded: they are far smaller than what is rounded for drawing."""
-    return None if ellipsoid is None else ellipsoid.tolist()
+def _plain(value: Any) -> Any:
+    """Fields, transforms and arrays as JSON holds them; of a transform its translation, then its quaternion."""
+    if isinstance(value, SE3):
+        return _plain(np.concatenate([value.translation, value.quaternion], -1))
+    if isinstance(value, np.ndarray) and value.dtype != np.float64:
+        return value.tolist()
+    if isinstance(value, np.ndarray | float):
+        return np.round(value, _DECIMALS).tolist()
+    if isinstance(value, Surface):
+        return _plain(value._asdict())
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    return _plain(vars(value)) if is_dataclass(value) else value

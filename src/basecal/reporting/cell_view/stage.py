@@ -46,7 +46,7 @@ def _legend(scene: Scene) -> list[str]:
     ellipsoids = [*(arm.ellipsoid for arm in scene.arms), *(body.ellipsoid for body in scene.bodies)]
     if any(each is not None for each in ellipsoids):
         scale = f", drawn {three_digits(scene.ellipsoid_scale)} times as large" if scene.ellipsoid_scale != 1 else ""
-        sentences.append(f"Ellipsoid: 1 sigma of the position of the transforms asked for{scale}.")
+        sentences.append(f"Ellipsoid: 1 sigma of the position of requested transforms{scale}.")
     if scene.errors is not None:
         low, high = (two_digits(1e3 * float(end)) for end in np.quantile(scene.errors.length_95_m, [0, 1]))
         sentences.append(f"Cloud: 95 % of errors stay below {low} mm where it is pale and {high} mm where it is full.")

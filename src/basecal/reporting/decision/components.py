@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from basecal.geometry import PoseEstimate
-from basecal.reporting.figures.figure import Figure
+from basecal.reporting.figures.figure import Figure, rectangle
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import drawing, element, text
 
-_WIDTH, _ROW, _LEFT, _RIGHT = 420.0, 30.0, 24.0, 90.0
+_WIDTH, _ROW, _LEFT, _RIGHT = 420.0, 30.0, 24.0, 100.0
 _INTERVAL_SIGMAS = 1.96  # sigmas on either side, within which 95 % of normal errors are
 
 
@@ -21,12 +21,7 @@ def component_figure(child: str, estimate: PoseEstimate, tolerance_m: float | No
     parts = [element("path", class_="rule", d=f"M{middle:.1f} 0V{height:g}")]
     if limit is not None:
         reach = half * limit / most
-        parts.insert(
-            0,
-            element(
-                "rect", class_="allowed", x=f"{middle - reach:.1f}", width=f"{2 * reach:.1f}", height=f"{height:g}"
-            ),
-        )
+        parts.insert(0, rectangle("allowed", (middle - reach, 0, 2 * reach, height)))
     for row, (axis, length) in enumerate(zip("xyz", lengths, strict=True)):
         y, reach = _ROW * (row + 0.5), half * length / most
         kind = "beyond" if limit is not None and length > limit else "within"
@@ -39,4 +34,6 @@ def component_figure(child: str, estimate: PoseEstimate, tolerance_m: float | No
         ]
     also = "" if limit is None else f" Shaded: the tolerance, {limit:.3g} mm."
     caption = f"Intervals that hold 95 % of errors along each axis of {child}.{also}"
-    return Figure("position by axis", drawing(_WIDTH, height, "95 % intervals by axis", *parts), caption)
+    return Figure(
+        "position by axis, 95 % intervals", drawing(_WIDTH, height, "95 % intervals by axis", *parts), caption
+    )

@@ -11,28 +11,35 @@ from basecal.accuracy.sample_use import sample_use
 from basecal.cell import Calibration, Cell, Recording
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import error_text
-from basecal.reporting.svg import drawing, element
 
 _SEVERITY_NAMES = {"error": "error", "warning": "warning", "info": "note"}
-_WIDTH, _HEIGHT = 100.0, 8.0
+_BAR_ROOM = 1.05  # times the longer of error and tolerance
 
 
 @dataclass(frozen=True)
 class Tile:
-    """A number with its unit, what it is, and a drawing of it, if there is one."""
+    """A number with its unit, and what it is.
+
+    Attributes:
+        value: The number.
+        name: What it is.
+        limit: The tolerance; None if there is none.
+        shares: Of a bar, the number's and the tolerance's.
+        kind: `within` the tolerance, `beyond`, or `open` where it may still fall.
+    """
 
     value: str
     name: str
-    svg: str = ""
+    limit: str | None = None
+    shares: tuple[float, float] = (0.0, 0.0)
+    kind: str = ""
 
 
 def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails) -> Iterator[Tile]:
     """The expected error, sigma, held-out errors and what was used, as far as they are known."""
     expected_m = expected_error_m(cell, calibration, details)
     if expected_m is not None:
-        tolerance = calibration.tolerance
-        bar = "" if tolerance is None else tolerance_bar(expected_m, tolerance.asked_m)
-        yield Tile(f"{two_digits(1e3 * expected_m)} mm", "expected error, 95 %", bar)
+        yield error_tile(expected_m, None if calibration.tolerance is None else calibration.tolerance.asked_m)
     known = [name for name in cell.requested_transforms if name in calibration.transforms]
     if known:
         worst = max(known, key=lambda name: calibration[name].sigma_norms[0])
@@ -67,21 +74,15 @@ def _short(length_m: float, angle_rad: float | None) -> str:
     return error_text(length_m, angle_rad).replace(" and ", ", ")
 
 
-def tolerance_bar(expected_m: float, asked_m: float, is_final: bool = True) -> str:
-    """How long the expected error is beside the tolerance, which is a line; missed only if the error is final."""
-    most = 1.05 * max(expected_m, asked_m)
-    place = f"{_WIDTH * asked_m / most:.1f}"
-    kind = "within" if expected_m <= asked_m else "beyond" if is_final else "open"
-    label = f"expected error {two_digits(1e3 * expected_m)} mm, tolerance {1e3 * asked_m:.3g} mm"
-    return drawing(
-        _WIDTH,
-        _HEIGHT,
-        label,
-        element("rect", class_="track", width=_WIDTH, height=_HEIGHT),
-        element("rect", class_=kind, width=f"{_WIDTH * expected_m / most:.1f}", height=_HEIGHT),
-        element("path", class_="limit", d=f"M{place} 0V{_HEIGHT}", vector_effect="non-scaling-stroke"),
-        stretch=True,
-    )
+def error_tile(expected_m: float, tolerance_m: float | None, is_final: bool = True) -> Tile:
+    """The expected error, beside its tolerance if one is stated; missed only if the error is final."""
+    value, name = f"{two_digits(1e3 * expected_m)} mm", "expected error, 95 %"
+    if tolerance_m is None:
+        return Tile(value, name)
+    limit = f"{1e3 * tolerance_m:.3g} mm"
+    kind = "within" if expected_m <= tolerance_m else "beyond" if is_final else "open"
+    most = _BAR_ROOM * max(expected_m, tolerance_m)
+    return Tile(value, f"{name}; tolerance {limit}", limit, (expected_m / most, tolerance_m / most), kind)
 
 
 def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> Iterator[str]:

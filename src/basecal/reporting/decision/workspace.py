@@ -9,10 +9,9 @@ import numpy as np
 from basecal.cell import ErrorMap
 from basecal.geometry import Array
 from basecal.reporting.figures.contours import contours
-from basecal.reporting.figures.figure import Figure
-from basecal.reporting.figures.image_grid import FAINTEST
+from basecal.reporting.figures.figure import Figure, rectangle, tile
 from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.svg import drawing, element, text
+from basecal.reporting.svg import drawing
 
 _TILE = 40.0  # of a point on the drawing, along each edge
 
@@ -31,8 +30,7 @@ def workspace(error_map: ErrorMap) -> Iterator[Figure]:
         is_whole = len(grid) == len(across) * len(along)
         lines = contours(lengths_mm[grid].reshape(len(along), -1), _TILE) if is_whole else []
         title = f"at z = {height:.3f} m"
-        frame = element("rect", class_="frame", width=f"{size[0]:g}", height=f"{size[1]:g}")
-        svg = drawing(*size, f"expected error {title}", frame, *tiles, *lines)
+        svg = drawing(*size, f"expected error {title}", rectangle("frame", (0, 0, *size)), *tiles, *lines)
         ends = (two_digits(float(end)) for end in (lengths_mm[here].min(), lengths_mm[here].max(), low, high))
         caption = "95 % of errors below {} to {} mm here, {} to {} mm in all.".format(*ends)
         if error_map.worst in here:
@@ -51,15 +49,7 @@ def _tile(error_map: ErrorMap, number: int, xs: Array, ys: Array, share: float) 
     """The square of a point, the darker the larger its error; pointed at it says all."""
     x, y, z = error_map.points_m[number]
     mm, degrees = 1e3 * error_map.length_95_m[number], float(np.degrees(error_map.angle_95_rad[number]))
-    label = f"({x:.3f}, {y:.3f}, {z:.3f}) m: {mm:.3g} mm and {degrees:.2g} deg"
+    label = f"({x:.3f}, {y:.3f}, {z:.3f}) m: {two_digits(mm)} mm and {two_digits(degrees)} deg"
     column, row = np.searchsorted(xs, x), len(ys) - 1 - np.searchsorted(ys, y)
-    return element(
-        "rect",
-        element("title", text(label)),
-        class_="tile worst" if number == error_map.worst else "tile",
-        x=f"{_TILE * column:g}",
-        y=f"{_TILE * row:g}",
-        width=f"{_TILE:g}",
-        height=f"{_TILE:g}",
-        fill_opacity=f"{FAINTEST + (1 - FAINTEST) * share:.2f}",
-    )
+    kind = "tile worst" if number == error_map.worst else "tile"
+    return tile((_TILE * column, _TILE * row, _TILE, _TILE), share, label, kind)

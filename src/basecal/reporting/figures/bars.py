@@ -9,6 +9,7 @@ import numpy as np
 
 from basecal.cell import SampleResidual
 from basecal.reporting.figures.figure import BAR, HEIGHT, Figure, bar
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import drawing, element, nice_ceiling
 
 
@@ -48,14 +49,14 @@ def bar_figure(
     bars = []
     for place, view in enumerate(shown):
         state, kind = (", left out", "view stranger") if view in left_out else ("", "view")
-        label = f"sample {view.sample}: {value[id(view)]:.3g} {quantity.unit}{state}"
+        label = f"sample {view.sample}: {two_digits(value[id(view)])} {quantity.unit}{state}"
         bars.append(bar(place * BAR, BAR, value[id(view)] / top, label, view.sample, kind))
     level = f"M0 {HEIGHT * (1 - rms / top):.2f}H{len(shown) * BAR:g}"
     line = element("path", class_="level", d=level, vector_effect="non-scaling-stroke")
     svg = drawing(len(shown) * BAR, HEIGHT, f"{quantity.name} by view", *bars, line, stretch=True)
     worst = f"the {len(shown)} largest of {len(given)} views; " if len(shown) < len(given) else ""
     strangers = "; orange: left out" if any(view in left_out for view in shown) else ""
-    caption = f"{worst}dashed: rms over the views used, {rms:.3g} {quantity.unit}{strangers}"
+    caption = f"{worst}dashed: rms over the views used, {two_digits(rms)} {quantity.unit}{strangers}"
     first, last = shown[0].sample, shown[-1].sample
     ends = (f"sample {first}", f"{last}") if len(shown) > 1 else (f"sample {first}",)
     return Figure(quantity.name, svg, caption, ends, (f"{top:g} {quantity.unit}", f"{top / 2:g}", "0"))

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from basecal.reporting.figures.figure import Figure
-from basecal.reporting.svg import drawing, element, label_lines, wrapped_label
+from basecal.reporting.figures.figure import Figure, rectangle, tile
+from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.svg import drawing, label_lines, wrapped_label
 
 _TILE_WIDTH, _TILE_HEIGHT = 84.0, 34.0
 _LEFT, _TOP, _EDGE = 210.0, 12.0, 26.0
 _CHARACTER, _LINE = 7.6, 14.0  # of the drawing, that a label takes
 _ROW_CHARACTERS, _COLUMN_CHARACTERS = int((_LEFT - 8) / _CHARACTER), int(_TILE_WIDTH / _CHARACTER)
 _ROW_LINES = 2  # as many as a tile is high
-_FAINTEST, _STRONGEST = 0.08, 0.85  # opacity of the smallest number and of the largest
+_STRONGEST = 0.8  # share of the largest number: words must be read on it
 
 
 def heat_map(
@@ -49,14 +50,13 @@ def heat_map(
 
 def _tile(x: float, y: float, value: float | None, shades: tuple[float, float]) -> str:
     low, high = shades
-    place = {"x": f"{x:g}", "y": f"{y:g}", "width": f"{_TILE_WIDTH:g}", "height": f"{_TILE_HEIGHT:g}"}
-    number = "-" if value is None else f"{value:.3g}"
+    box = (x, y, _TILE_WIDTH, _TILE_HEIGHT)
+    number = "-" if value is None else two_digits(value)
     shown = wrapped_label(number, _COLUMN_CHARACTERS, (x + 0.5 * _TILE_WIDTH, y + 0.6 * _TILE_HEIGHT), "middle")
     if value is None or value <= 0:
-        return element("rect", class_="frame", **place) + shown
+        return rectangle("frame", box) + shown
     share = (math.log10(value) - low) / (high - low) if high > low else 0.0
-    opacity = f"{_FAINTEST + share * (_STRONGEST - _FAINTEST):.2f}"
-    return element("rect", class_="tile", fill_opacity=opacity, **place) + shown
+    return tile(box, _STRONGEST * share) + shown
 
 
 def _row_label(y: float, label: str) -> str:

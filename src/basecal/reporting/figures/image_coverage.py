@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.figures.image_grid import FAINTEST, image_grid
+from basecal.reporting.figures.image_grid import image_grid
 
 
 def image_coverage(camera: str, size_px: tuple[int, int] | None, views: Sequence[PointResiduals]) -> Figure:
@@ -23,7 +23,7 @@ def image_coverage(camera: str, size_px: tuple[int, int] | None, views: Sequence
     grid = image_grid(size_px, pixels)
     count = grid.sums(np.ones(len(pixels))).astype(np.int64)
     some = np.flatnonzero(count)
-    shade = FAINTEST + (1 - FAINTEST) * np.sqrt(count[some] / count.max())
+    shade = np.sqrt(count[some] / count.max())
     tiles = [
         grid.tile(int(square), float(share), f"{number} point{'s' if number > 1 else ''}")
         for square, share, number in zip(some, shade, count[some].tolist(), strict=True)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.geometry import Array, IntArray
+from basecal.reporting.figures.figure import rectangle, tile
 from basecal.reporting.svg import drawing, element, text
 
 IMAGE_WIDTH = 640.0
 STRIP = 30.0  # below an image, for its size and the bar of its shades
 _BAR_WIDTH, _BAR_STEPS = 160.0, 8
-FAINTEST = 0.12  # shade of a square with least in it, which must be told from one with nothing
 _COLUMNS = 16  # squares along the longer side: enough to see a lens's pattern, each with points of several views
 _LARGEST_ASPECT = 8.0  # of what points without an image cover
 
@@ -55,24 +55,19 @@ class ImageGrid:
         """A square filled as strongly as its share of the most, which says what it is."""
         left, top = np.array([square % self.shape[0], square // self.shape[0]]) * self.pitch * self.scale
         width, height = np.minimum(self.pitch * self.scale, np.array([IMAGE_WIDTH - left, self.height - top]))
-        place = {"x": f"{left:.1f}", "y": f"{top:.1f}", "width": f"{width:.1f}", "height": f"{height:.1f}"}
-        return element("rect", element("title", text(label)), class_="tile", fill_opacity=f"{share:.2f}", **place)
+        return tile((left, top, width, height), share, label)
 
     def drawing(self, title: str, low_label: str, high_label: str, *inside: str) -> str:
         """The image with elements over its frame, and below it the bar of their shades."""
-        frame = element("rect", class_="frame", width=f"{IMAGE_WIDTH:g}", height=f"{self.height:.1f}")
+        frame = rectangle("frame", (0, 0, IMAGE_WIDTH, self.height))
         return drawing(IMAGE_WIDTH, self.height + STRIP, title, frame, *inside, *self.strip(low_label, high_label))
 
     def strip(self, low_label: str, high_label: str) -> list[str]:
         """Below the image: its size, and a bar from the shade of the least to that of the most."""
-        top, right = self.height + 10, IMAGE_WIDTH - 100
+        top, right = self.height + 10, IMAGE_WIDTH - 124
         step = _BAR_WIDTH / _BAR_STEPS
-        shades = np.linspace(FAINTEST, 1, _BAR_STEPS)
-        place = {"class_": "tile shade", "y": f"{top:.1f}", "width": f"{step:.1f}", "height": 14}
-        bars = [
-            element("rect", fill_opacity=f"{shade:.2f}", x=f"{right - _BAR_WIDTH + k * step:.1f}", **place)
-            for k, shade in enumerate(shades)
-        ]
+        starts = right - _BAR_WIDTH + step * np.arange(_BAR_STEPS)
+        bars = [tile((x, top, step, 14), k / (_BAR_STEPS - 1), kind="tile shade") for k, x in enumerate(starts)]
         word = {"class_": "tick", "y": f"{top + 12:.1f}"}
         width, height = (f"{side:.0f}" for side in self.size)
         return [

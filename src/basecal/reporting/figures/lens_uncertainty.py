@@ -9,7 +9,7 @@ from basecal.geometry import Array, Camera
 from basecal.reporting.charts import fitted_scale
 from basecal.reporting.figures.contours import contours
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.figures.image_grid import FAINTEST, image_grid
+from basecal.reporting.figures.image_grid import image_grid
 from basecal.reporting.statement.digits import two_digits
 
 _EXACT_PX = 1e-6  # shown for less
@@ -27,7 +27,7 @@ def lens_uncertainty(name: str, camera: Camera, covariance: Array) -> Figure | N
     if not len(known):
         return None
     low, high = float(sigmas[known].min()), float(sigmas[known].max())
-    scale = fitted_scale(np.maximum(sigmas[known], _EXACT_PX).tolist(), FAINTEST, 1.0)
+    scale = fitted_scale(np.maximum(sigmas[known], _EXACT_PX).tolist(), 0.0, 1.0)
     tiles = [
         grid.tile(k, scale.position(max(sigma, _EXACT_PX)), f"1 sigma {two_digits(sigma)} px")
         for k, sigma in zip(known.tolist(), sigmas[known].tolist(), strict=True)

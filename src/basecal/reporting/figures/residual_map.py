@@ -9,7 +9,8 @@ import numpy as np
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.geometry import Array
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.figures.image_grid import FAINTEST, image_grid
+from basecal.reporting.figures.image_grid import image_grid
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import element, nice_ceiling, segments, text, three_digits
 
 _ARROW_SHARE = 0.8  # of a square, for an arrow as long as the ruler
@@ -35,8 +36,8 @@ def residual_map(camera: str, size_px: tuple[int, int] | None, views: Sequence[P
     tiles = [
         grid.tile(
             int(square),
-            FAINTEST + (1 - FAINTEST) * float(value) / top,
-            f"{int(number)} points, rms {value:.3g} px per coordinate",
+            float(value) / top,
+            f"{int(number)} points, rms {two_digits(value)} px per coordinate",
         )
         for square, value, number in zip(some, rms, count[some], strict=True)
     ]

@@ -9,6 +9,7 @@ import numpy as np
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.rings import place_on_rings, polar_drawing
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import dots, element, nice_ceiling
 
 _MOST_DOTS = 1500  # dots: more only cover one another
@@ -33,13 +34,13 @@ def residual_polar(camera: str, views: Sequence[PointResiduals]) -> Figure:
     strangers = element("path", class_="left-out", d=dots(place_on_rings(left_out[:_MOST_DOTS], top)))
     rings = [(share, f"{share * top:.3g} px") for share in (0.5, 1.0)]
     svg = polar_drawing(f"reprojection errors of {camera} by direction", rings, cloud, strangers)
-    half, most = np.percentile(length, [_HALF, _MOST_OF])
+    half, most = (two_digits(value) for value in np.percentile(length, [_HALF, _MOST_OF]))
     beyond = int(np.count_nonzero(length > top))
     outside = f" {beyond} are longer and stand on the outer ring." if beyond else ""
     also = f" {len(left_out)} orange ones were left out." if len(left_out) else ""
     few = f"{len(shown)} of {len(off)} points drawn. " if len(shown) < len(off) else ""
     caption = (
-        f"{few}{_HALF} % are below {half:.3g} px, {_MOST_OF} % below {most:.3g} px.{outside}{also} A cloud that is not "
+        f"{few}{_HALF} % are below {half} px, {_MOST_OF} % below {most} px.{outside}{also} A cloud that is not "
         "round and centred: a shared error."
     )
     return Figure(f"{camera}, residuals by direction", svg, caption)

@@ -12,6 +12,7 @@ import numpy as np
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.cell import Calibration, Cell, Recording, Sample
 from basecal.geometry import Array, BoolArray
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import dots, drawing, element, nice_ceiling, segments
 
 _MOST_USED, _MOST_LEFT_OUT = 18, 6  # images of views that were used, and of those left out: some rows of each
@@ -162,24 +163,40 @@ def _pictures(
             continue
         room -= len(jpeg)
         state = ", left out" if view.is_unused else ""
-        words = f"{view.camera}, {view.rms_px:.3g} px rms{state}"
+        words = f"{view.camera}, {two_digits(view.rms_px)} px rms{state}"
         yield Thumbnail(_drawing(view, jpeg, size_px, longest_px), view.sample, view.camera, words, view.is_unused)
 
 
 def _drawing(view: _View, jpeg: bytes, size_px: tuple[int, int], longest_px: float) -> str:
-    """The image with its points."""
+    some = slice(None, None, max(1, -(-len(view.pixels) // _MOST_POINTS)))
+    offsets = view.off_px[some] * (_LONGEST_SHARE * size_px[0] / longest_px)
+    label = f"sample {view.sample} seen by {view.camera}"
+    return image_drawing(label, jpeg, size_px, view.pixels[some], offsets, view.used[some])
+
+
+def image_drawing(
+    label: str, jpeg: bytes, size_px: tuple[int, int], pixels: Array, offsets: Array, mask: BoolArray
+) -> str:
+    """An image with points on it.
+
+    Args:
+        label: What it is.
+        jpeg: The image, of any size.
+        size_px: Its size as it was taken.
+        pixels: (n, 2) [px].
+        offsets: (n, 2) of lines from points that were used [px].
+        mask: (n,) whether they were used; others have another colour.
+    """
     scale = _WIDTH / size_px[0]
     height = size_px[1] * scale
-    some = slice(None, None, max(1, -(-len(view.pixels) // _MOST_POINTS)))
-    at, used = (view.pixels[some] + 0.5) * scale, view.used[some]
-    tip = at + view.off_px[some] * (_LONGEST_SHARE * _WIDTH / longest_px)
+    at, tip = (pixels + 0.5) * scale, (pixels + 0.5 + offsets) * scale
     address = f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"
     return drawing(
         _WIDTH,
         height,
-        f"sample {view.sample} seen by {view.camera}",
+        label,
         element("image", href=address, width=f"{_WIDTH:g}", height=f"{height:.1f}"),
-        element("path", class_="off", d=segments(np.stack([at[used], tip[used]], 1))),
-        element("path", class_="found", d=dots(at[used])),
-        element("path", class_="left-out", d=dots(at[~used])),
+        element("path", class_="off", d=segments(np.stack([at[mask], tip[mask]], 1))),
+        element("path", class_="found", d=dots(at[mask])),
+        element("path", class_="left-out", d=dots(at[~mask])),
     )

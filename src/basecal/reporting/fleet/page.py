@@ -11,8 +11,8 @@ from basecal.reporting.templates.environment import fill_page
 
 _MOST_ROWS = 2000
 _COLUMN_NAMES = {
-    "sigma_mm": "sigma of the translation [mm]",
-    "sigma_deg": "sigma of the rotation [deg]",
+    "sigma_mm": "sigma of the translation, 3-D norm [mm]",
+    "sigma_deg": "sigma of the rotation, 3-D norm [deg]",
     "held_out_mm": "held-out error [mm]",
     "held_out_deg": "held-out error [deg]",
     "time_s": "time of a cell [s]",

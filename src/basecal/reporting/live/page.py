@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -18,12 +17,12 @@ from basecal.errors import BasecalError
 from basecal.planning.sketch import Sketch, sketch_cell
 from basecal.reporting.cell_view.scene import scene_data
 from basecal.reporting.cell_view.stage import json_inside_html, stated_scene
-from basecal.reporting.decision.tiles import Tile, tolerance_bar
-from basecal.reporting.live.drawings import coverage_drawing, picture_drawing, progress_figure
+from basecal.reporting.decision.outlook import progress_figure
+from basecal.reporting.decision.tiles import Tile, error_tile
+from basecal.reporting.figures.thumbnails import image_drawing
 from basecal.reporting.live.serving import Answer, serving
-from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import COLOURS, error_text
-from basecal.reporting.templates.environment import environment, fill_page
+from basecal.reporting.templates.environment import fill_page, fill_part
 from basecal.vision.detectors import find
 from basecal.vision.image_file import png_bytes
 from basecal.vision.thumbnail import thumbnail
@@ -95,7 +94,7 @@ class LivePage:
         snapshot = self._watch.snapshot
         drawn = self._scene(snapshot)
         return {
-            "html": environment().get_template("live_state.html").render(self._part_values(snapshot)),
+            "html": fill_part("live_state.html", **self._part_values(snapshot)),
             "pictures": {name: id(grey) for name, grey in snapshot.pictures},
             "arms": drawn["arms"] if drawn else [],
             "over": snapshot.end is not None,
@@ -109,8 +108,9 @@ class LivePage:
             return ""
         seen = [found.pixels for target in visible_targets(self._cell, camera) if (found := find(grey, target))]
         pixels = np.concatenate(seen) if seen else np.zeros((0, 2))
-        address = f"data:image/jpeg;base64,{base64.b64encode(small).decode()}"
-        return picture_drawing(address, (grey.shape[1], grey.shape[0]), pixels, camera)
+        label = f"last image of {camera}, {len(pixels)} points found"
+        used = np.ones(len(pixels), dtype=bool)
+        return image_drawing(label, small, (grey.shape[1], grey.shape[0]), pixels, 0 * pixels, used)
 
     def _part_values(self, snapshot: Snapshot) -> dict[str, Any]:
         """Values of the parts that change."""
@@ -123,7 +123,7 @@ class LivePage:
             "title": "capture" if snapshot.step is None else f"{taken} of {planned} samples",
             "tiles": list(_tiles(snapshot)),
             "motions": list(self._motions(snapshot)),
-            "covered": "" if snapshot.step is None else coverage_drawing(snapshot.step.coverage),
+            "coverage": None if snapshot.step is None else snapshot.step.coverage,
             "progress": progress_figure(snapshot),
         }
 
@@ -136,7 +136,7 @@ class LivePage:
             with suppress(BasecalError):
                 here, there = (self._sketch.base_from_flange(robot, each[robot]) for each in (states, goals))
                 off = (here.inverse() @ there).log()
-                left_m, left_rad = (float(np.linalg.norm(each)) for each in (off[:3], off[3:]))
+                left_m, left_rad = (float(np.linalg.norm(each)) for each in np.split(off, 2))
                 yield f"{robot}: {1e3 * left_m:.1f} mm and {np.degrees(left_rad):.2f} deg to go"
 
     def _scene(self, snapshot: Snapshot) -> dict[str, Any]:
@@ -151,13 +151,7 @@ class LivePage:
 def _tiles(snapshot: Snapshot) -> Iterator[Tile]:
     step = snapshot.step
     if snapshot.errors and snapshot.tolerance_m is not None:
-        error_m = snapshot.errors[-1][1]
-        name = f"expected error, 95 %; tolerance {1e3 * snapshot.tolerance_m:.3g} mm"
-        yield Tile(
-            f"{two_digits(1e3 * error_m)} mm",
-            name,
-            tolerance_bar(error_m, snapshot.tolerance_m, snapshot.end is not None),
-        )
+        yield error_tile(snapshot.errors[-1][1], snapshot.tolerance_m, snapshot.end is not None)
     if step is not None and step.sigma is not None:
         yield Tile(error_text(*step.sigma).replace(" and ", ", "), "1 sigma (3-D norm) of the base")
     if step is not None:

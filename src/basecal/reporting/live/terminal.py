@@ -55,4 +55,4 @@ def sigma_row(sigmas: Sequence[Sigma]) -> str:
     heights = np.rint((levels - levels.min()) / extent * (len(_BARS) - 1)).astype(int)
     last = sigmas[-1]
     bars = "".join(_BARS[k] for k in heights)
-    return f"{bars}\n{error_text(last.t_m, last.r_rad)}\n(1 sigma)"
+    return f"{bars}\n{error_text(last.t_m, last.r_rad)}\n(1 sigma, 3-D norm)"

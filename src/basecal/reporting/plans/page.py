@@ -14,11 +14,9 @@ from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch
 from basecal.planning.touches import with_marks
 from basecal.reporting.cell_view.stage import stage, stated_scene
-from basecal.reporting.decision.budget_bar import budget_bar
 from basecal.reporting.decision.outlook import outlook_figure
-from basecal.reporting.decision.tiles import Tile, tolerance_bar
+from basecal.reporting.decision.tiles import Tile, error_tile
 from basecal.reporting.plans.words import plan_headline, touch_lines
-from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import COLOURS, PLACE_WORDS, error_text
 from basecal.reporting.templates.environment import fill_page
 
@@ -58,7 +56,6 @@ def plan_page(
         outlook=outlook_figure(plan.steps, plan.recorded, tolerance_m) if len(plan.steps) > 1 else None,
         budget=plan.budget,
         place=PLACE_WORDS[plan.place],
-        budget_figure=budget_bar(plan.budget),
         movers=() if sketch is None else sketch.movers,
         ways=() if sketch is None else list(_ways(sketch, plan.samples)),
         **drawn,
@@ -67,9 +64,7 @@ def plan_page(
 
 def _tiles(plan: Plan, tolerance_m: float | None) -> Iterator[Tile]:
     if plan.expected_m is not None:
-        limit = "" if tolerance_m is None else f"; tolerance {1e3 * tolerance_m:.3g} mm"
-        bar = "" if tolerance_m is None else tolerance_bar(plan.expected_m, tolerance_m)
-        yield Tile(f"{two_digits(1e3 * plan.expected_m)} mm", f"expected error, 95 %{limit}", bar)
+        yield error_tile(plan.expected_m, tolerance_m)
     yield Tile(str(len(plan.samples)), "samples to record")
     yield Tile(str(plan.recorded), "samples recorded")
 

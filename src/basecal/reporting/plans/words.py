@@ -20,7 +20,7 @@ def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:
         return Headline("GOOD", outcome(plan))
     needed = f"{1e3 * tolerance_m:.3g} mm {PLACE_WORDS[plan.place]}"
     if plan.reachable is False:
-        source = f" {plan.budget[0].source} forbids it." if plan.budget else ""
+        source = f" The largest part of the error is {plan.budget[0].source}." if plan.budget else ""
         return Headline("FAIL", f"{needed} cannot be reached.{source}")
     if plan.needed == 0:
         with_recorded = f"{expected} with {plan.recorded} samples"
@@ -45,7 +45,7 @@ def plan_lines(plan: Plan, tolerance_m: float | None) -> Iterator[str]:
         yield outcome(plan)
     yield from touch_lines(plan)
     for entry in plan.budget:
-        halved = f"{1e3 * entry.halved_rms_m:.2g} mm rms in all with half of it"
+        halved = f"{two_digits(1e3 * entry.halved_rms_m)} mm rms in all with half of it"
         yield f"  {100 * entry.share:5.1f} % of the variance: {entry.source}; {halved}"
 
 

@@ -126,7 +126,8 @@ def tolerance_sentence(check: Tolerance) -> str:
 
 def transform_sentence(name: str, calibration: Calibration) -> str:
     """How well a transform is known."""
-    return f"{name} to {_sigma_text(name, calibration, calibration[name])} (1 sigma){gauge_clause(name, calibration)}"
+    sigma = _sigma_text(name, calibration, calibration[name])
+    return f"{name} to {sigma} (1 sigma, 3-D norm){gauge_clause(name, calibration)}"
 
 
 def gauge_clause(name: str, calibration: Calibration) -> str:

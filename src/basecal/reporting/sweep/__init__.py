@@ -1,1 +1,1 @@
-"""A study of many points as text and as a page; computes nothing."""
+"""A study of many points as text, as a page and as charts in files; computes nothing."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from basecal.reporting.statement.digits import two_digits
+
 COLUMN_TITLES = (
     "solved",
     "median mm",
@@ -36,8 +38,8 @@ def row_texts(point: Mapping[str, Any]) -> list[str]:
 
 
 def number(value: float | None) -> str:
-    """Three digits; nothing if there is no number."""
-    return "" if value is None else f"{value:.3g}"
+    """Two digits; nothing if there is no number."""
+    return "" if value is None else two_digits(value)
 
 
 def sweep_text(summary: Mapping[str, Any]) -> str:

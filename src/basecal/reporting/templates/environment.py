@@ -22,6 +22,7 @@ def own_file(name: str) -> str:
     return _FOLDER.joinpath(*name.split("/")).read_text(encoding="utf-8")
 
 
+@lru_cache
 def environment() -> Environment:
     """Templates of this package; whatever they are given is escaped."""
     loader = FunctionLoader(lambda name: own_file(f"templates/{name}"))
@@ -31,6 +32,11 @@ def environment() -> Environment:
     made.filters["sentence"] = _begin_sentence
     made.filters["breakable"] = lambda name: escape(name).replace("_", Markup("_<wbr>"))
     return made
+
+
+def fill_part(template: str, **values: Any) -> str:
+    """A template with values."""
+    return environment().get_template(template).render(values)
 
 
 def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = False, **values: Any) -> str:
@@ -50,7 +56,7 @@ def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = Fals
         allowed = [*sources, _scene_source()]
         own["packed"] = _packed_scene()
     own |= {"style": Markup(style), "scripts": list(map(Markup, sources)), "policy": policy(style, allowed, is_served)}
-    return environment().get_template(template).render(own | values)
+    return fill_part(template, **own | values)
 
 
 def _scene_source() -> str:

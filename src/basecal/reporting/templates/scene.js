@@ -10,7 +10,10 @@
   } catch {
     return; // Without WebGL the still picture stays.
   }
-  const size = data.size;
+  const size = data.size_m;
+  const withFlanges = (arm) =>
+    Object.assign(arm, { flanges: arm.base_from_flange.map((pose, k) => arm.known[k] ? pose : null) });
+  data.arms.forEach(withFlanges);
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const coloured = []; // [material, name of the colour], for a change of scheme
   const material = (Kind, colour, more = {}) => {
@@ -52,7 +55,7 @@
     names.push([element, object]);
   };
   const ellipsoid = (semiAxes) => {
-    const [a, b, c] = [0, 1, 2].map((k) => new THREE.Vector3(semiAxes[0][k], semiAxes[1][k], semiAxes[2][k]).multiplyScalar(data.ellipsoidScale));
+    const [a, b, c] = [0, 1, 2].map((k) => new THREE.Vector3(semiAxes[0][k], semiAxes[1][k], semiAxes[2][k]));
     const made = new THREE.Mesh(
       new THREE.SphereGeometry(1, 32, 20),
       material(THREE.MeshLambertMaterial, "--doubtful", { transparent: true, opacity: 0.55, depthWrite: false }),
@@ -160,7 +163,7 @@
   };
   data.arms.forEach((arm, k) => {
     const colour = `--robot-${k % 4}`;
-    const base = place(new THREE.Group(), arm.base);
+    const base = place(new THREE.Group(), arm.world_from_base);
     base.add(axes(0.12 * size));
     if (arm.ellipsoid) base.add(ellipsoid(arm.ellipsoid));
     const seen = arm.flanges.filter((pose) => pose);
@@ -235,9 +238,9 @@
     world.add(cloud);
   }
   // The floor under the lowest base, a line every half metre, and how far the bases are apart.
-  const feet = data.arms.map((arm) => arm.base.slice(0, 3));
+  const feet = data.arms.map((arm) => arm.world_from_base.slice(0, 3));
   const floor = Math.min(...feet.map((foot) => foot[2]));
-  const STEP = 0.5, reach = STEP * Math.ceil(0.7 * data.size / STEP);
+  const STEP = 0.5, reach = STEP * Math.ceil(0.7 * size / STEP);
   const [cx, cy] = [0, 1].map((axis) => STEP * Math.round(feet.reduce((sum, foot) => sum + foot[axis], 0) / feet.length / STEP));
   const grid = [];
   for (let d = -reach; d <= reach + 1e-9; d += STEP) {
@@ -381,7 +384,7 @@
   window.moveArms = (arms) => {
     reaches.forEach(([, arm, , , pointer], k) => {
       if (!arm.joints && arms[k].joints) location.reload(); // joints are known by now: links take the place of threads
-      Object.assign(arm, { flanges: arms[k].flanges, joints: arms[k].joints });
+      Object.assign(arm, { flanges: withFlanges(arms[k]).flanges, joints: arms[k].joints });
       const [here, there] = arm.flanges;
       if (here && there) pointer.follow(here.slice(0, 3), there.slice(0, 3));
     });

@@ -17,7 +17,7 @@ from basecal.reporting.figures.bars import QUANTITIES, bar_figure
 from basecal.reporting.figures.thumbnails import sample_pictures
 from basecal.reporting.live.serving import Answer, serving
 from basecal.reporting.statement.verdict import COLOURS, headline
-from basecal.reporting.templates.environment import environment, fill_page
+from basecal.reporting.templates.environment import fill_page, fill_part
 from basecal.reporting.viewing.words import answer_rows, fit_sentence, sample_words
 
 _MOST_BARS = 600
@@ -86,7 +86,7 @@ class ViewPage:
 
     def answer(self, query: Query) -> str:
         """The run's verdict, and the answer and the residuals without some samples."""
-        return environment().get_template("view_parts.html").render(self._answer_values(query))
+        return fill_part("view_parts.html", **self._answer_values(query))
 
     def _answer_values(self, query: Query) -> dict[str, Any]:
         view, run, excluded = self._view, self._run(query), _excluded_numbers(query)
@@ -112,7 +112,7 @@ class ViewPage:
 
     def sample(self, query: Query) -> str:
         """A sample's images with its points, and how it fits."""
-        return environment().get_template("view_sample.html").render(self._sample_values(query))
+        return fill_part("view_sample.html", **self._sample_values(query))
 
     def _sample_values(self, query: Query) -> dict[str, Any]:
         view, run = self._view, self._run(query)

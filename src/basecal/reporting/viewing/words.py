@@ -8,21 +8,15 @@ import numpy as np
 
 from basecal.accuracy.residuals.without_samples import WithoutSamples
 from basecal.cell import Calibration, Cell, SampleResidual
+from basecal.reporting.cell_view.sample_labels import view_words
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import error_text
 
 
 def sample_words(number: int, residuals: Sequence[SampleResidual], exclusions: Collection[int]) -> list[str]:
     """How a sample fits, a line for each view of it."""
-    lines = [f"sample {number}{', left out' if number in exclusions else ''}"]
-    for each in residuals:
-        if each.sample != number:
-            continue
-        parts = [] if each.rms_px is None else [f"{two_digits(each.rms_px)} px"]
-        if each.loop_m is not None and each.loop_rad is not None:
-            parts.append(error_text(each.loop_m, each.loop_rad))
-        lines.append(f"{each.target} seen by {each.camera}: {', '.join(parts) or 'no residual'}")
-    return lines
+    own = [view_words(each) for each in residuals if each.sample == number]
+    return [f"sample {number}{', left out' if number in exclusions else ''}", *own]
 
 
 def answer_rows(cell: Cell, calibration: Calibration, result: WithoutSamples) -> Iterator[tuple[str, str, str, str]]:
