@@ -23,7 +23,7 @@ import numpy as np
 from basecal.acquisition.driver import ChecksGoals, Freedrives, HasWatchdog, Moves, Place, Reading, Robot
 from basecal.acquisition.drivers.registry import driver_kind
 from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import has_arrived, state_vector
+from basecal.acquisition.states import has_arrived, joint_off_way, state_vector
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
     CLOSE_S,
@@ -37,7 +37,7 @@ from basecal.acquisition.supervision.limits import (
     TICK_S,
 )
 from basecal.cell import RobotState
-from basecal.errors import DriverError
+from basecal.errors import BasecalError, DriverError
 from basecal.geometry import Array
 
 _HEARTBEAT_S = 0.02  # between heartbeats to the controller: a watchdog of 6 Hz may miss seven
@@ -61,6 +61,7 @@ class ArmProcess:
         now = time.monotonic()
         self._read_s = self._changed_s = self._supervisor_s = self._beat_s = now
         self._values: Array | None = None
+        self._start: Array | None = None
         self._must_stop = self._is_over = False
         self._patience_s = REST_SILENCE_LIMIT_S + RECONNECT_S
 
@@ -155,8 +156,10 @@ class ArmProcess:
         lag_s = self._read_s - reading.stamp_s
         self._least_lag_s = min(self._least_lag_s, lag_s)
         if self._is_moving and lag_s - self._least_lag_s > STALE_S:
-            late_s = lag_s - self._least_lag_s
-            raise DriverError(f"{self._name}: its states came {late_s:.1f} s late while it moved: the link is too slow")
+            raise DriverError(
+                f"{self._name}: its states came {lag_s - self._least_lag_s:.1f} s late while it moved: "
+                f"the link is too slow, or its clock went back"
+            )
 
     def _note(self, reading: Reading) -> None:
         values = state_vector(reading.state)
@@ -164,9 +167,26 @@ class ArmProcess:
             self._values, self._changed_s = values, time.monotonic()
         goal = self._goal
         if goal is not None:
+            self._check_way(values, goal)
             self._at_goal = self._at_goal + 1 if has_arrived(reading.state, goal) else 0
             if self._at_goal >= _SETTLED_STATES:
                 self._goal = None
+
+    def _check_way(self, values: Array, goal: RobotState) -> None:
+        """Only the way straight in joints was checked: an arm elsewhere may hit something, or its states are wrong.
+
+        Raises:
+            DriverError: if a joint is not between its start and its goal.
+        """
+        start, end = self._start, goal.joints_rad
+        if start is None or end is None or not start.shape == values.shape == end.shape:
+            return
+        if found := joint_off_way(values, start, end):
+            joint, beyond_rad = found
+            raise DriverError(
+                f"{self._name}: joint {joint + 1} is {np.degrees(beyond_rad):.3g} deg beyond its way. Look for another "
+                f"program that moves the arm, or a controller that sends wrong states"
+            )
 
     def _answer(self, robot: Robot) -> None:
         while not self._is_over:
@@ -182,7 +202,8 @@ class ArmProcess:
         if self._must_stop:
             return None
         if method == "move":
-            self._at_goal, self._goal, self._changed_s = 0, arguments[0], time.monotonic()
+            self._at_goal, self._changed_s = 0, time.monotonic()
+            self._start, self._goal = self._values, arguments[0]
         if method == "freedrive":
             self._is_led = arguments[0]
         return getattr(robot, method)(*arguments)
@@ -267,6 +288,8 @@ def _error_text(name: str, error: BaseException) -> str:
     _, words, _ = _as_data(error)
     if isinstance(error, OSError):
         words = f"its connection was closed ({error.strerror or error})"
+    elif not isinstance(error, BasecalError):
+        words = f"its link is lost, or its driver failed ({words})"
     return words if words.startswith(name) else f"{name}: {words}"
 
 
