@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from html import escape
 
 from basecal.cell import Calibration
+from basecal.errors import check_type
 from basecal.exchange.exports.digits import format_decimals
 from basecal.reporting.statement.verdict import sort_by_severity, tolerance_sentence, verdict_word
 from basecal.reporting.text import transform_rows
@@ -19,7 +20,11 @@ def html_summary(calibration: Calibration) -> str:
 
     Args:
         calibration: What came out.
+
+    Raises:
+        InputError: if it is no calibration.
     """
+    check_type("calibration", calibration, Calibration)
     rows = ""
     for name in calibration.transforms:
         status, cells = calibration.status.get(name, "free"), []
