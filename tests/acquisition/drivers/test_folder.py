@@ -87,11 +87,11 @@ def test_a_file_that_is_being_written_is_waited_for(folder):
     assert source.picture().grey[0, 0] == 77
 
 
-def test_a_picture_that_does_not_suit_is_named(folder):
-    """One of another size than the camera's is not given, and the error that nothing came says why."""
+def test_a_file_that_is_no_image_is_named(folder):
+    """It is not given, and the error that nothing came says why."""
     source = camera(folder)
-    write_png(folder / "pictures" / "large.png", picture(5, (48, 64)))
-    with pytest.raises(DriverError, match=r"large\.png has 64 x 48 pixels"):
+    (folder / "pictures" / "notes.png").write_text("hello", encoding="utf-8")
+    with pytest.raises(DriverError, match=r"notes\.png is not an image"):
         source.picture()
 
 

@@ -38,8 +38,8 @@ class FolderCamera:
     is_live = False
     is_stamped = True
 
-    def __init__(self, folder: Path, size_px: tuple[int, int] | None, wait_s: float, existing: bool) -> None:
-        self._folder, self._size_px, self.wait_s, self.is_on_demand = folder, size_px, wait_s, existing
+    def __init__(self, folder: Path, wait_s: float, existing: bool) -> None:
+        self._folder, self.wait_s, self.is_on_demand = folder, wait_s, existing
         self._seen = set() if existing else {path.name for path in folder.iterdir()}
 
     def picture(self) -> Picture:
@@ -55,7 +55,7 @@ class FolderCamera:
             new = sorted(self._new())
             for written_ns, path in new if self.is_on_demand else new[: -1 - _HALVES : -1]:
                 data = read_bytes(path)
-                grey = data if isinstance(data, str) else grey_image(data, self._size_px)
+                grey = data if isinstance(data, str) else grey_image(data, None)
                 if not isinstance(grey, str):
                     older = [] if self.is_on_demand else [each.name for ns, each in new if ns < written_ns]
                     self._seen.update([path.name, *older])
@@ -96,4 +96,4 @@ def open_camera(place: Place) -> FolderCamera:
     if not folder.is_dir():
         message = f"there is no folder {folder}; make it, and have images saved into it"
         raise DatasetError(str(place.folder / "cell.yaml"), message, field=f"cameras.{place.name}.driver.path")
-    return FolderCamera(folder, place.cell.cameras[place.name].size_px, options.wait_s, options.existing)
+    return FolderCamera(folder, options.wait_s, options.existing)

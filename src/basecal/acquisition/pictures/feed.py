@@ -119,6 +119,8 @@ class CameraFeed:
                 self._changed.notify_all()
 
     def _has_moved(self, first: Levels, second: Levels) -> bool:
+        if first.shape != second.shape:
+            return True
         change = float(np.abs(second - first).mean())
         if change > 0:  # some cameras give an image twice
             self._changes.append(change)
