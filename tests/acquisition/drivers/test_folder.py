@@ -95,6 +95,26 @@ def test_a_file_that_is_no_image_is_named(folder):
         source.picture()
 
 
+def test_a_first_file_that_stays_no_image_is_not_waited_for(folder, monkeypatch):
+    """A program that saves another format is named within seconds; after an image, and of hidden files, none is."""
+    monkeypatch.setattr("basecal.acquisition.drivers.folder._WRITING_S", 0.05)
+    source = camera(folder, wait_s=0.5)
+    (folder / "pictures" / ".hidden").write_text("x", encoding="utf-8")
+    save(folder, 60)
+    assert source.picture().grey[0, 0] == 60
+    (folder / "pictures" / "raw.cr2").write_text("x", encoding="utf-8")
+    with pytest.raises(DriverError, match=r"no new image in .* within 0\.5 s; raw\.cr2 is not an image"):
+        source.picture()
+    source = camera(folder, wait_s=10.0)
+    (folder / "pictures" / "next.cr2").write_text("x", encoding="utf-8")
+    began = time.monotonic()
+    with pytest.raises(
+        DriverError, match=r"next\.cr2 is not an image .*\. Have images saved whole, as PNG, JPEG or TIFF"
+    ):
+        source.picture()
+    assert time.monotonic() - began < 5.0
+
+
 def test_a_folder_that_is_not_there(tmp_path):
     """It is named with the field that names it."""
     with pytest.raises(DatasetError, match=r"cameras\.wrist\.driver\.path: there is no folder"):

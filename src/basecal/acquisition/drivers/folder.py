@@ -1,6 +1,6 @@
 """Images that another program saves into a folder: whatever can save a file is a camera.
 
-A file counts when its name is new, and it can be read whole; of several, the newest. The stamp is the time at which it
+A file counts when its name is new and begins with no dot, and it can be read whole; of several, the newest. The stamp is the time at which it
 was last written.
 """
 
@@ -21,6 +21,7 @@ from basecal.fields.values import Entry, PathText
 from basecal.vision.image_file import grey_image, read_bytes
 
 _LOOK_S = 0.02  # between looks into the folder: short beside a motion, long for a disk
+_WRITING_S = 5.0  # that a program may pause while it writes an image
 _HALVES = 3  # newest files that are read: some of them may still be written
 
 
@@ -41,6 +42,9 @@ class FolderCamera:
     def __init__(self, folder: Path, wait_s: float, existing: bool) -> None:
         self._folder, self.wait_s, self.is_on_demand = folder, wait_s, existing
         self._seen = set() if existing else {path.name for path in folder.iterdir()}
+        self._has_given = False
+        self._unreadable: tuple[int, Path] | None = None
+        self._unreadable_s = 0.0
 
     def picture(self) -> Picture:
         """The newest image; of those that existed the oldest that was not given yet.
@@ -48,7 +52,7 @@ class FolderCamera:
         One that is still being written is waited for.
 
         Raises:
-            DriverError: if none comes in time.
+            DriverError: if none comes in time, or the first file that comes stays no image.
         """
         until, why = time.monotonic() + self.wait_s, ""
         while True:
@@ -59,17 +63,30 @@ class FolderCamera:
                 if not isinstance(grey, str):
                     older = [] if self.is_on_demand else [each.name for ns, each in new if ns < written_ns]
                     self._seen.update([path.name, *older])
+                    self._has_given = True
                     return Picture(1e-9 * written_ns, grey, source=path.name)
                 why = f"; {path.name} {grey}"
+                self._check_first(written_ns, path, grey)
             if time.monotonic() >= until:
                 raise DriverError(f"no new image in {self._folder} within {self.wait_s:g} s{why}")
             time.sleep(_LOOK_S)
+
+    def _check_first(self, written_ns: int, path: Path, problem: str) -> None:
+        """Wait for the end of a file that is being written, but not for that of files that never are images.
+
+        Raises:
+            DriverError: if no image came yet, and a file has not been written to for five seconds.
+        """
+        if self._unreadable != (written_ns, path):
+            self._unreadable, self._unreadable_s = (written_ns, path), time.monotonic()
+        elif not self._has_given and time.monotonic() - self._unreadable_s > _WRITING_S:
+            raise DriverError(f"{path} {problem}. Have images saved whole, as PNG, JPEG or TIFF")
 
     def _new(self) -> Iterator[tuple[int, Path]]:
         """New files, with the times at which they were written [ns]."""
         for path in self._folder.iterdir():
             with suppress(FileNotFoundError):  # programs rename what they wrote
-                if path.name not in self._seen and path.is_file():
+                if path.name not in self._seen and not path.name.startswith(".") and path.is_file():
                     yield path.stat().st_mtime_ns, path
 
     def close(self) -> None:
