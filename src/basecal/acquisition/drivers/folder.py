@@ -1,7 +1,7 @@
 """Images that another program saves into a folder: whatever can save a file is a camera.
 
-A file counts when its name is new and begins with no dot, and it can be read whole; of several, the newest. The stamp is the time at which it
-was last written.
+A file counts when its name is new and begins with no dot, and it can be read whole; of several, the newest. The stamp
+is the time at which it was last written.
 """
 
 from __future__ import annotations
@@ -43,8 +43,7 @@ class FolderCamera:
         self._folder, self.wait_s, self.is_on_demand = folder, wait_s, existing
         self._seen = set() if existing else {path.name for path in folder.iterdir()}
         self._has_given = False
-        self._unreadable: tuple[int, Path] | None = None
-        self._unreadable_s = 0.0
+        self._unreadable_s: dict[tuple[int, Path], float] = {}
 
     def picture(self) -> Picture:
         """The newest image; of those that existed the oldest that was not given yet.
@@ -77,9 +76,8 @@ class FolderCamera:
         Raises:
             DriverError: if no image came yet, and a file has not been written to for five seconds.
         """
-        if self._unreadable != (written_ns, path):
-            self._unreadable, self._unreadable_s = (written_ns, path), time.monotonic()
-        elif not self._has_given and time.monotonic() - self._unreadable_s > _WRITING_S:
+        since_s = self._unreadable_s.setdefault((written_ns, path), time.monotonic())
+        if not self._has_given and time.monotonic() - since_s > _WRITING_S:
             raise DriverError(f"{path} {problem}. Have images saved whole, as PNG, JPEG or TIFF")
 
     def _new(self) -> Iterator[tuple[int, Path]]:
