@@ -28,6 +28,6 @@ def test_a_joint_is_off_its_way_beyond_its_start_or_goal():
     """Between both it may be anywhere, whichever is larger; the joint that is farthest outside is named."""
     start, goal = np.array([0.0, 1.0]), np.array([1.0, 0.0])
     for fine in ([0.0, 1.0], [0.9, 0.9], [1.0 + 0.99 * OFF_WAY_RAD, -0.99 * OFF_WAY_RAD]):
-        assert joint_off_way(np.array(fine), start, goal) is None
-    joint, beyond_rad = joint_off_way(np.array([1.1, -0.2]), start, goal)
+        assert joint_off_way(np.array(fine), start, goal, OFF_WAY_RAD) is None
+    joint, beyond_rad = joint_off_way(np.array([1.1, -0.2]), start, goal, OFF_WAY_RAD)
     assert (joint, round(beyond_rad, 9)) == (1, 0.2)

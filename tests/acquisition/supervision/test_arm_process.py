@@ -105,8 +105,23 @@ def test_an_arm_beside_its_way_is_reported(served):
     read(process, HOME)
     process._ask(robot, "move", (GOAL, 1.0))
     read(process, RobotState(joints_rad=np.array([1.02, -0.02])))
-    with pytest.raises(DriverError, match=r"left: joint 2 is 5\.73 deg beyond its way\. Look for another program"):
+    with pytest.raises(DriverError, match=r"left: joint 2 is 5\.73 deg beyond its way\. Look for a person or"):
         read(process, RobotState(joints_rad=np.array([0.5, -0.1])))
+
+
+def test_an_arm_that_leaves_the_place_where_it_arrived_is_reported(served):
+    """By more than 10 mrad, until it is sent elsewhere or let go."""
+    process, robot, _ = served
+    read(process, HOME)
+    process._ask(robot, "move", (GOAL, 1.0))
+    for _ in range(10):
+        read(process, GOAL)
+    assert not process._is_moving
+    read(process, RobotState(joints_rad=np.array([0.991, 1.009])))
+    with pytest.raises(DriverError, match=r"left: joint 1 is 0\.63 deg beyond its way"):
+        read(process, RobotState(joints_rad=np.array([0.989, 1.0])))
+    process._ask(robot, "move", (HOME, 1.0))
+    read(process, RobotState(joints_rad=np.array([0.5, 0.5])))
 
 
 def test_an_arm_may_be_anywhere_if_it_was_not_sent(served):

@@ -23,7 +23,7 @@ import numpy as np
 from basecal.acquisition.driver import ChecksGoals, Freedrives, HasWatchdog, Moves, Place, Reading, Robot
 from basecal.acquisition.drivers.registry import driver_kind
 from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import has_arrived, joint_off_way, state_vector
+from basecal.acquisition.states import OFF_PLACE_RAD, OFF_WAY_RAD, has_arrived, joint_off_way, state_vector
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
     CLOSE_S,
@@ -61,7 +61,7 @@ class ArmProcess:
         now = time.monotonic()
         self._read_s = self._changed_s = self._supervisor_s = self._beat_s = now
         self._values: Array | None = None
-        self._start: Array | None = None
+        self._way: tuple[Array | None, Array | None] = None, None
         self._must_stop = self._is_over = False
         self._patience_s = REST_SILENCE_LIMIT_S + RECONNECT_S
 
@@ -165,27 +165,29 @@ class ArmProcess:
         values = state_vector(reading.state)
         if self._values is None or np.abs(values - self._values).max() > _CHANGED_RAD_M:
             self._values, self._changed_s = values, time.monotonic()
+        self._check_way(values)
         goal = self._goal
         if goal is not None:
-            self._check_way(values, goal)
             self._at_goal = self._at_goal + 1 if has_arrived(reading.state, goal) else 0
             if self._at_goal >= _SETTLED_STATES:
                 self._goal = None
+                self._way = self._way[1], self._way[1]
 
-    def _check_way(self, values: Array, goal: RobotState) -> None:
+    def _check_way(self, values: Array) -> None:
         """Only the way straight in joints was checked: an arm elsewhere may hit something, or its states are wrong.
 
         Raises:
-            DriverError: if a joint is not between its start and its goal.
+            DriverError: if a joint is not between its start and its goal, or left the place where it arrived.
         """
-        start, end = self._start, goal.joints_rad
+        start, end = self._way
         if start is None or end is None or not start.shape == values.shape == end.shape:
             return
-        if found := joint_off_way(values, start, end):
+        limit_rad = OFF_PLACE_RAD if start is end else OFF_WAY_RAD
+        if found := joint_off_way(values, start, end, limit_rad):
             joint, beyond_rad = found
             raise DriverError(
-                f"{self._name}: joint {joint + 1} is {np.degrees(beyond_rad):.3g} deg beyond its way. Look for another "
-                f"program that moves the arm, or a controller that sends wrong states"
+                f"{self._name}: joint {joint + 1} is {np.degrees(beyond_rad):.3g} deg beyond its way. Look for a person "
+                f"or a program that moves the arm, or a controller that sends wrong states"
             )
 
     def _answer(self, robot: Robot) -> None:
@@ -203,9 +205,9 @@ class ArmProcess:
             return None
         if method == "move":
             self._at_goal, self._changed_s = 0, time.monotonic()
-            self._start, self._goal = self._values, arguments[0]
+            self._way, self._goal = (self._values, arguments[0].joints_rad), arguments[0]
         if method == "freedrive":
-            self._is_led = arguments[0]
+            self._is_led, self._way = arguments[0], (None, None)
         return getattr(robot, method)(*arguments)
 
     def _kick(self, robot: HasWatchdog) -> None:
