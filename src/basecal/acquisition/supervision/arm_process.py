@@ -186,8 +186,8 @@ class ArmProcess:
         if found := joint_off_way(values, start, end, limit_rad):
             joint, beyond_rad = found
             raise DriverError(
-                f"{self._name}: joint {joint + 1} is {np.degrees(beyond_rad):.3g} deg beyond its way. Look for a person "
-                f"or a program that moves the arm, or a controller that sends wrong states"
+                f"{self._name}: joint {joint + 1} is {np.degrees(beyond_rad):.3g} deg beyond its way. Look for a "
+                f"person or a program that moves the arm, or a controller that sends wrong states"
             )
 
     def _answer(self, robot: Robot) -> None:
