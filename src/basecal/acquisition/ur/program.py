@@ -72,10 +72,16 @@ class Program:
         return line
 
     def keep_alive(self) -> None:
-        """Keep the watchdog awake; a call that is under way does so, too."""
+        """Keep the watchdog awake; a call that is under way does so, too.
+
+        Raises:
+            DriverError: if the connection was closed.
+        """
         if self._line is not None and self._lock.acquire(blocking=False):
             try:
                 self._line.kickWatchdog()
+            except (RuntimeError, ValueError) as error:
+                raise DriverError(f"{self._name}: its connection was closed ({join_lines(error)})") from None
             finally:
                 self._lock.release()
 
