@@ -47,7 +47,7 @@ def test_it_is_not_sent_again_by_itself(there):
 class Gone:
     """The line of ur-rtde to a controller that hung up."""
 
-    def kickWatchdog(self):  # noqa: N802, as ur-rtde names it
+    def kickWatchdog(self):
         raise RuntimeError("End of file")
 
 
