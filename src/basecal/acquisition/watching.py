@@ -14,7 +14,7 @@ from basecal.acquisition.driver import Camera, ChecksGoals, Freedrives, Grey, Mo
 from basecal.acquisition.rig import Rig
 from basecal.cell import RobotState
 
-_LINE_COUNT = 8  # of what has become of samples
+_LINE_COUNT = 8  # of what has become of samples, that are shown
 _RECENT_STEPS = 6  # by whose duration it is estimated how long the others take
 
 
@@ -90,25 +90,25 @@ class Watch:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._lock = threading.Lock()
-        self._glance = Snapshot()
+        self._snapshot = Snapshot()
         self._clock = clock
 
     @property
     def snapshot(self) -> Snapshot:
         """The capture as it is now."""
         with self._lock:
-            return self._glance
+            return self._snapshot
 
     def notify(self, words: str) -> None:
         """Note what is done now."""
         with self._lock:
-            self._glance = replace(self._glance, doing=words)
+            self._snapshot = replace(self._snapshot, doing=words)
 
     def note(self, step: Step) -> None:
         """Note what has become of a sample."""
         line = f"sample {step.sample}: {'not taken: ' + step.why_not if step.why_not else 'taken'}"
         with self._lock:
-            before = self._glance
+            before = self._snapshot
             sigmas = before.sigmas
             if step.sigma is not None and not step.why_not:
                 sigmas = (*sigmas, Sigma(step.taken, *step.sigma))
@@ -116,51 +116,51 @@ class Watch:
             doubts = (*before.doubts, *(doubt.message for doubt in step.doubts if doubt.is_lasting))
             failures = (*before.failures, (step.sample, step.why_not)) if step.why_not else before.failures
             times_s = (*before.times_s, self._clock())
-            self._glance = replace(
+            self._snapshot = replace(
                 before, step=step, sigmas=sigmas, said=said, doubts=doubts, failures=failures, times_s=times_s
             )
 
-    def expect(self, tolerance_m: float, error_m: float | None) -> None:
+    def note_error(self, tolerance_m: float, error_m: float | None) -> None:
         """Note the tolerance at the task, and the error that is expected there with the samples so far."""
         with self._lock:
-            before = self._glance
+            before = self._snapshot
             taken = 0 if before.step is None else before.step.taken
             errors = before.errors if error_m is None else (*before.errors, (taken, error_m))
-            self._glance = replace(before, tolerance_m=tolerance_m, errors=errors)
+            self._snapshot = replace(before, tolerance_m=tolerance_m, errors=errors)
 
     def report(self, words: str) -> None:
         """Note what a person should know."""
         with self._lock:
-            self._glance = replace(self._glance, said=(*self._glance.said, words)[-_LINE_COUNT:])
+            self._snapshot = replace(self._snapshot, said=(*self._snapshot.said, words)[-_LINE_COUNT:])
 
-    def show(self, camera: str, grey: Grey) -> None:
+    def note_image(self, camera: str, grey: Grey) -> None:
         """Note an image."""
         with self._lock:
-            pictures = {**dict(self._glance.pictures), camera: grey}
-            self._glance = replace(self._glance, pictures=tuple(pictures.items()))
+            pictures = {**dict(self._snapshot.pictures), camera: grey}
+            self._snapshot = replace(self._snapshot, pictures=tuple(pictures.items()))
 
-    def stand(self, robot: str, state: RobotState) -> None:
+    def note_state(self, robot: str, state: RobotState) -> None:
         """Note where a robot is."""
         with self._lock:
-            states = {**dict(self._glance.states), robot: state}
-            self._glance = replace(self._glance, states=tuple(states.items()))
+            states = {**dict(self._snapshot.states), robot: state}
+            self._snapshot = replace(self._snapshot, states=tuple(states.items()))
 
-    def send(self, robot: str, goal: RobotState) -> None:
+    def note_goal(self, robot: str, goal: RobotState) -> None:
         """Note where a robot is sent."""
         with self._lock:
-            goals = {**dict(self._glance.goals), robot: goal}
-            self._glance = replace(self._glance, goals=tuple(goals.items()))
+            goals = {**dict(self._snapshot.goals), robot: goal}
+            self._snapshot = replace(self._snapshot, goals=tuple(goals.items()))
 
     def end(self, end: End) -> None:
         """Note how it ended; the first end counts."""
         with self._lock:
-            self._glance = replace(self._glance, end=self._glance.end or end)
+            self._snapshot = replace(self._snapshot, end=self._snapshot.end or end)
 
 
 def watch_rig(rig: Rig, watch: Watch) -> Rig:
     """A rig whose cameras show every image that is asked of them, and whose robots show where they are."""
     cameras = {
-        name: (_WatchedLight if isinstance(camera, Switches) else _Watched)(name, camera, watch)
+        name: (_WatchedLight if isinstance(camera, Switches) else _WatchedCamera)(name, camera, watch)
         for name, camera in rig.cameras.items()
     }
     robots: dict[str, Robot] = {}
@@ -184,7 +184,7 @@ class _WatchedRobot:
     def state(self) -> Reading:
         """The robot's next state."""
         reading = self._robot.state()
-        self._watch.stand(self._name, reading.state)
+        self._watch.note_state(self._name, reading.state)
         return reading
 
     def close(self) -> None:
@@ -198,7 +198,7 @@ class _Sent(_WatchedRobot):
     def move(self, to: RobotState, speed_rad_s: float) -> None:
         """Begin to go there."""
         assert isinstance(self._robot, Moves)
-        self._watch.send(self._name, to)
+        self._watch.note_goal(self._name, to)
         self._robot.move(to, speed_rad_s)
 
     def stop(self) -> None:
@@ -225,7 +225,7 @@ class _Asked(_WatchedRobot):
         return self._robot.goal_refusal(to)
 
 
-class _Watched:
+class _WatchedCamera:
     """A camera that shows what it gives."""
 
     def __init__(self, name: str, camera: Camera, watch: Watch) -> None:
@@ -239,7 +239,7 @@ class _Watched:
     def picture(self) -> Picture:
         """The camera's next image."""
         picture = self._camera.picture()
-        self._watch.show(self._name, picture.grey)
+        self._watch.note_image(self._name, picture.grey)
         return picture
 
     def close(self) -> None:
@@ -247,7 +247,7 @@ class _Watched:
         self._camera.close()
 
 
-class _WatchedLight(_Watched):
+class _WatchedLight(_WatchedCamera):
     """A watched camera that switches an LED."""
 
     def light(self, on: bool) -> None:

@@ -297,7 +297,7 @@ def _take_samples(
         found.append(step)
         view.note(step, len(found))
         if replan is not None:
-            view.watch.expect(replan.tolerance_m, replan.error_m)
+            view.watch.note_error(replan.tolerance_m, replan.error_m)
         if stops and any(doubt.is_lasting for doubt in step.doubts):
             break
     return found

@@ -265,7 +265,7 @@ def _open_robot(place: Place) -> Robot:
 
 
 def _address_space_bytes() -> int:
-    """Mapped address space of this process [bytes]; None if the system does not report it."""
+    """Mapped address space of this process [bytes]; 8 GiB if the system does not report it."""
     try:
         with open("/proc/self/statm", encoding="ascii") as file:
             return int(file.read().split()[0]) * resource.getpagesize()
