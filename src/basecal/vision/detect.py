@@ -46,8 +46,8 @@ def detect(
         progress: Called after every sample, and once all that show nothing were looked at again for why.
 
     Raises:
-        InputError: if an argument is of another type, a target cannot be detected as it is described, or it is not
-            known where the images are.
+        InputError: if an argument is of another type, a target cannot be detected as described, or it is not known
+            where the images are.
     """
     check_type("cell", cell, Cell)
     check_type("recording", recording, Recording)
