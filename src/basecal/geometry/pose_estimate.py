@@ -70,9 +70,7 @@ class PoseEstimate:
             InputError: if an array is given.
         """
         if isinstance(other, np.ndarray | Sequence):
-            raise InputError(
-                "expected a transform: write estimate @ SE3(np.eye(3), point), or @ SE3.from_matrix(matrix)"
-            )
+            raise InputError("expected a transform: write estimate @ SE3(np.eye(3), point), or SE3.from_matrix")
         if isinstance(other, SE3):
             other = PoseEstimate.exact(other)
         if not isinstance(other, PoseEstimate):
