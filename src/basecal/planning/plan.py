@@ -164,8 +164,8 @@ def plan_for_task(
         group_size: How many of these, one after another, are taken together, such as those of a station.
 
     Raises:
-        InputError: if a number is none that is expected, nothing is placed that the task is about, no pose is taught,
-            or a transform has no guess.
+        InputError: if an argument is not as expected, nothing is placed for the task, no pose is taught, or a transform
+            has no guess.
     """
     points_m = _checked_points(points_m, tolerance_m)
     for name, value, least in (("count", count or 0, 0), ("seed", seed, 0), ("group_size", group_size, 1)):
