@@ -184,9 +184,9 @@ class ArmProcess:
             return
         limit_rad = OFF_PLACE_RAD if start is end else OFF_WAY_RAD
         if found := joint_off_way(values, start, end, limit_rad):
-            joint, beyond_rad = found
+            joint, beyond_deg = found[0] + 1, float(f"{np.degrees(found[1]):.3g}")
             raise DriverError(
-                f"{self._name}: joint {joint + 1} is {np.degrees(beyond_rad):.3g} deg beyond its way. Look for a "
+                f"{self._name}: joint {joint} is {beyond_deg:g} deg beyond its way. Look for a "
                 f"person or a program that moves the arm, or a controller that sends wrong states"
             )
 
