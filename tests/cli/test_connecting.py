@@ -143,7 +143,7 @@ def test_a_cell_is_captured_once_at_a_time(
     folder = write(tmp_path, *drivers(stranger.port)["simulated"])
     with locked_folder(folder):
         assert main(["capture", str(folder), "--yes"]) == 3
-        assert "is being captured by another process. Wait until it ends" in capsys.readouterr().err
+        assert "is in use by another capture or driver check. Wait until it ends" in capsys.readouterr().err
         assert not stranger.came
     assert main(["capture", str(folder), "--yes"]) == 3
     assert stranger.came

@@ -26,7 +26,7 @@ def test_a_folder_is_held_by_one_process_until_it_ends(tmp_path):
     command = [sys.executable, "-c", HOLD, str(tmp_path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout.readline() == b"held\n"
-        refused = pytest.raises(InputError, match=r"is being captured by another process\. Wait until")
+        refused = pytest.raises(InputError, match=r"is in use by another capture or driver check\. Wait")
         with refused, locked_folder(tmp_path):
             pass
         process.kill()

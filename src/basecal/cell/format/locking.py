@@ -35,6 +35,8 @@ def _lock(descriptor: int, folder: Path) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise InputError(f"{folder} is being captured by another process. Wait until it ends, or stop it") from None
+        raise InputError(
+            f"{folder} is in use by another capture or driver check. Wait until it ends, or stop it"
+        ) from None
     except OSError:  # some network drives lock nothing
         return
