@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import pytest
 
+from tests.words import DOCUMENTS
+
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 STEP = re.compile(
@@ -63,19 +65,31 @@ def take(step: Step, tree: Path) -> None:
     path.write_text(text.replace(f"\n{step.line}\n", f"\n{step.line}\n{step.block}"), encoding="utf-8")
 
 
+def faults_of_words(tree: Path) -> str:
+    """What the house has against names and sentences of a tree."""
+    modes = (["sentences"], ["names", "--faults"])
+    return "".join(
+        subprocess.run(
+            [sys.executable, "-m", "tests.words", *mode], cwd=tree, capture_output=True, text=True, check=True
+        ).stdout
+        for mode in modes
+    )
+
+
 @pytest.mark.journey
 @pytest.mark.parametrize("kind", examples())
 def test_an_example_adds_its_kind(kind: str, tmp_path: Path) -> None:
     """By the files and lines that it names, and nothing else."""
     for name in ("src", "tests", "docs"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__", "data", "assets"))
-    for name in ("pyproject.toml", "README.md", "CONTRIBUTING.md", "mkdocs.yml"):
+    for name in ("pyproject.toml", "mkdocs.yml", *DOCUMENTS):
         shutil.copy(ROOT / name, tmp_path / name)
     steps = examples()[kind]
     assert steps[0].how == "New file"
     assert steps[-1].how == "Try it"
     for step in steps:
         take(step, tmp_path)
+    assert faults_of_words(tmp_path) == ""
 
 
 @pytest.mark.parametrize("kind", examples())

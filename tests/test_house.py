@@ -327,6 +327,20 @@ def test_public_things_have_docstrings() -> None:
     assert everywhere(undocumented) == {}
 
 
+def promised_nones(path: Path) -> list[str]:
+    """Functions whose docstring promises None, and whose annotation does not have it."""
+    functions = [node for node in nodes_of(parsed(path)) if isinstance(node, ast.FunctionDef) and node.returns]
+    promised = [
+        f for f in functions if re.search(r"; None (if|where)", (ast.get_docstring(f) or "").partition("\n")[0])
+    ]
+    return [f.name for f in promised if "None" not in ast.unparse(f.returns or f)]
+
+
+def test_none_is_promised_where_it_is_returned() -> None:
+    """A first line that ends with `None if` belongs to a function that can return it."""
+    assert everywhere(promised_nones) == {}
+
+
 def too_long(path: Path) -> list[str]:
     text = path.read_text(encoding="utf-8")
     functions = [node for node in nodes_of(parsed(path)) if isinstance(node, ast.FunctionDef)]

@@ -1,13 +1,19 @@
-"""What type checkers of users see of the public names."""
+"""What type checkers of users see of the public names, and what these refuse without one."""
 
 from __future__ import annotations
 
+import inspect
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+import basecal
+from basecal.errors import InputError
+from basecal.simulation.scenario import Scenario
 
 ROOT = Path(__file__).parents[1]
 USE = """
@@ -42,3 +48,41 @@ def test_use_passes_and_misuse_does_not(tmp_path: Path) -> None:
     lines = {int(line.split(":")[1]) for line in said.splitlines() if " error: " in line}
     first = USE.count("\n") + 2  # after an empty line
     assert lines == set(range(first, first + 3)), said
+
+
+NOUNS = ("Cell", "Recording", "Calibration", "Settings", "Scenario")
+TAKEN = [
+    (function, parameter.name, parameter.annotation)
+    for function in map(basecal.__getattr__, basecal.__all__)
+    if inspect.isfunction(function)
+    for parameter in inspect.signature(function).parameters.values()
+    if parameter.annotation in NOUNS
+]
+
+
+@pytest.fixture(scope="module")
+def nouns() -> dict[str, object]:
+    """One of each, by its name as an argument."""
+    made = basecal.simulate(Scenario(samples=4), 1)
+    calibration = basecal.Calibration("good")
+    return {
+        "cell": made.cell,
+        "recording": made.recording,
+        **dict.fromkeys(("calibration", "first", "second"), calibration),
+        "settings": basecal.Settings(),
+        "scenario": Scenario(),
+        "seed": 1,
+        "kind": "ur",
+    }
+
+
+@pytest.mark.parametrize(
+    ("function", "name", "kind"), [pytest.param(*each, id=f"{each[0].__name__}-{each[1]}") for each in TAKEN]
+)
+def test_a_public_function_names_an_argument_of_another_type(function, name, kind, nouns, tmp_path) -> None:
+    """The argument and both types, not an attribute that is missing somewhere below."""
+    required = [key for key, each in inspect.signature(function).parameters.items() if each.default is each.empty]
+    arrays = {"R": np.eye(3)[None].repeat(4, 0), "t": np.zeros((4, 3))}
+    arguments = {key: nouns.get(key, arrays.get(key[0], tmp_path)) for key in required} | {name: None}
+    with pytest.raises(InputError, match=f"^{name} is of type NoneType, expected {kind}$"):
+        function(**arguments)

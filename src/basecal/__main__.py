@@ -11,10 +11,24 @@ def run() -> int:
     try:
         from basecal.cli import main
 
-        return main()
+        code = main()
     except KeyboardInterrupt:
         print("basecal: error: interrupted", file=sys.stderr)
-        return 130
+        code = 130
+    _end_threads(code)
+    return code
+
+
+def _end_threads(code: int) -> None:
+    """End the process here if threads of it still run: Python would end them inside of C++ libraries, which abort."""
+    threads = sys.modules.get("threading")
+    if threads is not None and any(thread.daemon for thread in threads.enumerate()):
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            try:
+                stream.flush()
+            except OSError:  # the exit code counts
+                continue
+        os._exit(code)
 
 
 if __name__ == "__main__":

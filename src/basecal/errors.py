@@ -33,7 +33,7 @@ def sentence(clause: str, names: Iterable[str] = ()) -> str:
 
 def nearest(name: str, names: Iterable[str]) -> str:
     """A hint " (did you mean 'x'?)", or nothing if no known name is near."""
-    close = get_close_matches(name[:_LONGEST], list(islice(names, _LOOKED_AT)), n=1)
+    close = get_close_matches(str(name)[:_LONGEST], list(islice(names, _LOOKED_AT)), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 

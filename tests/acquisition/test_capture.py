@@ -136,12 +136,12 @@ def test_blurred_pictures_are_told(tmp_path, monkeypatch):
 
 
 def test_an_arm_that_does_not_arrive_is_told(tmp_path, monkeypatch):
-    """With less patience than the way takes, the arm is still moving."""
+    """With less patience than the way takes, the arm is not where it was sent."""
     monkeypatch.setattr(module, "_turn_rad", lambda start, end: 0.0)
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 1)
         (step,) = capture(Taker(rig, sketch, tmp_path, CaptureSettings(0.01, 10.0, 0.5)), plan)
-    assert step.why_not.startswith("arm still moving: ")
+    assert step.why_not.startswith("arm not where it was sent: ")
 
 
 @pytest.mark.parametrize("torn", ["", '{"sample": 7', '{"why": 3}\n'])

@@ -15,6 +15,7 @@ from basecal.acquisition.stillness import Moving, Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker, visible_targets
 from basecal.acquisition.watching import Watch
 from basecal.cell import RobotState, Sample
+from basecal.errors import DriverError
 from basecal.geometry import SE3
 from basecal.planning.sketch import sketch_cell
 from basecal.vision.image_file import grey_image, read_bytes
@@ -37,9 +38,9 @@ def test_states_images_and_goals_are_shown(tmp_path):
     """What a capture's view has: where each arm is, where it was sent, and the image of which the sample is made."""
     watch = Watch()
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
-        rig.arms.show = watch.stand
+        rig.arms.show = watch.note_state
         here = {name: robot.state().state for name, robot in rig.robots.items()}
-        by = Taker(rig, sketch_cell(world.cell), tmp_path, FAST, show=watch.show, send=watch.send)
+        by = Taker(rig, sketch_cell(world.cell), tmp_path, FAST, show=watch.note_image, send=watch.note_goal)
         sample = by.take(Sample(0, robots={"eye": here["eye"]}), [])
     glance = watch.snapshot
     assert dict(glance.goals) == {"eye": here["eye"]}
@@ -157,3 +158,42 @@ def test_a_slow_way_is_waited_for(tmp_path):
         by = Taker(rig, sketch_cell(world.cell), tmp_path, CaptureSettings(0.05, 10.0))
         assert module._send(by, Sample(0, robots=goals)) == pytest.approx(0.4)
     assert module._turn_rad(RobotState(SE3.identity()), RobotState(SE3.identity())) == np.pi
+
+
+class Frozen:
+    """A camera that gives one image for ever, each time with a newer stamp."""
+
+    is_live, is_on_demand = True, True
+
+    def __init__(self, picture):
+        self._picture = picture
+
+    def picture(self):
+        return replace(self._picture, stamp_s=time.monotonic())
+
+    def close(self):
+        pass
+
+
+def test_a_camera_that_repeats_an_image_ends_the_capture(tmp_path):
+    """The image of another sample is none of this one if an arm moved; if it did not, the sample is like that one."""
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        frozen = Rig(rig.robots, {"wrist": Frozen(rig.cameras["wrist"].picture())})
+        by = Taker(frozen, sketch_cell(world.cell), tmp_path, FAST)
+        first = by.take(Sample(0), [])
+        with pytest.raises(Unfit, match="too like sample 0"):
+            by.take(Sample(1), [first])
+        turned = RobotState(joints_rad=first.robots["eye"].joints_rad + 0.02)
+        with pytest.raises(DriverError, match=r"^wrist: its image at sample 2 repeats that of sample 0, though arms"):
+            by.take(Sample(2, robots={"eye": turned}), [first])
+    assert not (tmp_path / "recording/images/wrist/000002.png").exists()
+
+
+def test_an_image_of_another_size_ends_the_capture(tmp_path):
+    """Its camera, its size and that of `cell.yaml` are named."""
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        picture = rig.cameras["wrist"].picture()
+        halved = Rig(rig.robots, {"wrist": Frozen(replace(picture, grey=picture.grey[::2, ::2]))})
+        by = Taker(halved, sketch_cell(world.cell), tmp_path, FAST)
+        with pytest.raises(DriverError, match=r"^wrist: its image has \d+ x \d+ pixels, its camera \d+ x \d+"):
+            by.take(Sample(0), [])

@@ -51,9 +51,9 @@ def test_the_time_left_is_that_of_the_last_samples():
 def test_errors_at_the_task_are_kept_by_the_number_of_samples():
     """With the tolerance; nothing is added where nothing is known."""
     watch = Watch()
-    watch.expect(3e-4, None)
+    watch.note_error(3e-4, None)
     watch.note(step(3))
-    watch.expect(3e-4, 5e-4)
+    watch.note_error(3e-4, 5e-4)
     assert (watch.snapshot.tolerance_m, watch.snapshot.errors) == (3e-4, ((4, 5e-4),))
 
 

@@ -17,6 +17,8 @@ def test_transforms_are_found_by_name():
     estimate = PoseEstimate.exact(SE3.identity())
     calibration = Calibration("good", {"a_from_b": estimate})
     assert calibration["a_from_b"] is estimate
+    with pytest.raises(FrameNotFound, match=r"^no None.*there are: a_from_b"):
+        calibration[None]
     with pytest.raises(FrameNotFound, match=r"no 'a_from_c' .*there are: a_from_b"):
         calibration["a_from_c"]
     with pytest.raises(KeyError):

@@ -45,7 +45,7 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
         view.report("camera wrist: images arrive late")
         view.note(step(), 1)
         view.end("GOOD", "9 of 9 samples taken", "basecal calibrate mycell")
-    assert of.arms.show == view.watch.stand
+    assert of.arms.show == view.watch.note_state
     assert view.watch.snapshot.end.word == "GOOD"
     return stream.getvalue()
 

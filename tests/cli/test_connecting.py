@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from basecal.cell.format.locking import locked_folder
 from basecal.cli import main, terminal
 
 CELL = """schema: basecal/cell/1
@@ -133,3 +134,16 @@ def test_what_stays_in_the_cell_is_not_asked(tmp_path: Path, capsys: pytest.Capt
     folder = write(tmp_path, {"kind": "typed"}, {"kind": "folder", "path": "pictures"})
     main(["capture", str(folder)])
     assert "connects to" not in capsys.readouterr().err
+
+
+def test_a_cell_is_captured_once_at_a_time(
+    tmp_path: Path, stranger: Stranger, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A second capture reaches nothing, and is told that another one runs; a free cell is reached."""
+    folder = write(tmp_path, *drivers(stranger.port)["simulated"])
+    with locked_folder(folder):
+        assert main(["capture", str(folder), "--yes"]) == 3
+        assert "is in use by another capture or driver check. Wait until it ends" in capsys.readouterr().err
+        assert not stranger.came
+    assert main(["capture", str(folder), "--yes"]) == 3
+    assert stranger.came

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from basecal.cell.format.locking import locked_folder
 from basecal.cli import main
 from basecal.simulation.running.clock import Clock
 from shared import running_cell
@@ -81,3 +82,10 @@ def test_what_it_refuses(tmp_path, capsys, words, code, message):
     else:
         assert main(["driver", "check", *words]) == code
     assert message in capsys.readouterr().err
+
+
+def test_a_cell_that_is_captured_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing of it is opened while another process holds its folder."""
+    with running(tmp_path), locked_folder(tmp_path):
+        assert main(["driver", "check", str(tmp_path), "eye", "--go"]) == 3
+    assert "is in use by another capture or driver check" in capsys.readouterr().err

@@ -54,6 +54,7 @@ def test_an_interrupt_is_one_line(
     assert main(["calibrate", str(tmp_path)]) == 130
     assert capsys.readouterr().err == "basecal: error: interrupted\n"
     monkeypatch.delitem(sys.modules, "basecal.cli")
+    monkeypatch.setattr("os._exit", lambda code: None)  # pytest has threads of its own
     monkeypatch.setattr("builtins.__import__", interrupted)
     assert run() == 130
     monkeypatch.undo()
@@ -64,6 +65,36 @@ def _cpu_s(pid: int) -> float:
     """Time of a process on the processors [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+_THREAD_IN_A_LIBRARY = """
+import sys, threading, time
+import cv2, numpy as np
+import basecal.cli
+from basecal.__main__ import run
+
+noise = np.random.default_rng(0).integers(0, 255, (1500, 2000), dtype=np.uint8)
+png = cv2.imencode(".png", noise)[1]
+
+def decode():
+    while True:
+        cv2.imdecode(png, 0)
+
+def main():
+    threading.Thread(target=decode, daemon=True).start()
+    time.sleep(0.3)
+    print("answer")
+    return 3
+
+basecal.cli.main = main
+sys.exit(run())
+"""
+
+
+def test_a_thread_within_a_library_leaves_the_exit_code() -> None:
+    """A camera's thread decodes an image as the program ends: its answer and exit code are still those of the verb."""
+    found = subprocess.run([sys.executable, "-c", _THREAD_IN_A_LIBRARY], capture_output=True, text=True, timeout=60)
+    assert (found.returncode, found.stdout, found.stderr) == (3, "answer\n", "")
 
 
 def test_an_interrupted_process(tmp_path: Path) -> None:

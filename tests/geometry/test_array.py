@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import InputError
-from basecal.geometry.array import read_only, read_only_ids, to_back, to_front
+from basecal.geometry.array import read_only, read_only_ids, to_back, to_front, with_last_axis
 
 
 def test_copies_are_read_only_and_apart():
@@ -60,6 +60,15 @@ def test_first_axes_to_the_back_keep_their_order():
     np.testing.assert_array_equal(to_back(array), np.moveaxis(array, 0, -1))
     np.testing.assert_array_equal(to_back(array, 2), np.moveaxis(array, (0, 1), (-2, -1)))
     assert np.shares_memory(to_back(array), array)
+
+
+def test_values_of_the_right_type_are_not_copied():
+    """Only others are; the last axis counts alone."""
+    array = np.zeros((2, 0, 3))
+    assert with_last_axis(array, 3, "points") is array
+    assert with_last_axis([1, 2, 3], 3, "points").dtype == np.float64
+    with pytest.raises(InputError, match=r"^points has shape \(\), expected \(..., 3\)$"):
+        with_last_axis(1.0, 3, "points")
 
 
 def test_what_is_no_number_is_refused():

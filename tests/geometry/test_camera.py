@@ -315,6 +315,8 @@ def test_wrong_last_axis_is_refused(camera):
         (camera.project_with_derivatives, np.zeros((5, 4))),
         (camera.sees, np.float64(1.0)),
         (camera.undistort, np.zeros((5, 3))),
+        (camera.project, "x"),
+        (camera.undistort, [[1.0, 2.0], [3.0]]),
     ):
         with pytest.raises(InputError, match="expected"):
             call(values)

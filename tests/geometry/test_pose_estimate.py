@@ -109,6 +109,18 @@ def test_known_transforms_compose_with_estimates(rng):
     for found, expected in ((known @ a, PoseEstimate.exact(known) @ a), (a @ known, a @ PoseEstimate.exact(known))):
         np.testing.assert_array_equal(found.covariance, expected.covariance)
         np.testing.assert_array_equal(found.mean.matrix, expected.mean.matrix)
-    for pair in ((a, None), (np.eye(4), a), (a, np.eye(4))):
+    for pair in ((a, None), (np.eye(4), a)):
         with pytest.raises(TypeError, match="operand"):
             pair[0] @ pair[1]
+
+
+def test_an_array_is_refused_with_what_to_write():
+    """An estimate carries a pose to a pose; a tool's point is one without a turn."""
+    estimate = PoseEstimate(SE3.from_rotvec([0, 0, 0.3], [1, 0, 0]), 1e-6 * np.eye(6))
+    point = np.array([0.0, 0.0, 0.2])
+    for given in (point, [0.0, 0.0, 0.2], np.eye(4)):
+        with pytest.raises(InputError, match=r"write estimate @ SE3\(np\.eye\(3\), point\)"):
+            estimate @ given
+    at_point = estimate @ SE3(np.eye(3), point)
+    np.testing.assert_allclose(at_point.mean.translation, estimate.mean @ point)
+    np.testing.assert_allclose(at_point.covariance[0, 0], 1e-6 * (1 + 0.2**2))

@@ -322,3 +322,18 @@ def test_one_line_names_a_transform():
     """Translation and rotation vector of one, the number of many."""
     assert repr(SE3.exp([1, 2, 3, 0, 0, 0])) == "SE3(t = [1, 2, 3] m, rotvec = [0, 0, 0] rad)"
     assert repr(SE3.identity((2, 5))) == "SE3(2 x 5 transforms)"
+
+
+def test_what_is_no_tangent_or_transform_is_refused():
+    """In one line that says what was expected, for `exp`, `stack` and `Camera.project` as for all others."""
+    for values, message in (
+        ("x", r"^xi is no array of numbers, expected \(\.\.\., 6\)$"),
+        ([[1, 2], [3]], "^xi is no array"),
+        (np.zeros(5), r"^xi has shape \(5,\), expected"),
+    ):
+        with pytest.raises(InputError, match=message):
+            SE3.exp(values)
+    with pytest.raises(InputError, match=r"^each of the transforms is of type int, expected SE3$"):
+        SE3.stack([SE3.identity(), 1])
+    with pytest.raises(InputError, match=r"^transforms have the shapes \(\), \(2,\), expected equal ones$"):
+        SE3.stack([SE3.identity(), SE3.identity((2,))])

@@ -73,6 +73,27 @@ def test_a_plan_needs_a_taught_pose(cell):
         plan_for_task(described, Recording(()), calibration, point, tolerance_m=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"points_m": np.zeros((2, 2))}, r"^points_m has shape \(2, 2\), expected"),
+        ({"points_m": np.zeros(3)}, r"^points_m has shape \(3,\), expected finite \(n, 3\)$"),
+        ({"points_m": np.full((1, 3), np.nan)}, "expected finite"),
+        ({"tolerance_m": np.nan}, r"^tolerance_m is nan, expected a length above zero \[m\]$"),
+        ({"tolerance_m": -1e-3}, "above zero"),
+        ({"count": 2.5}, r"^count is 2\.5, expected a whole number >= 0$"),
+        ({"seed": -1}, "^seed is -1"),
+        ({"group_size": 0}, "^group_size is 0"),
+        ({"offers": []}, "^offers is empty"),
+    ],
+)
+def test_what_is_no_task_is_refused(cell, options, message):
+    """A NaN or a negative tolerance plans nothing that looks like a plan."""
+    described, recording, _, calibration, point = cell
+    with pytest.raises(InputError, match=message):
+        plan_for_task(described, recording, calibration, **{"points_m": point, "count": 2, **options})
+
+
 @pytest.mark.slow
 def test_three_robots_are_planned_together():
     """Robots in a chain, of which none has seen another yet: both pairs are planned, and both bases are known then."""

@@ -33,11 +33,11 @@ def captured(cell: Cell) -> Watch:
     for k in range(3):
         turned = {"eye": np.full(3, 0.4), "hand": np.array([0.4, 0.1, 0.4])}
         watch.note(Step(k, "", 5 + k, 25, Coverage(cells, turned), (1e-3 / (k + 1), 1e-3)))
-    watch.show(next(iter(cell.cameras)), render(LENS, BOARD, SE3(np.eye(3), np.array([-0.1, -0.14, 0.6]))))
+    watch.note_image(next(iter(cell.cameras)), render(LENS, BOARD, SE3(np.eye(3), np.array([-0.1, -0.14, 0.6]))))
     for robot, joints in facing_arms().home.items():
-        watch.stand(robot, RobotState(joints_rad=joints))
-    watch.send("hand", RobotState(joints_rad=facing_arms().home["hand"] + 0.1))
+        watch.note_state(robot, RobotState(joints_rad=joints))
+    watch.note_goal("hand", RobotState(joints_rad=facing_arms().home["hand"] + 0.1))
     watch.note(Step(3, "target not seen by wrist", 7, 25, Coverage(cells, turned), None))
-    watch.expect(5e-4, 8e-4)
+    watch.note_error(5e-4, 8e-4)
     watch.notify("sample 4: arms move")
     return watch

@@ -37,6 +37,14 @@ def test_distances_increase(distances):
     assert Scenario(distance_m=(0.5, 0.5)).distance_m == (0.5, 0.5)
 
 
+@pytest.mark.parametrize("pair", [1e-3, (1e-3,), "x"])
+@pytest.mark.parametrize("name", ["robot_noise", "pose_noise", "link_error", "distance_m"])
+def test_pairs_have_two_numbers(name, pair):
+    """Of translation and rotation, or of a range."""
+    with pytest.raises(InputError, match=rf"^{name} is .*, expected two numbers$"):
+        Scenario(**{name: pair})
+
+
 @pytest.mark.parametrize("value", [-1e-9, float("nan")])
 @pytest.mark.parametrize(
     "name",

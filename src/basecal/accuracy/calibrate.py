@@ -31,14 +31,14 @@ class Stage(NamedTuple):
 
 
 READING_STAGES = (
-    Stage(None, reading.place_task),
+    Stage(None, reading.check_task),
     Stage(None, reading.calibrate_from_scene),
     Stage("clocks", reading.estimate_clocks),
     Stage("start", reading.measure_units),
     Stage("problem", reading.screen_units),
     Stage("problem", reading.pack_problem),
     Stage("problem", reading.check_input),
-    Stage(None, reading.shift_axes),
+    Stage(None, reading.calibrate_by_shifts),
 )
 SOLVING_STAGES = (
     Stage(None, solving.solve_all),

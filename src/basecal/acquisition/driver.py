@@ -111,7 +111,7 @@ class Moves(Protocol):
     """The methods of a robot that can be sent somewhere."""
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
-        """Begin to go there; at once, without waiting for the end.
+        """Begin to go there, each joint straight to its goal; at once, without waiting for the end.
 
         Args:
             to: Joints, or a pose of the flange, in the kind that `state` gives.

@@ -37,6 +37,6 @@ def _all_options(place: Place) -> str:
 
 
 def external_path(folder: Path, path: Path, noun: str) -> str:
-    """The place that a driver reaches by a path; None if it stays inside a folder, also by its links."""
+    """The place that a driver reaches by a path; empty if it stays inside a folder, also by its links."""
     is_inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
     return "" if is_inside else f"the {noun} {path}"

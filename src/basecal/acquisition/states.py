@@ -23,3 +23,21 @@ def state_vector(state: RobotState) -> Array:
 def has_arrived(state: RobotState, goal: RobotState) -> bool:
     """Whether an arm is where it was sent."""
     return bool(np.abs(state_vector(state) - state_vector(goal)).max() < ARRIVED_RAD_M)
+
+
+OFF_WAY_RAD = 0.05
+"""By which a joint may leave the range between start and goal: more than overshoot, play and noise of any arm."""
+
+
+OFF_PLACE_RAD = 0.01
+"""By which a joint may leave the place where it arrived: more than noise and settling, less than a push."""
+
+
+def joint_off_way(joints_rad: Array, start_rad: Array, goal_rad: Array, limit_rad: float) -> tuple[int, float] | None:
+    """The joint that is farthest outside of the range between its start and its goal, and by how much [rad].
+
+    None if each joint is within that range, to a limit. All arrays are (joints,).
+    """
+    beyond = np.maximum(np.minimum(start_rad, goal_rad) - joints_rad, joints_rad - np.maximum(start_rad, goal_rad))
+    worst = int(np.argmax(beyond))
+    return (worst, float(beyond[worst])) if beyond[worst] > limit_rad else None

@@ -58,7 +58,7 @@ def wait_for_arms(
         note: Takes account of each state.
 
     Raises:
-        Moving: if one is still moving then.
+        Moving: if one is still moving then, or stands elsewhere.
     """
     latest: dict[str, deque[Reading]] = {name: deque(maxlen=_WINDOW_STATES) for name in robots}
     waited = Patience(patience_s)
@@ -72,7 +72,9 @@ def wait_for_arms(
         if not moving:
             return {name: _mean(readings) for name, readings in latest.items()}
         if waited.is_over(latest[live[0]][-1].stamp_s):
-            raise Moving(f"arm still moving: {', '.join(moving)}{waited.cause}")
+            stuck = [name for name in moving if _is_still(latest[name], None)]
+            what = "arm not where it was sent" if stuck else "arm still moving"
+            raise Moving(f"{what}: {', '.join(stuck or moving)}{waited.cause}")
 
 
 def _checked_state(name: str, robot: Robot) -> Reading:

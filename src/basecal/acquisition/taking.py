@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
-from basecal.acquisition.coverage import Coverage, find_equal_sample, measure_coverage, turned_angles
+from basecal.acquisition.coverage import Coverage, find_equal_sample, is_same_place, measure_coverage, turned_angles
 from basecal.acquisition.driver import Grey, Moves, Picture, Switches
 from basecal.acquisition.pictures.scene_pictures import ScenePictures
 from basecal.acquisition.pictures.sharpness import Sharpness
@@ -17,12 +18,13 @@ from basecal.acquisition.rig import Rig, goal_checks, movers
 from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture, wait_for_picture_after
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, RobotState, Sample, Target
 from basecal.cell.format.writing import write_atomically
+from basecal.errors import DriverError
 from basecal.planning.plan_check import SpeedLimits, check_plan
 from basecal.planning.sketch import Sketch
 from basecal.vision.detect import detect
 from basecal.vision.detectors import LIGHT
 from basecal.vision.edge_width import edge_width
-from basecal.vision.image_file import png_bytes
+from basecal.vision.image_file import png_bytes, size_fault
 
 Notify = Callable[[str], None]
 """Receives what is done now, in words."""
@@ -70,6 +72,7 @@ class Taker:
         send: Receives where a robot is sent, with its name.
         sharpness: Of the views so far.
         scene: Images of the scene so far; None where targets are seen.
+        digests: Number of the sample that each image so far was taken at, by camera and digest of its pixels.
     """
 
     rig: Rig
@@ -82,6 +85,7 @@ class Taker:
     send: Callable[[str, RobotState], None] = lambda robot, goal: None
     sharpness: Sharpness = field(default_factory=Sharpness)
     scene: ScenePictures | None = None
+    digests: dict[tuple[str, bytes], int] = field(default_factory=dict)
 
     def coverage(self, samples: Sequence[Sample]) -> Coverage:
         """The coverage of samples."""
@@ -156,15 +160,17 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
     after = wait_for_arms(live, {name: before[name].state for name in live}, settings.patience_s) if live else {}
     states = {name: reading.state for name, reading in {**before, **after}.items()}
     stamp_s = next(iter(shots.values())).stamp_s
+    here = Sample(target_sample.sample, stamp_s, states)
+    _check_repeats(taker, here, shots, samples)
     if taker.scene is not None:
         taker.notify(f"sample {target_sample.sample}: looking at the scene")
-        here = Sample(target_sample.sample, stamp_s, states)
         new = {name: shots[name] for name in taker.scene.moved_cameras(shots, sketch, here, samples)}
         sample = replace(here, images=_write_shots(folder, target_sample.sample, new)[0])
         taker.scene.check(sample)
         return sample
     taker.notify(f"sample {target_sample.sample}: looking for the target")
-    sample = Sample(target_sample.sample, stamp_s, states, (), *_write_shots(folder, target_sample.sample, shots))
+    images, background = _write_shots(folder, target_sample.sample, shots)
+    sample = replace(here, images=images, background=background)
     like = find_equal_sample(sketch, sample, samples)
     if like is not None:
         raise Unfit(f"too like sample {like}")
@@ -196,6 +202,9 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
             taker.report(picture.note)
 
     picture = wait_for_picture(camera, targets, patience_s, rested_s, show)
+    height, width = picture.grey.shape
+    if fault := size_fault((width, height), taker.sketch.cell.cameras[name].size_px):
+        raise DriverError(f"{name}: {picture.source or 'its image'} {fault}")
     if not (isinstance(camera, Switches) and any(target.found_by == LIGHT for target in targets)):
         return _Shot(picture.stamp_s, picture.grey, None)
     camera.light(False)
@@ -204,6 +213,34 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
     finally:
         camera.light(True)
     return _Shot(picture.stamp_s, picture.grey, background)
+
+
+def _check_repeats(taker: Taker, here: Sample, shots: Mapping[str, _Shot], samples: Sequence[Sample]) -> None:
+    """Check that no camera gives the image of another sample once more.
+
+    Raises:
+        DriverError: if one does, though it moved or all that it looks at.
+    """
+    others = {other.sample: other for other in samples}
+    for name, shot in shots.items():
+        key = (name, sha256(shot.grey.tobytes()).digest())
+        other = others.get(taker.digests.get(key, -1))
+        if other is None:
+            taker.digests[key] = here.sample
+        elif _is_new_view(taker.sketch, name, here, other):
+            raise DriverError(
+                f"{name}: its image at sample {here.sample} repeats that of sample {other.sample}, though arms moved. "
+                f"Restart the camera, or the program that saves its images"
+            )
+
+
+def _is_new_view(sketch: Sketch, camera: str, first: Sample, second: Sample) -> bool:
+    """Whether a camera, or each target before it, was carried to another place between two samples."""
+    shared = first.robots.keys() & second.robots.keys()
+    moved = {robot for robot in shared if not is_same_place(sketch, robot, first, second)}
+    on = sketch.cell.cameras[camera].on
+    carriers = {target.on for target in sketch.cell.targets.values() if target.on != on}
+    return on in moved or (bool(carriers) and carriers <= moved)
 
 
 def visible_targets(cell: Cell, camera: str) -> list[Target]:

@@ -14,7 +14,7 @@ from basecal.acquisition.capture import Step
 from basecal.acquisition.driver import Grey
 from basecal.cell import RobotState
 
-_LINE_COUNT = 8  # of what has become of samples
+_LINE_COUNT = 8  # of what has become of samples, that are shown
 _RECENT_STEPS = 6  # by whose duration it is estimated how long the others take
 
 
@@ -90,25 +90,25 @@ class Watch:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._lock = threading.Lock()
-        self._glance = Snapshot()
+        self._snapshot = Snapshot()
         self._clock = clock
 
     @property
     def snapshot(self) -> Snapshot:
         """The capture as it is now."""
         with self._lock:
-            return self._glance
+            return self._snapshot
 
     def notify(self, words: str) -> None:
         """Note what is done now."""
         with self._lock:
-            self._glance = replace(self._glance, doing=words)
+            self._snapshot = replace(self._snapshot, doing=words)
 
     def note(self, step: Step) -> None:
         """Note what has become of a sample."""
         line = f"sample {step.sample}: {'not taken: ' + step.why_not if step.why_not else 'taken'}"
         with self._lock:
-            before = self._glance
+            before = self._snapshot
             sigmas = before.sigmas
             if step.sigma is not None and not step.why_not:
                 sigmas = (*sigmas, Sigma(step.taken, *step.sigma))
@@ -116,43 +116,43 @@ class Watch:
             doubts = (*before.doubts, *(doubt.message for doubt in step.doubts if doubt.is_lasting))
             failures = (*before.failures, (step.sample, step.why_not)) if step.why_not else before.failures
             times_s = (*before.times_s, self._clock())
-            self._glance = replace(
+            self._snapshot = replace(
                 before, step=step, sigmas=sigmas, said=said, doubts=doubts, failures=failures, times_s=times_s
             )
 
-    def expect(self, tolerance_m: float, error_m: float | None) -> None:
+    def note_error(self, tolerance_m: float, error_m: float | None) -> None:
         """Note the tolerance at the task, and the error that is expected there with the samples so far."""
         with self._lock:
-            before = self._glance
+            before = self._snapshot
             taken = 0 if before.step is None else before.step.taken
             errors = before.errors if error_m is None else (*before.errors, (taken, error_m))
-            self._glance = replace(before, tolerance_m=tolerance_m, errors=errors)
+            self._snapshot = replace(before, tolerance_m=tolerance_m, errors=errors)
 
     def report(self, words: str) -> None:
         """Note what a person should know."""
         with self._lock:
-            self._glance = replace(self._glance, said=(*self._glance.said, words)[-_LINE_COUNT:])
+            self._snapshot = replace(self._snapshot, said=(*self._snapshot.said, words)[-_LINE_COUNT:])
 
-    def show(self, camera: str, grey: Grey) -> None:
+    def note_image(self, camera: str, grey: Grey) -> None:
         """Note an image."""
         self._keep("pictures", camera, grey)
 
-    def stand(self, robot: str, state: RobotState) -> None:
+    def note_state(self, robot: str, state: RobotState) -> None:
         """Note where a robot is."""
         self._keep("states", robot, state)
 
-    def send(self, robot: str, goal: RobotState) -> None:
+    def note_goal(self, robot: str, goal: RobotState) -> None:
         """Note where a robot is sent."""
         self._keep("goals", robot, goal)
 
     def _keep(self, kind: Literal["pictures", "states", "goals"], name: str, value: object) -> None:
         """Note the last value of a camera or robot."""
         with self._lock:
-            kept = {**dict(getattr(self._glance, kind)), name: value}
+            kept = {**dict(getattr(self._snapshot, kind)), name: value}
             changes: dict[str, Any] = {kind: tuple(kept.items())}
-            self._glance = replace(self._glance, **changes)
+            self._snapshot = replace(self._snapshot, **changes)
 
     def end(self, end: End) -> None:
         """Note how it ended; the first end counts."""
         with self._lock:
-            self._glance = replace(self._glance, end=self._glance.end or end)
+            self._snapshot = replace(self._snapshot, end=self._snapshot.end or end)

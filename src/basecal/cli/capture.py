@@ -291,7 +291,7 @@ def _take_samples(
         found.append(step)
         view.note(step, len(found))
         if replan is not None:
-            view.watch.expect(replan.tolerance_m, replan.error_m)
+            view.watch.note_error(replan.tolerance_m, replan.error_m)
         if stops and any(doubt.is_lasting for doubt in step.doubts):
             break
     return found
@@ -316,7 +316,7 @@ def _taker(
     taker = Taker(rig, sketch, folder, settings, scene=scene)
     if view is None:
         return taker
-    return replace(taker, notify=view.notify, report=view.report, show=view.watch.show, send=view.watch.send)
+    return replace(taker, notify=view.notify, report=view.report, show=view.watch.note_image, send=view.watch.note_goal)
 
 
 def _finish_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:

@@ -78,7 +78,7 @@ def capture_view(rig: Rig, cell: Cell, folder: Path, web: bool, port: int, quiet
     from basecal.acquisition.watching import End, Watch
 
     watch = Watch()
-    rig.arms.show = watch.stand
+    rig.arms.show = watch.note_state
     with ExitStack() as shown:
         if web:
             from basecal.reporting.live.page import serve_page

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from getpass import getpass
 from pathlib import Path
@@ -40,17 +40,21 @@ ASKING = Connecting()
 """What holds if nothing is said on the command line."""
 
 
-def allowed_rig(cell: Cell, folder: Path, connecting: Connecting) -> AbstractContextManager[Rig]:
-    """The rig of a cell, after it was requested; see `open_rig`.
+@contextmanager
+def allowed_rig(cell: Cell, folder: Path, connecting: Connecting) -> Iterator[Rig]:
+    """The rig of a cell, after it was requested; see `open_rig`. No other process opens it meanwhile.
 
     Raises:
+        InputError: if another process captures the cell.
         DatasetError: if a driver is not known, or an option is wrong.
         UsageError: if nobody allows what it reaches, or a password is missing.
     """
     from basecal.acquisition.rig import open_rig
+    from basecal.cell.format.locking import locked_folder
 
     allow_drivers(cell, folder, connecting)
-    return open_rig(cell, folder, connecting.allow_plaintext)
+    with locked_folder(folder), open_rig(cell, folder, connecting.allow_plaintext) as rig:
+        yield rig
 
 
 def allow_drivers(cell: Cell, folder: Path, connecting: Connecting, name: str | None = None) -> None:

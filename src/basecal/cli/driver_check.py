@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -55,6 +56,7 @@ def driver_check(
         json: Print the measurements as JSON.
     """
     from basecal.acquisition.driver_check.check_process import DriverCheck, check_place, measured_promises
+    from basecal.cell.format.locking import locked_folder
 
     options = dict(_option(each) for each in option or [])
     check = DriverCheck(device, name, options, camera, go, cut, connecting.allow_plaintext)
@@ -63,7 +65,8 @@ def driver_check(
         if option or camera:
             raise UsageError("--option and --camera go with the name of a driver; the cell states its own options")
         allow_drivers(place.cell, Path(device), connecting, name)
-    promises = [_print(each, quiet=json) for each in measured_promises(check)]
+    with locked_folder(Path(device)) if check.is_in_cell else nullcontext():
+        promises = [_print(each, quiet=json) for each in measured_promises(check)]
     measured = [each for each in promises if not isinstance(each, str)]
     if json:
         print_json({"name": place.name, "promises": [vars(each) for each in measured]})

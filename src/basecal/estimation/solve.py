@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.cell import Cell, Finding, Recording
-from basecal.errors import InputError
+from basecal.errors import InputError, check_type
 from basecal.estimation.axis_shift.stations import find_stations, fuse_bases
 from basecal.estimation.joint_state import joint_state
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
@@ -108,8 +108,11 @@ def solve(cell: Cell, recording: Recording, settings: Settings = STATED) -> Solu
 
     Raises:
         NotObservable: if nothing was seen that could be solved for.
-        InputError: if the cell contradicts the recording.
+        InputError: if an argument is of another type, or the cell contradicts the recording.
     """
+    check_type("cell", cell, Cell)
+    check_type("recording", recording, Recording)
+    check_type("settings", settings, Settings)
     problem, findings = build_problem(cell, synchronous(cell, recording))
     return solve_problem(problem, cell, settings, tuple(findings))
 

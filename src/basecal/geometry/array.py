@@ -38,6 +38,21 @@ def read_only(values: ArrayLike, shape: tuple[int | None, ...] | None = None, na
     return array
 
 
+def with_last_axis(values: ArrayLike, length: int, name: str) -> Array:
+    """Values as float64, (..., length); they are copied only if they are of another type.
+
+    Raises:
+        InputError: if they are no numbers, or the last axis is of another length.
+    """
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of numbers, expected (..., {length})") from None
+    if array.shape[-1:] != (length,):
+        raise InputError(f"{name} has shape {array.shape}, expected (..., {length})")
+    return array
+
+
 def _shape_clause(shape: tuple[int | None, ...] | None) -> str:
     return "" if shape is None else f", expected (..., {', '.join(map(str, shape))})"
 

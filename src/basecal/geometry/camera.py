@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basecal.errors import InputError
-from basecal.geometry.array import Array, read_only, to_back, to_front
+from basecal.geometry.array import Array, read_only, to_back, to_front, with_last_axis
 from basecal.geometry.lens import BoolArray, Lens, Number, Projection
 from basecal.geometry.lenses.registry import find_lens, term_counts
 
@@ -84,7 +84,7 @@ class Camera:
         Raises:
             InputError: as the class itself.
         """
-        return Camera(self.model, np.asarray(parameters, dtype=np.float64), self.size_px)
+        return Camera(self.model, read_only(parameters, name="parameters"), self.size_px)
 
     def project(self, points_in_camera: Array) -> Array:
         """Pixels of points.
@@ -101,7 +101,7 @@ class Camera:
 
         Source: geometry/lenses; docs/mathematics.md (2.3)-(2.6).
         """
-        points = _last_axis(points_in_camera, 3, "points_in_camera")
+        points = with_last_axis(points_in_camera, 3, "points_in_camera")
         with np.errstate(all="ignore"):
             beside = _broadcast_parameters(self.parameters, points)
             return _pixels(*self._lens.project(points, beside[4:]), beside)
@@ -135,7 +135,7 @@ class Camera:
         Raises:
             InputError: if the last axis is not 3.
         """
-        points = _last_axis(points_in_camera, 3, "points_in_camera")
+        points = with_last_axis(points_in_camera, 3, "points_in_camera")
         beside = _broadcast_parameters(self.parameters, points)
         with np.errstate(all="ignore"):
             image = self._lens.project_with_derivatives(points, (beside[0], beside[1]), beside[4:], terms)
@@ -154,7 +154,7 @@ class Camera:
         Raises:
             InputError: if the last axis is not 2.
         """
-        plane = (_last_axis(pixels, 2, "pixels") - self.center) / self.focal
+        plane = (with_last_axis(pixels, 2, "pixels") - self.center) / self.focal
         with np.errstate(all="ignore"):
             rays, valid = self._lens.unproject(plane[..., 0], plane[..., 1], self.distortion.tolist())
             unit = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
@@ -166,7 +166,7 @@ class Camera:
         Raises:
             InputError: if the last axis is not 3.
         """
-        points = _last_axis(points_in_camera, 3, "points_in_camera")
+        points = with_last_axis(points_in_camera, 3, "points_in_camera")
         with np.errstate(all="ignore"):
             seen = self._lens.domain_mask(points, self.distortion.tolist())
         if self.size_px is None:
@@ -201,10 +201,3 @@ def _parameter_derivative(u: Array, v: Array, d_terms: Array) -> Array:
         out[..., row, 2 + row], out[..., row, 3 - row] = 1.0, 0.0
     out[..., 4:] = d_terms
     return out
-
-
-def _last_axis(values: Array, length: int, name: str) -> Array:
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape[-1:] != (length,):
-        raise InputError(f"{name} has shape {array.shape}, expected (..., {length})")
-    return array

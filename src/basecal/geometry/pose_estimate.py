@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -63,7 +64,13 @@ class PoseEstimate:
         return PoseEstimate(self.mean.inverse(), ad @ self.covariance @ ad.T)
 
     def __matmul__(self, other: PoseEstimate | SE3) -> PoseEstimate:
-        """`a_from_c` of `a_from_b` and an independent or exact `b_from_c`."""
+        """`a_from_c` of `a_from_b` and an independent or exact `b_from_c`; of a point, give `SE3(np.eye(3), point)`.
+
+        Raises:
+            InputError: if an array is given.
+        """
+        if isinstance(other, np.ndarray | Sequence):
+            raise InputError("expected a transform: write estimate @ SE3(np.eye(3), point), or SE3.from_matrix")
         if isinstance(other, SE3):
             other = PoseEstimate.exact(other)
         if not isinstance(other, PoseEstimate):

@@ -14,8 +14,8 @@ from typing import Any, ClassVar, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from basecal.errors import InputError
-from basecal.geometry.array import Array, read_only
+from basecal.errors import InputError, check_type
+from basecal.geometry.array import Array, read_only, with_last_axis
 from basecal.geometry.rotation import (
     ROTATION_TOLERANCE,
     check_rotation,
@@ -158,9 +158,7 @@ class SE3:
     @classmethod
     def exp(cls, xi: ArrayLike) -> SE3:
         """Make poses from tangents, (..., 6) [m, rad]."""
-        x = np.asarray(xi, dtype=np.float64)
-        if x.shape[-1:] != (6,):
-            raise InputError(f"xi has shape {x.shape}, expected (..., 6)")
+        x = with_last_axis(xi, 6, "xi")
         v, w = x[..., :3], x[..., 3:]
         a, b, c = exp_coefficients(lengths(w))[..., None, None]
         cross, column = cross_matrix(w), x[..., :3, None]
@@ -174,10 +172,19 @@ class SE3:
         return cls.adopt(with_identity(square, np.ones(square.shape[:-2])), translation)
 
     @classmethod
-    def stack(cls, transforms: list[SE3]) -> SE3:
-        """A batch from single transforms, along a new first axis."""
-        if not transforms:
+    def stack(cls, transforms: Sequence[SE3]) -> SE3:
+        """A batch from transforms of equal shapes, along a new first axis.
+
+        Raises:
+            InputError: if one is no transform, or their shapes differ.
+        """
+        if not len(transforms):
             return cls.identity((0,))
+        for transform in transforms:
+            check_type("each of the transforms", transform, SE3)
+        if len({transform.shape for transform in transforms}) > 1:
+            shapes = ", ".join(str(transform.shape) for transform in transforms[:4])
+            raise InputError(f"transforms have the shapes {shapes}, expected equal ones")
         return cls.adopt(np.stack([t.rotation for t in transforms]), np.stack([t.translation for t in transforms]))
 
     def log(self) -> Array:

@@ -350,7 +350,7 @@ def _collisions(
 def _carrying_joint(
     link: str, turning: Mapping[str, int], parents: Mapping[str, _Joint], carriers: dict[str, _Carrier]
 ) -> _Carrier:
-    """The turning joint that carries a link, and the link in its frame; None if none does.
+    """The turning joint that carries a link, and the link in its frame; no joint if none does.
 
     `carriers` holds those of links that are known, so that each joint of a tree is gone through once.
     """

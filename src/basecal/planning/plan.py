@@ -8,6 +8,7 @@ from functools import cached_property
 from itertools import islice
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from basecal.accuracy.task.budget import budget
 from basecal.accuracy.task.expected_error import pooled_quantile
@@ -15,10 +16,11 @@ from basecal.accuracy.task.meeting import Meeting, make_meeting, meeting_places,
 from basecal.accuracy.task.task import base_transforms, place_kind, task_places
 from basecal.cell import BudgetEntry, Calibration, Cell, MeetingError, Recording, RobotState, Sample, TouchObservation
 from basecal.cell.work_error import PlaceKind
-from basecal.errors import InputError
+from basecal.errors import InputError, check_integer
 from basecal.estimation.solve import Solution
 from basecal.estimation.streams.streams import synchronous
 from basecal.geometry import Array
+from basecal.geometry.array import read_only
 from basecal.numerics.threads import limit_threads
 from basecal.planning.candidates import candidates
 from basecal.planning.choose import choose_fewest, exchange, greedy
@@ -141,7 +143,7 @@ def plan_for_task(
     cell: Cell,
     recording: Recording,
     calibration: Calibration | None,
-    points_m: Array,
+    points_m: ArrayLike,
     tolerance_m: float | None = None,
     count: int | None = None,
     seed: int = 0,
@@ -162,10 +164,16 @@ def plan_for_task(
         group_size: How many of these, one after another, are taken together, such as those of a station.
 
     Raises:
-        InputError: if nothing is placed that the task is about, no pose is taught, or a transform has no guess.
+        InputError: if an argument is not as expected, nothing is placed for the task, no pose is taught, or a transform
+            has no guess.
     """
+    points_m = _checked_points(points_m, tolerance_m)
+    for name, value, least in (("count", count or 0, 0), ("seed", seed, 0), ("group_size", group_size, 1)):
+        check_integer(name, value, least)
     base_transforms(cell)
     known, recording = sketches(cell, calibration), synchronous(cell, recording, calibration)
+    if offers is not None and not offers:
+        raise InputError("offers is empty, expected what there is to choose from, or None")
     offered = draw_offers(known, recording, CANDIDATES, seed) if offers is None else offers
     prospect = prospects(cell, recording, calibration, offered)
     roots = prospect.roots if group_size == 1 else prospect.group_roots(group_size)
@@ -187,6 +195,20 @@ def plan_for_task(
         steps=_steps(goal, prospect.covariance, roots[chosen], group_size),
         place=place_kind(points_m),
     )
+
+
+def _checked_points(points_m: ArrayLike, tolerance_m: float | None) -> Array:
+    """The points of a task, (n, 3) [m].
+
+    Raises:
+        InputError: if they are none, or the tolerance is no length.
+    """
+    points = read_only(points_m, (3,), "points_m")
+    if points.ndim != 2 or not np.all(np.isfinite(points)):
+        raise InputError(f"points_m has shape {points.shape}, expected finite (n, 3)")
+    if tolerance_m is not None and not 0 < tolerance_m < np.inf:
+        raise InputError(f"tolerance_m is {tolerance_m}, expected a length above zero [m]")
+    return points
 
 
 def _choose_for_tolerance(prospect: Prospects, roots: Array, goal: _Goal, group_size: int) -> tuple[list[int], bool]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from basecal.cell import Calibration
+from basecal.errors import check_type
 from basecal.reporting.statement.verdict import COLOURS, sort_by_severity, tolerance_sentence, verdict_word
 from basecal.reporting.templates.environment import fill_part
 from basecal.reporting.text import transform_rows
@@ -15,7 +16,11 @@ def html_summary(calibration: Calibration) -> str:
 
     Args:
         calibration: What came out.
+
+    Raises:
+        InputError: if it is no calibration.
     """
+    check_type("calibration", calibration, Calibration)
     word, tolerance = verdict_word(calibration), calibration.tolerance
     return fill_part(
         "notebook.html",

@@ -122,6 +122,10 @@ class Scenario:
             check_choice(name, getattr(self, name), choices)
         for name, least in (("samples", 1), ("stations", 1), ("robots", 2)):
             check_integer(name, getattr(self, name), least)
+        for name in ("robot_noise", "pose_noise", "link_error", "distance_m"):
+            pair = getattr(self, name)
+            if not isinstance(pair, tuple | list) or len(pair) != 2:
+                raise InputError(f"{name} is {pair!r}, expected two numbers")
         if not 0 < self.distance_m[0] <= self.distance_m[1] < inf:
             raise InputError(f"distance_m is {self.distance_m}, expected the least and then the greatest distance > 0")
         sigmas = (self.pixel_px, self.correlated_px, self.point_m, *self.robot_noise, *self.pose_noise)

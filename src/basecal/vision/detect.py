@@ -12,7 +12,7 @@ import numpy as np
 from basecal.cell.cell import Cell
 from basecal.cell.recording import CandidateObservation, Observation, PixelObservation, Recording, Sample
 from basecal.cell.target import Target
-from basecal.errors import InputError
+from basecal.errors import InputError, check_type
 from basecal.vision import cache
 from basecal.vision.detection import Detection, Image
 from basecal.vision.detectors import LIGHT, find
@@ -46,8 +46,11 @@ def detect(
         progress: Called after every sample, and once all that show nothing were looked at again for why.
 
     Raises:
-        InputError: if a target cannot be detected as it is described, or it is not known where the images are.
+        InputError: if an argument is of another type, a target cannot be detected as described, or it is not known
+            where the images are.
     """
+    check_type("cell", cell, Cell)
+    check_type("recording", recording, Recording)
     shapes = {name: entry.target for name, entry in cell.targets.items() if entry.target is not None}
     sought = {name: target for name, target in shapes.items() if target.found_by is not None}
     if folder is None and recording.folder is None and any(sample.images for sample in recording.samples):

@@ -113,9 +113,14 @@ def _refusal_reason(data: bytes, size_px: tuple[int, int] | None) -> str | None:
         return f"has {mb} MB of pixels, expected at most {_MOST_DECODED_BYTES // 2**20}: store it grey, or with 8 bits"
     if data.startswith(_JPEG) and (scans := data.count(_SCAN)) > _MOST_SCANS:
         return f"has {scans} scans, expected at most {_MOST_SCANS}: store it anew"
-    if size_px is not None and told.size_px != tuple(size_px):
-        return f"has {width} x {height} pixels, its camera {size_px[0]} x {size_px[1]}{_cause(told.size_px, size_px)}"
-    return "is truncated" if _is_cut(data) else None
+    return size_fault(told.size_px, size_px) or ("is truncated" if _is_cut(data) else None)
+
+
+def size_fault(size: tuple[int, int], size_px: tuple[int, int] | None) -> str | None:
+    """Why an image of this width and height is not of a camera whose images have `size_px`; None if it is."""
+    if size_px is None or size == tuple(size_px):
+        return None
+    return f"has {size[0]} x {size[1]} pixels, its camera {size_px[0]} x {size_px[1]}{_cause(size, size_px)}"
 
 
 def _cause(size: tuple[int, int], size_px: tuple[int, int]) -> str:

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.vision.detection import Image
 
@@ -34,17 +33,16 @@ def reduce_picture(picture: Image) -> Levels:
 
 
 def shift_between(first: Levels, second: Levels) -> float:
-    """The largest shift of any part of an image beyond its noise [px]; 0 if nothing has structure.
+    """The largest shift of any part of an image beyond its noise [px].
+
+    It is 0 if nothing has structure, and infinite if the images differ in size.
 
     Args:
         first: The image, made by `reduce_picture`.
         second: The next one, likewise.
-
-    Raises:
-        InputError: if the images differ in size.
     """
     if first.shape != second.shape:
-        raise InputError("images of different sizes are not of one camera")
+        return np.inf
     middle, change = cv2.addWeighted(first, 0.5, second, 0.5, 0.0), second - first
     along_u, along_v = (cv2.Sobel(middle, cv2.CV_32F, *which, ksize=1, scale=0.5) for which in ((1, 0), (0, 1)))
     uu, uv, vv = (_block_sums(each) for each in (along_u * along_u, along_u * along_v, along_v * along_v))

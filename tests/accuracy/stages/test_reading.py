@@ -28,7 +28,7 @@ def test_a_task_needs_something_that_is_placed():
     ):
         case = Case(world.cell, world.recording, settings)
         try:
-            assert reading.place_task(case) is case
+            assert reading.check_task(case) is case
         except InputError:
             assert wanted
 
@@ -66,7 +66,7 @@ def test_impossible_units_end_the_case(monkeypatch, units):
 def test_the_closed_form_ends_the_case(monkeypatch):
     """If it is asked for."""
     monkeypatch.setattr(reading, "calibrate_axis_shift", lambda *given: "calibration")
-    assert reading.shift_axes(reading.pack_problem(CASE)).calibration is None
+    assert reading.calibrate_by_shifts(reading.pack_problem(CASE)).calibration is None
     asked = Case(MADE.cell, MADE.recording, Settings(method="axis-shift"))
-    found = reading.shift_axes(reading.pack_problem(asked))
+    found = reading.calibrate_by_shifts(reading.pack_problem(asked))
     assert (found.calibration, found.is_ended) == ("calibration", True)

@@ -87,12 +87,31 @@ def test_a_file_that_is_being_written_is_waited_for(folder):
     assert source.picture().grey[0, 0] == 77
 
 
-def test_a_picture_that_does_not_suit_is_named(folder):
-    """One of another size than the camera's is not given, and the error that nothing came says why."""
+def test_a_file_that_is_no_image_is_named(folder):
+    """It is not given, and the error that nothing came says why."""
     source = camera(folder)
-    write_png(folder / "pictures" / "large.png", picture(5, (48, 64)))
-    with pytest.raises(DriverError, match=r"large\.png has 64 x 48 pixels"):
+    (folder / "pictures" / "notes.png").write_text("hello", encoding="utf-8")
+    with pytest.raises(DriverError, match=r"notes\.png is not an image"):
         source.picture()
+
+
+def test_a_first_file_that_stays_no_image_is_not_waited_for(folder, monkeypatch):
+    """A program that saves another format is named within seconds; after an image, and of hidden files, none is."""
+    monkeypatch.setattr("basecal.acquisition.drivers.folder._WRITING_S", 0.05)
+    source = camera(folder, wait_s=0.5)
+    (folder / "pictures" / ".hidden").write_text("x", encoding="utf-8")
+    save(folder, 60)
+    assert source.picture().grey[0, 0] == 60
+    (folder / "pictures" / "raw.cr2").write_text("x", encoding="utf-8")
+    with pytest.raises(DriverError, match=r"no new image in .* within 0\.5 s; raw\.cr2 is not an image"):
+        source.picture()
+    source = camera(folder, wait_s=10.0)
+    for name in ("next.cr2", "next.txt"):
+        (folder / "pictures" / name).write_text("x", encoding="utf-8")
+    began = time.monotonic()
+    with pytest.raises(DriverError, match=r"next\.\w+ is not an image .*\. Have images saved whole, as PNG, JPEG"):
+        source.picture()
+    assert time.monotonic() - began < 5.0
 
 
 def test_a_folder_that_is_not_there(tmp_path):

@@ -141,6 +141,25 @@ def test_late_pictures_of_stamped_cameras_are_named(opened):
     assert picture.exposed_s == pytest.approx(picture.stamp_s + 1000.0 - 2.0, abs=0.1)
 
 
+def test_a_clock_that_goes_back_is_told(opened, monkeypatch):
+    """Images that stay older than one before them are no copies; until that is clear, the last are named."""
+
+    class SteppedBack(Film):
+        is_stamped, wait_s = True, 0.3
+
+        def picture(self):
+            came = super().picture()
+            return Picture(came.stamp_s - 3600.0 * (self.asked > 1), came.grey, source=f"{self.asked}.png")
+
+    feed = opened(SteppedBack())
+    feed.picture()
+    with pytest.raises(DriverError, match=r"no image came within 0\.3 s; .*\d\.png came after a newer one; not used$"):
+        feed.picture()
+    monkeypatch.setattr("basecal.acquisition.pictures.feed._LATE_S", 0.1)
+    with pytest.raises(DriverError, match=r"^wrist: the last \d+ images are older .* The clock of the camera went"):
+        feed.picture()
+
+
 def test_an_end_is_told_to_whoever_waits(opened):
     """An error of the driver is raised as it is; one while nobody waited is forgotten, and the driver asked again."""
 

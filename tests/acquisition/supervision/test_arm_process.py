@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.supervision.arm_process import ArmProcess
+from basecal.acquisition.supervision.arm_process import ArmProcess, _error_text
 from basecal.acquisition.supervision.frames import Channel, Kind
 from basecal.acquisition.supervision.limits import HOLD_S, SILENCE_LIMIT_S, STALE_S
 from basecal.cell import RobotState
@@ -97,6 +97,47 @@ def test_states_that_come_late_count_while_it_moves(served):
     read(process, HOME, lag_s=0.9 * STALE_S)
     with pytest.raises(DriverError, match=r"left: its states came 0\.5 s late while it moved"):
         read(process, HOME, lag_s=1.1 * STALE_S)
+
+
+def test_an_arm_beside_its_way_is_reported(served):
+    """A joint may overshoot by a degree; beyond the range between start and goal by three it ends the capture."""
+    process, robot, _ = served
+    read(process, HOME)
+    process._ask(robot, "move", (GOAL, 1.0))
+    read(process, RobotState(joints_rad=np.array([1.02, -0.02])))
+    with pytest.raises(DriverError, match=r"left: joint 2 is 5\.73 deg beyond its way\. Look for a person or"):
+        read(process, RobotState(joints_rad=np.array([0.5, -0.1])))
+
+
+def test_an_arm_that_leaves_the_place_where_it_arrived_is_reported(served):
+    """By more than 10 mrad, until it is sent elsewhere or let go."""
+    process, robot, _ = served
+    read(process, HOME)
+    process._ask(robot, "move", (GOAL, 1.0))
+    for _ in range(10):
+        read(process, GOAL)
+    assert not process._is_moving
+    read(process, RobotState(joints_rad=np.array([0.991, 1.009])))
+    with pytest.raises(DriverError, match=r"left: joint 1 is 0\.63 deg beyond its way"):
+        read(process, RobotState(joints_rad=np.array([0.989, 1.0])))
+    process._ask(robot, "move", (HOME, 1.0))
+    read(process, RobotState(joints_rad=np.array([0.5, 0.5])))
+
+
+def test_an_arm_may_be_anywhere_if_it_was_not_sent(served):
+    """A person who leads it may take it anywhere."""
+    process, _, heard = served
+    read(process, HOME)
+    read(process, RobotState(joints_rad=np.array([2.0, -2.0])))
+    assert troubles(heard) == []
+
+
+def test_a_library_that_fails_is_named_as_a_link_or_driver():
+    """Its own words stand behind what they mean; an error of ours stands alone."""
+    lost = "left: its link is lost, or its driver failed (RuntimeError: End of file)"
+    assert _error_text("left", RuntimeError("End of file")) == lost
+    assert _error_text("left", DriverError("left: protective stop")) == "left: protective stop"
+    assert _error_text("left", BrokenPipeError(32, "Broken pipe")) == "left: its connection was closed (Broken pipe)"
 
 
 def test_a_closed_connection_and_a_silent_supervisor_stop_it(served):

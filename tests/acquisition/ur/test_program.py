@@ -44,6 +44,22 @@ def test_it_is_not_sent_again_by_itself(there):
     assert process.tell("log").count(":script:") == 1
 
 
+class Gone:
+    """The line of ur-rtde to a controller that hung up."""
+
+    def kickWatchdog(self):
+        raise RuntimeError("End of file")
+
+
+def test_a_line_that_is_gone_is_a_closed_connection():
+    """The words of the library stand in brackets, and the next call is not kept waiting."""
+    asked = Program("eye", UrOptions(host="127.0.0.1"))
+    asked._line = Gone()
+    for _ in range(2):
+        with pytest.raises(DriverError, match=r"^eye: its connection was closed \(End of file\)$"):
+            asked.keep_alive()
+
+
 def test_its_watchdog_stops_the_arm_when_this_computer_is_silent(there):
     """Kept alive the arm goes on; silent, it stands within half a second, far from its goal."""
     process, place = there

@@ -105,15 +105,19 @@ def test_a_controller_that_is_gone():
         robot.close()
 
 
-def test_another_program_at_the_port():
-    """Something that answers otherwise, or not at all, is told apart from a controller."""
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [(b"HTTP/1.1 400\r\n", "does not speak RTDE 2"), (b"", r"gives no answer\. Wait until the controller has started")],
+)
+def test_another_program_at_the_port(words, message):
+    """Something that answers otherwise, or hangs up, is told apart from a controller."""
     host = own_host()
 
     def answer(server):
         with server.accept()[0] as line:
-            line.sendall(b"HTTP/1.1 400\r\n")
+            line.sendall(words)
 
     with socket.create_server((host, 30004)) as server:
         threading.Thread(target=answer, args=(server,), daemon=True).start()
-        with pytest.raises(DriverError, match="does not speak RTDE 2"):
+        with pytest.raises(DriverError, match=message):
             open_robot(Place("eye", CELL, Path("."), {"host": host}))

@@ -116,6 +116,7 @@ def test_usual_slips_have_their_fix(text, words):
         (b'{"sample": 1, "sample": 2}', "the key 'sample' is given twice"),
         (b'{"sample": 1, "robots": {"arm": {}, "arm": {}}}', "the key 'arm' is given twice"),
         (b"[" * 100_000, "nested too deeply"),
+        (b'{"sample": ' + b"9" * 5000 + b"}", "a whole number has thousands of digits; expected one JSON object"),
         (b"[1]", "expected an object"),
     ],
 )

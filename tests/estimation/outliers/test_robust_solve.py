@@ -273,10 +273,10 @@ def test_what_was_left_out_is_judged_again_by_other_sigmas(monkeypatch):
         (blind, False),
         (replace(end.solution, cost=1e9), False),
     ):
-        monkeypatch.setattr(robust_solve, "_end", lambda *given, to=solution: replace(end, solution=to))
+        monkeypatch.setattr(robust_solve, "_find_consensus", lambda *given, to=solution: replace(end, solution=to))
         found = judge_again(robust, robust.solution, problem, s.cell)
         assert (found is not None) == is_answer
-    monkeypatch.setattr(robust_solve, "_end", lambda *given: replace(end, solution=blind))
+    monkeypatch.setattr(robust_solve, "_find_consensus", lambda *given: replace(end, solution=blind))
     before = replace(robust, consensus=replace(end, solution=blind))
     assert judge_again(before, robust.solution, problem, s.cell) is not None
 

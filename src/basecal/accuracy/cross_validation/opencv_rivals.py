@@ -83,7 +83,7 @@ def _still_views(group: ViewGroup, moving: int, still: int, free: BoolArray) -> 
 
 
 def _rival(name: str, errors: Sequence[Array | None]) -> Rival:
-    """A method by its errors, (n, 6) [m, rad] of each fold; None where it fails in one."""
+    """A method by its errors, (n, 6) [m, rad] of each fold; without an error where it fails in one."""
     if any(each is None for each in errors):
         return Rival(name)
     off = np.concatenate([each for each in errors if each is not None])

@@ -11,7 +11,7 @@ from basecal.accuracy.drift.shared_errors import FEWEST_SAMPLES, with_shared_err
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
 from basecal.accuracy.model_comparison.nested_models import MOVED, equally_likely
 from basecal.cell import Calibration, Cell, Recording
-from basecal.errors import InputError, list_names
+from basecal.errors import InputError, check_type, list_names
 from basecal.estimation.streams.streams import synchronous
 from basecal.numerics.threads import limit_threads
 
@@ -66,8 +66,12 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
         recording: The new samples, one or more.
 
     Raises:
-        InputError: if the cell contradicts the recording, or poses of a target are up to scale.
+        InputError: if an argument is of another type, the cell contradicts the recording, or poses of a target are
+            up to scale.
     """
+    check_type("cell", cell, Cell)
+    check_type("calibration", calibration, Calibration)
+    check_type("recording", recording, Recording)
     free = [name for name, target in cell.targets.items() if target.has_free_scale]
     if free:
         raise InputError(f"poses of {list_names(free)} are up to scale: verify needs a target whose size is known")

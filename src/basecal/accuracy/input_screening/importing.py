@@ -31,7 +31,7 @@ def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, s
         raise InputError(f"{imports.source} was only listed: read it without list=True to import it")
 
     def implausible(cell: Cell, recording: Recording) -> tuple[str, ...]:
-        """The implausible input, in a line; None if all is plausible."""
+        """The implausible input, in a line; empty if all is plausible."""
         found = impossible_input(cell, recording)
         told = f"{imports.source}: {'; '.join(found)}: that cannot be"
         if found and imports.is_strict:

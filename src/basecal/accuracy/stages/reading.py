@@ -17,7 +17,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.streams.streams import recording_streams
 
 
-def place_task(case: Case) -> Case:
+def check_task(case: Case) -> Case:
     """Check that something is placed for the task.
 
     Raises:
@@ -38,9 +38,8 @@ def calibrate_from_scene(case: Case) -> Case:
     has_tracks_alone = any(each.tracks for each in samples) and not any(each.observations for each in samples)
     if case.settings.method != "scene" and not case.cell.sees_scene and not has_tracks_alone:
         return case
-    from basecal.accuracy.scene.calibrate_scene import (
-        calibrate_scene,
-    )  # it reads images, which most calibrations do not
+    # It reads images, which most calibrations do not.
+    from basecal.accuracy.scene.calibrate_scene import calibrate_scene
 
     return replace(case, calibration=calibrate_scene(case.cell, case.recording, case.settings), is_ended=True)
 
@@ -83,7 +82,7 @@ def check_input(case: Case) -> Case:
     return case.refuse() if case.is_refused else case
 
 
-def shift_axes(case: Case) -> Case:
+def calibrate_by_shifts(case: Case) -> Case:
     """Calibrate by the paper's closed form, if it is requested."""
     if case.settings.method != "axis-shift":
         return case

@@ -1,7 +1,7 @@
 """Images that another program saves into a folder: whatever can save a file is a camera.
 
-A file counts when its name is new, and it can be read whole; of several, the newest. The stamp is the time at which it
-was last written.
+A file counts when its name is new and begins with no dot, and it can be read whole; of several, the newest. The stamp
+is the time at which it was last written.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from basecal.fields.values import Entry, PathText
 from basecal.vision.image_file import grey_image, read_bytes
 
 _LOOK_S = 0.02  # between looks into the folder: short beside a motion, long for a disk
+_WRITING_S = 5.0  # that a program may pause while it writes an image
 _HALVES = 3  # newest files that are read: some of them may still be written
 
 
@@ -38,9 +39,11 @@ class FolderCamera:
     is_live = False
     is_stamped = True
 
-    def __init__(self, folder: Path, size_px: tuple[int, int] | None, wait_s: float, existing: bool) -> None:
-        self._folder, self._size_px, self.wait_s, self.is_on_demand = folder, size_px, wait_s, existing
+    def __init__(self, folder: Path, wait_s: float, existing: bool) -> None:
+        self._folder, self.wait_s, self.is_on_demand = folder, wait_s, existing
         self._seen = set() if existing else {path.name for path in folder.iterdir()}
+        self._has_given = False
+        self._unreadable_s: dict[tuple[int, Path], float] = {}
 
     def picture(self) -> Picture:
         """The newest image; of those that existed the oldest that was not given yet.
@@ -48,28 +51,40 @@ class FolderCamera:
         One that is still being written is waited for.
 
         Raises:
-            DriverError: if none comes in time.
+            DriverError: if none comes in time, or the first file that comes stays no image.
         """
         until, why = time.monotonic() + self.wait_s, ""
         while True:
             new = sorted(self._new())
             for written_ns, path in new if self.is_on_demand else new[: -1 - _HALVES : -1]:
                 data = read_bytes(path)
-                grey = data if isinstance(data, str) else grey_image(data, self._size_px)
+                grey = data if isinstance(data, str) else grey_image(data, None)
                 if not isinstance(grey, str):
                     older = [] if self.is_on_demand else [each.name for ns, each in new if ns < written_ns]
                     self._seen.update([path.name, *older])
+                    self._has_given = True
                     return Picture(1e-9 * written_ns, grey, source=path.name)
                 why = f"; {path.name} {grey}"
+                self._check_first(written_ns, path, grey)
             if time.monotonic() >= until:
                 raise DriverError(f"no new image in {self._folder} within {self.wait_s:g} s{why}")
             time.sleep(_LOOK_S)
+
+    def _check_first(self, written_ns: int, path: Path, problem: str) -> None:
+        """Wait for the end of a file that is being written, but not for that of files that never are images.
+
+        Raises:
+            DriverError: if no image came yet, and a file has not been written to for five seconds.
+        """
+        since_s = self._unreadable_s.setdefault((written_ns, path), time.monotonic())
+        if not self._has_given and time.monotonic() - since_s > _WRITING_S:
+            raise DriverError(f"{path} {problem}. Have images saved whole, as PNG, JPEG or TIFF")
 
     def _new(self) -> Iterator[tuple[int, Path]]:
         """New files, with the times at which they were written [ns]."""
         for path in self._folder.iterdir():
             with suppress(FileNotFoundError):  # programs rename what they wrote
-                if path.name not in self._seen and path.is_file():
+                if path.name not in self._seen and not path.name.startswith(".") and path.is_file():
                     yield path.stat().st_mtime_ns, path
 
     def close(self) -> None:
@@ -96,4 +111,4 @@ def open_camera(place: Place) -> FolderCamera:
     if not folder.is_dir():
         message = f"there is no folder {folder}; make it, and have images saved into it"
         raise DatasetError(str(place.folder / "cell.yaml"), message, field=f"cameras.{place.name}.driver.path")
-    return FolderCamera(folder, place.cell.cameras[place.name].size_px, options.wait_s, options.existing)
+    return FolderCamera(folder, options.wait_s, options.existing)

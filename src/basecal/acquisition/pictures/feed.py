@@ -26,6 +26,7 @@ _UNLIKE, _QUIET, _CHANGES = 3.0, 0.2, 300  # times the change in the quietest sh
 _REMEMBERED_PICTURES = 2000  # whose arrival is remembered
 _STREAM, _STREAM_S = 4, 5.0  # so many images within such a time are a stream
 _WAITED, _USUAL, _WAITS = 0.5, 0.9, 50  # of the time that images usually take: so large a share of so many
+_LATE, _LATE_S = 3, 2.0  # so many images that are older, over such a time, tell of a clock that went back
 _LOOK_S = 1.5  # until a program that saves images without pause is told from a person
 
 
@@ -43,6 +44,7 @@ class CameraFeed:
         self._waits_s: deque[float] = deque(maxlen=_WAITS)
         self._changes: deque[float] = deque(maxlen=_CHANGES)  # of brightness from image to image
         self._last_s = -np.inf
+        self._late_s: list[float] = []  # arrivals of images since then that were older
         self._notes: list[str] = []
         self._newest: tuple[Picture, float] | None = None
         self._light: bool | None = None  # that the thread shall switch: a driver serves one thread
@@ -95,7 +97,8 @@ class CameraFeed:
         wait_s = getattr(self._camera, "wait_s", _PICTURE_TIMEOUT_S)
         with self._changed:
             if not self._changed.wait_for(lambda: is_done() or self._error is not None, wait_s):
-                raise DriverError(f"{self._name}: no image came within {wait_s:g} s; check its cable and program")
+                late = "".join(f". {note}" for note in self._notes[-_LATE:])
+                raise DriverError(f"{self._name}: no image came within {wait_s:g} s; check its cable and program{late}")
             if not is_done() and self._error is not None:
                 raise self._error
 
@@ -119,6 +122,8 @@ class CameraFeed:
                 self._changed.notify_all()
 
     def _has_moved(self, first: Levels, second: Levels) -> bool:
+        if first.shape != second.shape:
+            return True
         change = float(np.abs(second - first).mean())
         if change > 0:  # some cameras give an image twice
             self._changes.append(change)
@@ -127,14 +132,26 @@ class CameraFeed:
         return bool(is_unlike) or shift_between(first, second) > _MOVES_PX
 
     def _is_outdated(self, picture: Picture, waited_s: float) -> bool:
-        """Whether an image is older than one that came before, or came at once: then it lay in a buffer."""
+        """Whether an image is older than one that came before, or came at once: then it lay in a buffer.
+
+        Raises:
+            DriverError: if images only come that are older.
+        """
         self._waits_s.append(waited_s)
         if not self._is_stamped:
             return waited_s < _WAITED * float(np.quantile(self._waits_s, _USUAL))
         is_late, self._last_s = picture.stamp_s < self._last_s, max(self._last_s, picture.stamp_s)
-        if is_late:
-            self._notes.append(f"camera {self._name}: {picture.source or 'an image'} came after a newer one; not used")
-        return is_late
+        if not is_late:
+            self._late_s.clear()
+            return False
+        self._late_s.append(time.monotonic())
+        if len(self._late_s) >= _LATE and self._late_s[-1] - self._late_s[0] > _LATE_S:
+            raise DriverError(
+                f"{self._name}: the last {len(self._late_s)} images are older than the one before them. "
+                f"The clock of the camera went back: start the capture again"
+            )
+        self._notes.append(f"camera {self._name}: {picture.source or 'an image'} came after a newer one; not used")
+        return True
 
     def _add(self, picture: Picture, moves: bool, now_s: float) -> None:
         with self._changed:

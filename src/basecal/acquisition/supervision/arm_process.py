@@ -23,7 +23,7 @@ import numpy as np
 from basecal.acquisition.driver import ChecksGoals, Freedrives, HasWatchdog, Moves, Place, Reading, Robot
 from basecal.acquisition.drivers.registry import driver_kind
 from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import has_arrived, state_vector
+from basecal.acquisition.states import OFF_PLACE_RAD, OFF_WAY_RAD, has_arrived, joint_off_way, state_vector
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
     CLOSE_S,
@@ -37,7 +37,7 @@ from basecal.acquisition.supervision.limits import (
     TICK_S,
 )
 from basecal.cell import RobotState
-from basecal.errors import DriverError
+from basecal.errors import BasecalError, DriverError
 from basecal.geometry import Array
 
 _HEARTBEAT_S = 0.02  # between heartbeats to the controller: a watchdog of 6 Hz may miss seven
@@ -61,6 +61,7 @@ class ArmProcess:
         now = time.monotonic()
         self._read_s = self._changed_s = self._supervisor_s = self._beat_s = now
         self._values: Array | None = None
+        self._way: tuple[Array | None, Array | None] = None, None
         self._must_stop = self._is_over = False
         self._patience_s = REST_SILENCE_LIMIT_S + RECONNECT_S
 
@@ -154,18 +155,39 @@ class ArmProcess:
         lag_s = self._read_s - reading.stamp_s
         self._least_lag_s = min(self._least_lag_s, lag_s)
         if self._is_moving and lag_s - self._least_lag_s > STALE_S:
-            late_s = lag_s - self._least_lag_s
-            raise DriverError(f"{self._name}: its states came {late_s:.1f} s late while it moved: the link is too slow")
+            raise DriverError(
+                f"{self._name}: its states came {lag_s - self._least_lag_s:.1f} s late while it moved: "
+                f"the link is too slow, or its clock went back"
+            )
 
     def _note(self, reading: Reading) -> None:
         values = state_vector(reading.state)
         if self._values is None or np.abs(values - self._values).max() > _CHANGED_RAD_M:
             self._values, self._changed_s = values, time.monotonic()
+        self._check_way(values)
         goal = self._goal
         if goal is not None:
             self._at_goal = self._at_goal + 1 if has_arrived(reading.state, goal) else 0
             if self._at_goal >= _SETTLED_STATES:
                 self._goal = None
+                self._way = self._way[1], self._way[1]
+
+    def _check_way(self, values: Array) -> None:
+        """Only the way straight in joints was checked: an arm elsewhere may hit something, or its states are wrong.
+
+        Raises:
+            DriverError: if a joint is not between its start and its goal, or left the place where it arrived.
+        """
+        start, end = self._way
+        if start is None or end is None or not start.shape == values.shape == end.shape:
+            return
+        limit_rad = OFF_PLACE_RAD if start is end else OFF_WAY_RAD
+        if found := joint_off_way(values, start, end, limit_rad):
+            joint, beyond_deg = found[0] + 1, float(f"{np.degrees(found[1]):.3g}")
+            raise DriverError(
+                f"{self._name}: joint {joint} is {beyond_deg:g} deg beyond its way. Look for a "
+                f"person or a program that moves the arm, or a controller that sends wrong states"
+            )
 
     def _answer(self, robot: Robot) -> None:
         while not self._is_over:
@@ -181,9 +203,10 @@ class ArmProcess:
         if self._must_stop:
             return None
         if method == "move":
-            self._at_goal, self._goal, self._changed_s = 0, arguments[0], time.monotonic()
+            self._at_goal, self._changed_s = 0, time.monotonic()
+            self._way, self._goal = (self._values, arguments[0].joints_rad), arguments[0]
         if method == "freedrive":
-            self._is_led = arguments[0]
+            self._is_led, self._way = arguments[0], (None, None)
         return getattr(robot, method)(*arguments)
 
     def _kick(self, robot: HasWatchdog) -> None:
@@ -241,7 +264,7 @@ def _open_robot(place: Place) -> Robot:
 
 
 def _address_space_bytes() -> int:
-    """Mapped address space of this process [bytes]; None if the system does not report it."""
+    """Mapped address space of this process [bytes]; 8 GiB if the system does not report it."""
     try:
         with open("/proc/self/statm", encoding="ascii") as file:
             return int(file.read().split()[0]) * resource.getpagesize()
@@ -266,6 +289,8 @@ def _error_text(name: str, error: BaseException) -> str:
     _, words, _ = _as_data(error)
     if isinstance(error, OSError):
         words = f"its connection was closed ({error.strerror or error})"
+    elif not isinstance(error, BasecalError):
+        words = f"its link is lost, or its driver failed ({words})"
     return words if words.startswith(name) else f"{name}: {words}"
 
 

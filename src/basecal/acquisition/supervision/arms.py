@@ -218,17 +218,13 @@ class Arms:
 
 
 def stop_report(reason: str, names: list[str], missing_arms: list[str]) -> str:
-    """Why all arms were stopped, which of them got the order, and what to do."""
+    """Why all arms were stopped, which of them confirmed it, and what to do."""
     told = [name for name in names if name not in missing_arms]
     words = [f"{reason.rstrip('.')}."]
-    words += [f"{_join_names(told)} told to stop."] if told else []
-    words += [f"{_join_names(missing_arms)} not ordered to stop: look at the arm."] if missing_arms else []
+    words += [f"{' and '.join(told)} {'were' if len(told) > 1 else 'was'} told to stop."] if told else []
+    words += [f"{' and '.join(missing_arms)} did not confirm a stop: look at the arm."] if missing_arms else []
     words += ["Find the cause, then start again; what was recorded is kept."]
     return " ".join(words)
-
-
-def _join_names(names: list[str]) -> str:
-    return f"{' and '.join(names)} {'were' if len(names) > 1 else 'was'}"
 
 
 def _error(kind: type[BaseException], words: str, attributes: dict[str, Any]) -> BaseException:

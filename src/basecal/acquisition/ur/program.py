@@ -80,7 +80,7 @@ class Program:
         if self._line is not None and self._lock.acquire(blocking=False):
             try:
                 self._line.kickWatchdog()
-            except RuntimeError as error:
+            except (RuntimeError, ValueError) as error:
                 raise DriverError(f"{self._name}: its connection was closed ({join_lines(error)})") from None
             finally:
                 self._lock.release()

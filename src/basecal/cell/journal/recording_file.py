@@ -18,7 +18,7 @@ from basecal.cell.journal.sample_values import Where
 from basecal.cell.journal.unknown_points import unknown_points
 from basecal.cell.recording import Recording, Sample
 from basecal.cell.schema.cell_file import read_cell
-from basecal.errors import DatasetError, InputError
+from basecal.errors import DatasetError, InputError, check_type
 
 FOLDER = "recording"
 FILE = "samples.jsonl"
@@ -74,8 +74,9 @@ def write_recording(recording: Recording, folder: str | Path) -> Path:
     """Path of a new `samples.jsonl` with all samples, written whole or not at all.
 
     Raises:
-        InputError: if there is a recording already, a number is not finite, or it cannot be written.
+        InputError: if it is no recording, there is one already, a number is not finite, or it cannot be written.
     """
+    check_type("recording", recording, Recording)
     path = Path(folder) / FOLDER / FILE
     if path.exists() and path.stat().st_size:
         raise InputError(f"{path} exists; a recording is never rewritten: choose another folder, or append samples")

@@ -59,6 +59,8 @@ def line_data(text: bytes, place: Where) -> Any:
         raise place.error("", f"{where_and_what}{hint}") from None
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:CAUSE_LENGTH]
+        if "int_max_str_digits" in reason:  # advice for who wrote the program
+            reason = "a whole number has thousands of digits"
         raise place.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
 
 

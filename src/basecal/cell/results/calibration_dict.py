@@ -15,7 +15,7 @@ from basecal.cell.schema.errors import first_problem
 from basecal.cell.work_error import BudgetEntry
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.effects.registry import ROBOT_PARAMETERS
-from basecal.errors import InputError, list_names, nearest
+from basecal.errors import InputError, check_type, list_names, nearest
 from basecal.fields.file_forms import LARGEST_NUMBER
 from basecal.fields.problems import CAUSE_LENGTH, SHORT_LENGTH, Loc, Problem, field_name
 
@@ -32,7 +32,12 @@ def program_version() -> str:
 
 
 def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
-    """The data of `calibration.json`; what was not computed, or is not finite, is null."""
+    """The data of `calibration.json`; what was not computed, or is not finite, is null.
+
+    Raises:
+        InputError: if it is no calibration.
+    """
+    check_type("calibration", calibration, Calibration)
     of_robots: dict[str, Any] = {}
     for name, each in ROBOT_PARAMETERS.items():
         of_robots |= each.to_dict(calibration.robot_parameters.get(name, {}))

@@ -17,7 +17,7 @@ from basecal.cell.schema.cell_nouns import cell_noun
 from basecal.cell.schema.cell_schema import SCHEMA, CellEntry
 from basecal.cell.schema.errors import check_schema, collect_problems
 from basecal.cell.schema.names import name_problems
-from basecal.errors import BasecalError, InputError
+from basecal.errors import BasecalError, InputError, check_type
 from basecal.fields.problems import Loc, Problem, dataset_error
 from basecal.kinematics import SerialChain, read_chain
 
@@ -66,8 +66,9 @@ def write_cell(cell: Cell, folder: str | Path) -> Path:
     URDF files are named, not copied.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if it is no cell, or cannot be written.
     """
+    check_type("cell", cell, Cell)
     path = Path(folder) / FILE
     write_atomically(path, yaml_text(cell_to_dict(cell)))
     return path

@@ -98,7 +98,7 @@ def solve_robustly(
     if not judgement.kept.same_as(whole) or implausible(plain, judgement):
         # States far from the truth meet points at the camera's centre; what overflows there is left out by its cost.
         with np.errstate(all="ignore"):
-            ends, states = _ends(plain, whole, judgement, cell, settings)
+            ends, states = _find_candidates(plain, whole, judgement, cell, settings)
         best = best_consensus([e for e in ends if is_answer(e, plain)])
         if best is not None and not best.kept.same_as(whole):
             return _make_result(cell, problem, best)
@@ -123,7 +123,7 @@ def judge_again(
     if rest is None:
         return None
     with np.errstate(all="ignore"):
-        end = _end(noisy.noise.hold_sigmas(rest.problem), rest.kept, noisy.state, settings)
+        end = _find_consensus(noisy.noise.hold_sigmas(rest.problem), rest.kept, noisy.state, settings)
     sees = rest.solution.observability.unobservable
     convinces = convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
     return _make_result(cell, recorded_problem, end) if end is not None and convinces else None
@@ -149,7 +149,7 @@ def leave_out_suspects(
     suspect = judgement.view_scale.suspect_scale()
     kept = replace(every, views=tuple(~suspect.gross_mask(squares) for squares in judgement.views))
     left = inlier_problem(problem, kept)
-    if kept.same_as(every) or sum(int(g.measurement.equations().sum()) for g in left.groups) <= left.width:
+    if kept.same_as(every) or not _is_overdetermined(left):
         return None
     try:
         solution = solve_from(left, without_unseen_stops(left, state), settings)
@@ -159,12 +159,12 @@ def leave_out_suspects(
     return _make_result(cell, recorded_problem, end) if is_answer(end, robust.solution) else None
 
 
-def _ends(
+def _find_candidates(
     plain: Solution, full_mask: InlierMask, judgement: Classification, cell: Cell, settings: Settings
 ) -> tuple[list[Consensus], list[State]]:
     """Where the plain state leads and, where that does not convince, where subsets of the samples do; these states."""
     full, kept, state = _drop_contradicted_points(plain, full_mask, judgement, cell, settings)
-    ends = [_end(full, kept, state, settings)]
+    ends = [_find_consensus(full, kept, state, settings)]
     states: list[State] = []
     least = np.inf
     for start in () if convincing(ends[0]) else subset_states(without_points(full, kept.points), cell, state):
@@ -172,14 +172,14 @@ def _ends(
         if cost < least:
             least = cost
             states.append(start)
-            ends.append(_end(full, kept, start, settings))
+            ends.append(_find_consensus(full, kept, start, settings))
             if convincing(ends[-1]):
                 break
     return [e for e in ends if e is not None], states
 
 
 def _cost(full: Problem, inliers: InlierMask, state: State) -> float:
-    problem, now = _rechosen(full, inliers, state)
+    problem, now = _reread_views(full, inliers, state)
     try:
         return score(without_points(problem, now.points), state, is_stated(full))
     except np.linalg.LinAlgError:
@@ -208,13 +208,13 @@ def _drop_contradicted_points(
             again = solve_problem(cleaned, cell, settings)
     except (BasecalError, np.linalg.LinAlgError):
         return plain.problem, full_mask, plain.state
-    full, kept = _rechosen(plain.problem.with_noise(again.noise.noise), kept, again.state)
+    full, kept = _reread_views(plain.problem.with_noise(again.noise.noise), kept, again.state)
     return full, kept, again.state
 
 
-def _end(full: Problem, inliers: InlierMask, state: State, settings: Settings) -> Consensus | None:
+def _find_consensus(full: Problem, inliers: InlierMask, state: State, settings: Settings) -> Consensus | None:
     """Descend from a state until no view or point changes sides; None if that is no answer."""
-    full, inliers = _rechosen(full, inliers, state)
+    full, inliers = _reread_views(full, inliers, state)
     masked = without_points(full, inliers.points)
     try:
         squares = studentize_views(masked, state)
@@ -226,7 +226,7 @@ def _end(full: Problem, inliers: InlierMask, state: State, settings: Settings) -
     free = True
     for k in range(_SELECTION_ROUNDS):
         left = inlier_problem(full, inliers)
-        if sum(int(g.measurement.equations().sum()) for g in left.groups) <= left.width:
+        if not _is_overdetermined(left):
             return None
         try:
             solution = solve_from(left, without_unseen_stops(left, state), settings)
@@ -234,7 +234,7 @@ def _end(full: Problem, inliers: InlierMask, state: State, settings: Settings) -
             return None
         if not np.isfinite(solution.cost):
             return None
-        full, inliers = _rechosen(full.with_noise(solution.noise.noise), inliers, solution.state)
+        full, inliers = _reread_views(full.with_noise(solution.noise.noise), inliers, solution.state)
         state = solution.state
         judgement = classify_inliers(full, state, inliers)
         # What was kept before comes again: a view goes and is taken back in turns, and is left out.
@@ -249,7 +249,12 @@ def _end(full: Problem, inliers: InlierMask, state: State, settings: Settings) -
     return Consensus(full, inliers, solution, judgement)
 
 
-def _rechosen(full: Problem, inliers: InlierMask, state: State) -> tuple[Problem, InlierMask]:
+def _is_overdetermined(problem: Problem) -> bool:
+    """Whether there are more equations than unknowns."""
+    return sum(int(group.measurement.equations().sum()) for group in problem.groups) > problem.width
+
+
+def _reread_views(full: Problem, inliers: InlierMask, state: State) -> tuple[Problem, InlierMask]:
     """Every view read as the state predicts best; of a grid read from its other end the points change places, too."""
     after, changed = choose_correspondence(full, state)
     if not changed:

@@ -68,7 +68,12 @@ def export(
 
 
 def pasteable(calibration: Calibration, cell: Cell | None = None, run: str | None = None) -> dict[str, dict[str, str]]:
-    """Texts to paste: by transform, in both directions, and then by kind; none of a calibration that is refused."""
+    """Texts to paste: by transform, in both directions, and then by kind; none of a calibration that is refused.
+
+    Raises:
+        InputError: if it is no calibration.
+    """
+    check_type("calibration", calibration, Calibration)
     if calibration.verdict == "refused":
         return {}
     remarks = provenance(calibration, run)

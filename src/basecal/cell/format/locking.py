@@ -1,0 +1,42 @@
+"""A cell's folder, held by one process at a time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from basecal.errors import InputError
+
+
+@contextmanager
+def locked_folder(folder: Path) -> Iterator[None]:
+    """Hold a folder until the end of the context, or of this process; where no folder can be locked nothing is done.
+
+    Raises:
+        InputError: if another process holds it, or it cannot be opened.
+    """
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be opened: {error.strerror}") from None
+    try:
+        with suppress(ImportError):
+            _lock(descriptor, folder)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _lock(descriptor: int, folder: Path) -> None:
+    import fcntl  # Windows has none
+
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(
+            f"{folder} is in use by another capture or driver check. Wait until it ends, or stop it"
+        ) from None
+    except OSError:  # some network drives lock nothing
+        return
