@@ -217,6 +217,11 @@ def test_stated_units_count(tmp_path: Path) -> None:
     [
         ("0.1,0.2,0.3,0,180,0\n", Reading("ur"), "angles up to 180 are no radians: give --deg"),
         (
+            "x,y,z,rx,ry,rz\n" + "0.1,0.2,0.3,0,2,0\n" * 3 + "0.1,0.2,0.3,0,180,0\n",
+            Reading("ur"),
+            ":5: 180 is no angle in radians: correct line 5, or give --deg",
+        ),
+        (
             "100,20,30,0.1,0,0\n100,20,30,0.2,0,1\n100,20,30,-3,0,0\n",
             Reading("kuka"),
             "these look like radians, give --rad",

@@ -55,6 +55,7 @@ _SMALL_TURN = np.pi  # degrees up to which angles of arms that calibrate never a
 _SHORT_MATRIX = 12  # numbers of a matrix without its last row
 _ROW = 4  # numbers of a row of a matrix
 _LONGEST_ARM_M = 20.0  # farther than any flange is in metres, and nearer than any is in millimetres
+_FEW_ROWS = 0.3  # share of rows, up to which these are wrong and not the unit of all
 _FEWEST_POSES = 3  # poses of which all are turned little, before that is taken for a unit
 
 
@@ -150,7 +151,7 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
     numbers = np.array(list(rows_of_numbers(table, columns)))
     if is_short:
         numbers = np.concatenate([numbers, np.tile([0.0, 0.0, 0.0, 1.0], (len(numbers), 1))], axis=1)
-    _check_angles(path, numbers, how, reading)
+    _check_angles(path, numbers, [row.line for row in table.rows], how, reading)
     found = []
     for row, values in zip(table.rows, numbers, strict=True):
         try:
@@ -257,7 +258,7 @@ def _possible_units(place: int, convention: AnyConvention) -> tuple[Mapping[str,
     return ({} if "quaternion" in convention.form.words else _ANGLES), convention.angle
 
 
-def _check_angles(path: str, numbers: Array, convention: AnyConvention, reading: Reading) -> None:
+def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: AnyConvention, reading: Reading) -> None:
     """Degrees taken for radians, and radians taken for degrees, where no other reading can be."""
     if isinstance(convention, MatrixConvention) or "quaternion" in convention.form.words:
         return
@@ -265,7 +266,13 @@ def _check_angles(path: str, numbers: Array, convention: AnyConvention, reading:
     if other := _other_controllers(numbers, convention, reading):
         raise DatasetError(path, f"these numbers are not in the units of {reading.name}. {other}")
     if convention.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
-        raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
+        odd = np.flatnonzero(np.abs(angles).max(axis=1) > _FULL_TURN).tolist()
+        if len(odd) > _FEW_ROWS * len(angles):
+            raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
+        value, where = np.abs(angles[odd[0]]).max(), list_names([str(lines[k]) for k in odd])
+        raise DatasetError(
+            path, f"{value:.4g} is no angle in radians: correct line {where}, or give --deg", lines[odd[0]]
+        )
     # A rotation vector is as long as the turn; angles about axes may all be small only where nothing turns.
     is_small = (
         len(numbers) >= _FEWEST_POSES and np.abs(angles).max() <= _SMALL_TURN and np.ptp(angles, axis=0).max() > 0
@@ -324,5 +331,6 @@ def keyed_rows(table: TextTable) -> list[Row]:
         if sample is not None and number is not None and (number != int(number) or number < 0):
             raise DatasetError(table.path, f"{table.cell(row, sample)} is not a whole number from 0", row.line, sample)
         stamp_s = None if stamp is None else parse_number(table.cell(row, stamp), table.path, row.line, stamp)
-        rows.append(Row(image=name, sample=None if number is None else int(number), stamp_s=stamp_s))
+        place = None if number is None else int(number)
+        rows.append(Row(image=name, sample=place, stamp_s=stamp_s, line=row.line))
     return rows
