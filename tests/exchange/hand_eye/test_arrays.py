@@ -77,3 +77,11 @@ def test_other_names() -> None:
     """Arrays under other names are refused with those that are known."""
     with pytest.raises(InputError, match="holds R_a, t_a, expected R_gripper2base, t_gripper2base, R_target2cam"):
         record_of_arrays(_arrays("a"), "test")
+
+
+def test_one_array_for_two() -> None:
+    """Poses of the gripper given as those of the target, too: no answer is made of it."""
+    arrays = _arrays("gripper2base", "target2cam")
+    same = {f"{letter}_target2cam": arrays[f"{letter}_gripper2base"] for letter in "Rt"}
+    with pytest.raises(InputError, match="gripper2base and target2cam are the same poses: one was given for both"):
+        record_of_arrays({**arrays, **same}, "test")

@@ -44,7 +44,7 @@ def record_of_arrays(
         metres: Of a unit of the translations.
 
     Raises:
-        InputError: if one is missing, or is no rotation or translation, or their lengths differ.
+        InputError: if one is missing, or is no rotation or translation, their lengths differ, or two are one.
     """
     wanted = next((kind for kind in (BASE_TO_BASE, ROBOT_WORLD, HAND_EYE) if _holds(arrays, kind)), None)
     if wanted is None:
@@ -55,6 +55,9 @@ def record_of_arrays(
     if len(set(counts.values())) > 1:
         told = ", ".join(f"{name} has {count}" for name, count in counts.items())
         raise InputError(f"{source}: {told}: expected as many of each, a pose a sample")
+    for name, pose in zip(wanted[:-1], poses[:-1], strict=True):
+        if np.array_equal(pose.matrix, poses[-1].matrix):
+            raise InputError(f"{source}: {name} and {wanted[-1]} are the same poses: one was given for both")
     what = f"{len(poses[0])} samples under OpenCV's names: {list_names(_keys(wanted))}"
     if wanted == BASE_TO_BASE:
         return HandEyeRecord(source, what, True, poses[0], poses[2], hand_base_from_flange=poses[1])
