@@ -15,7 +15,7 @@ from basecal.exchange.importing.bring_in import Brought, add_to_cell
 from basecal.exchange.importing.imported import Imported
 
 # Times farther or nearer than most flanges: inches among metres are 39 times farther, metres among millimetres nearer.
-_FARTHER, _NEARER = 20, 200
+_FARTHER_RATIO, _NEARER_RATIO = 20, 200
 
 
 def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, session: bool = False) -> Brought:
@@ -63,7 +63,7 @@ def _foreign_rows(imports: Imported) -> Iterator[DatasetError]:
         poses = [(number, state.base_from_flange) for number, state in states if state is not None]
         places = [(number, float(np.linalg.norm(pose.translation))) for number, pose in poses if pose is not None]
         usual = float(np.median([distance for _, distance in places])) if places else 0.0
-        few = [(n, far) for n, far in places if far > _FARTHER * usual > 0 or 0 < far < usual / _NEARER]
+        few = [(n, far) for n, far in places if far > _FARTHER_RATIO * usual > 0 or 0 < far < usual / _NEARER_RATIO]
         if few:
             what = f"flange of {robot} {few[0][1]:.3g} m from its base, {usual:.3g} m in most rows"
             names = f"{'line' if has_lines else 'row'} {list_names([str(number) for number, _ in few])}"
