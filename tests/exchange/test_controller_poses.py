@@ -286,3 +286,31 @@ def test_the_format_is_guessed_only_where_it_is_said(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("x,y,z,rx,ry,rz\n")
     with pytest.raises(DatasetError, match="give --format"):
         guessed_format(str(tmp_path / "a.csv"))
+
+
+ROS_LOG = ",".join(
+    ["__time", *(f"/tcp/pose/position/{axis}" for axis in "xyz"), *(f"/tcp/pose/orientation/{axis}" for axis in "wxyz")]
+)
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "name"),
+    [
+        ("Pos X (m),Pos Y (m),Pos Z (m),Rot A (deg),Rot B (deg),Rot C (deg)", "1,2,3,0,0,90", "kuka"),
+        ("timestamp actual_q_0 " + " ".join(f"actual_TCP_pose_{k}" for k in range(6)), "5 9 1 2 3 1.5707963 0 0", "ur"),
+        (ROS_LOG, "5,1,2,3,0.5,0.5,0,0", "ros"),
+        ("translation.x,translation.y,translation.z,quat x,quat w,quat y,quat z", "1,2,3,0.5,0.5,0,0", "abb"),
+    ],
+)
+def test_names_of_other_programs(tmp_path: Path, header: str, row: str, name: str) -> None:
+    """Columns are found by what their names say of position and rotation, in any order."""
+    row = row.replace("0.5,0.5", "0.70710678,0.70710678")
+    read = poses(tmp_path, f"{header}\n{row}\n", Reading(name, 1.0))
+    np.testing.assert_allclose(read.translation, [[1, 2, 3]])
+    np.testing.assert_allclose(read.rotvec, [[np.pi / 2, 0, 0]], atol=1e-6)
+
+
+def test_columns_of_joints_are_named_as_such(tmp_path: Path) -> None:
+    """A table of joints is none of poses."""
+    with pytest.raises(DatasetError, match="these look like joints: record poses, or use basecal import joints"):
+        poses(tmp_path, "A1,A2,A3,A4,A5,A6\n1,2,3,4,5,6\n", Reading("kuka"))

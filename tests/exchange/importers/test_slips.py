@@ -96,7 +96,7 @@ def test_an_arm_that_stands_still(tmp_path: Path, capsys: pytest.CaptureFixture[
     states = [sample.robots["b"].base_from_flange for sample in read_recording(cell, described).samples]
     np.testing.assert_allclose(SE3.stack(states).matrix, np.broadcast_to(POSES[0].matrix, (5, 4, 4)), atol=1e-9)
     assert main([*moving, "--robot", "c", "--still"]) == 3
-    assert "holds 5 rows" in capsys.readouterr().err
+    assert "holds 5 rows that differ" in capsys.readouterr().err
 
 
 def test_a_few_rows_in_millimetres(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
