@@ -1,4 +1,4 @@
-"""What `ros2 run tf2_ros tf2_echo BASE FLANGE` prints, and `tf_echo` of ROS 1, as rows of x, y, z, qx, qy, qz, qw."""
+"""Transforms that `tf2_echo` of ROS 2 and `tf_echo` of ROS 1 print, as rows of x, y, z, qx, qy, qz, qw."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -93,6 +93,8 @@ def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
     if not asynchronous and not any(stated.values()) and not _has_rolling_shutter(cell, recording):
         return None
     unstamped = next((s.sample for s in recording.samples if s.stamp_s is None), None)
+    if unstamped is not None and not any(stated.values()) and all(s.stamp_s is None for s in recording.samples):
+        raise InputError(_missing_robots(cell, recording))
     if unstamped is not None:
         why = "clocks are stated" if any(stated.values()) else "robots and views stand in lines of their own"
         raise InputError(f"sample {unstamped} has no stamp_s: {why}, which takes the time of every line")
@@ -169,6 +171,15 @@ def _asynchronous(cell: Cell, recording: Recording) -> bool:
     views = [s for s in recording.samples if s.observations]
     alone = sum(bool(_carrying_robots(cell, s) & recorded - s.robots.keys()) for s in views)
     return alone > _STREAM_SHARE * len(views)
+
+
+def _missing_robots(cell: Cell, recording: Recording) -> str:
+    """Robots whose poses most views lack, and how to import them."""
+    lacks = [(s.sample, name) for s in recording.samples for name in _carrying_robots(cell, s) - s.robots.keys()]
+    robot = Counter(name for _, name in lacks).most_common(1)[0][0]
+    numbers = [sample for sample, name in lacks if name == robot]
+    where = f"sample {numbers[0]} has no pose of {robot}, and {len(numbers) - 1} more have none"
+    return f"{where}: import its poses; of an arm that stood still one row, basecal import poses ... --still"
 
 
 def _has_rolling_shutter(cell: Cell, recording: Recording) -> bool:
