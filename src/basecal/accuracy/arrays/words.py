@@ -49,6 +49,8 @@ HAND_EYE_WORDS = {
     **_view_words("target2cam"),
     "flange_from_base": "base2gripper",
     "import with the other --camera-on": "give the other camera_on",
+    "import the inverse poses, with camera on world": "give the inverse poses, with camera_on='world'",
+    "import the inverse poses, with target on world": "give the inverse poses, with camera_on='robot'",
 }
 """Words of the cell in those of `basecal.hand_eye`."""
 
@@ -57,6 +59,7 @@ ROBOT_WORLD_WORDS = {
     **_view_words("world2cam"),
     "flange_from_base": "gripper2base",
     "import with the other --camera-on": "call hand_eye with camera_on='world'",
+    "import the inverse poses, with camera on world": "call hand_eye with the inverse poses and camera_on='world'",
 }
 """Those of `basecal.robot_world`."""
 
