@@ -50,7 +50,7 @@ def record_of_arrays(
     Raises:
         InputError: if one is missing, or is no rotation or translation, their lengths differ, or two are one.
     """
-    arrays = _under_known_names(arrays)
+    arrays = _rename_arrays(arrays)
     wanted = next((kind for kind in _KINDS if _holds(arrays, kind)), None)
     if wanted is None:
         keys = " or ".join(list_names(_keys(kind)) for kind in (HAND_EYE, ROBOT_WORLD, BASE_TO_BASE))
@@ -70,7 +70,7 @@ def record_of_arrays(
     return HandEyeRecord(source, what, camera_on_robot, base_from_flange, poses[1])
 
 
-def _under_known_names(arrays: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+def _rename_arrays(arrays: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
     """Arrays with matrices `T_...` divided into `R_...` and `t_...`, and `rvecs`, `tvecs` as those of the target."""
     found: dict[str, ArrayLike] = {}
     for key, values in arrays.items():
@@ -102,14 +102,14 @@ def read_record_of_arrays(path: str | Path, camera_on_robot: bool | None, metres
             data = {key: [each[key] for each in data] for key in (data[0] if data else ())}
         if not isinstance(data, dict):
             raise DatasetError(name, "expected a mapping of arrays by OpenCV's names, such as R_gripper2base")
-        arrays = {key: _of_storage(value) for key, value in data.items()}
+        arrays = {key: _plain_matrices(value) for key, value in data.items()}
     return record_of_arrays(arrays, name, camera_on_robot is not False, metres)
 
 
-def _of_storage(value: Any) -> Any:
+def _plain_matrices(value: Any) -> Any:
     """A value with the matrices of FileStorage in it as nested lists."""
     if isinstance(value, list):
-        return [_of_storage(each) for each in value]
+        return [_plain_matrices(each) for each in value]
     if not isinstance(value, dict) or not {"rows", "cols", "data"} <= value.keys():
         return value
     try:
