@@ -264,6 +264,8 @@ def test_keys_say_where_rows_belong() -> None:
     table = read_text_table("Filename,sample,time_s,x\na.png,4,12.5,1\n", "t.csv", ("x",))
     (row,) = keyed_rows(table)
     assert (row.image, row.sample, row.stamp_s) == ("a.png", 4, 12.5)
+    (row,) = keyed_rows(read_text_table("Bildname;x\nIMG_7;1\n", "t.csv", ("x",)))
+    assert (row.image, row.line) == ("IMG_7", 2)
 
 
 def test_stacked_matrices_of_a_real_recording() -> None:

@@ -45,7 +45,10 @@ class _Unit(NamedTuple):
 
 _STAMP = "stamp_s"
 _KEYS = {
-    "image": ("image", "picture", "file", "filename", "img", "bild", "foto", "photo"),
+    "image": (
+        *("image", "picture", "file", "filename", "file_name", "img", "bild", "foto", "photo"),
+        *("image_name", "image_file", "image name", "image file", "bildname", "bilddatei", "dateiname"),
+    ),
     "sample": ("sample",),
     _STAMP: ("stamp_s", "stamp", "timestamp", "time_s", "time", "t"),
 }
