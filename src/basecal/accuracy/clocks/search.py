@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.accuracy.clocks.step import ClockStep, clock_step
 from basecal.accuracy.input_check.unexplained_motion import is_hopeless
-from basecal.accuracy.input_screening.scales import convert_units, estimate_units
+from basecal.accuracy.readings.scales import convert_units, estimate_units
 from basecal.cell import Recording
 from basecal.errors import InputError, NotObservable
 from basecal.estimation.noise.estimate import residual_counts

@@ -10,10 +10,10 @@ from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypothesis, plausible
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
-from basecal.accuracy.input_screening.scales import convert_units, estimate_units
 from basecal.accuracy.input_screening.units import impossible_units
 from basecal.accuracy.phrases.outlier import outlier_reason
 from basecal.accuracy.phrases.sample_list import list_samples
+from basecal.accuracy.readings.scales import convert_units, estimate_units
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError, sentence
 from basecal.estimation.outliers.left_out import LeftOut
