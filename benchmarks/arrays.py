@@ -110,7 +110,8 @@ def section(result: dict[str, Any]) -> str:
 `basecal.hand_eye` on {result["draws"]} draws of {result["samples"]} pairs of poses with noise, compared with OpenCV's
 methods. Its rms is {length:.2f} times that of the best of them in length, and {angle:.2f} times in angle. The 95 %
 ellipsoid contains {result["held"]:.1%} of the errors. It allows for smooth errors of an arm whose noise is unstated,
-and these arms have none. With the noise of arm and camera stated as `total` it contains {result["held_stated"]:.1%}.
+and for mounts that bend ([measured](decisions/gravity_in_every_answer.md)). These arms have neither. With the noise of
+arm and camera stated as `total` it contains {result["held_stated"]:.1%}.
 Answers that are not good: {len(result["not_good"])}."""
     return f"{about}\n\n{table(('method', 'rms [mm]', '[mrad]'), rows)}"
 

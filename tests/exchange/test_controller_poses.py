@@ -217,6 +217,11 @@ def test_stated_units_count(tmp_path: Path) -> None:
     [
         ("0.1,0.2,0.3,0,180,0\n", Reading("ur"), "angles up to 180 are no radians: give --deg"),
         (
+            "x,y,z,rx,ry,rz\n" + "0.1,0.2,0.3,0,2,0\n" * 3 + "0.1,0.2,0.3,0,180,0\n",
+            Reading("ur"),
+            ":5: 180 is no angle in radians: correct line 5, or give --deg",
+        ),
+        (
             "100,20,30,0.1,0,0\n100,20,30,0.2,0,1\n100,20,30,-3,0,0\n",
             Reading("kuka"),
             "these look like radians, give --rad",
@@ -259,6 +264,8 @@ def test_keys_say_where_rows_belong() -> None:
     table = read_text_table("Filename,sample,time_s,x\na.png,4,12.5,1\n", "t.csv", ("x",))
     (row,) = keyed_rows(table)
     assert (row.image, row.sample, row.stamp_s) == ("a.png", 4, 12.5)
+    (row,) = keyed_rows(read_text_table("Bildname;x\nIMG_7;1\n", "t.csv", ("x",)))
+    assert (row.image, row.line) == ("IMG_7", 2)
 
 
 def test_stacked_matrices_of_a_real_recording() -> None:
@@ -281,3 +288,31 @@ def test_the_format_is_guessed_only_where_it_is_said(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("x,y,z,rx,ry,rz\n")
     with pytest.raises(DatasetError, match="give --format"):
         guessed_format(str(tmp_path / "a.csv"))
+
+
+ROS_LOG = ",".join(
+    ["__time", *(f"/tcp/pose/position/{axis}" for axis in "xyz"), *(f"/tcp/pose/orientation/{axis}" for axis in "wxyz")]
+)
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "name"),
+    [
+        ("Pos X (m),Pos Y (m),Pos Z (m),Rot A (deg),Rot B (deg),Rot C (deg)", "1,2,3,0,0,90", "kuka"),
+        ("timestamp actual_q_0 " + " ".join(f"actual_TCP_pose_{k}" for k in range(6)), "5 9 1 2 3 1.5707963 0 0", "ur"),
+        (ROS_LOG, "5,1,2,3,0.5,0.5,0,0", "ros"),
+        ("translation.x,translation.y,translation.z,quat x,quat w,quat y,quat z", "1,2,3,0.5,0.5,0,0", "abb"),
+    ],
+)
+def test_names_of_other_programs(tmp_path: Path, header: str, row: str, name: str) -> None:
+    """Columns are found by what their names say of position and rotation, in any order."""
+    row = row.replace("0.5,0.5", "0.70710678,0.70710678")
+    read = poses(tmp_path, f"{header}\n{row}\n", Reading(name, 1.0))
+    np.testing.assert_allclose(read.translation, [[1, 2, 3]])
+    np.testing.assert_allclose(read.rotvec, [[np.pi / 2, 0, 0]], atol=1e-6)
+
+
+def test_columns_of_joints_are_named_as_such(tmp_path: Path) -> None:
+    """A table of joints is none of poses."""
+    with pytest.raises(DatasetError, match="these look like joints: record poses, or use basecal import joints"):
+        poses(tmp_path, "A1,A2,A3,A4,A5,A6\n1,2,3,4,5,6\n", Reading("kuka"))

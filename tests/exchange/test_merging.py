@@ -140,3 +140,17 @@ def test_nothing_is_written_through_a_link(tmp_path: Path) -> None:
         merge_cells([a, b], tmp_path / "c")
     assert not list((tmp_path / "elsewhere").iterdir())
     assert not (tmp_path / "c" / "cell.yaml").exists()
+
+
+def test_who_wrote_the_poses_is_no_contradiction(tmp_path: Path) -> None:
+    """Each cell states it of another robot, as sessions with one arm still do; both are kept. Two makers contradict."""
+    robots = "schema: basecal/cell/1\nreference: left\nrobots:\n"
+    a = cell(tmp_path / "a", robots + "  left: {}\n  right: {controller: {format: ros}}\n")
+    b = cell(tmp_path / "b", robots + "  left: {controller: {format: ur}}\n  right: {}\n")
+    c = cell(tmp_path / "c", robots + "  left: {controller: {format: abb}}\n  right: {}\n")
+    merge_cells([a, b], tmp_path / "d")
+    merged = read_cell(tmp_path / "d").robots
+    formats = {name: robot.controller["format"] for name, robot in merged.items() if robot.controller is not None}
+    assert formats == {"left": "ur", "right": "ros"}
+    with pytest.raises(InputError, match=r"robots.left.controller.format: .* states ur, .* abb"):
+        merge_cells([a, b, c], tmp_path / "e")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from basecal.errors import DatasetError
-from basecal.exchange.pictures import list_pictures, picture_size, time_from_name, unreadable_pictures, usual_size
+from basecal.errors import DatasetError, InputError
+from basecal.exchange.pictures import list_pictures, picture_size, read_time, unreadable_pictures, usual_size
 
 
 def filled(folder: Path, *names: str) -> Path:
@@ -59,15 +60,19 @@ def test_pictures_of_other_kinds_are_named(tmp_path: Path) -> None:
         ("1682512345250.png", 1682512345.25),
         ("1682512345250000.png", 1682512345.25),
         ("1682512345250000000.png", 1682512345.25),
-        ("12.5.png", 12.5),
-        ("000012.png", None),
-        ("img12.5.png", None),
-        ("12345678901.png", None),
+        ("left/12.5.png", 12.5),
     ],
 )
-def test_times_that_are_names(name: str, stamp: float | None) -> None:
-    """Since 1970 in the unit that its digits say, or since another beginning with a point; a number is no time."""
-    assert time_from_name(name) == (None if stamp is None else pytest.approx(stamp, abs=1e-6))
+def test_times_that_are_names(name: str, stamp: float) -> None:
+    """Since 1970 in the unit that its digits say, or since another beginning with a point."""
+    assert read_time(Path(name)) == pytest.approx(stamp, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["000012.png", "img12.5.png", "12345678901.png"])
+def test_numbers_are_no_times(name: str) -> None:
+    """The message has a name that is one."""
+    with pytest.raises(InputError, match=re.escape(f"{name}: the name is no time, expected one such as 16825")):
+        read_time(Path(name))
 
 
 def test_the_usual_size() -> None:

@@ -52,6 +52,13 @@ def test_the_first_sheet_is_rows_of_text() -> None:
     assert workbook_text(workbook([], xl__worksheets__sheet1=inline), "w.xlsx") == "second\n"
 
 
+def test_rows_that_are_left_out_count() -> None:
+    """A line of the text has the number that Excel shows."""
+    rows = "".join(f'<row r="{n}"><c t="inlineStr"><is><t>{n}</t></is></c></row>' for n in (2, 5))
+    sheet = f"<worksheet {MAIN}><sheetData>{rows}</sheetData></worksheet>"
+    assert workbook_text(workbook([], xl__worksheets__sheet1=sheet), "w.xlsx") == "\n2\n\n\n5\n"
+
+
 def test_poses_of_a_workbook_are_imported(tmp_path: Path) -> None:
     """A table with a header is read like its CSV, by every importer of tables."""
     rows = [HEADER, *((0.4, 0.1 * k, 0.3, 0.1, 0.2 * k, 0.0) for k in range(3))]

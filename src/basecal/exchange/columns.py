@@ -39,6 +39,7 @@ LARGEST_BYTES = 2**26
 _LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x19]")  # control characters that no text has
+_MINUS = "\u2212"  # as word processors write it
 _ARCHIVE, _OLD_SHEET = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # how .xlsx and .ods begin, and .xls
 MOST_POSES = 200_000
 """Of a stream: as many as a recording may have samples."""
@@ -61,7 +62,7 @@ def read_table_text(path: str, content: str) -> str:
         raise DatasetError(path, f"not text, expected {content}") from None
     if _BINARY.search(text):
         raise DatasetError(path, f"not text, expected {content}")
-    return text
+    return text.replace(_MINUS, "-")
 
 
 def _eight_bit_text(data: bytes) -> str:

@@ -21,8 +21,17 @@ from basecal.exchange.controllers.convention import (
 )
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.importing.text_table import TextTable, is_picture, parse_number, read_text_table, rows_of_numbers
+from basecal.exchange.importing.text_table import (
+    TextTable,
+    is_picture,
+    parse_number,
+    parse_time,
+    read_text_table,
+    rows_of_numbers,
+    select_robot,
+)
 from basecal.exchange.poses import METRES, read_poses
+from basecal.exchange.tf_echo import transform_rows
 from basecal.exchange.yaskawa_job import is_job, job_positions
 from basecal.geometry import SE3, Array
 
@@ -36,16 +45,24 @@ class _Unit(NamedTuple):
 
 _STAMP = "stamp_s"
 _KEYS = {
-    "image": ("image", "picture", "file", "filename", "img", "bild", "foto", "photo"),
+    "image": (
+        *("image", "picture", "file", "filename", "file_name", "img", "bild", "foto", "photo"),
+        *("image_name", "image_file", "image name", "image file", "bildname", "bilddatei", "dateiname"),
+    ),
     "sample": ("sample",),
     _STAMP: ("stamp_s", "stamp", "timestamp", "time_s", "time", "t"),
 }
-# Other names of a number by the one its controller has, in small letters.
+_PLACE = r"(?:.*[ ._/])?(?:pos|position|trans|translation)"
+_TURN = r"(?:.*[ ._/])?(?:rot|rotation|orientation|quat|quaternion)"
+# Other names of a number by the one its controller has, in small letters, as patterns. UR's logs number the TCP's pose.
 _ALIASES = {
-    **{axis: (f"t{axis}", f"t_{axis}", f"pos_{axis}", f"p{axis}") for axis in "xyz"},
-    **{f"q{axis}": (f"q_{axis}", f"orientation_{axis}") for axis in "xyzw"},
-    **dict(zip(("q1", "q2", "q3", "q4"), (("qw",), ("qx",), ("qy",), ("qz",)), strict=True)),
+    **{axis: rf"t_?{axis}|p{axis}|{_PLACE}[ ._/]*{axis}|actual_tcp_pose_{k}" for k, axis in enumerate("xyz")},
+    **{f"r{axis}": rf"{_TURN}[ ._/]*r?{axis}|actual_tcp_pose_{k}" for k, axis in enumerate("xyz", start=3)},
+    **{f"q{axis}": rf"q_{axis}|{_TURN}[ ._/]*q?{axis}" for axis in "xyzw"},
+    **{f"q{k}": rf"q{axis}|{_TURN}[ ._/]*q?{axis}" for k, axis in enumerate("wxyz", start=1)},
+    **{axis: rf"{_TURN}[ ._/]*{axis}" for axis in ("a", "b", "c", "w", "p", "r")},
 }
+_JOINT = re.compile(r"(?:joint|axis|theta|j|q|a|actual_q)[_ ]?\d")
 _UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(/]\s*|\s+in\s+)(mm|m|inch|in|deg|rad|°)[\])]?$")
 _LENGTHS: dict[str, _Unit] = {name: _Unit(size, f"--length-unit {name}") for name, size in METRES.items()}
 _LENGTHS["in"] = _LENGTHS["inch"]
@@ -55,6 +72,8 @@ _SMALL_TURN = np.pi  # degrees up to which angles of arms that calibrate never a
 _SHORT_MATRIX = 12  # numbers of a matrix without its last row
 _ROW = 4  # numbers of a row of a matrix
 _LONGEST_ARM_M = 20.0  # farther than any flange is in metres, and nearer than any is in millimetres
+_FEWEST_JOINTS = 4  # columns with names of joints
+_FEW_ROWS = 0.3  # share of rows, up to which these are wrong and not the unit of all
 _FEWEST_POSES = 3  # poses of which all are turned little, before that is taken for a unit
 
 
@@ -121,20 +140,20 @@ def read_controller_poses(
     Raises:
         DatasetError: naming the file and line, if it holds anything else; also where angles are in the other unit.
     """
-    found = read_pose_rows(path, reading, is_stream)
+    found = read_pose_rows(path, reading, is_stream, robot)
     poses = found.poses.inverse() if is_inverted else found.poses
     return tuple(replace(row, robots={robot: RobotState(poses[i])}) for i, row in enumerate(found.rows))
 
 
-def read_pose_rows(path: str, reading: Reading, is_stream: bool = False) -> PoseRows:
-    """Poses of a file, whosever they are; likewise."""
-    found = _pose_rows(path, reading, is_stream)
+def read_pose_rows(path: str, reading: Reading, is_stream: bool = False, robot: str | None = None) -> PoseRows:
+    """Poses of a file, likewise; whosever they are if no robot is named."""
+    found = _pose_rows(path, reading, is_stream, robot)
     if is_stream and any(row.stamp_s is None for row in found.rows):
         raise DatasetError(path, "no time in its rows, which a stream takes: a column stamp_s [s], the first of all")
     return found
 
 
-def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
+def _pose_rows(path: str, reading: Reading, is_stream: bool, robot: str | None) -> PoseRows:
     how = reading.convention
     if reading.name == "matrix" and _is_stacked(path):
         stream = read_poses(path, "m")
@@ -143,6 +162,7 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
         return PoseRows(poses, tuple(Row(stamp_s=stamp) for stamp in stamps))
     names = (_STAMP, *how.names) if is_stream else how.names
     table = read_text_table(_table_text(path, reading), path, names)
+    table = table if robot is None else select_robot(table, robot)
     if len(table.rows) > MOST_POSES:
         raise DatasetError(path, f"{len(table.rows)} poses, expected at most {MOST_POSES}")
     is_short = reading.name == "matrix" and table.header is not None and "m30" not in map(plain_column, table.header)
@@ -150,7 +170,7 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
     numbers = np.array(list(rows_of_numbers(table, columns)))
     if is_short:
         numbers = np.concatenate([numbers, np.tile([0.0, 0.0, 0.0, 1.0], (len(numbers), 1))], axis=1)
-    _check_angles(path, numbers, how, reading)
+    _check_angles(path, numbers, [row.line for row in table.rows], how, reading)
     found = []
     for row, values in zip(table.rows, numbers, strict=True):
         try:
@@ -161,8 +181,10 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
 
 
 def _table_text(path: str, reading: Reading) -> str:
-    """The rows of a table, or of the positions of a Yaskawa job."""
+    """The rows of a table, of the positions of a Yaskawa job, or of what `tf2_echo` printed."""
     text = read_table_text(path, "a table of poses")
+    if reading.name == "ros" and (echoed := transform_rows(text)):
+        return echoed
     if not is_job(text):
         return text
     if reading.name != "yaskawa":
@@ -203,18 +225,22 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
     by_name = {plain_column(column): column for column in table.header}
     found = []
     for name in map(str.lower, names):
-        known = next((each for each in (name, *_ALIASES.get(name, ())) if each in by_name), None)
-        if known is None:
-            there = {plain_column(column) for column in table.header}
-            others = [each for each in CONTROLLERS if {n.lower() for n in CONTROLLERS[each].names} <= there]
-            hint = f"; these columns suit --format {list_names(others)}" if others else ""
-            raise DatasetError(
-                table.path,
-                f"has no column {name!r} but {', '.join(table.header)}; {reading.name} writes {', '.join(names)}{hint}",
-            )
-        found.append(by_name[known])
+        others = [each for each in by_name if re.fullmatch(_ALIASES.get(name, name), each)]
+        if name not in by_name and len(others) != 1:
+            what = f"has no column {name!r} but {', '.join(table.header)}; {reading.name} writes {', '.join(names)}"
+            raise DatasetError(table.path, what + _column_hint(set(by_name)))
+        found.append(by_name[name if name in by_name else others[0]])
     _check_units(table.path, found, reading)
     return found
+
+
+def _column_hint(columns: set[str]) -> str:
+    """The import that other columns suit, as the end of a sentence; empty if none does."""
+    formats = [name for name, each in CONTROLLERS.items() if {column.lower() for column in each.names} <= columns]
+    if formats:
+        return f"; these columns suit --format {list_names(formats)}"
+    are_joints = sum(bool(_JOINT.match(column)) for column in columns) >= _FEWEST_JOINTS
+    return "; these look like joints: record poses, or use basecal import joints" if are_joints else ""
 
 
 def plain_column(column: str) -> str:
@@ -257,7 +283,7 @@ def _possible_units(place: int, convention: AnyConvention) -> tuple[Mapping[str,
     return ({} if "quaternion" in convention.form.words else _ANGLES), convention.angle
 
 
-def _check_angles(path: str, numbers: Array, convention: AnyConvention, reading: Reading) -> None:
+def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: AnyConvention, reading: Reading) -> None:
     """Degrees taken for radians, and radians taken for degrees, where no other reading can be."""
     if isinstance(convention, MatrixConvention) or "quaternion" in convention.form.words:
         return
@@ -265,7 +291,13 @@ def _check_angles(path: str, numbers: Array, convention: AnyConvention, reading:
     if other := _other_controllers(numbers, convention, reading):
         raise DatasetError(path, f"these numbers are not in the units of {reading.name}. {other}")
     if convention.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
-        raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
+        odd = np.flatnonzero(np.abs(angles).max(axis=1) > _FULL_TURN).tolist()
+        if len(odd) > _FEW_ROWS * len(angles):
+            raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
+        value, where = np.abs(angles[odd[0]]).max(), list_names([str(lines[k]) for k in odd])
+        raise DatasetError(
+            path, f"{value:.4g} is no angle in radians: correct line {where}, or give --deg", lines[odd[0]]
+        )
     # A rotation vector is as long as the turn; angles about axes may all be small only where nothing turns.
     is_small = (
         len(numbers) >= _FEWEST_POSES and np.abs(angles).max() <= _SMALL_TURN and np.ptp(angles, axis=0).max() > 0
@@ -323,6 +355,7 @@ def keyed_rows(table: TextTable) -> list[Row]:
         number = None if sample is None else parse_number(table.cell(row, sample), table.path, row.line, sample)
         if sample is not None and number is not None and (number != int(number) or number < 0):
             raise DatasetError(table.path, f"{table.cell(row, sample)} is not a whole number from 0", row.line, sample)
-        stamp_s = None if stamp is None else parse_number(table.cell(row, stamp), table.path, row.line, stamp)
-        rows.append(Row(image=name, sample=None if number is None else int(number), stamp_s=stamp_s))
+        stamp_s = None if stamp is None else parse_time(table.cell(row, stamp), table.path, row.line, stamp)
+        place = None if number is None else int(number)
+        rows.append(Row(image=name, sample=place, stamp_s=stamp_s, line=row.line))
     return rows

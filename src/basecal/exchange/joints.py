@@ -13,7 +13,7 @@ from basecal.errors import DatasetError
 from basecal.exchange.columns import MOST_POSES, read_table_text
 from basecal.exchange.controller_poses import keyed_rows
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.importing.text_table import TextTable, read_text_table, rows_of_numbers
+from basecal.exchange.importing.text_table import TextTable, read_text_table, rows_of_numbers, select_robot
 from basecal.geometry import Array
 from basecal.kinematics import SerialChain
 
@@ -39,7 +39,8 @@ def read_joints(path: str, robot: str, chain: SerialChain, in_degrees: bool) -> 
         DatasetError: naming the file and line, if it holds anything else, or if a joint is beyond its limits. It is
             also raised if values that are stated in degrees look like radians.
     """
-    table = read_text_table(read_table_text(path, "a table of joints"), path, chain.joint_names)
+    text = read_table_text(path, "a table of joints")
+    table = select_robot(read_text_table(text, path, chain.joint_names), robot)
     if len(table.rows) > MOST_POSES:
         raise DatasetError(path, f"{len(table.rows)} rows, expected at most {MOST_POSES}")
     values = np.array(list(rows_of_numbers(table, _columns(table, chain))))

@@ -10,8 +10,7 @@ from basecal.errors import DatasetError
 from basecal.exchange.columns import MOST_POSES, read_table_text
 from basecal.exchange.controller_poses import column_unit, keyed_rows, plain_column
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.importing.text_table import TextTable, read_text_table, rows_of_numbers
-from basecal.exchange.touch_table import as_name
+from basecal.exchange.importing.text_table import TextTable, as_name, read_text_table, rows_of_numbers
 from basecal.geometry import Array
 
 _AXES = ("x", "y", "z")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +23,7 @@ from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import InputError
 from basecal.exchange.importing.cell_files import numbered_path, place_files
 
+_LABELS = ("controller", "frames")  # of a robot: a cell that states none contradicts nothing
 _SECTIONS = ("robots", "bases", "cameras", "targets")
 
 
@@ -107,14 +108,14 @@ def _joined_text(parts: Sequence[Part]) -> str:
     Raises:
         InputError: if two have something of one name that differs.
     """
-    first = parts[0]
-    known = _entries(first, first)
+    first, labels = parts[0], _robot_labels(parts)
+    known = _entries(first, first, labels)
     text = read_text(first.folder / "cell.yaml", "")
     for part in parts[1:]:
         path = part.folder / "cell.yaml"
         written = parse_yaml(read_text(path, ""), str(path)).data
         added: dict[str, Any] = {}
-        for (section, name), entry in _entries(part, first).items():
+        for (section, name), entry in _entries(part, first, labels).items():
             there, ours = known.setdefault((section, name), (part.folder, entry[1]))
             if ours != entry[1]:
                 raise InputError(_difference(f"{section}.{name}".rstrip("."), there, ours, *entry))
@@ -123,10 +124,19 @@ def _joined_text(parts: Sequence[Part]) -> str:
                 same = part.cell.reference == first.cell.reference
                 added.setdefault(section, {})[name] = told if same or entry[1].get("on") != WORLD else _free(told)
         text = completed_cell_text(text, added, str(first.folder / "cell.yaml"))[0]
-    return text
+    return completed_cell_text(text, {"robots": labels}, str(first.folder / "cell.yaml"))[0] if labels else text
 
 
-def _entries(part: Part, first: Part) -> dict[tuple[str, str], tuple[Path, Any]]:
+def _robot_labels(parts: Sequence[Part]) -> dict[str, dict[str, Any]]:
+    """Labels by robot, of the first cell that states them."""
+    labels: dict[str, dict[str, Any]] = {}
+    for name, entry in (item for part in reversed(parts) for item in cell_to_dict(part.cell)["robots"].items()):
+        if stated := {key: entry[key] for key in _LABELS if key in entry}:
+            labels[name] = {**labels.get(name, {}), **stated}
+    return labels
+
+
+def _entries(part: Part, first: Part, labels: Mapping[str, dict[str, Any]]) -> dict[tuple[str, str], tuple[Path, Any]]:
     """Statements of a cell about each thing by section and name, and about its noise; a free base is none.
 
     Guesses are no statements.
@@ -136,6 +146,7 @@ def _entries(part: Part, first: Part) -> dict[tuple[str, str], tuple[Path, Any]]
     """
     data, is_other = cell_to_dict(part.cell), part.cell.reference != first.cell.reference
     found = {(section, name): entry for section in _SECTIONS for name, entry in (data.get(section) or {}).items()}
+    found |= {("robots", name): {**labels.get(name, {}), **found["robots", name]} for name in part.cell.robots}
     for (section, name), entry in found.items():
         pose = entry if section == "bases" else entry.get("mount", {}) if entry.get("on") == WORLD else {}
         if is_other and pose.get("status", "free") != "free":

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from basecal.bounded_file import check_regular
-from basecal.errors import DatasetError, list_names
+from basecal.errors import DatasetError, InputError, list_names
 from basecal.vision.image_header import header
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
@@ -106,19 +106,22 @@ def picture_size(path: Path) -> tuple[int, int] | None:
     return None if found is None else found.size_px
 
 
-def time_from_name(name: str) -> float | None:
-    """The time [s] that is an image's name, such as 1682512345.123.png or 1682512345123456789.png; None of others.
+def read_time(path: Path) -> float:
+    """The time [s] that is an image's name, such as 1682512345.123.png or 1682512345123456789.png.
 
     Ten digits before the point are seconds since 1970, 13 milliseconds, 16 microseconds and 19 nanoseconds. Fewer than
     ten, with a point, are seconds from an origin of their own.
+
+    Raises:
+        InputError: if the name is none of these.
     """
-    stem = name.rpartition(".")[0]
-    if not _STAMP.fullmatch(stem):
-        return None
-    whole, _, part = stem.replace("_", ".").partition(".")
-    if len(whole) in _SINCE_1970:
-        return float(f"{whole}.{part or 0}") * _SINCE_1970[len(whole)]
-    return float(f"{whole}.{part}") if part and len(whole) < min(_SINCE_1970) else None
+    if _STAMP.fullmatch(path.stem):
+        whole, _, part = path.stem.replace("_", ".").partition(".")
+        if len(whole) in _SINCE_1970:
+            return float(f"{whole}.{part or 0}") * _SINCE_1970[len(whole)]
+        if part and len(whole) < min(_SINCE_1970):
+            return float(f"{whole}.{part}")
+    raise InputError(f"{path}: the name is no time, expected one such as 1682512345.123.png")
 
 
 def missing_numbers(names: Sequence[str]) -> tuple[str, ...]:

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 from basecal.cell import Cell
-from basecal.errors import DatasetError, UsageError
+from basecal.errors import UsageError
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.importing.cell_content import recorded_samples
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.importing.text_table import TextTable, read_text_table
+from basecal.exchange.importing.text_table import TextTable, as_name, read_text_table, select_robot
 
 
 @dataclass(frozen=True)
 class TouchTable:
-    """A file, and the names of its numbers where it has no header."""
+    """A file, the names of its numbers where it has no header, and whose rows are read where a column names robots."""
 
     path: str
     names: Sequence[str]
+    robot: str
 
     @cached_property
     def table(self) -> TextTable:
-        """Its cells."""
-        return read_text_table(read_table_text(self.path, "a table of touches"), self.path, self.names)
+        """Its cells, of the robot's rows."""
+        text = read_table_text(self.path, "a table of touches")
+        return select_robot(read_text_table(text, self.path, self.names), self.robot)
 
     def column(self, *names: str) -> list[str] | None:
         """The cells of the first of these columns that there is, as names of a cell; None if there is none."""
@@ -35,35 +36,21 @@ class TouchTable:
         return None if found is None else [as_name(self.table.cell(row, found)) for row in self.table.rows]
 
 
-def as_name(text: str) -> str:
-    """A name as a cell has it: small letters, digits and _, a letter first."""
-    plain = re.sub(r"[^a-z0-9]+", "_", text.strip().strip("\"'").lower()).strip("_")
-    return plain if plain[:1].isalpha() else f"mark_{plain}"
-
-
-def touch_names(table: TouchTable, rows: Sequence[Row], robot: str, mark: str | None) -> tuple[list[Row], list[str]]:
-    """The rows of a robot, and what each touched.
+def touch_names(table: TouchTable, mark: str | None) -> list[str]:
+    """The marks that were touched, one for each row.
 
     Args:
         table: The file.
-        rows: One for each of the file's rows.
-        robot: Whose rows are kept, where a column names robots.
         mark: What all touched, if the file does not say.
 
     Raises:
         UsageError: if neither a column nor `mark` says what was touched, or both do.
-        DatasetError: if no row is of the robot.
     """
     marks = table.column("mark", "touch", "point", "target")
     if (marks is None) == (mark is None):
         why = "the table has no column `mark`" if mark is None else "the table has a column `mark`, too"
         raise UsageError(f"{why}: say by --mark or by the column what was touched")
-    robots = table.column("robot", "arm")
-    kept = [k for k in range(len(rows)) if robots is None or robots[k] == robot]
-    if not kept:
-        there = ", ".join(dict.fromkeys(robots or ()))
-        raise DatasetError(table.path, f"no row is of robot {robot!r}; there are: {there}", field="robot")
-    return [rows[k] for k in kept], [(mark or "") if marks is None else marks[k] for k in kept]
+    return [mark or ""] * len(table.table.rows) if marks is None else marks
 
 
 def new_rows(folder: str | Path, cell: Cell | None, rows: Sequence[Row]) -> list[Row]:

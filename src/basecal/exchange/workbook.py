@@ -20,6 +20,7 @@ _STRINGS = "xl/sharedStrings.xml"
 _PLACE = re.compile(r"([A-Z]{1,3})\d+")
 _LARGEST_BYTES = 2**25  # of a part, unpacked: a hundred thousand poses
 _MOST_COLUMNS = 256
+_MOST_ROWS = 2**20  # of a sheet of Excel
 
 
 def workbook_text(data: bytes, path: str) -> str:
@@ -41,7 +42,7 @@ def workbook_text(data: bytes, path: str) -> str:
                 raise DatasetError(path, "holds no sheet of an Excel workbook: save it as CSV, and import that")
             strings = [_text(each) for each in _part(archive, _STRINGS, path)] if _STRINGS in archive.namelist() else []
             sheet = _part(archive, numbers[min(numbers)], path)
-            rows = [_cells(row, strings) for row in sheet.iter() if _tag(row) == "row"]
+            rows = list(_rows(sheet, strings))
     except (BadZipFile, SyntaxError, DefusedXmlException, LookupError, ValueError, zlib.error, RuntimeError) as error:
         if isinstance(error, DatasetError):
             raise
@@ -60,6 +61,16 @@ def _part(archive: ZipFile, name: str, path: str) -> Any:
     if len(data) > _LARGEST_BYTES:
         raise DatasetError(path, f"{name} unpacks to more than {_LARGEST_BYTES >> 20} MB: save the sheet as CSV")
     return fromstring(data)
+
+
+def _rows(sheet: Any, strings: list[str]) -> Iterator[list[str]]:
+    """Rows at their numbers; those that the workbook leaves out are empty."""
+    count = 0
+    for row in (each for each in sheet.iter() if _tag(each) == "row"):
+        number = min(int(row.get("r", count + 1)), _MOST_ROWS)
+        yield from ([] for _ in range(count + 1, number))
+        count = max(number, count + 1)
+        yield _cells(row, strings)
 
 
 def _cells(row: Any, strings: list[str]) -> list[str]:

@@ -53,14 +53,6 @@ def test_reach_of_the_farthest_flange(far, found):
     assert told([RobotState(at(far)), RobotState(at(far))]) == ((f"flange of eye {far:.3g} m",) if found else ())
 
 
-def test_a_few_far_flanges_have_another_unit():
-    """A flange at 160 m may be in millimetres, centimetres or inches: the message gives both lengths."""
-    near = [RobotState(at(1.0))] * 2
-    assert told([*near, RobotState(at(160.0))])[0] == (
-        "samples 2 of eye look like another length unit: the flange is 160 m from its base in sample 2, 1 m in most"
-    )
-
-
 @pytest.mark.parametrize(
     ("joints", "words"),
     [
@@ -185,15 +177,3 @@ def test_joints_of_a_reading_are_held_to_their_limits():
     made = simulate(Scenario(samples=5, joints=True), 0)
     far = with_joints(made.recording, "eye", 10.0)
     assert impossible_reading(declared(made.cell, far)) == impossible_input(made.cell, far) != ()
-
-
-def test_a_row_in_another_unit_is_named() -> None:
-    """Metres among millimetres, or the reverse: the sample and its distance are stated."""
-    cell = Cell(robots={"r": Robot("r")}, cameras={}, targets={}, reference="r")
-    for distance, words in ((0.0008, "0.0008 m"), (800.0, "800 m")):
-        lengths = [0.8, 0.7, distance, 0.9]
-        samples = tuple(
-            Sample(k, None, {"r": RobotState(SE3(np.eye(3), np.array([x, 0, 0])))}) for k, x in enumerate(lengths)
-        )
-        first = impossible_input(cell, Recording(samples))[0]
-        assert first.startswith(f"samples 2 of r look like another length unit: the flange is {words} from its base")

@@ -133,7 +133,7 @@ def test_some_samples_in_another_unit():
         for far in (1.0, 1.0, reach):
             recording = replace(recording, samples=(*recording.samples, *posed(far, 1.0, "pose").samples[:1]))
         (found,) = impossible_units(cell, recording)
-        assert found.what == f"Sample 0 of hand look like {unit} among metres."
+        assert found.what == f"Sample 0 of hand looks like {unit} among metres."
 
 
 @pytest.mark.parametrize(("size_m", "told"), [(19.9, False), (20.1, True)])

@@ -11,16 +11,16 @@ from basecal.accuracy.phrases.changed_frame import changed_frame
 from basecal.cell import Recording, RobotState
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3
-from basecal.simulation import Scenario, simulate
+from basecal.simulation import Scenario, SimulatedCell, simulate
 
 SHIFT = SE3.from_rotvec([0.1, -0.2, 0.3], [0.03, 0.02, 0.12])
 MADE = simulate(Scenario(samples=16), 3)
 
 
-def recording(frame: str, since: int) -> Recording:
-    """That of the cell, with the hand's poses from a sample on of another tool or base frame."""
+def recording(frame: str, since: int, made: SimulatedCell = MADE) -> Recording:
+    """That of a cell, with the hand's poses from a sample on of another tool or base frame."""
     samples = []
-    for sample in MADE.recording.samples:
+    for sample in made.recording.samples:
         pose = sample.robots["hand"].base_from_flange
         assert pose is not None
         changed = pose @ SHIFT if frame == "tool" else SHIFT @ pose
@@ -54,3 +54,10 @@ def test_nothing_is_said_of_other_samples() -> None:
     assert changed_frame(problem, MADE.cell) is None
     sound, _ = build_problem(MADE.cell, MADE.recording)
     assert changed_frame(sound, MADE.cell) is None
+
+
+def test_a_frame_that_a_part_leaves_open_is_not_named() -> None:
+    """With each arm still in one half, no mount is determined by both, and none is blamed."""
+    made = simulate(Scenario(samples=24, arms="halves", target="pose"), 3)
+    problem, _ = build_problem(made.cell, recording("tool", 12, made))
+    assert changed_frame(problem, made.cell) is None

@@ -143,6 +143,14 @@ def test_a_line_without_a_stamp_is_an_error() -> None:
         recording_streams(made.cell, Recording((replace(first, stamp_s=None), *others)))
 
 
+def test_poses_of_a_still_arm_that_are_missing_are_named() -> None:
+    """Views without the arm's poses and without times are no streams, but sessions with another arm still."""
+    made = streamed()
+    samples = tuple(replace(sample, stamp_s=None) for sample in made.recording.samples)
+    with pytest.raises(InputError, match=r"sample 0 has no pose of arm, and 69 more have none: .* --still"):
+        recording_streams(made.cell, Recording(samples))
+
+
 def test_clocks_that_share_no_time_are_an_error() -> None:
     made = streamed(offset_s=1.6e9)
     with pytest.raises(InputError, match=r"stamps of wrist and of arm share no time.*clock: \{status: free, offset_s"):

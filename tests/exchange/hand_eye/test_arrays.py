@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -37,6 +38,47 @@ def test_json_of_a_robot_and_a_world(tmp_path: Path) -> None:
     (tmp_path / "poses.json").write_text(json.dumps(data))
     found = read_record_of_arrays(tmp_path / "poses.json", True, 1.0)
     np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].inverse().matrix, atol=1e-12)
+
+
+def test_matrices_and_vectors_of_other_names() -> None:
+    """4x4 matrices hold rotation and translation; `rvecs` and `tvecs` are the target's; rows of nine are matrices."""
+    arrays = {"T_gripper2base": POSES[0].matrix, "rvecs": POSES[1].rotvec, "tvecs": POSES[1].translation}
+    found = record_of_arrays(arrays, "test")
+    np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].matrix, atol=1e-12)
+    np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
+    flat = {**_arrays("gripper2base", "target2cam"), "R_target2cam": POSES[1].rotation.reshape(-1, 9)}
+    np.testing.assert_allclose(record_of_arrays(flat, "test").camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
+    with pytest.raises(InputError, match=r"T_gripper2base has shape \(5, 3, 4\), expected \(n, 4, 4\)"):
+        record_of_arrays({**arrays, "T_gripper2base": POSES[0].matrix[:, :3]}, "test")
+
+
+@pytest.mark.parametrize("ending", ["yml", "xml", "json"])
+@pytest.mark.parametrize("is_list", [False, True])
+def test_file_storage(tmp_path: Path, ending: str, is_list: bool) -> None:
+    """One matrix of all samples, or a list of a matrix each, as C++ writes vectors of them."""
+    arrays = _arrays("gripper2base", "target2cam")
+    storage = cv2.FileStorage(str(tmp_path / f"poses.{ending}"), cv2.FILE_STORAGE_WRITE)
+    for key, values in arrays.items():
+        if is_list:
+            storage.startWriteStruct(key, cv2.FileNode_SEQ)
+            for matrix in values:
+                storage.write("", matrix)
+            storage.endWriteStruct()
+        else:
+            storage.write(key, values)
+    storage.release()
+    found = read_record_of_arrays(tmp_path / f"poses.{ending}", None, 1.0)
+    np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].matrix, atol=1e-9)
+    np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-9)
+
+
+def test_a_list_of_samples(tmp_path: Path) -> None:
+    """Each a mapping under the same names."""
+    arrays = _arrays("gripper2base", "target2cam")
+    samples = [{key: values[k].tolist() for key, values in arrays.items()} for k in range(5)]
+    (tmp_path / "poses.json").write_text(json.dumps(samples))
+    found = read_record_of_arrays(tmp_path / "poses.json", None, 1.0)
+    np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
 
 
 def test_one_array_is_not_enough(tmp_path: Path) -> None:
@@ -77,3 +119,11 @@ def test_other_names() -> None:
     """Arrays under other names are refused with those that are known."""
     with pytest.raises(InputError, match="holds R_a, t_a, expected R_gripper2base, t_gripper2base, R_target2cam"):
         record_of_arrays(_arrays("a"), "test")
+
+
+def test_one_array_for_two() -> None:
+    """Poses of the gripper given as those of the target, too: no answer is made of it."""
+    arrays = _arrays("gripper2base", "target2cam")
+    same = {f"{letter}_target2cam": arrays[f"{letter}_gripper2base"] for letter in "Rt"}
+    with pytest.raises(InputError, match="gripper2base and target2cam are the same poses: one was given for both"):
+        record_of_arrays({**arrays, **same}, "test")

@@ -7,11 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.cell.files import read_recording
+from basecal.accuracy.calibrate import calibrate
+from basecal.cell import PoseObservation
+from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
 from basecal.geometry import SE3
 from colmap_files import Image, write_reconstruction
 from lens_texts import COLMAP, tells_the_lens
+from stream_cells import MOUNT, streamed
 
 
 def test_the_lens(tmp_path: Path) -> None:
@@ -46,3 +49,35 @@ def test_images_of_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     samples = read_recording(tmp_path / "c").samples
     seen = [sample.observations[0].camera_from_target.translation for sample in samples]
     np.testing.assert_allclose(seen, [pose.translation for pose in poses[3:]], atol=1e-6)
+
+
+def test_a_film_of_a_moving_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Names of images are times of another clock: its offset, the unit and the mount come out together."""
+    samples = streamed(-0.07, stated=False).recording.samples
+    rows, images = ["stamp_s,x,y,z,qx,qy,qz,qw"], []
+    for sample in samples:
+        assert sample.stamp_s is not None
+        for state in sample.robots.values():
+            pose = state.base_from_flange
+            assert pose is not None
+            rows.append(",".join(map(repr, [sample.stamp_s, *pose.translation.tolist(), *pose.quaternion.tolist()])))
+        for seen in sample.observations:
+            assert isinstance(seen, PoseObservation)
+            view = seen.camera_from_target
+            images.append(Image(f"film/{sample.stamp_s:.6f}.png", 1, SE3(view.rotation, view.translation / 0.21)))
+    (tmp_path / "arm.csv").write_text("\n".join(rows) + "\n")
+    cell, sparse = str(tmp_path / "c"), str(write_reconstruction(tmp_path / "sparse", images))
+    assert main(["import", "poses", cell, "--robot", "arm", str(tmp_path / "arm.csv"), "--streams"]) == 0
+    words = ["import", "colmap", cell, sparse, "--camera", "wrist", "--on", "arm", "--streams"]
+    assert main(words) == 2
+    assert "--streams is of poses, and not of a lens: add --target NAME" in capsys.readouterr().err
+    assert main([*words, "--target", "room"]) == 0
+    assert "conventions hold" in capsys.readouterr().out
+    found = calibrate(read_cell(cell), read_recording(cell))
+    assert found.clocks["wrist"].offset_s == pytest.approx(-0.07, abs=4 * found.clocks["wrist"].sigma_s)
+    assert found.clocks["wrist"].sigma_s < 2e-3
+    mount = found["arm_flange_from_wrist"]
+    off = (mount.mean.inverse() @ MOUNT).log()
+    assert off @ np.linalg.solve(mount.covariance, off) < 22.46
+    (unit,) = (each for each in found.findings if each.code == "unit-length")
+    assert float(unit.what.split(" is ")[1].split()[0]) == pytest.approx(210, rel=0.01)

@@ -5,7 +5,16 @@ from __future__ import annotations
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.importing.text_table import TextTable, is_picture, parse_number, read_text_table, rows_of_numbers
+from basecal.exchange.importing.text_table import (
+    TextTable,
+    as_name,
+    is_picture,
+    parse_number,
+    parse_time,
+    read_text_table,
+    rows_of_numbers,
+    select_robot,
+)
 
 NAMES = ("x", "y", "z")
 
@@ -104,3 +113,57 @@ def test_lines_are_those_of_the_file() -> None:
     table: TextTable = read_text_table("x,y,z\n\n# one\n1,2,3\n", "t.csv", NAMES)
     assert table.rows[0].line == 4
     assert parse_number(" '1,5' ", "t.csv", 4, "x") == 1.5
+
+
+@pytest.mark.parametrize(("text", "name"), [("A", "a"), (" Mark 1 ", "mark_1"), ("1", "mark_1"), ('"P-2"', "p_2")])
+def test_names_are_made_fit(text, name):
+    """Small letters, digits and _, a letter first."""
+    assert as_name(text) == name
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a = [[1, 2, 3], [4, 5, 6]]\n", "[[1], [2, 3], [9]], [[4], [5, 6], [9]]\n", "[[1,2,3],[4,5,6],[7,8,9]],\n"],
+)
+def test_several_poses_in_a_line_are_refused(text: str) -> None:
+    """All but the first were passed over."""
+    with pytest.raises(DatasetError, match=r"t.csv:1: several poses in one line: write each in a line of its own"):
+        values(text)
+
+
+def test_records_of_json_are_rows() -> None:
+    """Lists and objects, on one line or on many."""
+    assert values("[[1, 2, 3], [4, 5, 6]]") == [[1, 2, 3], [4, 5, 6]]
+    assert values('[\n {"z": 3,\n  "x": 1,\n  "y": 2}]') == [[1, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("cell", "seconds"),
+    [("12.5", 12.5), ("1970-01-01 00:01:00.5", 60.5), ("1970-01-01T01:01:00+01:00", 60.0), ("20240501", 20240501.0)],
+)
+def test_times_are_seconds_or_dates(cell: str, seconds: float) -> None:
+    """Of ISO 8601, in UTC if no zone is named; digits alone are seconds."""
+    assert parse_time(cell, "t.csv", 3, "time") == seconds
+
+
+@pytest.mark.parametrize("cell", ["01.05.2024 12:30:00", "12:30:00", "soon"])
+def test_other_times_are_refused(cell: str) -> None:
+    """The message has a form that is read."""
+    with pytest.raises(DatasetError, match=r"t.csv:3: time: .* is not a number"):
+        parse_time(cell, "t.csv", 3, "time")
+
+
+def test_a_unit_in_a_cell_is_named() -> None:
+    """It belongs into the header."""
+    with pytest.raises(DatasetError, match=r"'264.3 mm' is not a number: write its unit in the header"):
+        values("x,y,z\n264.3 mm,1,2\n")
+
+
+def test_rows_of_one_of_several_robots() -> None:
+    """By the column `robot`; a table that names one robot alone is of the robot that the user names."""
+    table = read_text_table("Robot,x,y,z\nUR 5,1,2,3\nkuka,4,5,6\nUR 5,7,8,9\n", "t.csv", NAMES)
+    assert [row.line for row in select_robot(table, "ur_5").rows] == [2, 4]
+    with pytest.raises(DatasetError, match="Robot: no row is of robot 'left'; there are: ur_5, kuka"):
+        select_robot(table, "left")
+    alone = read_text_table("Robot,x,y,z\nUR 5,1,2,3\n", "t.csv", NAMES)
+    assert select_robot(alone, "left") is alone

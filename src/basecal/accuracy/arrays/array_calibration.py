@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from basecal.accuracy.arrays.words import rename_finding
 from basecal.cell import Calibration, Cell, Finding, Recording
 from basecal.errors import FrameNotFound, NotObservable
 from basecal.geometry import Array, PoseEstimate
@@ -31,16 +32,18 @@ class ArrayCalibration:
     `found.t_cam2gripper` (3, 1) [m] are its mean in the form of OpenCV. `a2b` is `b_from_a`.
 
     Attributes:
-        calibration: All that came out, with verdict and findings.
+        calibration: All that came out, by the names of the cell.
         cell: What was calibrated.
         recording: What was given, as a recording.
         aliases: Transforms of the cell by OpenCV's names.
+        words: Names of the cell's robots, frames and conventions as the arrays have them.
     """
 
     calibration: Calibration
     cell: Cell
     recording: Recording
     aliases: Mapping[str, Alias]
+    words: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def verdict(self) -> str:
@@ -49,8 +52,9 @@ class ArrayCalibration:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Findings, the most severe first."""
-        return self.calibration.findings
+        """Findings in the words of the arrays, the most severe first."""
+        words = {alias.transform: name for name, alias in self.aliases.items()} | dict(self.words)
+        return tuple(rename_finding(each, words) for each in self.calibration.findings)
 
     def __getitem__(self, name: str) -> PoseEstimate:
         """The estimate of a transform by OpenCV's name.
@@ -91,7 +95,8 @@ class ArrayCalibration:
         """The table that a notebook shows, by OpenCV's names."""
         calibration = self.calibration
         states = {name: calibration.status.get(self.aliases[name].transform, "free") for name in self._known_names}
-        return replace(calibration, transforms={name: self[name] for name in states}, status=states)._repr_html_()
+        transforms = {name: self[name] for name in states}
+        return replace(calibration, transforms=transforms, status=states, findings=self.findings)._repr_html_()
 
 
 def _column(estimate: PoseEstimate) -> Array:

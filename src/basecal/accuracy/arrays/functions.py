@@ -8,6 +8,7 @@ from typing import Literal
 from numpy.typing import ArrayLike
 
 from basecal.accuracy.arrays.array_calibration import Alias, ArrayCalibration
+from basecal.accuracy.arrays.words import BASE_TO_BASE_WORDS, HAND_EYE_WORDS, ROBOT_WORLD_WORDS
 from basecal.accuracy.calibrate import calibrate
 from basecal.cell import WORLD, Cell, CellCamera, CellTarget, PoseObservation, Recording, Robot, RobotState, Sample
 from basecal.errors import check_choice
@@ -50,7 +51,7 @@ def hand_eye(
         names = {"cam2gripper": Alias("eye_flange_from_camera"), "target2base": Alias("eye_base_from_target")}
     else:
         names = {"cam2base": Alias("hand_base_from_camera"), "target2gripper": Alias("hand_flange_from_target")}
-    return _calibrate_record(record, names, settings)
+    return _calibrate_record(record, names, HAND_EYE_WORDS, settings)
 
 
 def robot_world(
@@ -80,7 +81,7 @@ def robot_world(
         "t_base2gripper": t_base2gripper,
     }
     names = {"base2world": Alias("eye_base_from_target", True), "gripper2cam": Alias("eye_flange_from_camera", True)}
-    return _calibrate_record(record_of_arrays(arrays, "robot_world"), names, settings)
+    return _calibrate_record(record_of_arrays(arrays, "robot_world"), names, ROBOT_WORLD_WORDS, settings)
 
 
 def base_to_base(
@@ -120,10 +121,12 @@ def base_to_base(
         "cam2eye_gripper": Alias("eye_flange_from_camera"),
         "target2hand_gripper": Alias("hand_flange_from_target"),
     }
-    return _calibrate_record(record_of_arrays(arrays, "base_to_base"), names, settings)
+    return _calibrate_record(record_of_arrays(arrays, "base_to_base"), names, BASE_TO_BASE_WORDS, settings)
 
 
-def _calibrate_record(record: HandEyeRecord, names: Mapping[str, Alias], settings: Settings) -> ArrayCalibration:
+def _calibrate_record(
+    record: HandEyeRecord, names: Mapping[str, Alias], words: Mapping[str, str], settings: Settings
+) -> ArrayCalibration:
     """The calibration of a record as a cell, whose robots are the eye that carries the camera and the hand."""
     poses = {"eye": record.base_from_flange} if record.camera_on_robot else {"hand": record.base_from_flange}
     if record.hand_base_from_flange is not None:
@@ -146,4 +149,4 @@ def _calibrate_record(record: HandEyeRecord, names: Mapping[str, Alias], setting
         for k in range(len(seen))
     ]
     recording = Recording(tuple(samples))
-    return ArrayCalibration(calibrate(cell, recording, settings), cell, recording, names)
+    return ArrayCalibration(calibrate(cell, recording, settings), cell, recording, names, words)

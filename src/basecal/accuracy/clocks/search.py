@@ -11,6 +11,7 @@ import numpy as np
 
 from basecal.accuracy.clocks.step import ClockStep, clock_step
 from basecal.accuracy.input_check.unexplained_motion import is_hopeless
+from basecal.accuracy.readings.scales import convert_units, estimate_units
 from basecal.cell import Recording
 from basecal.errors import InputError, NotObservable
 from basecal.estimation.noise.estimate import residual_counts
@@ -160,7 +161,8 @@ def _solve_at_offsets(
     streams: Streams, offsets: dict[str, float], settings: Settings, guess: Solution | None = None
 ) -> tuple[Solution, Synchronised]:
     samples = _synchronise(streams, offsets, guess)
-    problem = _add_jitter(build_problem(streams.cell, samples.recording)[0], streams, samples, guess)
+    recording = convert_units(samples.recording, estimate_units(streams.cell, samples.recording)[0])
+    problem = _add_jitter(build_problem(streams.cell, recording)[0], streams, samples, guess)
     plain = solve_problem(problem, streams.cell, replace(settings, robot_noise="stated", stages=None))
     noisy = plain if settings.robot_noise == "stated" else with_noise(plain, replace(settings, stages=None))
     return noisy, samples

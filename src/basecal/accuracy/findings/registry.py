@@ -15,6 +15,7 @@ from basecal.accuracy.findings.joint_parameters import unobserved_joint_paramete
 from basecal.accuracy.findings.late_pictures import late_pictures
 from basecal.accuracy.findings.lens_model import lens_model
 from basecal.accuracy.findings.likely_kinematics import likely_kinematics
+from basecal.accuracy.findings.long_mount import long_mount
 from basecal.accuracy.findings.near_bases import near_bases
 from basecal.accuracy.findings.noise_not_identifiable import noise_not_identifiable
 from basecal.accuracy.findings.not_converged import not_converged
@@ -70,6 +71,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     unobserved_joint_parameters,
     far_task,
     near_bases,
+    long_mount,
     not_validated,
     inconsistent_folds,
     overfit,

@@ -23,7 +23,6 @@ from basecal.geometry.rotation import lengths
 
 # Wide enough for any arm, cell and target that people calibrate, and a factor of 1000 beyond which none is.
 _REACH_M = 0.02, 5.0  # [m] of the farthest flange from its base
-_OTHER_UNIT = 200  # times nearer than most: metres among millimetres are a thousand times
 _BASES_M = 0.02, 20.0  # [m] between bases
 _MOUNT_M = 2.0  # [m] of a camera or target from the flange that carries it
 _DISTANCE_M = 0.02, 20.0  # [m] from camera to target, the median
@@ -80,24 +79,10 @@ def _robot_faults(cell: Cell, recording: Recording) -> list[str]:
         poses = [s.base_from_flange.translation for s in states if s.base_from_flange is not None]
         joints = [s.joints_rad for s in states if s.joints_rad is not None]
         if poses:
-            numbers = [s.sample for s in recording.samples if name in s.robots and s.robots[name].base_from_flange]
-            found += _foreign_units(name, numbers, lengths(np.array(poses)))
             found += _limit_faults(f"flange of {name}", float(lengths(np.array(poses)).max()), _REACH_M)
         if joints and robot.chain is not None:
             found += _joint_faults(name, np.array(joints), robot.chain.lower, robot.chain.upper)
     return found
-
-
-def _foreign_units(robot: str, numbers: list[int], distances: Array) -> list[str]:
-    """Samples whose lengths are in another unit than those of most."""
-    usual = float(np.median(distances))
-    is_foreign = (distances > _REACH_M[1]) | ((distances > 0) & (distances < usual / _OTHER_UNIT))
-    if not is_foreign.any() or usual > _REACH_M[1]:
-        return []
-    few = [(number, distance) for number, distance, odd in zip(numbers, distances, is_foreign, strict=True) if odd]
-    (first, there), names = few[0], ", ".join(str(number) for number, _ in few)
-    values = f"the flange is {there:.3g} m from its base in sample {first}, {usual:.3g} m in most"
-    return [f"samples {names} of {robot} look like another length unit: {values}"]
 
 
 def likely_unit(length: float, most_m: float) -> tuple[str, str]:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace as dataclass_replace
 from pathlib import Path
 
+import numpy as np
+
 from basecal.accuracy.input_check.plausibility import impossible_input
 from basecal.cell import Cell, Recording
-from basecal.errors import InputError
+from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.importing.bring_in import Brought, add_to_cell
 from basecal.exchange.importing.imported import Imported
+
+# Times farther or nearer than most flanges: inches among metres are 39 times farther, metres among millimetres nearer.
+_FARTHER_RATIO, _NEARER_RATIO = 20, 200
 
 
 def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, session: bool = False) -> Brought:
@@ -32,6 +38,10 @@ def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, s
 
     def implausible(cell: Cell, recording: Recording) -> tuple[str, ...]:
         """The implausible input, in a line; empty if all is plausible."""
+        if (rows := next(_foreign_rows(imports), None)) is not None:
+            if imports.is_strict:
+                raise rows
+            return (str(rows),)
         found = impossible_input(cell, recording)
         told = f"{imports.source}: {'; '.join(found)}: that cannot be"
         if found and imports.is_strict:
@@ -43,3 +53,19 @@ def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, s
     finally:
         if imports.scratch is not None:
             imports.scratch.cleanup()
+
+
+def _foreign_rows(imports: Imported) -> Iterator[DatasetError]:
+    """An error for each robot of which a few rows are in another unit of length than most."""
+    has_lines = all(row.line is not None for row in imports.rows)
+    for robot in dict.fromkeys(name for row in imports.rows for name in row.robots):
+        states = [(row.line or k, row.robots.get(robot)) for k, row in enumerate(imports.rows, start=1)]
+        poses = [(number, state.base_from_flange) for number, state in states if state is not None]
+        places = [(number, float(np.linalg.norm(pose.translation))) for number, pose in poses if pose is not None]
+        usual = float(np.median([distance for _, distance in places])) if places else 0.0
+        few = [(n, far) for n, far in places if far > _FARTHER_RATIO * usual > 0 or 0 < far < usual / _NEARER_RATIO]
+        if few:
+            what = f"flange of {robot} {few[0][1]:.3g} m from its base, {usual:.3g} m in most rows"
+            names = f"{'line' if has_lines else 'row'} {list_names([str(number) for number, _ in few])}"
+            do = f"another length unit? Correct {names}; nothing is imported"
+            yield DatasetError(imports.source, f"{what}: {do}", few[0][0] if has_lines else None)

@@ -10,10 +10,10 @@ from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypothesis, plausible
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
-from basecal.accuracy.input_screening.scales import convert_units, estimate_units
 from basecal.accuracy.input_screening.units import impossible_units
 from basecal.accuracy.phrases.outlier import outlier_reason
 from basecal.accuracy.phrases.sample_list import list_samples
+from basecal.accuracy.readings.scales import convert_units, estimate_units
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError, sentence
 from basecal.estimation.outliers.left_out import LeftOut
@@ -79,14 +79,6 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
         is_whole: Whether that is all of it, so that doubts will not be dispelled by the rest.
     """
     try:
-        units_m, unseen = estimate_units(cell, recording)
-        if unseen:
-            count = len(recording.samples)
-            is_certain = is_whole and count >= _FEWEST_SAMPLES
-            return QuickLook(count, tuple(unseen) if is_certain else (), untold=unseen[0].what)
-        recording = convert_units(recording, units_m)
-        if units := impossible_units(cell, recording):
-            return QuickLook(len(recording.samples), tuple(units))
         streams = recording_streams(cell, recording)
         lenses = [camera.intrinsics for camera in cell.cameras.values() if camera.intrinsics is not None]
         if streams is not None and any(lens.status == "free" for lens in lenses):
@@ -94,6 +86,14 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
                 0, untold="clocks and a lens that is not known are found together: basecal calibrate determines"
             )
         samples = recording if streams is None else search_offsets(streams, DEFAULT).recording
+        units_m, unseen = estimate_units(cell, samples)
+        if unseen:
+            count = len(samples.samples)
+            is_certain = is_whole and count >= _FEWEST_SAMPLES
+            return QuickLook(count, tuple(unseen) if is_certain else (), untold=unseen[0].what)
+        samples = convert_units(samples, units_m)
+        if units := impossible_units(cell, samples):
+            return QuickLook(len(samples.samples), tuple(units))
         return _preview(cell, samples, is_whole)
     except (BasecalError, np.linalg.LinAlgError) as error:
         return QuickLook(0, untold=str(error))

@@ -85,7 +85,7 @@ def _millimetres(recording: Recording) -> Iterator[Finding]:
         few = {number: reach for number, reach in zip(numbers[name], reaches[name], strict=True) if reach > limit}
         if few:
             unit, advice = likely_unit(max(few.values()), FARTHEST_M)
-            what = f"{list_samples(list(few))} of {name} look like {unit} among metres."
+            what = f"{list_samples(list(few))} of {name} look{'s' if len(few) == 1 else ''} like {unit} among metres."
             yield Finding("length-unit", "error", (name,), what[:1].upper() + what[1:], (advice,))
 
 

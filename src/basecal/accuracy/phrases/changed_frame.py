@@ -61,7 +61,8 @@ def _solve_parts(problem: Problem, cell: Cell, first_sample: int) -> list[Soluti
 
 def _find_difference(first_part: Solution, second_part: Solution) -> str:
     """The transform that differs far more than all others, in sigmas; "" if none does."""
-    shared = first_part.transforms.keys() & second_part.transforms.keys() - first_part.observability.unobservable
+    parts = first_part, second_part
+    shared = frozenset.intersection(*(frozenset(p.transforms) - frozenset(p.observability.unobservable) for p in parts))
     sigmas = {name: _sigmas(first_part.transforms[name], second_part.transforms[name]) for name in shared}
     first, *others = sorted(sigmas, key=lambda name: -sigmas[name]) or [""]
     is_alone = bool(first) and sigmas[first] > CLEAR_GAP * max((sigmas[name] for name in others), default=1.0)

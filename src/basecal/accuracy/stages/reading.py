@@ -9,8 +9,8 @@ from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.findings.registry import INPUT_CHECKS
 from basecal.accuracy.input_screening.repeated_views import repeated_views
-from basecal.accuracy.input_screening.scales import convert_units, estimate_units
 from basecal.accuracy.input_screening.units import impossible_units
+from basecal.accuracy.readings.scales import convert_units, estimate_units
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.task.task import base_transforms
 from basecal.estimation.problem.build import build_problem

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -108,6 +108,8 @@ def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
     if not asynchronous and not any(stated.values()) and not _has_rolling_shutter(cell, recording):
         return None
     unstamped = next((s.sample for s in recording.samples if s.stamp_s is None), None)
+    if unstamped is not None and not any(stated.values()) and all(s.stamp_s is None for s in recording.samples):
+        raise InputError(_missing_robots(cell, recording))
     if unstamped is not None:
         why = "clocks are stated" if any(stated.values()) else "robots and views stand in lines of their own"
         raise InputError(f"sample {unstamped} has no stamp_s: {why}, which takes the time of every line")
@@ -191,6 +193,15 @@ def _pixel_cameras(recording: Recording) -> set[str]:
     """Cameras of which points were seen in rows of images."""
     seen = (o for s in recording.samples for o in s.observations)
     return {o.camera for o in seen if isinstance(o, PixelObservation | CandidateObservation)}
+
+
+def _missing_robots(cell: Cell, recording: Recording) -> str:
+    """Robots whose poses most views lack, and how to import them."""
+    lacks = [(s.sample, name) for s in recording.samples for name in _carrying_robots(cell, s) - s.robots.keys()]
+    robot = Counter(name for _, name in lacks).most_common(1)[0][0]
+    numbers = [sample for sample, name in lacks if name == robot]
+    where = f"sample {numbers[0]} has no pose of {robot}, and {len(numbers) - 1} more have none"
+    return f"{where}: import its poses; of an arm that stood still one row, basecal import poses ... --still"
 
 
 def _has_rolling_shutter(cell: Cell, recording: Recording) -> bool:

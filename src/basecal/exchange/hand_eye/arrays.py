@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike
 from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import read_fields
 from basecal.exchange.hand_eye.record import HandEyeRecord
+from basecal.exchange.lens_files.file_storage import read_file_storage
 from basecal.exchange.npz import read_arrays
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import checked_rotation, rotation_exp
@@ -28,6 +30,8 @@ ROBOT_WORLD = ("base2gripper", "world2cam")
 BASE_TO_BASE = ("eye_gripper2base", "hand_gripper2base", "target2cam")
 """Poses of two arms, and what the camera of the first sees of the target of the second."""
 
+_KINDS = (BASE_TO_BASE, ROBOT_WORLD, HAND_EYE)
+_TARGET_NAMES = {"rvecs": "R_target2cam", "tvecs": "t_target2cam"}  # as of `calibrateCamera`
 _LARGEST = 2**24  # bytes of JSON: twenty thousand samples
 
 
@@ -38,15 +42,16 @@ def record_of_arrays(
 
     Args:
         arrays: `R_...` (n, 3, 3) or (n, 3) [rad] and `t_...` (n, 3). Their names are those of `HAND_EYE`, `ROBOT_WORLD`
-            or `BASE_TO_BASE`. An axis of one is no matter.
+            or `BASE_TO_BASE`. An axis of one is no matter. `T_...` (n, 4, 4) are both; `rvecs`, `tvecs` are target2cam.
         source: Where they are from.
         camera_on_robot: Whether the robot carries the camera, and not the target.
         metres: Of a unit of the translations.
 
     Raises:
-        InputError: if one is missing, or is no rotation or translation, or their lengths differ.
+        InputError: if one is missing, or is no rotation or translation, their lengths differ, or two are one.
     """
-    wanted = next((kind for kind in (BASE_TO_BASE, ROBOT_WORLD, HAND_EYE) if _holds(arrays, kind)), None)
+    arrays = _rename_arrays(arrays)
+    wanted = next((kind for kind in _KINDS if _holds(arrays, kind)), None)
     if wanted is None:
         keys = " or ".join(list_names(_keys(kind)) for kind in (HAND_EYE, ROBOT_WORLD, BASE_TO_BASE))
         raise InputError(f"{source}: holds {list_names(list(arrays))}, expected {keys}")
@@ -55,6 +60,9 @@ def record_of_arrays(
     if len(set(counts.values())) > 1:
         told = ", ".join(f"{name} has {count}" for name, count in counts.items())
         raise InputError(f"{source}: {told}: expected as many of each, a pose a sample")
+    for name, pose in zip(wanted[:-1], poses[:-1], strict=True):
+        if np.array_equal(pose.matrix, poses[-1].matrix):
+            raise InputError(f"{source}: {name} and {wanted[-1]} are the same poses: one was given for both")
     what = f"{len(poses[0])} samples under OpenCV's names: {list_names(_keys(wanted))}"
     if wanted == BASE_TO_BASE:
         return HandEyeRecord(source, what, True, poses[0], poses[2], hand_base_from_flange=poses[1])
@@ -62,8 +70,23 @@ def record_of_arrays(
     return HandEyeRecord(source, what, camera_on_robot, base_from_flange, poses[1])
 
 
+def _rename_arrays(arrays: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+    """Arrays with matrices `T_...` divided into `R_...` and `t_...`, and `rvecs`, `tvecs` as those of the target."""
+    found: dict[str, ArrayLike] = {}
+    for key, values in arrays.items():
+        letter, _, name = key.partition("_")
+        if letter in ("T", "H") and name in {each for kind in _KINDS for each in kind}:
+            matrices = _numbers(arrays, key, ((4, 4),))
+            found |= {f"R_{name}": matrices[:, :3, :3], f"t_{name}": matrices[:, :3, 3]}
+        else:
+            found[_TARGET_NAMES.get(key, key)] = values
+    return found
+
+
 def read_record_of_arrays(path: str | Path, camera_on_robot: bool | None, metres: float) -> HandEyeRecord:
-    """The recording that an archive of NumPy (`.npz`) or a JSON file holds, as of `record_of_arrays`.
+    """The recording that an archive of NumPy (`.npz`), a JSON file or a FileStorage holds, as of `record_of_arrays`.
+
+    JSON may be a list of samples, each a mapping.
 
     Raises:
         InputError: if it cannot be read.
@@ -73,11 +96,27 @@ def read_record_of_arrays(path: str | Path, camera_on_robot: bool | None, metres
         name, found = read_arrays(name)
         arrays: dict[str, ArrayLike] = dict(found)
     else:
-        root = read_fields(path, _LARGEST)
-        if not isinstance(root.data, dict):
+        is_json = name.lower().endswith(".json")
+        data = (read_fields(path, _LARGEST) if is_json else read_file_storage(path)).data
+        if isinstance(data, list) and all(isinstance(each, dict) and each.keys() == data[0].keys() for each in data):
+            data = {key: [each[key] for each in data] for key in (data[0] if data else ())}
+        if not isinstance(data, dict):
             raise DatasetError(name, "expected a mapping of arrays by OpenCV's names, such as R_gripper2base")
-        arrays = root.data
+        arrays = {key: _plain_matrices(value) for key, value in data.items()}
     return record_of_arrays(arrays, name, camera_on_robot is not False, metres)
+
+
+def _plain_matrices(value: Any) -> Any:
+    """A value with the matrices of FileStorage in it as nested lists."""
+    if isinstance(value, list):
+        return [_plain_matrices(each) for each in value]
+    if not isinstance(value, dict) or not {"rows", "cols", "data"} <= value.keys():
+        return value
+    try:
+        rows, columns, numbers = int(value["rows"]), int(value["cols"]), np.asarray(value["data"])
+        return numbers.reshape((rows, columns, -1) if numbers.size > rows * columns else (rows, columns)).tolist()
+    except (TypeError, ValueError):
+        return value
 
 
 def _keys(kind: tuple[str, ...]) -> list[str]:
@@ -119,6 +158,8 @@ def _numbers(arrays: Mapping[str, ArrayLike], key: str, shapes: tuple[tuple[int,
         raise InputError(f"{key} is no array of numbers: its entries differ in shape, or are none") from None
     if is_complex:
         raise InputError(f"{key} is a complex array, expected real numbers")
+    if values.shape[1:] == (9,) and (3, 3) in shapes:
+        values = values.reshape(-1, 3, 3)
     if values.ndim == 3 and 1 in values.shape[1:]:
         values = values.reshape(len(values), -1)
     if values.ndim < 2 or values.shape[1:] not in shapes:

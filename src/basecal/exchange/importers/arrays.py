@@ -24,14 +24,15 @@ def read_array_file(
     target: str | None = None,
     unit: LengthUnit = "m",
 ) -> Imported:
-    """Arrays under OpenCV's names, of a NumPy archive (.npz) or a JSON file.
+    """Arrays under OpenCV's names, of a NumPy archive (.npz), JSON or FileStorage.
 
     Reads R_gripper2base, t_gripper2base, R_target2cam and t_target2cam of
     calibrateHandEye, or R_world2cam, t_world2cam, R_base2gripper and
     t_base2gripper of calibrateRobotWorldHandEye. Two arms have
     R_eye_gripper2base, t_eye_gripper2base, R_hand_gripper2base,
     t_hand_gripper2base, R_target2cam and t_target2cam. Rotations are matrices
-    or rotation vectors [rad]. Makes the cell where there is none.
+    or rotation vectors [rad]; 4x4 matrices T_gripper2base and the like are both.
+    Makes the cell where there is none.
 
     For example:
 
@@ -41,7 +42,7 @@ def read_array_file(
 
     Args:
         cell: Folder of the cell.
-        file: The archive, or the JSON file.
+        file: The archive, the JSON file, or the FileStorage (.yml, .xml).
         camera_on: What carries the camera of one arm: robot, unless the cell says otherwise, or world.
         target_on: What carries the target, if it is another robot, which is still.
         robot: Name of the robot in the cell; of two, of the one that carries the camera.

@@ -6,7 +6,7 @@ from collections import Counter
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from basecal.errors import InputError, list_names
+from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.colmap_images import ReconstructedImage, read_colmap_images
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
@@ -14,6 +14,7 @@ from basecal.exchange.importing.lens import LensStatus, lens_of_file
 from basecal.exchange.importing.pairing import plain_name
 from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.lens_files import colmap
+from basecal.exchange.pictures import read_time
 from basecal.geometry import SE3
 
 
@@ -29,6 +30,7 @@ def read_colmap(
     target: str | None = None,
     target_on: str | None = None,
     images: str = "*",
+    streams: bool = False,
 ) -> Imported:
     """The lens of a camera from a reconstruction of COLMAP; with --target, how it stood to what it saw.
 
@@ -36,8 +38,9 @@ def read_colmap(
     only as poses. images.txt or images.bin states from where each image was
     taken. The unit is not known (`scale: free` in cell.yaml); `basecal calibrate`
     finds it by how the arms moved. Images are paired with samples by their names,
-    or in the order of their names. Two arms whose images are in one
-    reconstruction are two cameras of it and one target.
+    or in the order of their names. With --streams the names are times, and each
+    image makes a line of its own, as of a film of a moving arm. Two arms whose
+    images are in one reconstruction are two cameras of it and one target.
 
     Reads cameras.txt or cameras.bin: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL,
     RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE and
@@ -62,13 +65,17 @@ def read_colmap(
         target: Name of what was reconstructed, whose poses are read in place of the lens.
         target_on: What carries it: the world, unless a robot shows it to a camera that is still.
         images: Which images the camera took, by their names in the reconstruction.
+        streams: With --target: each image, at the time that is its name, makes a line of its own.
 
     Raises:
+        UsageError: if --streams is given without --target.
         InputError: if it cannot be read, does not fit the cell, or the images have another size.
     """
     if target is not None:
         sight = Sight(_choose_camera(cell, camera), target, on, target_on)
-        return _poses(cell, str(file), camera_id, images, sight)
+        return _poses(cell, str(file), camera_id, images, sight, streams)
+    if streams:
+        raise UsageError("--streams is of poses, and not of a lens: add --target NAME")
     lenses = colmap.read_colmap(file)
     chosen = next(iter(lenses)) if camera_id is None and len(lenses) == 1 else camera_id
     if chosen is None or chosen not in lenses:
@@ -76,16 +83,19 @@ def read_colmap(
     return lens_of_file(cell, lenses[chosen], file, camera, on, status)
 
 
-def _poses(folder: str | Path, file: str, camera_id: int | None, pattern: str, sight: Sight) -> Imported:
+def _poses(
+    folder: str | Path, file: str, camera_id: int | None, pattern: str, sight: Sight, is_stream: bool
+) -> Imported:
     """Poses of the reconstruction in the frames of a camera's images."""
     cell, images = known_cell(folder), _select_images(file, camera_id, pattern)
     entry = sight_entry(cell, sight)
     if cell is None or sight.target not in cell.targets:
         entry["targets"][sight.target]["scale"] = "free"
-    rows = tuple(Row(image=image.name) for image in images)
+    rows = tuple(Row(stamp_s=read_time(Path(image.name))) if is_stream else Row(image=image.name) for image in images)
     poses = SE3.stack([image.camera_from_world for image in images])
     what = f"{len(images)} poses {sight.camera}_from_{sight.target}, up to scale"
-    return Imported(file, what, seen_rows(rows, poses, sight), entry, advice="check that images belong to samples")
+    advice = "check that images belong to samples"
+    return Imported(file, what, seen_rows(rows, poses, sight), entry, is_stream=is_stream, advice=advice)
 
 
 def _choose_camera(folder: str | Path, camera: str | None) -> str:

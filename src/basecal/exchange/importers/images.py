@@ -14,7 +14,7 @@ from basecal.errors import InputError, UsageError, list_names, nearest
 from basecal.exchange.importing.cell_content import known_cell, recorded_samples
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
-from basecal.exchange.pictures import list_pictures, missing_numbers, time_from_name, unreadable_pictures, usual_size
+from basecal.exchange.pictures import list_pictures, missing_numbers, read_time, unreadable_pictures, usual_size
 from basecal.fields.problems import Loc
 
 _PAIRING_HELP: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
@@ -94,10 +94,7 @@ def read_images(
 
 def _row(camera: str, path: Path, is_timed: bool) -> Row:
     """An image, with the time that its name is if it `is_timed`."""
-    stamp = time_from_name(path.name) if is_timed else None
-    if is_timed and stamp is None:
-        raise InputError(f"{path}: the name is no time, expected one such as 1682512345.123.png")
-    return Row(pictures={camera: path}, image=path.name, stamp_s=stamp)
+    return Row(pictures={camera: path}, image=path.name, stamp_s=read_time(path) if is_timed else None)
 
 
 def _describe(

@@ -93,10 +93,9 @@ def read_touches(
     if clamp is not None:
         met, what = TouchObservation(clamp, grip_name(clamp), sigma_m, "clamp"), f"places of {robot} holding {clamp}"
         return _join_rows(str(file), rows, met, f"{len(rows)} {what}, {how}", entry, advice)
-    table = TouchTable(str(file), names)
-    kept, marks = touch_names(table, rows, robot, mark)
+    marks = touch_names(TouchTable(str(file), names, robot), mark)
     entry["marks"] = {name: {} for name in dict.fromkeys(marks) if known is None or name not in known.targets}
-    touched = zip(new_rows(cell, known, kept), marks, strict=True)
+    touched = zip(new_rows(cell, known, rows), marks, strict=True)
     seen = tuple(replace(row, observations=(TouchObservation(own_tip, at, sigma_m),)) for row, at in touched)
     what = f"{len(seen)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}, {how}"
     return Imported(str(file), what, seen, entry, defaults=controller_places([robot]), by="sample", advice=advice)

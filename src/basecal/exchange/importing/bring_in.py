@@ -24,11 +24,12 @@ from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.importing.cell_files import numbered_path, place_files
 from basecal.exchange.importing.imported import Imported, Row
-from basecal.exchange.importing.pairing import Pairing, open_samples, pair, plain_name
+from basecal.exchange.importing.pairing import Pairing, is_same_state, open_samples, pair, plain_name
 from basecal.fields.problems import Loc
 
 _CELL, _FOLDER = "cell.yaml", "recording"
 _NAMES = f"{_FOLDER}/image_names.json"
+_REST_TOLERANCE = 2e-3  # [m, rad] within which readings of an arm that rests are, as `tf2_echo` rounds them
 _LARGEST_NAMES = 2**24  # bytes: 200,000 names
 
 
@@ -128,14 +129,18 @@ def _omit_defaults(new: Mapping[str, Any], defaults: frozenset[Loc], old: Any, p
 
 
 def _repeat_row(imports: Imported, recording: Recording) -> Imported:
-    """A copy with its one row for each sample that is recorded without it.
+    """A copy with its row, which may be there several times, for each sample that is recorded without it.
 
     Raises:
-        InputError: if it has more rows, or nothing is recorded.
+        InputError: if rows differ, or nothing is recorded.
     """
-    if len(imports.rows) != 1 or not recording.samples:
-        there = f"holds {len(imports.rows)} rows" if len(imports.rows) != 1 else "comes first"
-        raise InputError(f"{imports.source}: {there}: --still takes one row, after what moves is imported")
+    if not recording.samples:
+        raise InputError(f"{imports.source}: comes first: --still is for an arm at rest, after what moves is imported")
+    first = imports.rows[0].robots
+    for row in imports.rows:
+        if not all(is_same_state(state, first[name], _REST_TOLERANCE) for name, state in row.robots.items()):
+            count = len(imports.rows)
+            raise InputError(f"{imports.source}: holds {count} rows that differ: --still is for an arm at rest")
     waiting = open_samples(imports.rows, recording.samples) or recording.samples
     rows = tuple(dataclass_replace(imports.rows[0], sample=sample.sample) for sample in waiting)
     return dataclass_replace(imports, rows=rows, by="sample")

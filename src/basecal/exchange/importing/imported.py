@@ -34,6 +34,7 @@ class Row:
         image: Name of the image it belongs to; None if the file does not say.
         sample: Number of the sample it belongs to; likewise.
         stamp_s: Its time [s]; likewise.
+        line: Its line in the file, from 1; None if the file has none.
     """
 
     robots: Mapping[str, RobotState] = field(default_factory=dict)
@@ -42,6 +43,7 @@ class Row:
     image: str | None = None
     sample: int | None = None
     stamp_s: float | None = None
+    line: int | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -133,10 +133,10 @@ def _is_copy(row: Row, sample: Sample) -> bool:
     return is_there and all(is_same_state(state, sample.robots[name]) for name, state in row.robots.items())
 
 
-def is_same_state(state: RobotState, recorded_state: RobotState) -> bool:
-    """Whether two states of a robot are the same to the digits that a file holds."""
+def is_same_state(state: RobotState, recorded_state: RobotState, tolerance: float = _STATE_TOLERANCE) -> bool:
+    """Whether two states of a robot are the same to the digits that a file holds, or to a `tolerance` [m, rad]."""
     pairs = ((state.joints_rad, recorded_state.joints_rad), (_matrix(state), _matrix(recorded_state)))
-    return all(a is b if a is None or b is None else np.allclose(a, b, rtol=0, atol=_STATE_TOLERANCE) for a, b in pairs)
+    return all(a is b if a is None or b is None else np.allclose(a, b, rtol=0, atol=tolerance) for a, b in pairs)
 
 
 def _matrix(state: RobotState) -> Array | None:

@@ -6,16 +6,19 @@ import csv
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from io import StringIO
 
-from basecal.errors import DatasetError
+from basecal.errors import DatasetError, list_names
 from basecal.exchange.fields import written_number
+from basecal.exchange.json_rows import json_rows
 from basecal.fields.problems import shorten
 
 _SEPARATORS = (";", "\t", ",", None)  # None: white space
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+_WITH_UNIT = re.compile(rf"(?:{_NUMBER.pattern}|{_DECIMAL_COMMA.pattern}) *(?:mm|cm|m|inch|in|deg|rad|°)")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:[,.' ]\d{3})+[.,]\d+")
 _NAMED_NUMBER = re.compile(r"([A-Za-z]\w*)(?:\s*[:=]\s*|\s+)([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _PICTURE = re.compile(r"\.(?:png|jpe?g|tiff?|bmp|webp|pgm|ppm)$", re.IGNORECASE)
@@ -81,6 +84,7 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
     Raises:
         DatasetError: if a row has more or fewer cells than the header, or than there are names.
     """
+    text = json_rows(text) or text
     lines = [(number, line.strip()) for number, line in enumerate(StringIO(text), start=1) if line.strip()]
     content = [(number, line) for number, line in lines if not line.startswith(_COMMENTS)]
     if poses := tuple(_bracket_rows(content, names, path)):
@@ -138,6 +142,34 @@ def _heading(
     return _separator(first), None
 
 
+def as_name(text: str) -> str:
+    """A name as a cell has it: small letters, digits and _, a letter first."""
+    plain = re.sub(r"[^a-z0-9]+", "_", text.strip().strip("\"'").lower()).strip("_")
+    return plain if plain[:1].isalpha() else f"mark_{plain}"
+
+
+def select_robot(table: TextTable, robot: str) -> TextTable:
+    """The rows of a robot, where a column `robot` or `arm` names several; all rows of a table of one robot.
+
+    Raises:
+        DatasetError: if several are named, and not this one.
+    """
+    column = next((name for name in table.header or () if name.strip().lower() in ("robot", "arm")), None)
+    if column is None:
+        return table
+    names = [as_name(table.cell(row, column)) for row in table.rows]
+    if len(set(names)) == 1:
+        return table
+    rows = tuple(row for row, name in zip(table.rows, names, strict=True) if name == robot)
+    if not rows:
+        raise DatasetError(
+            table.path,
+            f"no row is of robot {robot!r}; there are: {list_names(list(dict.fromkeys(names)))}",
+            field=column,
+        )
+    return replace(table, rows=rows)
+
+
 def parse_number(cell: str, path: str, line: int, name: str) -> float:
     """The number in a cell, with a decimal point or comma.
 
@@ -149,10 +181,28 @@ def parse_number(cell: str, path: str, line: int, name: str) -> float:
         value = written_number(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
     except ValueError:
         cause = ": it has thousands separators, leave them out" if _THOUSANDS.fullmatch(text) else ""
+        cause = ": write its unit in the header" if _WITH_UNIT.fullmatch(text) else cause
         raise DatasetError(path, f"{shorten(text)} is not a number{cause}", line, name) from None
     if not abs(value) <= _LARGEST:
         raise DatasetError(path, f"{shorten(text)} is not finite, or beyond {_LARGEST:g}", line, name)
     return value
+
+
+def parse_time(cell: str, path: str, line: int, name: str) -> float:
+    """The time in a cell [s], a number or a date and time of ISO 8601, which is UTC if it names no zone.
+
+    Raises:
+        DatasetError: if it is neither.
+    """
+    text = cell.strip().strip("\"'")
+    if _is_number(text) or not any(map(str.isdigit, text)):
+        return parse_number(cell, path, line, name)
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        do = "give seconds, or the form 2026-05-01T12:30:00.5"
+        raise DatasetError(path, f"{shorten(text)} is not a number: {do}", line, name) from None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def is_picture(name: str) -> bool:
@@ -173,6 +223,8 @@ def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path
         bracketed = _brackets(line)
         if bracketed is None or _SETTING.search(line) or (has_marks and not _URSCRIPT_POSE.search(line)):
             continue
+        if _has_several_poses(bracketed, len(names)):
+            raise DatasetError(path, "several poses in one line: write each in a line of its own", number)
         values = _named_values(bracketed, names) or _listed_values(bracketed, names)
         if values is not None:
             yield TextRow(number, _leading_picture(line, bracketed) | dict(zip(names, values, strict=True)))
@@ -190,6 +242,13 @@ def _brackets(line: str) -> str | None:
     """The text of a line from its first bracket on; None if there is none behind a number, as in `x [mm]`."""
     place = min((line.find(c) for c in "[({" if c in line), default=-1)
     return line[place:] if place >= 0 and _NUMBER.search(line[place:]) else None
+
+
+def _has_several_poses(text: str, count: int) -> bool:
+    """Whether lists of numbers repeat, each time as many as a pose has."""
+    lengths = [len(found) for part in re.split(r"[\[\](){}]", text) if (found := _LISTED_NUMBER.findall(part))]
+    periods = (n for n in range(1, len(lengths) // 2 + 1) if lengths == lengths[:n] * (len(lengths) // n))
+    return any(sum(lengths[:n]) >= count for n in periods)
 
 
 def _named_values(text: str, names: Sequence[str]) -> list[str] | None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.input_screening.scales import convert_units
+from basecal.accuracy.readings.scales import convert_units
 from basecal.cell import Cell, Recording, RobotState
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
