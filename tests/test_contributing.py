@@ -81,7 +81,7 @@ def faults_of_words(tree: Path) -> str:
 def test_an_example_adds_its_kind(kind: str, tmp_path: Path) -> None:
     """By the files and lines that it names, and nothing else."""
     for name in ("src", "tests", "docs"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__", "data", "assets"))
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__", "data"))
     for name in ("pyproject.toml", "mkdocs.yml", *DOCUMENTS):
         shutil.copy(ROOT / name, tmp_path / name)
     steps = examples()[kind]

@@ -82,7 +82,9 @@ def nouns() -> dict[str, object]:
 def test_a_public_function_names_an_argument_of_another_type(function, name, kind, nouns, tmp_path) -> None:
     """The argument and both types, not an attribute that is missing somewhere below."""
     required = [key for key, each in inspect.signature(function).parameters.items() if each.default is each.empty]
-    arrays = {"R": np.eye(3)[None].repeat(4, 0), "t": np.zeros((4, 3))}
-    arguments = {key: nouns.get(key, arrays.get(key[0], tmp_path)) for key in required} | {name: None}
+    turns, places = np.eye(3)[None].repeat(4, 0), np.arange(12.0).reshape(4, 3)
+    arrays = {"R": [turns] * len(required), "t": [k * places for k in range(len(required))]}
+    of_arrays = {key: arrays[key[0]][k] if key[1:2] == "_" else tmp_path for k, key in enumerate(required)}
+    arguments = of_arrays | {key: nouns[key] for key in required if key in nouns} | {name: None}
     with pytest.raises(InputError, match=f"^{name} is of type NoneType, expected {kind}$"):
         function(**arguments)

@@ -85,7 +85,7 @@ def test_it_is_written_read_and_said():
     assert again.noise == found.noise
     said = "\n".join(noise_sentences(again))
     assert "times what its detector claims" in said
-    assert "error of robot eye that is smooth over 0.7 m: 0.1 mm, 0.2 mrad" in said
+    assert "error of robot eye that is smooth over 0.7 m: 0.10 mm, 0.20 mrad" in said
 
 
 def test_few_samples_leave_sigmas_open():

@@ -170,7 +170,7 @@ def read_damaged_film(chance: Random, folder: Path) -> str:
 FOREIGN: dict[str, Trial] = {
     "arrays": _of_data(
         {name: np.tile(np.eye(3), (3, 1, 1)).tolist() for name in ("R_gripper2base", "R_target2cam")}
-        | {name: np.zeros((3, 3)).tolist() for name in ("t_gripper2base", "t_target2cam")},
+        | {"t_gripper2base": np.zeros((3, 3)).tolist(), "t_target2cam": np.ones((3, 3)).tolist()},
         "a.json",
         lambda path: read_record_of_arrays(path, None, 1.0),
     ),

@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from basecal.errors import nearest
+from basecal.errors import list_names
 from torment import guided, record
 from torment.guided import Reached, Words
 from torment.outcome import Fell
@@ -79,7 +79,7 @@ def test_a_fault_of_the_reader_falls(tmp_path: Path, monkeypatch: pytest.MonkeyP
     """What a library raises is refused; what our own lines raise is not."""
 
     def at_fault(words: list[str]) -> None:
-        nearest(None, ["a"])  # type: ignore[arg-type]
+        list_names(None)  # type: ignore[arg-type]
 
     monkeypatch.setattr(guided, "read_frames", at_fault)
     with pytest.raises(Fell, match="TypeError"):

@@ -56,6 +56,7 @@ EFFECT = Effect(
         EXPECTED._replace(lever=(None, 4.0)),
         "smooth over {length_m:g} m of reach and height, along the axes of the arm",
         by_poses=errors,
+        is_of_poses_alone=True,
         figures=smooth.FIGURES,
     ),
     absent=smooth.ABSENT,

@@ -34,10 +34,20 @@ def test_arms_that_record_poses_and_few_stops_have_none():
     assert posture_at_stops(simulated_problem(replace(SCENARIO, samples=3)), "hand") is None
 
 
+def records(name):
+    """Whether the arm with an effect records joints: one that records poses alone may have more effects."""
+    return replace(SCENARIO, joints=not RANDOM_EFFECTS[name].is_of_poses_alone)
+
+
+def test_arms_that_record_joints_have_errors_of_joints_and_links_instead():
+    """None by their reach."""
+    assert shared_errors(RANDOM_EFFECTS["smooth_by_reach"], simulated_problem(SCENARIO), "hand") is None
+
+
 @pytest.mark.parametrize("name", RANDOM_EFFECTS)
 def test_errors_are_of_the_stops(name):
     """Six rows for each stop of a robot, a column for each error; a unit of all turns the flange by a unit or a few."""
-    problem = simulated_problem(replace(SCENARIO, samples=12))
+    problem = simulated_problem(replace(records(name), samples=12))
     errors = shared_errors(RANDOM_EFFECTS[name], problem, "hand")
     assert errors.by_stop.shape == (len(stands(problem, "hand")[0]), 6, len(errors.is_turn))
     turned = errors.flange_sigmas(np.ones(2))[3:]
@@ -48,5 +58,5 @@ def test_errors_are_of_the_stops(name):
 @pytest.mark.parametrize(("samples", "has_any"), [(3, False), (4, True)])
 def test_four_stops_have_shared_errors(name, samples, has_any):
     """Fewer show nothing of what changes with the pose."""
-    problem = simulated_problem(replace(SCENARIO, samples=samples))
+    problem = simulated_problem(replace(records(name), samples=samples))
     assert (shared_errors(RANDOM_EFFECTS[name], problem, "hand") is not None) == has_any

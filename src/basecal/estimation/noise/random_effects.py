@@ -19,6 +19,8 @@ def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedE
     model = problem.robot_model(robot)
     if model is not None and not model.columns.keys().isdisjoint(effect.replaced_by):
         return None
+    if effect.is_of_poses_alone and recorded_by_joints(problem, robot):
+        return None
     if effect.by_poses is not None:
         poses, seen = stands(problem, robot)
         few = count_stops(problem, robot) < _FEWEST_STOPS
