@@ -40,3 +40,10 @@ def test_a_folder_that_is_not_there(tmp_path):
     """It is named."""
     with pytest.raises(InputError, match="none cannot be opened: No such file"), locked_folder(tmp_path / "none"):
         pass
+
+
+def test_without_locks_of_files_nothing_is_held(tmp_path, monkeypatch):
+    """Windows has none, and opens no folder."""
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    with locked_folder(tmp_path), locked_folder(tmp_path / "none"):
+        pass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from basecal.errors import InputError
@@ -18,25 +18,24 @@ def locked_folder(folder: Path) -> Iterator[None]:
         InputError: if another process holds it, or it cannot be opened.
     """
     try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    try:
         descriptor = os.open(folder, os.O_RDONLY)
     except OSError as error:
         raise InputError(f"{folder} cannot be opened: {error.strerror}") from None
     try:
-        with suppress(ImportError):
-            _lock(descriptor, folder)
-        yield
-    finally:
-        os.close(descriptor)
-
-
-def _lock(descriptor: int, folder: Path) -> None:
-    import fcntl  # Windows has none
-
-    try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
+        os.close(descriptor)
         raise InputError(
             f"{folder} is in use by another capture or driver check. Wait until it ends, or stop it"
         ) from None
     except OSError:  # some network drives lock nothing
-        return
+        pass
+    try:
+        yield
+    finally:
+        os.close(descriptor)
