@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -46,6 +47,7 @@ class ForkedBox:
     def __init__(self, command: Sequence[str], **_: Any) -> None:
         stdin, self._held = os.pipe()
         output, stdout = os.pipe()
+        self._reaping = threading.Lock()  # of two threads that wait for a fork, one learns nothing of its end
         ours = (self._held, output)
         self._process = _FORK.Process(target=_run, args=(command[_MODULE_AT:], stdin, stdout, ours))
         with _without_interrupts():
@@ -64,7 +66,8 @@ class ForkedBox:
 
     def poll(self) -> int | None:
         """Its exit code, once it has ended."""
-        return self._process.exitcode
+        with self._reaping:
+            return self._process.exitcode
 
     def wait(self, timeout: float | None = None) -> int:
         """Its exit code, as it ends.
@@ -72,10 +75,11 @@ class ForkedBox:
         Raises:
             TimeoutExpired: if it does not in time [s].
         """
-        self._process.join(timeout)
-        if self._process.exitcode is None:
-            raise subprocess.TimeoutExpired("box", timeout or 0.0)
-        return self._process.exitcode
+        with self._reaping:
+            self._process.join(timeout)
+            if self._process.exitcode is None:
+                raise subprocess.TimeoutExpired("box", timeout or 0.0)
+            return self._process.exitcode
 
     def send_signal(self, number: int) -> None:
         """Send it a signal, if it runs."""
