@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from basecal.accuracy.scene import joining
 from basecal.accuracy.scene.checks import join_findings
-from basecal.accuracy.scene.joining import Join, common_share, join, paired_points
+from basecal.accuracy.scene.joining import Join, _evidence_share, common_share, join, paired_points
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.accuracy.scene.pictures import Pictures
 from basecal.estimation.scene.views import Tracks
@@ -116,7 +118,7 @@ def test_places_within_both_views_are_one(
     assert share(few[1], take(seen, seen.point % 4 == 0)) < 0.5
     assert share(few[1], take(seen, np.arange(0))) == 0
     monkeypatch.setattr(joining, "_CUBE_M", 1e-3)
-    assert share(few[1], seen) == 1
+    assert share(few[1], seen) is None
 
 
 def test_places_count_equally_however_many_points_they_have(
@@ -139,3 +141,17 @@ def test_an_object_that_moved_is_no_rival() -> None:
     assert found is not None
     assert codes(found) == []
     assert np.linalg.norm((BASE @ found.second_from_first).translation) < 5e-3
+
+
+def test_a_rival_is_judged_by_its_score_alone_if_no_places_count() -> None:
+    """A scene so sparse that no place counts contradicts no rival."""
+    best = Join(BASE, made_tracks(100), 1.0, 0.9)
+    rival = replace(best, sightings=made_tracks(60), common=0.1)
+    assert _evidence_share(rival, best) == pytest.approx(1 / 9)
+    assert _evidence_share(rival, replace(best, common=None)) == pytest.approx(59 / 99)
+    assert _evidence_share(replace(rival, common=None), best) == pytest.approx(59 / 99)
+
+
+def made_tracks(count: int) -> Tracks:
+    """So many sightings."""
+    return Tracks(*(np.zeros(count, dtype=np.int64) for _ in range(2)), np.zeros((count, 2)), np.zeros(count, int))

@@ -105,7 +105,7 @@ def join_findings(
         what = f"Two positions of {second} fit its images: the second has {share} of the evidence of the first."
         do = "Remove repeated objects, or add different ones around them.", SAME_SPOT
         yield Finding("scene-rival", "error", names, what, do, "Some objects of the scene look the same.")
-    elif join.common < _LEAST_COMMON:
+    elif join.common is not None and join.common < _LEAST_COMMON:
         what = f"{second} shows the scene of {first} at {join.common:.0%} of the places in its view."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
     elif shared_count < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:

@@ -40,14 +40,14 @@ class Join:
         second_from_first: The transform.
         sightings: Image points in views of the second that were found where it predicts points of the first.
         by_chance: How many chance finds beside these places.
-        common: Share of places of the first camera's scene that the second shows; see `common_share`.
+        common: Share of places of the first camera's scene that the second shows, by `common_share`.
         rival: The share of the evidence that another transform has at most, by its score and its places.
     """
 
     second_from_first: SE3
     sightings: Tracks
     by_chance: float
-    common: float
+    common: float | None
     rival: float = 0.0
 
     @property
@@ -76,7 +76,10 @@ def join(pictures: Pictures, first: OneCamera, second: OneCamera) -> Join | None
 
 def _evidence_share(rival: Join, best: Join) -> float:
     """The lesser of both shares: an object that moved has many points, and stands at few places."""
-    return min(rival.score / max(best.score, 1e-9), rival.common / max(best.common, 1e-9))
+    by_score = rival.score / max(best.score, 1e-9)
+    if best.common is None or rival.common is None:
+        return by_score
+    return min(by_score, rival.common / max(best.common, 1e-9))
 
 
 def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tuple[IntArray, Array]:
@@ -133,11 +136,11 @@ def _judge_transform(pictures: Pictures, points: Array, looks: Descriptors, seco
     return Join(transform, sightings, by_chance, common_share(points, fit, transform, sightings))
 
 
-def common_share(points: Array, second: SceneFit, transform: SE3, sightings: Tracks) -> float:
+def common_share(points: Array, second: SceneFit, transform: SE3, sightings: Tracks) -> float | None:
     """Share of places of the first camera's scene that the second shows, of those predicted within its images.
 
     Two equal objects, of which each camera sees one, fit; what is around them does not. Places are cubes, which count
-    equally, as objects have more texture than what is around them. 1 if no cube has enough points.
+    equally, as objects have more texture than what is around them. None if no cube has enough points.
 
     Args:
         points: (p, 3) of the first camera's scene [m].
@@ -152,4 +155,4 @@ def common_share(points: Array, second: SceneFit, transform: SE3, sightings: Tra
     _, number, total = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
     found = np.bincount(number.ravel(), np.isin(predicted, sightings.point), len(total))
     is_place = total >= _FEWEST_IN_CUBE
-    return float(np.mean(found[is_place] >= total[is_place] / 2)) if is_place.any() else 1.0
+    return float(np.mean(found[is_place] >= total[is_place] / 2)) if is_place.any() else None
