@@ -223,7 +223,7 @@ def _print_plan(
 def _next_steps(
     cell: Cell, plan_result: Plan, needed_m: float | None, folder: Path, output: Path | None, again: str
 ) -> list[Step]:
-    """What leads from a plan to its recording, or to the answer if no samples are needed.
+    """Commands that lead from a plan to its recording, or to the answer if no samples are needed.
 
     Args:
         cell: What is planned for.
