@@ -19,10 +19,9 @@ from basecal.fields.typed_length import length_m
 _KINDS = "; ".join(f"{name}: {each.words}" for name, each in MOTIONS.items())
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from basecal.cell import Calibration, Cell, Recording
-    from basecal.estimation.settings import Settings
     from basecal.planning.plan import Plan
 
 
@@ -99,24 +98,20 @@ def plan(
         json: Print one JSON object instead of words.
     """
     from basecal.cell.files import read_cell
-    from basecal.estimation.settings import Settings
 
     options = {"--task-point": task_point, "--task-box": task_box, "--tolerance": tolerance, "--samples": samples}
-    options |= {"--pattern": None if pattern == "poses" else pattern, "--touches": touches, "--anew": anew}
-    options |= {"--seed": seed}
+    options |= {"--pattern": pattern != "poses" and pattern, "--touches": touches, "--anew": anew, "--seed": seed}
     points = [] if task_point is None and task_box is None else task_points(task_point, task_box)
     needed_m = _needed_m(tolerance, samples)
     _check_output(to, robot, output, json)
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     with progress("planning"):
-        task = Settings(task_point=points[0] if points else None, task_box=task_box)
-        calibration = _find_calibration(cell, described, recording, task)
+        calibration = _find_calibration(cell, described, recording, points, task_box)
         counted = _without_observations(recording) if anew else recording
         found = _make_plan(described, counted, calibration, points, needed_m, samples, seed, pattern, touches)
     motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
-    again = typed_command(f"basecal plan {quote_path(cell)}", options)
-    steps = _next_steps(described, found, needed_m, cell, output, again)
+    steps = _next_steps(described, found, needed_m, cell, output, options)
     _print_plan(found, needed_m, motion, steps, output, json)
     if report or opens_page:
         _write_page(described, found, calibration, needed_m, cell, steps, opens_page)
@@ -221,7 +216,12 @@ def _print_plan(
 
 
 def _next_steps(
-    cell: Cell, plan_result: Plan, needed_m: float | None, folder: Path, output: Path | None, again: str
+    cell: Cell,
+    plan_result: Plan,
+    needed_m: float | None,
+    folder: Path,
+    output: Path | None,
+    options: Mapping[str, object],
 ) -> list[Step]:
     """Commands that lead from a plan to its recording, or to the answer if no samples are needed.
 
@@ -231,9 +231,10 @@ def _next_steps(
         needed_m: The tolerance [m], if one is stated.
         folder: The cell's.
         output: Where the samples were written, if they were.
-        again: The command that made the plan, without an output.
+        options: Those of the command that made the plan, without where it writes.
     """
     place = quote_path(folder)
+    again = typed_command(f"basecal plan {place}", options)
     if not plan_result.samples:
         is_reached = needed_m is not None and plan_result.needed == 0
         judge = f"basecal calibrate {place} --tolerance {1e3 * (needed_m or 0.0):.3g}mm"
@@ -296,14 +297,18 @@ def _motion(cell: Cell, plan_result: Plan, to: str, robot: str | None, speed_deg
     return MOTIONS[to].text(make_way(cell, plan_result.samples, robot, radians(speed_deg_s), hold_s))
 
 
-def _find_calibration(folder: Path, cell: Cell, recording: Recording, task: Settings) -> Calibration | None:
+def _find_calibration(
+    folder: Path, cell: Cell, recording: Recording, points: Sequence[Point], box: Box | None
+) -> Calibration | None:
     """The latest run if it is of this recording and task, else what the recording gives; None if that is nothing."""
     from numpy import array_equal
 
     from basecal.accuracy.calibrate import calibrate
     from basecal.accuracy.task.task import task_places
     from basecal.cell.files import input_hashes, latest_run, read_calibration
+    from basecal.estimation.settings import Settings
 
+    task = Settings(task_point=points[0] if points else None, task_box=box)
     run = latest_run(folder)
     if run is not None:
         stored = read_calibration(run)
