@@ -12,6 +12,7 @@ from xml.etree.ElementTree import fromstring
 
 import pytest
 from benchmarks.readme import figures, sentences, updated
+from markdown_it import MarkdownIt
 
 from basecal.cli import main
 
@@ -94,3 +95,13 @@ def test_plots_in_the_documents_are_those_that_the_script_draws() -> None:
         stored = (figures / name).read_text(encoding="utf-8")
         assert re.findall(r"<(\w+)", stored) == re.findall(r"<(\w+)", drawn)
         assert name in shown
+
+
+def test_links_and_tables_are_whole() -> None:
+    """As GitHub renders it, each file that is linked or shown exists, and each table in the text is one."""
+    rendered = MarkdownIt("commonmark").enable("table").render(TEXT)
+    linked = [each for each in re.findall(r'(?:href|src)="([^"#]+)', rendered) if not each.startswith("http")]
+    assert len(linked) > 10
+    assert [each for each in linked if not (ROOT / each).exists()] == []
+    assert rendered.count("<table>") == len(re.findall(r"^\|(?: ?-+ ?\|)+$", TEXT, re.MULTILINE)) == 3
+    assert [line for line in rendered.splitlines() if line.startswith(("<p>|", "|"))] == []

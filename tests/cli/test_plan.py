@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import html
 import json
+import shlex
+import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from basecal.cell import Driver
-from basecal.cell.files import latest_run, read_calibration, read_cell, read_plan
+from basecal.cell.files import latest_run, read_calibration, read_cell, read_plan, write_cell
 from basecal.cli import main
-from basecal.cli.plan import _capture_words as capture_words
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +80,7 @@ def test_a_file_for_capture(cell, tmp_path, capsys):
     """Its lines are a plan that is read back."""
     file = tmp_path / "plan.jsonl"
     assert main(["plan", str(cell), "--samples", "4", "--task-box", "-0.4 0.6 0 -0.2 0.8 0.2", "-o", str(file)]) == 0
-    assert "next: the cell has no drivers: write it for the robots' programs" in capsys.readouterr().out
+    assert "next, for robots' own programs, as the cell has no drivers: basecal plan " in capsys.readouterr().out
     assert len(read_plan(file, cell, read_cell(cell))) == 4
     assert main(["plan", str(cell), "--samples", "3", "--task-point", "0 0 0", "-o", str(tmp_path / "plan.json")]) == 0
     assert len(json.loads((tmp_path / "plan.json").read_text())["samples"]) == 3
@@ -92,7 +93,7 @@ def test_what_is_reached_needs_no_capture(cell, tmp_path, capsys):
     asked = ["plan", str(cell), "--tolerance", "900mm", "-o", str(tmp_path / "plan.jsonl")]
     assert main(asked) == 0
     *_, last = capsys.readouterr().out.splitlines()
-    assert last == f"next: basecal calibrate {cell} --tolerance 900mm"
+    assert last == f"next, to judge what is recorded: basecal calibrate {cell} --tolerance 900mm"
 
 
 def test_what_robots_run(cell, tmp_path, capsys):
@@ -137,22 +138,39 @@ def test_shifts_are_planned_by_whole_stations(cell, tmp_path, capsys):
 
 
 def test_a_page_of_the_plan(cell, tmp_path, capsys):
-    """In the cell's folder; it names the file that capture is given, or how to write one."""
-    asked = ["plan", str(cell), "--samples", "3", "--task-point", "0 0 0", "--report"]
+    """In the cell's folder; without drivers it has the whole command for robots' own programs, which runs as it is."""
+    asked = ["plan", str(cell), "--samples", "3", "--task-point", "-0.25 0 0", "--anew", "--report", "--json"]
     assert main(asked) == 0
     assert "page: " in capsys.readouterr().err
-    assert "the same command with <code>-o plan.jsonl</code>" in (cell / "plan.html").read_text()
-    assert main([*asked, "-o", str(tmp_path / "next.jsonl")]) == 0
-    page = (cell / "plan.html").read_text()
-    assert "the same command with --to" in page
-    assert "-o plan.jsonl" not in page
+    page, whole = html.unescape((cell / "plan.html").read_text()), f"basecal plan {cell} --task-point -0.25 0 0"
+    whole += " --samples 3 --anew --to csv -o plan.csv"
+    assert f"as the cell has no drivers: <code>{whole}</code>" in page
+    *words, _ = shlex.split(whole)[1:]
+    assert main([*words, str(tmp_path / "plan.csv")]) == 0
+    assert (tmp_path / "plan.csv").read_text().count("\n") == 4
 
 
-def test_a_cell_with_drivers_is_captured(cell, tmp_path):
-    """The command names the file."""
+def test_a_cell_with_drivers_is_captured(cell, tmp_path, capsys):
+    """The samples are written by the whole command, quoted; then the page and the terminal name the capture."""
     found = read_cell(cell)
     robots = {name: replace(robot, driver=Driver("manual")) for name, robot in found.robots.items()}
     cameras = {name: replace(camera, driver=Driver("manual")) for name, camera in found.cameras.items()}
-    driven = replace(found, robots=robots, cameras=cameras)
-    assert capture_words(driven, Path("cell"), Path("plan.jsonl")) == "basecal capture cell --plan plan.jsonl"
-    assert "--to joints or " in capture_words(found, Path("cell"), Path("plan.jsonl"))
+    driven = tmp_path / "my cell"
+    shutil.copytree(cell, driven)
+    write_cell(replace(found, robots=robots, cameras=cameras), driven)
+    asked = ["plan", str(driven), "--samples", "3", "--task-point", "0 0 0", "--seed", "2", "--report"]
+    again, file = f"basecal plan '{driven}' --task-point 0 0 0 --samples 3 --seed 2 -o", tmp_path / "next.jsonl"
+    capsys.readouterr()
+    assert main(asked) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == f"next, to write the samples: {again} plan.jsonl"
+    page = html.unescape((driven / "plan.html").read_text())
+    assert f"<code>{again} plan.jsonl</code>" in page
+    assert f"<code>basecal capture '{driven}' --plan plan.jsonl --go</code>" in page
+    assert main([*asked, "-o", str(file)]) == 0
+    assert (
+        capsys.readouterr().out.splitlines()[-1]
+        == f"next, to record the samples: basecal capture '{driven}' --plan {file}"
+    )
+    page = html.unescape((driven / "plan.html").read_text())
+    assert f"<code>basecal capture '{driven}' --plan {file} --go</code>" in page
+    assert again not in page

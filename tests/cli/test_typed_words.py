@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from basecal.cli import build_app
-from basecal.cli.typed_words import normalise_words
+from basecal.cli.typed_words import normalise_words, typed_command
 
 
 @pytest.mark.parametrize(
@@ -22,6 +22,20 @@ from basecal.cli.typed_words import normalise_words
 def test_quoted_numbers_come_apart(typed, words):
     """After the options that take several numbers, and nowhere else."""
     assert list(normalise_words(typed)) == words
+
+
+def test_a_command_is_a_line_to_paste():
+    """What was not given is left out; words of a shell are quoted, numbers stand apart."""
+    options = {
+        "--tolerance": "0.2 mm",
+        "--task-point": (0.8, -0.1, 0.0),
+        "--samples": None,
+        "--seed": 0,
+        "--anew": True,
+    }
+    line = typed_command("basecal plan mycell", options)
+    assert line == "basecal plan mycell --tolerance '0.2 mm' --task-point 0.8 -0.1 0 --anew"
+    assert typed_command("basecal plan mycell", {"--touches": False}) == "basecal plan mycell"
 
 
 @pytest.mark.parametrize("words", ["--scene a", "a --scene", "--scene --json a"])

@@ -77,6 +77,7 @@ def test_the_verb_says_where_to_make_the_mark(tmp_path, monkeypatch, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert sum(line.startswith("Make a mark near (") for line in lines) == 1
     assert sum(line.startswith("  touch ") for line in lines) == 12
+    assert not any(line.startswith("next") for line in lines)  # no command sends arms to touch
     data = json.loads(file.read_text())
     assert set(data["marks"]) == {NEXT_MARK}
     assert {"touch", "tip"} <= data["samples"][0]["observations"][0].keys()

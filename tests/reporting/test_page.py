@@ -254,7 +254,7 @@ def test_policy_allows_its_own_scripts(html: str) -> None:
     assert data.startswith('{"arms"')
     own = [gzip.decompress(base64.b64decode(packed)).decode(), *scripts, *walker.inside["style"]]
     hashes = {f"sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode()}" for s in own}
-    assert len(own) == 4
+    assert len(own) == 5
     assert set(re.findall(r"sha256-[^']+", policy(walker))) == hashes
 
 
@@ -277,7 +277,9 @@ def test_hostile_words_stay_words(made: tuple[Cell, Recording, Calibration]) -> 
     details = FitDetails((seen,), (views,), (ExpectedError(HOSTILE, 1e-3, np.zeros(3)),))
     walker = Walker(page(renamed, recording, bad, details, title=HOSTILE, notes=[HOSTILE]))
     assert walker.faults == []
-    assert len(walker.inside["script"]) == 4  # data of the scene, what draws it, what unpacks that, and the page's own
+    assert (
+        len(walker.inside["script"]) == 5
+    )  # data of the scene, what draws it and unpacks that, copying, the page's own
     assert "img" not in {tag for tag, _, _ in walker.attributes}
     assert walker.text.count("alert(2)") >= 12
 

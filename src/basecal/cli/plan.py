@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from cyclopts import Parameter, validators
 
@@ -11,16 +11,25 @@ from basecal.cli.detection import detected_recording
 from basecal.cli.next_step import has_drivers
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, progress, quote_path, say
-from basecal.errors import BasecalError, FrameNotFound, UsageError, sentence
+from basecal.cli.typed_words import typed_command
+from basecal.errors import BasecalError, FrameNotFound, UsageError
 from basecal.exchange.motions.registry import MOTIONS
 from basecal.fields.typed_length import length_m
 
 _KINDS = "; ".join(f"{name}: {each.words}" for name, each in MOTIONS.items())
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from basecal.cell import Calibration, Cell, Recording
-    from basecal.estimation.settings import Settings
     from basecal.planning.plan import Plan
+
+
+class Step(NamedTuple):
+    """A command to type next, and what it is for."""
+
+    purpose: str
+    command: str
 
 
 def plan(
@@ -89,22 +98,23 @@ def plan(
         json: Print one JSON object instead of words.
     """
     from basecal.cell.files import read_cell
-    from basecal.estimation.settings import Settings
 
+    options = {"--task-point": task_point, "--task-box": task_box, "--tolerance": tolerance, "--samples": samples}
+    options |= {"--pattern": pattern != "poses" and pattern, "--touches": touches, "--anew": anew, "--seed": seed}
     points = [] if task_point is None and task_box is None else task_points(task_point, task_box)
     needed_m = _needed_m(tolerance, samples)
     _check_output(to, robot, output, json)
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     with progress("planning"):
-        task = Settings(task_point=points[0] if points else None, task_box=task_box)
-        calibration = _find_calibration(cell, described, recording, task)
+        calibration = _find_calibration(cell, described, recording, points, task_box)
         counted = _without_observations(recording) if anew else recording
         found = _make_plan(described, counted, calibration, points, needed_m, samples, seed, pattern, touches)
     motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
-    _print_plan(described, found, needed_m, motion, cell, output, json)
+    steps = _next_steps(described, found, needed_m, cell, output, options)
+    _print_plan(found, needed_m, motion, steps, output, json)
     if report or opens_page:
-        _write_page(described, found, calibration, needed_m, cell, output, opens_page)
+        _write_page(described, found, calibration, needed_m, cell, steps, opens_page)
     return 5 if found.reachable is False else 0
 
 
@@ -171,11 +181,10 @@ def _check_output(to: str | None, robot: str | None, output: Path | None, json: 
 
 
 def _print_plan(
-    cell: Cell,
     plan_result: Plan,
     needed_m: float | None,
     motion: str | None,
-    folder: Path,
+    steps: Sequence[Step],
     output: Path | None,
     json: bool,
 ) -> None:
@@ -202,21 +211,42 @@ def _print_plan(
     say("\n".join(plan_lines(plan_result, needed_m)))
     if motion is not None:
         say(f"written: {output}")
-    elif not plan_result.samples and needed_m is not None and plan_result.needed == 0:
-        say(f"next: basecal calibrate {quote_path(folder)} --tolerance {1e3 * needed_m:.3g}mm")
-    elif output is not None and plan_result.samples:
-        say(f"next: {_capture_words(cell, folder, output)}")
-    elif plan_result.samples:
-        say("write them with -o plan.jsonl")
+    elif steps:
+        say(f"next, {steps[0].purpose}: {steps[0].command.removesuffix(' --go')}")  # a look before arms move
 
 
-def _capture_words(cell: Cell, folder: Path, file: Path) -> str:
-    """How samples of a plan are recorded: by the command, if the cell has drivers for it."""
-    if has_drivers(cell):
-        return f"basecal capture {quote_path(folder)} --plan {quote_path(file)}"
-    return (
-        f"the cell has no drivers: write it for the robots' programs, the same command with --to {' or '.join(MOTIONS)}"
-    )
+def _next_steps(
+    cell: Cell,
+    plan_result: Plan,
+    needed_m: float | None,
+    folder: Path,
+    output: Path | None,
+    options: Mapping[str, object],
+) -> list[Step]:
+    """Commands that lead from a plan to its recording, or to the answer if no samples are needed.
+
+    Args:
+        cell: What is planned for.
+        plan_result: The plan.
+        needed_m: The tolerance [m], if one is stated.
+        folder: The cell's.
+        output: Where the samples were written, if they were.
+        options: Those of the command that made the plan, without where it writes.
+    """
+    place = quote_path(folder)
+    again = typed_command(f"basecal plan {place}", options)
+    if not plan_result.samples:
+        is_reached = needed_m is not None and plan_result.needed == 0
+        judge = f"basecal calibrate {place} --tolerance {1e3 * (needed_m or 0.0):.3g}mm"
+        return [Step("to judge what is recorded", judge)] if is_reached else []
+    if any(sample.observations for sample in plan_result.samples):  # touches: a person leads the tips
+        return []
+    if not has_drivers(cell):
+        return [Step("for robots' own programs, as the cell has no drivers", f"{again} --to csv -o plan.csv")]
+    is_written = output is not None and output.suffix == ".jsonl"
+    file = quote_path(output) if is_written else "plan.jsonl"
+    record = Step("to record the samples", f"basecal capture {place} --plan {file} --go")
+    return [record] if is_written else [Step("to write the samples", f"{again} -o {file}"), record]
 
 
 def _write_page(
@@ -225,7 +255,7 @@ def _write_page(
     calibration: Calibration | None,
     needed_m: float | None,
     folder: Path,
-    output: Path | None,
+    steps: Sequence[Step],
     opens: bool,
 ) -> None:
     """Write the page of a plan, and show it if requested."""
@@ -233,12 +263,9 @@ def _write_page(
     from basecal.cli.page import show_page
     from basecal.reporting.plans.page import plan_page
 
-    path, is_written = folder / "plan.html", output is not None and output.suffix == ".jsonl"
-    file = output if output is not None and is_written else Path("plan.jsonl")
-    command = _capture_words(cell, folder, file)
-    steps = [f"`{command} --go`" if has_drivers(cell) else sentence(command)]
-    steps = steps if is_written else [f"Write the samples: the same command with `-o {file}`.", *steps]
-    html = plan_page(cell, plan_result, calibration, needed_m, title=folder.resolve().name, steps=steps)
+    path = folder / "plan.html"
+    words = [f"{step.purpose.capitalize()}: `{step.command}`" for step in steps]
+    html = plan_page(cell, plan_result, calibration, needed_m, title=folder.resolve().name, steps=words)
     write_atomically(path, html, base_folder=folder)
     show_page(path, opens)
 
@@ -270,14 +297,18 @@ def _motion(cell: Cell, plan_result: Plan, to: str, robot: str | None, speed_deg
     return MOTIONS[to].text(make_way(cell, plan_result.samples, robot, radians(speed_deg_s), hold_s))
 
 
-def _find_calibration(folder: Path, cell: Cell, recording: Recording, task: Settings) -> Calibration | None:
+def _find_calibration(
+    folder: Path, cell: Cell, recording: Recording, points: Sequence[Point], box: Box | None
+) -> Calibration | None:
     """The latest run if it is of this recording and task, else what the recording gives; None if that is nothing."""
     from numpy import array_equal
 
     from basecal.accuracy.calibrate import calibrate
     from basecal.accuracy.task.task import task_places
     from basecal.cell.files import input_hashes, latest_run, read_calibration
+    from basecal.estimation.settings import Settings
 
+    task = Settings(task_point=points[0] if points else None, task_box=box)
     run = latest_run(folder)
     if run is not None:
         stored = read_calibration(run)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from shlex import quote
 
 _OF_NUMBERS = ("--task-point", "--task-box")
 
@@ -24,3 +25,18 @@ def normalise_words(words: Sequence[str]) -> Iterator[str]:
         else:
             yield "--scene=true" if word == "--scene" and following != "also" else word
         previous = word
+
+
+def typed_command(start: str, options: Mapping[str, object]) -> str:
+    """A command as a line to paste into a shell.
+
+    Args:
+        start: What it begins with.
+        options: Values by option; those that are None, False or zero are left out.
+    """
+    words = [start]
+    for option, value in options.items():
+        if value:
+            numbers = [f"{each:.9g}" for each in value] if isinstance(value, tuple) else []
+            words += [option, *(numbers or ([] if value is True else [quote(str(value))]))]
+    return " ".join(words)

@@ -115,7 +115,7 @@ def page(
     }
     return fill_page(
         "page.html",
-        ("templates/page.js",),
+        ("templates/copies.js", "templates/page.js"),
         title=title,
         cell_word=shlex.quote(title),
         missed_step=missed_step(cell, calibration, shlex.quote(title)) if _is_missed(calibration) else "",

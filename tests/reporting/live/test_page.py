@@ -18,7 +18,7 @@ from basecal.cell import RobotState, Unknown
 from basecal.errors import DriverError
 from basecal.geometry import SE3
 from basecal.reporting.live import page
-from shared.browser import CHROMIUM, visit
+from shared.browser import CHROMIUM, browsing, visit
 from shared.watched_capture import captured, cell_with_a_board
 
 
@@ -38,6 +38,24 @@ def test_in_a_browser(cell, tmp_path):
     shown = ("Sample 4: arms move", "Turn hand further about y", "sample 2: taken", "7 of 25", "0.80 mm", "to go")
     for words in (*shown, "tolerance 0.5 mm", "sample 3: target not seen by wrist", "Stop all arms"):
         assert words in came.words
+
+
+@pytest.mark.journey
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
+def test_the_command_after_the_end_can_be_copied(cell, tmp_path):
+    """One button behind it as soon as the capture is over, which selects the command and says so."""
+    watch = captured(cell)
+    button = "document.querySelector('.verdict .do button')"
+    selected = f"{button}.click(), String(window.getSelection())"
+    said = f"new Promise((done) => setTimeout(() => done({button}.textContent), 100))"
+    with page.serve_page(watch, cell, print) as address, browsing(tmp_path) as tab:
+        tab.go(address, until="[data-camera] svg")
+        assert tab.value("document.querySelectorAll('.do button').length") == 0
+        watch.end(End("GOOD", "all directions are known", "basecal calibrate 'my cell'"))
+        tab.go(address, until=".verdict .do button")
+        assert tab.value(selected) == "basecal calibrate 'my cell'"
+        assert tab.value(said) in ("copied", "selected")
+    assert tab.visit.errors == []
 
 
 def test_its_button_stops_the_arms(cell):

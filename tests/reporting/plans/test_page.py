@@ -35,6 +35,7 @@ def test_it_says_whether_it_is_enough_and_what_to_type(made) -> None:
     assert rows == [str(sample.sample) for sample in plan.samples]
     assert page.count('class="level"') == 1
     assert "Where the arms will be" in page
+    assert 'max="3" value="0"' in page  # the arms are shown where they go first
     assert [count for count, _ in plan.steps] == [0, 1, 2, 3, 4]
     errors = [error_m for _, error_m in plan.steps]
     assert errors == sorted(errors, reverse=True)

@@ -88,7 +88,7 @@ class Scene:
         bodies: Those whose place is known.
         samples: Numbers of the samples shown.
         labels: What there is to say of each of these samples.
-        opening: Index of the sample that is shown first, the one that fits worst.
+        opening: Index of the sample that is shown at first: the one that fits worst, else the first.
         total: How many samples there are.
         size_m: Length that the whole is about as large as.
         across: (3,) horizontal unit vector that stands across the first view of it.
@@ -134,7 +134,7 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
         bodies=bodies,
         samples=numbers,
         labels=tuple(sample_labels(numbers, calibration)),
-        opening=numbers.index(worst) if worst in numbers else len(numbers) // 2,
+        opening=numbers.index(worst) if worst in numbers else 0,
         total=len(samples),
         size_m=size,
         across=_view_direction(arms),

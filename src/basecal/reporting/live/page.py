@@ -31,7 +31,7 @@ STOP_REASON = "Stop was pressed on the page"
 
 _REFRESH_S = 0.5  # between looks at the capture
 _WIDTH_PX = 960
-_SCRIPTS = ("templates/fragments.js", "templates/live.js")
+_SCRIPTS = ("templates/copies.js", "templates/fragments.js", "templates/live.js")
 
 
 @contextmanager

@@ -47,7 +47,7 @@ def plan_page(
     first = plan_headline(plan, tolerance_m)
     return fill_page(
         "plan.html",
-        ("templates/page.js",),
+        ("templates/copies.js", "templates/page.js"),
         title=title,
         first=first,
         colour=COLOURS[first.word],

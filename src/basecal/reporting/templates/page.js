@@ -1,34 +1,7 @@
 "use strict";
-// Buttons that copy, and the choice of a sample, which the bars, the slider and the 3-D picture share.
+// The choice of what is copied, and of a sample, which the bars, the slider and the 3-D picture share.
 (() => {
-  const copied = (pre) => {
-    const range = document.createRange();
-    range.selectNodeContents(pre);
-    const selection = window.getSelection();
-    selection.removeAllRanges();
-    selection.addRange(range);
-    return document.execCommand("copy");
-  };
-  const copies = (button, text) => {
-    button.hidden = false;
-    button.addEventListener("click", async () => {
-      let done = copied(text);
-      if (!done && navigator.clipboard) {
-        done = await navigator.clipboard.writeText(text.textContent).then(() => true, () => false);
-      }
-      button.textContent = done ? "copied" : "selected";
-      setTimeout(() => { button.textContent = "copy"; }, 1500);
-    });
-  };
-  for (const box of document.querySelectorAll(".copy")) copies(box.querySelector("button"), box.querySelector("pre"));
-  for (const code of document.querySelectorAll(".do code")) {
-    if (!code.textContent.startsWith("basecal ")) continue;
-    const button = document.createElement("button");
-    button.type = "button";
-    button.textContent = "copy";
-    code.after(button);
-    copies(button, code);
-  }
+  window.offerCopies(document);
   const offer = (selector, act) => {
     for (const button of document.querySelectorAll(selector)) {
       button.hidden = false;
