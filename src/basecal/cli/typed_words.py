@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+from cyclopts import CoercionError, CycloptsError, UnusedCliTokensError
+
+from basecal.errors import list_names
 
 _OF_NUMBERS = ("--task-point", "--task-box")
 
@@ -14,7 +19,7 @@ def normalise_words(words: Sequence[str]) -> Iterator[str]:
     the next word only if that is `also`.
     """
     previous = ""
-    for word, following in zip(words, [*words[1:], ""], strict=True):
+    for word, following in pairwise([*words, ""]):
         option, equals, value = word.partition("=")
         if previous in _OF_NUMBERS:
             yield from word.replace(",", " ").split() or [word]
@@ -24,3 +29,19 @@ def normalise_words(words: Sequence[str]) -> Iterator[str]:
         else:
             yield "--scene=true" if word == "--scene" and following != "also" else word
         previous = word
+
+
+def describe_misuse(error: CycloptsError) -> str:
+    """What the parser refused; of a flag that a value was given to, that it takes none."""
+    if isinstance(error, CoercionError) and error.target_type is bool and error.token and error.token.keyword:
+        return f"{error.token.keyword} takes no value: leave {error.token.value!r} away"
+    if not isinstance(error, UnusedCliTokensError) or error.app is None:
+        return str(error)
+    known = {
+        name for option in error.app.assemble_argument_collection() if option.hint is bool for name in option.names
+    }
+    flags = [
+        word for word, following in pairwise(error.root_input_tokens or ()) if word in known and following[:1] != "-"
+    ]
+    left = list_names([repr(word) for word in error.unused_tokens or ()])
+    return "; ".join([f"more words than expected: {left}", *(f"{flag} takes no value" for flag in flags)])
