@@ -13,6 +13,7 @@ from basecal.errors import DatasetError, InputError
 from basecal.exchange.lerobot import (
     Episode,
     joint_rows,
+    motor_places,
     nearest_frames,
     read_episode,
     read_motor_ranges,
@@ -72,6 +73,14 @@ def test_joints_by_name_or_in_order(tmp_path: Path, arm: SerialChain) -> None:
     np.testing.assert_allclose(np.degrees(first), DEGREES[0, 1:])
     with pytest.raises(InputError, match="motors a, b, c, d, e, f, g, the URDF has the joints"):
         joint_rows(read_episode(dataset(tmp_path / "c", list("abcdefg")), 0), "left", arm, "deg", None, ALL)
+
+
+def test_an_order_that_contradicts_a_name_is_refused() -> None:
+    """Five of six motors have a joint's name, but in reverse: in order they would be other joints."""
+    motors = ["f", "E", "d", "c", "b", "a", "gripper"]
+    with pytest.raises(InputError, match="in order, f would be a; name all motors as the joints"):
+        motor_places(motors, list("abcdef"))
+    assert motor_places(["a", "b", "gripper", "C"], list("abc")) == [0, 1, 3]
 
 
 def test_radians_read_as_degrees_are_refused(tmp_path: Path, arm: SerialChain) -> None:

@@ -170,20 +170,32 @@ def joint_rows(
     Raises:
         InputError: if the motors do not suit the chain, the calibration lacks one, or degrees look like radians.
     """
-    by_name = {name: i for i, name in enumerate(episode.names)}
-    places = [by_name[name] for name in chain.joint_names if name in by_name]
-    if len(places) < chain.n:
-        places = [i for i, name in enumerate(episode.names) if "gripper" not in name]
-    if len(places) != chain.n:
-        there = f"motors {', '.join(episode.names)}, the URDF has the joints {', '.join(chain.joint_names)}"
-        need = "as many as motors without the gripper are needed, or the same names; of two arms choose by --motors"
-        raise InputError(f"{there}: {need}")
+    places = motor_places(episode.names, chain.joint_names)
     if unit == "deg" and (finding := radians_finding(episode.values[:, places])):
         raise InputError(f"{finding}: give --unit rad")
     joints = np.stack([_radians(episode, place, unit, calibration) for place in places], axis=-1)
     return tuple(
         Row({robot: RobotState(joints_rad=joints[i])}, stamp_s=float(episode.stamps_s[i])) for i in frame_indices
     )
+
+
+def motor_places(motors: Sequence[str], joints: Sequence[str]) -> list[int]:
+    """The place of each joint's motor: by its name if all are named, else in order without the gripper.
+
+    Raises:
+        InputError: if neither fits, or the order contradicts a name.
+    """
+    if set(joints) <= set(motors):
+        return [motors.index(joint) for joint in joints]
+    places = [i for i, name in enumerate(motors) if "gripper" not in name]
+    there = f"motors {', '.join(motors)}, the URDF has the joints {', '.join(joints)}"
+    if len(places) != len(joints):
+        need = "as many as motors without the gripper are needed, or the same names; of two arms choose by --motors"
+        raise InputError(f"{there}: {need}")
+    for joint, place in zip(joints, places, strict=True):
+        if motors[place] != joint in motors:
+            raise InputError(f"{there}: in order, {motors[place]} would be {joint}; name all motors as the joints")
+    return places
 
 
 def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:

@@ -18,6 +18,7 @@ from basecal.exchange.lerobot import (
     Episode,
     JointUnit,
     joint_rows,
+    motor_places,
     nearest_frames,
     read_episode,
     read_motor_ranges,
@@ -27,6 +28,7 @@ from basecal.exchange.lerobot import (
 from basecal.exchange.lerobot_films import Film, find_film, write_images
 from basecal.exchange.pictures import picture_size
 from basecal.geometry import IntArray
+from basecal.kinematics import SerialChain
 
 
 def read_lerobot(
@@ -99,14 +101,23 @@ def read_lerobot(
     recorded = read_episode(Path(folder), episode)
     present_cell = known_cell(cell)
     taken = _choose_frames(cell, present_cell, robot, recorded, every_s)
-    rows = joint_rows(select_motors(recorded, motors), robot, model.chain, unit, ranges, taken)
-    what = f"{len(rows)} of {len(recorded.stamps_s)} frames of episode {episode}: joints of {robot!r} in {unit}"
+    chosen = select_motors(recorded, motors)
+    rows = joint_rows(chosen, robot, model.chain, unit, ranges, taken)
+    frames = f"{len(rows)} of {len(recorded.stamps_s)} frames of episode {episode}"
+    what = f"{frames}: joints of {robot!r} in {unit}: {_describe_motors(chosen, model.chain)}"
     advice = "check --unit, the calibration and the URDF"
     imported = Imported(str(folder), what, rows, model.entry, files=model.files, advice=advice)
     if camera is None:
         return imported
     entry = _camera_entry(present_cell, camera, on, robot)
     return _with_images(imported, Path(cell), camera, entry, find_film(Path(folder), episode, film))
+
+
+def _describe_motors(episode: Episode, chain: SerialChain) -> str:
+    """Which motor was taken for each joint; once where they have one name."""
+    found = [episode.names[place] for place in motor_places(episode.names, chain.joint_names)]
+    pairs = zip(chain.joint_names, found, strict=True)
+    return ", ".join(joint if joint == motor else f"{joint} from {motor}" for joint, motor in pairs)
 
 
 def _choose_frames(folder: str | Path, cell: Cell | None, robot: str, episode: Episode, every_s: float) -> IntArray:
