@@ -111,3 +111,17 @@ def test_films_go_with_a_camera(tmp_path: Path, capsys: pytest.CaptureFixture[st
     words = ["import", "lerobot", str(tmp_path / "c"), str(tmp_path), "--robot", "left", "--unit", "deg"]
     assert main([*words, "--film", "wrist"]) == 2
     assert "--film and --on belong to --camera" in capsys.readouterr().err
+
+
+def test_a_film_gives_a_new_cell_its_size(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
+    """The size that `basecal new` writes is an example until a camera is recorded; who carries it is stated."""
+    (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
+    data, cell = two_arms(tmp_path / "d", arm), tmp_path / "c"
+    assert main(["new", str(cell), "--names", "left", "right", "--squares", "5x7", "--square", "30mm"]) == 0
+    words = ["import", "lerobot", str(cell), str(data), "--robot", "left", "--unit", "deg", "--motors", "left_*"]
+    words += ["--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
+    words += ["--camera", "camera", "--film", "left_wrist"]
+    assert main([*words, "--on", "right"]) == 3
+    assert "cameras.camera is on 'left', not on 'right': leave --on away" in capsys.readouterr().err
+    assert main(words) == 0
+    assert read_cell(cell).cameras["camera"].size_px == (64, 48)

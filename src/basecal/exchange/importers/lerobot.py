@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from basecal.cell import Cell
-from basecal.errors import InputError, UsageError
-from basecal.exchange.importing.cell_content import known_cell, recorded_samples
+from basecal.errors import UsageError
+from basecal.exchange.importing.cell_content import known_cell, open_size, recorded_samples
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.lerobot import (
@@ -109,8 +109,11 @@ def read_lerobot(
     imported = Imported(str(folder), what, rows, model.entry, files=model.files, advice=advice)
     if camera is None:
         return imported
-    entry = _camera_entry(present_cell, camera, on, robot)
-    return _with_images(imported, Path(cell), camera, entry, find_film(Path(folder), episode, film))
+    is_new = present_cell is None or camera not in present_cell.cameras
+    entry = {"on": on or robot, "intrinsics": {"status": "free"}} if is_new else {}
+    open_places = frozenset() if present_cell is None or is_new else open_size(cell, present_cell, camera, on)
+    pictured = _with_images(imported, Path(cell), camera, entry, find_film(Path(folder), episode, film))
+    return replace(pictured, replaced=open_places)
 
 
 def _describe_motors(episode: Episode, chain: SerialChain) -> str:
@@ -126,19 +129,6 @@ def _choose_frames(folder: str | Path, cell: Cell | None, robot: str, episode: E
     waiting = [sample.stamp_s for sample in samples if sample.stamp_s is not None and robot not in sample.robots]
     found = nearest_frames(episode, np.array(waiting)) if waiting else np.zeros(0, dtype=np.int64)
     return found if len(found) else still_frames(episode, every_s)
-
-
-def _camera_entry(cell: Cell | None, name: str, stated_carrier: str | None, robot: str) -> dict[str, Any]:
-    """Entry of `cell.yaml` of a camera; of one that is new what carries it, and a free lens.
-
-    Raises:
-        InputError: if the cell says that something else carries it.
-    """
-    if cell is None or name not in cell.cameras:
-        return {"on": stated_carrier or robot, "intrinsics": {"status": "free"}}
-    if stated_carrier not in (None, cell.cameras[name].on):
-        raise InputError(f"camera {name!r} is on {cell.cameras[name].on!r} in cell.yaml, not on {stated_carrier!r}")
-    return {}
 
 
 def _with_images(source: Imported, cell: Path, camera: str, entry: dict[str, Any], film: Film) -> Imported:
