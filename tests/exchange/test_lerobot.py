@@ -122,6 +122,19 @@ def test_frame_that_moved_least_of_each_period() -> None:
     assert still_frames(episode, 0.0).tolist() == list(range(20))
 
 
+def test_frames_at_rest_beside_slow_motion() -> None:
+    """Encoders that hop by a step at rest: the slow ends of a motion, less than a step a frame, are no rest."""
+    rng = np.random.default_rng(2)
+    stops, step = rng.uniform(-60, 60, (37, 12)), 360 / 4096
+    part = np.clip((np.arange(150) - 60) / 90, 0, 1)[:, None]
+    share = part**3 * (10 - 15 * part + 6 * part**2)
+    exact = (stops[:-1, None] + share * (stops[1:] - stops[:-1])[:, None]).reshape(-1, 12)
+    values = step * np.round((exact + rng.normal(0, 0.06, exact.shape)) / step)
+    chosen = still_frames(episode_of(values, np.arange(len(values)) / 30), 5.0)
+    assert len(chosen) == 36
+    assert (chosen % 150 < 60).all()
+
+
 def test_frames_nearest_to_samples() -> None:
     """Each once, and none that is too far away."""
     episode = episode_of(np.zeros((4, 1)), np.array([0.0, 1.0, 2.0, 3.0]))

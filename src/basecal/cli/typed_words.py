@@ -32,7 +32,7 @@ def normalise_words(words: Sequence[str]) -> Iterator[str]:
 
 
 def describe_misuse(error: CycloptsError) -> str:
-    """What the parser refused; of a flag that a value was given to, that it takes none."""
+    """The message of what the parser refused; a flag that a value was given to is named."""
     if isinstance(error, CoercionError) and error.target_type is bool and error.token and error.token.keyword:
         return f"{error.token.keyword} takes no value: leave {error.token.value!r} away"
     if not isinstance(error, UnusedCliTokensError) or error.app is None:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from basecal.bounded_file import check_regular, read_bounded
 from basecal.box import Frame, frames
@@ -35,6 +36,7 @@ LARGEST_INFO = 2**24  # bytes
 _LARGEST_CALIBRATION = 2**20  # bytes
 _TICKS = 4096 - 1  # of a whole turn, as lerobot counts them
 _STATE = "observation.state"
+_REST_S = 0.15  # before and after a frame at rest: from frame to frame slow motion is less than an encoder's step
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +128,7 @@ def select_motors(episode: Episode, pattern: str) -> Episode:
 
 
 def still_frames(episode: Episode, every_s: float) -> IntArray:
-    """Frame of each period in which the motors moved least: image and joints may be of different instants.
+    """Frame of each period about which the motors moved least: image and joints may be of different instants.
 
     Args:
         episode: With the motors of all arms, so that each import of it takes the same frames.
@@ -136,7 +138,10 @@ def still_frames(episode: Episode, every_s: float) -> IntArray:
     if every_s == 0 or len(values) < 2:
         return np.arange(len(values))
     spread = np.ptp(values, axis=0)
-    motion = np.abs(np.gradient(values, axis=0) / np.where(spread > 0, spread, 1.0)).max(axis=1)
+    reach = max(1, int(_REST_S / max(np.median(np.diff(stamps_s)), _REST_S / len(values))))
+    extended = np.pad(values, ((reach, reach), (0, 0)), "reflect", reflect_type="odd")
+    around = sliding_window_view(extended, 2 * reach + 1, axis=0)
+    motion = (np.ptp(around, axis=-1) / np.where(spread > 0, spread, 1.0)).max(axis=1)
     period = np.floor((stamps_s - stamps_s[0]) / every_s).astype(np.int64)
     order = np.lexsort((motion, period))
     return np.sort(order[np.flatnonzero(np.diff(period[order], prepend=-1))])
