@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
@@ -99,21 +98,17 @@ def read_lerobot(
     model = joint_model(cell, robot, urdf, base_link, flange_link, offset_sigma_deg)
     ranges = None if calibration is None else read_motor_ranges(calibration)
     recorded = read_episode(Path(folder), episode)
-    present_cell = known_cell(cell)
-    taken = _choose_frames(cell, present_cell, robot, recorded, every_s)
+    taken = _choose_frames(cell, known_cell(cell), robot, recorded, every_s)
     chosen = select_motors(recorded, motors)
     rows = joint_rows(chosen, robot, model.chain, unit, ranges, taken)
-    frames = f"{len(rows)} of {len(recorded.stamps_s)} frames of episode {episode}"
-    what = f"{frames}: joints of {robot!r} in {unit}: {_describe_motors(chosen, model.chain)}"
+    what = f"{len(rows)} of {len(recorded.stamps_s)} frames of episode {episode}: joints of {robot!r} in {unit}"
+    what += f": {_describe_motors(chosen, model.chain)}"
     advice = "check --unit, the calibration and the URDF"
     imported = Imported(str(folder), what, rows, model.entry, files=model.files, advice=advice)
     if camera is None:
         return imported
-    is_new = present_cell is None or camera not in present_cell.cameras
-    entry = {"on": on or robot, "intrinsics": {"status": "free"}} if is_new else {}
-    open_places = frozenset() if present_cell is None or is_new else open_size(cell, present_cell, camera, on)
-    pictured = _with_images(imported, Path(cell), camera, entry, find_film(Path(folder), episode, film))
-    return replace(pictured, replaced=open_places)
+    imported = _with_camera(imported, cell, camera, on, robot)
+    return _with_images(imported, Path(cell), camera, find_film(Path(folder), episode, film))
 
 
 def _describe_motors(episode: Episode, chain: SerialChain) -> str:
@@ -131,7 +126,20 @@ def _choose_frames(folder: str | Path, cell: Cell | None, robot: str, episode: E
     return found if len(found) else still_frames(episode, every_s)
 
 
-def _with_images(source: Imported, cell: Path, camera: str, entry: dict[str, Any], film: Film) -> Imported:
+def _with_camera(source: Imported, folder: str | Path, name: str, stated_carrier: str | None, robot: str) -> Imported:
+    """A copy that adds a camera with a free lens, or takes its size from the film.
+
+    Raises:
+        InputError: if the cell says that something else carries it.
+    """
+    present_cell = known_cell(folder)
+    if present_cell is not None and name in present_cell.cameras:
+        return replace(source, replaced=open_size(folder, present_cell, name, stated_carrier))
+    camera = {"on": stated_carrier or robot, "intrinsics": {"status": "free"}}
+    return replace(source, cell={**source.cell, "cameras": {name: camera}})
+
+
+def _with_images(source: Imported, cell: Path, camera: str, film: Film) -> Imported:
     """A copy whose rows have the images of a film."""
     beside = next(above for above in cell.absolute().parents if above.exists())
     scratch = TemporaryDirectory(prefix=".film-", dir=beside)
@@ -143,6 +151,7 @@ def _with_images(source: Imported, cell: Path, camera: str, entry: dict[str, Any
         raise
     size_px = picture_size(paths[0])
     rows = tuple(replace(row, pictures={camera: path}) for row, path in zip(source.rows, paths, strict=True))
-    cameras = {camera: {**({} if size_px is None else {"size_px": list(size_px)}), **entry}}
+    entry = {} if size_px is None else {"size_px": list(size_px)}
+    cameras = {camera: entry | source.cell.get("cameras", {}).get(camera, {})}
     what = f"{source.what}, with what {camera!r} saw"
     return replace(source, what=what, rows=rows, cell={**source.cell, "cameras": cameras}, scratch=scratch)
