@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.cli import build_app
+from basecal.cli import build_app, main
 from basecal.cli.typed_words import normalise_words, typed_command
 
 
@@ -54,3 +54,25 @@ def arguments(words):
     typed = list(normalise_words(["calibrate", *words.split()]))
     _, bound, _ = build_app(typed).parse_args(typed, exit_on_error=False, print_error=False)
     return str(bound.arguments["cell"]), bound.arguments["scene"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("import poses c a.csv --robot r --session day2", "more words than expected: 'day2'; --session takes no value"),
+        ("import poses c --session day2 a.csv", "more words than expected: 'a.csv'; --session takes no value"),
+        ("import poses c a.csv --session=day2", "--session takes no value: leave 'day2' away"),
+        ("calibrate c --json --verbose no", "more words than expected: 'no'; --verbose takes no value"),
+        ("fix c d", "more words than expected: 'd'"),
+    ],
+)
+def test_a_value_of_a_flag_is_named(words: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of every verb; the words of the parser are not the user's."""
+    assert main(words.split()) == 2
+    assert capsys.readouterr().err == f"basecal: error: {message}\n"
+
+
+def test_no_words_print_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    """`basecal` alone."""
+    assert main([]) == 0
+    assert "Usage: basecal COMMAND" in capsys.readouterr().out

@@ -13,6 +13,7 @@ from basecal.errors import DatasetError, InputError
 from basecal.exchange.lerobot import (
     Episode,
     joint_rows,
+    motor_places,
     nearest_frames,
     read_episode,
     read_motor_ranges,
@@ -74,6 +75,14 @@ def test_joints_by_name_or_in_order(tmp_path: Path, arm: SerialChain) -> None:
         joint_rows(read_episode(dataset(tmp_path / "c", list("abcdefg")), 0), "left", arm, "deg", None, ALL)
 
 
+def test_an_order_that_contradicts_a_name_is_refused() -> None:
+    """Five of six motors have a joint's name, but in reverse: in order they would be other joints."""
+    motors = ["f", "E", "d", "c", "b", "a", "gripper"]
+    with pytest.raises(InputError, match="in order, f would be a; name all motors as the joints"):
+        motor_places(motors, list("abcdef"))
+    assert motor_places(["a", "b", "gripper", "C"], list("abc")) == [0, 1, 3]
+
+
 def test_radians_read_as_degrees_are_refused(tmp_path: Path, arm: SerialChain) -> None:
     """An episode of which no joint goes beyond some degrees is in radians."""
     degrees = read_episode(dataset(tmp_path / "a", names_of(arm)), 0)
@@ -111,6 +120,19 @@ def test_frame_that_moved_least_of_each_period() -> None:
     episode = episode_of(moved[:, None] * [1.0, 100.0, 0.0] + [0.0, 0.0, 40.0], np.arange(20) / 10)
     assert still_frames(episode, 1.0).tolist() == [3, 13]
     assert still_frames(episode, 0.0).tolist() == list(range(20))
+
+
+def test_frames_at_rest_beside_slow_motion() -> None:
+    """Encoders that hop by a step at rest: the slow ends of a motion, less than a step a frame, are no rest."""
+    rng = np.random.default_rng(2)
+    stops, step = rng.uniform(-60, 60, (37, 12)), 360 / 4096
+    part = np.clip((np.arange(150) - 60) / 90, 0, 1)[:, None]
+    share = part**3 * (10 - 15 * part + 6 * part**2)
+    exact = (stops[:-1, None] + share * (stops[1:] - stops[:-1])[:, None]).reshape(-1, 12)
+    values = step * np.round((exact + rng.normal(0, 0.06, exact.shape)) / step)
+    chosen = still_frames(episode_of(values, np.arange(len(values)) / 30), 5.0)
+    assert len(chosen) == 36
+    assert (chosen % 150 < 60).all()
 
 
 def test_frames_nearest_to_samples() -> None:

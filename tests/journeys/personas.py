@@ -160,18 +160,19 @@ def production(folder: Path, seed: int) -> Persona:
 
 def hobby_arms(folder: Path, seed: int) -> Persona:
     """Two arms that LeRobot drives, whose joints' zeros are off, and a webcam."""
-    from tests.journeys.test_hobby_arms import LINKS, OFFSET_DEG, dataset  # which skips without pyarrow
+    from tests.journeys.test_hobby_arms import LINKS, OFFSET_DEG, dataset, frame_name  # which skips without pyarrow
 
     off = np.radians(OFFSET_DEG)
     made = cell(samples=40, seed=seed, joints=True, joint_offset_rad=off, robot_noise=(0.0, 0.0))
-    photographs(made, folder, lambda i: f"frame_{i:06d}.png")
+    photographs(made, folder, frame_name)
     for robot, name in (("eye", "leader"), ("hand", "follower")):
         dataset(made, robot, folder / name)
+    board = f"{BOARD_OPTIONS} --target-on follower"
     offsets = f"--unit deg {LINKS} --offset-sigma-deg {OFFSET_DEG:g}"
     commands = (
+        f"basecal import images mycell photos --camera webcam --on leader --by time {board}",
         f"basecal import lerobot mycell leader --robot leader --urdf leader.urdf {offsets}",
         f"basecal import lerobot mycell follower --robot follower --urdf follower.urdf {offsets}",
-        f"basecal import images mycell photos --camera webcam --on leader --by order {BOARD_OPTIONS}",
         "basecal calibrate mycell",
         "basecal export mycell --to matrix -o base.txt",
     )

@@ -27,12 +27,14 @@ pytestmark = pytest.mark.slow
 pyarrow = pytest.importorskip("pyarrow", reason="LeRobot's datasets are parquet, by the extra lerobot")
 NAME = "leader_base_from_follower_base"
 OFFSET_DEG = 2.0
+RATE_HZ = 10
+STOP, MOTION = 10, 5  # frames
 STEP_DEG = 360 / 4096  # of the magnetic encoders in the servos of such arms
 LINKS = "--base-link base_link --flange-link tool0"
 
 
 def dataset(made: SimulatedCell, robot: str, folder: Path) -> None:
-    """An episode as LeRobot v2.1 lays it out: `observation.state` in degrees with the gripper last, 30 frames a second.
+    """An episode as LeRobot v2.1 lays it out: `observation.state` in degrees with the gripper last; stops and motions.
 
     Source: huggingface/lerobot, docs of LeRobotDataset v2.1.
     """
@@ -43,19 +45,29 @@ def dataset(made: SimulatedCell, robot: str, folder: Path) -> None:
     names = [*(f"{joint}.pos" for joint in chain.joint_names), "gripper.pos"]
     (folder / "meta").mkdir(parents=True)
     state = {"dtype": "float32", "shape": [len(names)], "names": names}
-    info = {"codebase_version": "v2.1", "fps": 30, "features": {"observation.state": state}}
+    info = {"codebase_version": "v2.1", "fps": RATE_HZ, "features": {"observation.state": state}}
     (folder / "meta" / "info.json").write_text(json.dumps(info))
-    rows = []
-    for i, sample in enumerate(made.recording.samples):
-        exact = np.degrees(sample.robots[robot].joints_rad)  # type: ignore[arg-type]
-        degrees = [*STEP_DEG * np.round(exact / STEP_DEG), 12.5]
-        rows.append({"observation.state": degrees, "timestamp": float(i), "frame_index": 30 * i, "episode_index": 0})
+    stops = np.degrees([sample.robots[robot].joints_rad for sample in made.recording.samples])  # type: ignore[arg-type]
+    shares = np.concatenate([np.zeros(STOP), np.arange(1, MOTION + 1) / (MOTION + 1)])[:, None]
+    moved = [stop + shares * (after - stop) for stop, after in zip(stops, [*stops[1:], stops[-1]], strict=True)]
+    degrees = np.column_stack(
+        [STEP_DEG * np.round(np.concatenate(moved) / STEP_DEG), np.full(len(stops) * len(shares), 12.5)]
+    )
+    rows = [
+        {"observation.state": row.tolist(), "timestamp": i / RATE_HZ, "frame_index": i, "episode_index": 0}
+        for i, row in enumerate(degrees)
+    ]
     path = folder / "data" / "chunk-000" / "episode_000000.parquet"
     path.parent.mkdir(parents=True)
     types = {"observation.state": pyarrow.list_(pyarrow.float32()), "timestamp": pyarrow.float32()}
     schema = pyarrow.schema([*types.items(), ("frame_index", pyarrow.int64()), ("episode_index", pyarrow.int64())])
     parquet.write_table(pyarrow.Table.from_pylist(rows, schema), path)
     (folder.parent / f"{folder.name}.urdf").write_text(chain_urdf(chain, "base_link", "tool0", folder.name))
+
+
+def frame_name(i: int) -> str:
+    """The file of the frame in the middle of a stop, named by its time in the episode [s]."""
+    return f"{(i * (STOP + MOTION) + STOP // 2) / RATE_HZ:.3f}.png"
 
 
 def are_offsets_within_three_sigmas(made: SimulatedCell, place: Path) -> bool:
@@ -79,14 +91,15 @@ def test_from_episodes_to_a_matrix(
     """Zeros that are off by degrees are estimated with the base; the answer is a matrix for a program in Python."""
     monkeypatch.chdir(tmp_path)
     made = cell(samples=40, seed=1, joints=True, joint_offset_rad=np.radians(OFFSET_DEG), robot_noise=(0.0, 0.0))
-    photographs(made, tmp_path, lambda i: f"frame_{i:06d}.png")
+    photographs(made, tmp_path, frame_name)
     for robot, name in (("eye", "leader"), ("hand", "follower")):
         dataset(made, robot, tmp_path / name)
+    board = f"{BOARD_OPTIONS} --target-on follower"
     offsets = f"--unit deg {LINKS} --offset-sigma-deg {OFFSET_DEG:g}"
     run(
+        f"basecal import images mycell photos --camera webcam --on leader --by time {board}",
         f"basecal import lerobot mycell leader --robot leader --urdf leader.urdf {offsets}",
         f"basecal import lerobot mycell follower --robot follower --urdf follower.urdf {offsets}",
-        f"basecal import images mycell photos --camera webcam --on leader --by order {BOARD_OPTIONS}",
         "basecal calibrate mycell",
         "basecal export mycell --to matrix -o base.txt",
     )

@@ -19,7 +19,7 @@ from basecal.simulation import SimulatedCell
 from basecal.simulation.images import render_recording
 from tests.film_dataset import write_dataset
 from tests.journeys.raw import FIRST_STAMP_NS, cell, photographs, recorded, written
-from tests.journeys.test_hobby_arms import OFFSET_DEG, dataset
+from tests.journeys.test_hobby_arms import OFFSET_DEG, dataset, frame_name
 from tests.journeys.test_production import krl, rapid
 from tests.journeys.test_ros2 import PERIOD_NS, trajectory
 from tests.journeys.test_ur import teach_pendant
@@ -62,7 +62,7 @@ def ros2(folder: Path) -> None:
 def lerobot(folder: Path) -> None:
     """Episodes of two arms whose zeros are off, and frames."""
     made = cell(samples=40, seed=1, joints=True, joint_offset_rad=np.radians(OFFSET_DEG), robot_noise=(0.0, 0.0))
-    photographs(made, folder, lambda i: f"frame_{i:06d}.png")
+    photographs(made, folder, frame_name)
     for robot, name in (("eye", "leader"), ("hand", "follower")):
         dataset(made, robot, folder / name)
 

@@ -10,7 +10,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from basecal.cli.study import study
 from basecal.cli.terminal import say
-from basecal.cli.typed_words import normalise_words
+from basecal.cli.typed_words import describe_misuse, normalise_words
 from basecal.errors import BasecalError, DatasetError, describe_fault
 
 _VERBS = {
@@ -98,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
     except CycloptsError as error:
-        return _report_failure(error, 2)
+        return _report_failure(describe_misuse(error), 2)
     except BasecalError as error:
         return _report_failure(error, error.exit_code)
     except BrokenPipeError:  # whoever read the answer has had enough

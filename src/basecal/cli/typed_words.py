@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from shlex import quote
+
+from cyclopts import CoercionError, CycloptsError, UnusedCliTokensError
+
+from basecal.errors import list_names
 
 _OF_NUMBERS = ("--task-point", "--task-box")
 
@@ -15,7 +20,7 @@ def normalise_words(words: Sequence[str]) -> Iterator[str]:
     the next word only if that is `also`.
     """
     previous = ""
-    for word, following in zip(words, [*words[1:], ""], strict=True):
+    for word, following in pairwise([*words, ""]):
         option, equals, value = word.partition("=")
         if previous in _OF_NUMBERS:
             yield from word.replace(",", " ").split() or [word]
@@ -40,3 +45,19 @@ def typed_command(start: str, options: Mapping[str, object]) -> str:
             numbers = [f"{each:.9g}" for each in value] if isinstance(value, tuple) else []
             words += [option, *(numbers or ([] if value is True else [quote(str(value))]))]
     return " ".join(words)
+
+
+def describe_misuse(error: CycloptsError) -> str:
+    """The message of what the parser refused; a flag that a value was given to is named."""
+    if isinstance(error, CoercionError) and error.target_type is bool and error.token and error.token.keyword:
+        return f"{error.token.keyword} takes no value: leave {error.token.value!r} away"
+    if not isinstance(error, UnusedCliTokensError) or error.app is None:
+        return str(error)
+    known = {
+        name for option in error.app.assemble_argument_collection() if option.hint is bool for name in option.names
+    }
+    flags = [
+        word for word, following in pairwise(error.root_input_tokens or ()) if word in known and following[:1] != "-"
+    ]
+    left = list_names([repr(word) for word in error.unused_tokens or ()])
+    return "; ".join([f"more words than expected: {left}", *(f"{flag} takes no value" for flag in flags)])

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from basecal.bounded_file import check_regular, read_bounded
 from basecal.box import Frame, frames
@@ -35,6 +36,7 @@ LARGEST_INFO = 2**24  # bytes
 _LARGEST_CALIBRATION = 2**20  # bytes
 _TICKS = 4096 - 1  # of a whole turn, as lerobot counts them
 _STATE = "observation.state"
+_REST_S = 0.15  # before and after a frame at rest: from frame to frame slow motion is less than an encoder's step
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +128,7 @@ def select_motors(episode: Episode, pattern: str) -> Episode:
 
 
 def still_frames(episode: Episode, every_s: float) -> IntArray:
-    """Frame of each period in which the motors moved least: image and joints may be of different instants.
+    """Frame of each period about which the motors moved least: image and joints may be of different instants.
 
     Args:
         episode: With the motors of all arms, so that each import of it takes the same frames.
@@ -136,7 +138,10 @@ def still_frames(episode: Episode, every_s: float) -> IntArray:
     if every_s == 0 or len(values) < 2:
         return np.arange(len(values))
     spread = np.ptp(values, axis=0)
-    motion = np.abs(np.gradient(values, axis=0) / np.where(spread > 0, spread, 1.0)).max(axis=1)
+    reach = max(1, int(_REST_S / max(np.median(np.diff(stamps_s)), _REST_S / len(values))))
+    extended = np.pad(values, ((reach, reach), (0, 0)), "reflect", reflect_type="odd")
+    around = sliding_window_view(extended, 2 * reach + 1, axis=0)
+    motion = (np.ptp(around, axis=-1) / np.where(spread > 0, spread, 1.0)).max(axis=1)
     period = np.floor((stamps_s - stamps_s[0]) / every_s).astype(np.int64)
     order = np.lexsort((motion, period))
     return np.sort(order[np.flatnonzero(np.diff(period[order], prepend=-1))])
@@ -170,20 +175,32 @@ def joint_rows(
     Raises:
         InputError: if the motors do not suit the chain, the calibration lacks one, or degrees look like radians.
     """
-    by_name = {name: i for i, name in enumerate(episode.names)}
-    places = [by_name[name] for name in chain.joint_names if name in by_name]
-    if len(places) < chain.n:
-        places = [i for i, name in enumerate(episode.names) if "gripper" not in name]
-    if len(places) != chain.n:
-        there = f"motors {', '.join(episode.names)}, the URDF has the joints {', '.join(chain.joint_names)}"
-        need = "as many as motors without the gripper are needed, or the same names; of two arms choose by --motors"
-        raise InputError(f"{there}: {need}")
+    places = motor_places(episode.names, chain.joint_names)
     if unit == "deg" and (finding := radians_finding(episode.values[:, places])):
         raise InputError(f"{finding}: give --unit rad")
     joints = np.stack([_radians(episode, place, unit, calibration) for place in places], axis=-1)
     return tuple(
         Row({robot: RobotState(joints_rad=joints[i])}, stamp_s=float(episode.stamps_s[i])) for i in frame_indices
     )
+
+
+def motor_places(motors: Sequence[str], joints: Sequence[str]) -> list[int]:
+    """The place of each joint's motor: by its name if all are named, else in order without the gripper.
+
+    Raises:
+        InputError: if neither fits, or the order contradicts a name.
+    """
+    if set(joints) <= set(motors):
+        return [motors.index(joint) for joint in joints]
+    places = [i for i, name in enumerate(motors) if "gripper" not in name]
+    there = f"motors {', '.join(motors)}, the URDF has the joints {', '.join(joints)}"
+    if len(places) != len(joints):
+        need = "as many as motors without the gripper are needed, or the same names; of two arms choose by --motors"
+        raise InputError(f"{there}: {need}")
+    for joint, place in zip(joints, places, strict=True):
+        if motors[place] != joint in motors:
+            raise InputError(f"{there}: in order, {motors[place]} would be {joint}; name all motors as the joints")
+    return places
 
 
 def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:

@@ -66,6 +66,18 @@ def test_clocks_that_were_searched_are_named_with_their_reach():
     assert first.startswith("If the clock of wrist is off by more than 1 s, write `clock: {status: free")
 
 
+def test_arms_that_record_joints_are_told_to_check_these():
+    """Their poses are computed, so a wrong direction or length of a pose is no cause."""
+    made = simulate(Scenario(samples=6, joints=True), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+    found = hopeless(problem, state)
+    assert found.do[1] == "Check the URDF of eye and hand, and the unit, signs and order of the joints."
+    problem, _ = build_problem(MADE.cell, MADE.recording)
+    state = State(MADE.truth, MADE.cameras, np.zeros((len(problem.stops), 6)))
+    assert "base_from_flange in metres" in hopeless(problem, state).do[1]
+
+
 def test_the_better_half_counts():
     """Of 16 views 7 are far off: the others are explained."""
     order = [*np.roll(range(7), 3), *range(7, 16)]

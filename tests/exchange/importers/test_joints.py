@@ -67,3 +67,17 @@ def test_offsets_of_the_joints_get_a_prior(tmp_path: Path, arm: SerialChain) -> 
     assert stated.status == "prior"
     assert stated.model_dump()["sigma_rad"] == pytest.approx(np.radians(2), abs=1e-5)
     assert main([*base, "--offset-sigma-deg", "0"]) == 2
+
+
+def test_an_arm_that_stands_still_is_one_row(tmp_path: Path, arm: SerialChain) -> None:
+    """Its joints are of each sample that the moving arm made."""
+    (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
+    rows = np.radians([[0, -90, 90, 10, -20, 30], [5, -80, 80, 12, -22, 33], [9, -70, 70, 14, -24, 36]])
+    np.savetxt(tmp_path / "moves.csv", rows, delimiter=",")
+    np.savetxt(tmp_path / "rests.csv", rows[:1], delimiter=",")
+    base = ["import", "joints", str(tmp_path / "c"), "--robot"]
+    model = ["--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
+    assert main([*base, "left", str(tmp_path / "moves.csv"), *model]) == 0
+    assert main([*base, "right", str(tmp_path / "rests.csv"), *model, "--still"]) == 0
+    found = [sample.robots["right"].joints_rad for sample in read_recording(tmp_path / "c").samples]
+    np.testing.assert_allclose(found, np.tile(rows[0], (3, 1)))

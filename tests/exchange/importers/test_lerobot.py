@@ -33,6 +33,17 @@ def test_a_dataset_makes_a_cell(tmp_path: Path, arm: SerialChain, capsys: pytest
     assert main([*base, "--unit", "deg", "--calibration", "x.json"]) == 2
 
 
+def test_motors_taken_in_order_are_named(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of motors with other names than the joints it is said which is which: nobody else can see a wrong order."""
+    (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
+    data = dataset(tmp_path / "d", [*"uvwxyz", "gripper"])
+    words = ["import", "lerobot", str(tmp_path / "c"), str(data), "--robot", "left", "--unit", "deg"]
+    words += ["--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
+    assert main(words) == 0
+    pairs = ", ".join(f"{joint} from {motor}" for joint, motor in zip(arm.joint_names, "uvwxyz", strict=True))
+    assert f"joints of 'left' in deg: {pairs}\n" in capsys.readouterr().out
+
+
 def two_arms(folder: Path, arm: SerialChain, rest: int = 8) -> Path:
     """An episode of two arms with a film of each one's wrist, 60 frames at 30 Hz; the arms rest up to a frame."""
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
@@ -69,7 +80,10 @@ def test_two_arms_with_the_films_of_their_wrists(
         assert main(words) == 3
         assert "has the films left_wrist, right_wrist: say which one by --film" in capsys.readouterr().err
         assert main([*words, "--film", f"{side}_wrist"]) == 0
-        assert f"joints of '{side}' in deg, with what '{side}_eye' saw" in capsys.readouterr().out
+        assert (
+            f"joints of '{side}' in deg: {', '.join(arm.joint_names)}, with what '{side}_eye' saw"
+            in capsys.readouterr().out
+        )
     found, samples = read_cell(cell), read_recording(cell).samples
     assert {name: (camera.on, camera.size_px) for name, camera in found.cameras.items()} == {
         "left_eye": ("left", (64, 48)),
@@ -97,3 +111,17 @@ def test_films_go_with_a_camera(tmp_path: Path, capsys: pytest.CaptureFixture[st
     words = ["import", "lerobot", str(tmp_path / "c"), str(tmp_path), "--robot", "left", "--unit", "deg"]
     assert main([*words, "--film", "wrist"]) == 2
     assert "--film and --on belong to --camera" in capsys.readouterr().err
+
+
+def test_a_film_gives_a_new_cell_its_size(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
+    """The size that `basecal new` writes is an example until a camera is recorded; who carries it is stated."""
+    (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
+    data, cell = two_arms(tmp_path / "d", arm), tmp_path / "c"
+    assert main(["new", str(cell), "--names", "left", "right", "--squares", "5x7", "--square", "30mm"]) == 0
+    words = ["import", "lerobot", str(cell), str(data), "--robot", "left", "--unit", "deg", "--motors", "left_*"]
+    words += ["--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
+    words += ["--camera", "camera", "--film", "left_wrist"]
+    assert main([*words, "--on", "right"]) == 3
+    assert "cameras.camera is on 'left', not on 'right': leave --on away" in capsys.readouterr().err
+    assert main(words) == 0
+    assert read_cell(cell).cameras["camera"].size_px == (64, 48)

@@ -7,6 +7,7 @@ import numpy as np
 from basecal.accuracy.input_check.loop_fit import trimmed_rms
 from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, moved_views, view_errors
 from basecal.cell import Finding
+from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -33,7 +34,7 @@ def hopeless(problem: Problem, state: State) -> Finding:
     why = "None of the usual mistakes (conventions, units, orders, pairing) explains it."
     do = (
         _instants_advice(problem),
-        "Check that poses are base_from_flange in metres, of the named robot.",
+        _robots_advice(problem),
         "Check that cameras and targets are on the robots that cell.yaml states.",
     )
     return Finding("poor-fit", "error", (), what, do, why)
@@ -46,6 +47,13 @@ def _instants_advice(problem: Problem) -> str:
         return "Check that poses and images of a sample are of one instant."
     entry = "`clock: {status: free, offset_s: ...}`"
     return f"If the clock of {' or '.join(clocks)} is off by more than 1 s, write {entry} there, to a second."
+
+
+def _robots_advice(problem: Problem) -> str:
+    """Advice on what robots recorded: joints, or poses where one has no joints."""
+    if not problem.robots or not all(recorded_by_joints(problem, robot) for robot in problem.robots):
+        return "Check that poses are base_from_flange in metres, of the named robot."
+    return f"Check the URDF of {' and '.join(problem.robots)}, and the unit, signs and order of the joints."
 
 
 def unexplained_motion(problem: Problem, state: State) -> float:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from basecal.cell import Cell
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError, list_names, nearest
-from basecal.exchange.importing.cell_content import known_cell, recorded_samples
+from basecal.exchange.importing.cell_content import known_cell, open_size
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
 from basecal.exchange.pictures import list_pictures, missing_numbers, read_time, unreadable_pictures, usual_size
@@ -156,13 +156,7 @@ def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> 
     """
     known = known_cell(folder)
     if known is not None and name in known.cameras:
-        camera = known.cameras[name]
-        if stated_carrier is not None and stated_carrier != camera.on:
-            stated = f"{Path(folder) / 'cell.yaml'}: cameras.{name} is on {camera.on!r}, not on {stated_carrier!r}"
-            raise InputError(f"{stated}: leave --on away, or correct it")
-        has_numbers = camera.intrinsics is not None and camera.intrinsics.camera is not None
-        is_open = not has_numbers and not _is_recorded(folder, known, name)
-        return {"cameras": {name: {}}}, frozenset({("cameras", name, "size_px")} if is_open else ())
+        return {"cameras": {name: {}}}, open_size(folder, known, name, stated_carrier)
     carrier = _carrier(folder, known, name, stated_carrier)
     entry: dict[str, Any] = {"cameras": {name: {"on": carrier, "intrinsics": {"status": "free"}}}}
     return ({"robots": {carrier: {}}, **entry} if carrier != "world" else entry), frozenset()
@@ -193,8 +187,3 @@ def _carrier(folder: str | Path, present_cell: Cell | None, name: str, stated_ca
     there = f"cell.yaml has {list_names(cameras)}; " if cameras else ""
     options = " or ".join(f"--on {each}" for each in [*robots, "world"])
     raise InputError(f"{folder} has no camera {name!r}: {there}to add it say what carries it, {options}")
-
-
-def _is_recorded(folder: str | Path, cell: Cell, name: str) -> bool:
-    samples = recorded_samples(folder, cell)
-    return any(name in s.images or any(o.camera == name for o in s.observations) for s in samples)

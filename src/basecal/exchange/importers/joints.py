@@ -20,6 +20,7 @@ def read_joints(
     base_link: str | None = None,
     flange_link: str | None = None,
     offset_sigma_deg: float | None = None,
+    still: bool = False,
 ) -> Imported:
     """Import a robot's joints; they are checked against the limits of its URDF.
 
@@ -34,6 +35,7 @@ def read_joints(
         basecal import joints mycell --robot left joints.csv --deg \\
             --urdf left.urdf --base-link base_link --flange-link tool0
         basecal import joints mycell --robot right right.csv
+        basecal import joints mycell --robot still still.csv --still
 
     Args:
         cell: Folder of the cell.
@@ -44,6 +46,7 @@ def read_joints(
         base_link: Link of that URDF that the robot stands on.
         flange_link: Link of that URDF that is the flange.
         offset_sigma_deg: How far each joint's zero may be off, one sigma; they are then estimated with the rest.
+        still: The robot stands still: the one row of its file is of every sample.
 
     Raises:
         UsageError: if options do not go together.
@@ -54,4 +57,4 @@ def read_joints(
     of_chain = f"{len(rows)} x {model.chain.n} joints of {robot!r} in {'deg' if deg else 'rad'}"
     what = f"{of_chain}: {', '.join(model.chain.joint_names)}"
     advice = "check --deg, the order of the joints and the URDF"
-    return Imported(str(file), what, rows, model.entry, files=model.files, advice=advice)
+    return Imported(str(file), what, rows, model.entry, files=model.files, advice=advice, is_still=still)

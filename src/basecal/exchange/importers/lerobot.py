@@ -5,19 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
 from basecal.cell import Cell
-from basecal.errors import InputError, UsageError
-from basecal.exchange.importing.cell_content import known_cell, recorded_samples
+from basecal.errors import UsageError
+from basecal.exchange.importing.cell_content import known_cell, open_size, recorded_samples
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.lerobot import (
     Episode,
     JointUnit,
     joint_rows,
+    motor_places,
     nearest_frames,
     read_episode,
     read_motor_ranges,
@@ -27,6 +27,7 @@ from basecal.exchange.lerobot import (
 from basecal.exchange.lerobot_films import Film, find_film, write_images
 from basecal.exchange.pictures import picture_size
 from basecal.geometry import IntArray
+from basecal.kinematics import SerialChain
 
 
 def read_lerobot(
@@ -97,16 +98,24 @@ def read_lerobot(
     model = joint_model(cell, robot, urdf, base_link, flange_link, offset_sigma_deg)
     ranges = None if calibration is None else read_motor_ranges(calibration)
     recorded = read_episode(Path(folder), episode)
-    present_cell = known_cell(cell)
-    taken = _choose_frames(cell, present_cell, robot, recorded, every_s)
-    rows = joint_rows(select_motors(recorded, motors), robot, model.chain, unit, ranges, taken)
+    taken = _choose_frames(cell, known_cell(cell), robot, recorded, every_s)
+    chosen = select_motors(recorded, motors)
+    rows = joint_rows(chosen, robot, model.chain, unit, ranges, taken)
     what = f"{len(rows)} of {len(recorded.stamps_s)} frames of episode {episode}: joints of {robot!r} in {unit}"
+    what += f": {_describe_motors(chosen, model.chain)}"
     advice = "check --unit, the calibration and the URDF"
     imported = Imported(str(folder), what, rows, model.entry, files=model.files, advice=advice)
     if camera is None:
         return imported
-    entry = _camera_entry(present_cell, camera, on, robot)
-    return _with_images(imported, Path(cell), camera, entry, find_film(Path(folder), episode, film))
+    imported = _with_camera(imported, cell, camera, on, robot)
+    return _with_images(imported, Path(cell), camera, find_film(Path(folder), episode, film))
+
+
+def _describe_motors(episode: Episode, chain: SerialChain) -> str:
+    """Which motor was taken for each joint; once where they have one name."""
+    found = [episode.names[place] for place in motor_places(episode.names, chain.joint_names)]
+    pairs = zip(chain.joint_names, found, strict=True)
+    return ", ".join(joint if joint == motor else f"{joint} from {motor}" for joint, motor in pairs)
 
 
 def _choose_frames(folder: str | Path, cell: Cell | None, robot: str, episode: Episode, every_s: float) -> IntArray:
@@ -117,20 +126,20 @@ def _choose_frames(folder: str | Path, cell: Cell | None, robot: str, episode: E
     return found if len(found) else still_frames(episode, every_s)
 
 
-def _camera_entry(cell: Cell | None, name: str, stated_carrier: str | None, robot: str) -> dict[str, Any]:
-    """Entry of `cell.yaml` of a camera; of one that is new what carries it, and a free lens.
+def _with_camera(source: Imported, folder: str | Path, name: str, stated_carrier: str | None, robot: str) -> Imported:
+    """A copy that adds a camera with a free lens, or takes its size from the film.
 
     Raises:
         InputError: if the cell says that something else carries it.
     """
-    if cell is None or name not in cell.cameras:
-        return {"on": stated_carrier or robot, "intrinsics": {"status": "free"}}
-    if stated_carrier not in (None, cell.cameras[name].on):
-        raise InputError(f"camera {name!r} is on {cell.cameras[name].on!r} in cell.yaml, not on {stated_carrier!r}")
-    return {}
+    present_cell = known_cell(folder)
+    if present_cell is not None and name in present_cell.cameras:
+        return replace(source, replaced=open_size(folder, present_cell, name, stated_carrier))
+    camera = {"on": stated_carrier or robot, "intrinsics": {"status": "free"}}
+    return replace(source, cell={**source.cell, "cameras": {name: camera}})
 
 
-def _with_images(source: Imported, cell: Path, camera: str, entry: dict[str, Any], film: Film) -> Imported:
+def _with_images(source: Imported, cell: Path, camera: str, film: Film) -> Imported:
     """A copy whose rows have the images of a film."""
     beside = next(above for above in cell.absolute().parents if above.exists())
     scratch = TemporaryDirectory(prefix=".film-", dir=beside)
@@ -142,6 +151,7 @@ def _with_images(source: Imported, cell: Path, camera: str, entry: dict[str, Any
         raise
     size_px = picture_size(paths[0])
     rows = tuple(replace(row, pictures={camera: path}) for row, path in zip(source.rows, paths, strict=True))
-    cameras = {camera: {**({} if size_px is None else {"size_px": list(size_px)}), **entry}}
+    entry = {} if size_px is None else {"size_px": list(size_px)}
+    cameras = {camera: entry | source.cell.get("cameras", {}).get(camera, {})}
     what = f"{source.what}, with what {camera!r} saw"
     return replace(source, what=what, rows=rows, cell={**source.cell, "cameras": cameras}, scratch=scratch)
