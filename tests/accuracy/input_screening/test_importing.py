@@ -54,19 +54,29 @@ def test_implausible_input_is_refused(tmp_path: Path) -> None:
     assert "flange of left 500 m" in done.doubts[0]
 
 
-@pytest.mark.parametrize("factor", [1000, 39.37, 0.001])
-def test_rows_in_another_unit_are_named_by_their_lines(tmp_path: Path, factor: float) -> None:
+@pytest.mark.parametrize(
+    ("factor", "cure"),
+    [
+        (1000, "lines 5, 7 look like millimetres, divide their lengths by 1000;"),
+        (39.37, "lines 5, 7 look like inches, divide their lengths by 39.37;"),
+        (70, "another length unit\\? Correct lines 5, 7;"),
+        (0.001, "another length unit\\? Correct lines 5, 7;"),
+    ],
+)
+def test_rows_in_another_unit_are_named_by_their_lines(tmp_path: Path, factor: float, cure: str) -> None:
     """Millimetres or inches among metres, and the reverse: the message has file, line and both distances."""
     path = tmp_path / "left.csv"
     odd = {5, 7}
     rows = [f"{0.3 * (factor if line in odd else 1)},{0.4 * (factor if line in odd else 1)},0" for line in range(3, 12)]
     path.write_text("\nx,y,z,rx,ry,rz\n" + "".join(f"{row},0,0,0.{k}\n" for k, row in enumerate(rows)))
     read = basecal.read_poses(tmp_path / "c", path, robot="left", format="ur")
-    said = rf"left.csv:5: flange of left {0.5 * factor:.3g} m from its base, 0.5 m in most rows: .* Correct line 5, 7;"
+    said = rf"left.csv:5: flange of left {0.5 * factor:.3g} m from its base, 0.5 m in most rows: {cure}"
     with pytest.raises(InputError, match=said):
         basecal.import_into(tmp_path / "c", read)
     unnumbered = replace(read, is_strict=False, rows=tuple(replace(row, line=None) for row in read.rows))
-    assert "Correct row 3, 5;" in basecal.import_into(tmp_path / "c", unnumbered).doubts[0]
+    (doubt,) = basecal.import_into(tmp_path / "c", unnumbered).doubts
+    assert "rows 3, 5" in doubt
+    assert "nothing is imported" not in doubt
 
 
 def test_scratch_is_removed_whatever_happens(tmp_path: Path) -> None:

@@ -16,6 +16,8 @@ from basecal.exchange.importing.imported import Imported
 
 # Times farther or nearer than most flanges: inches among metres are 39 times farther, metres among millimetres nearer.
 _FARTHER_RATIO, _NEARER_RATIO = 20, 200
+_TIMES_LARGER = {"millimetres": 1000, "centimetres": 100, "inches": 39.37}  # numbers than in metres
+_ALIKE = 2  # distances of flanges of one arm are mostly within this factor
 
 
 def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, session: bool = False) -> Brought:
@@ -66,6 +68,15 @@ def _foreign_rows(imports: Imported) -> Iterator[DatasetError]:
         few = [(n, far) for n, far in places if far > _FARTHER_RATIO * usual > 0 or 0 < far < usual / _NEARER_RATIO]
         if few:
             what = f"flange of {robot} {few[0][1]:.3g} m from its base, {usual:.3g} m in most rows"
-            names = f"{'line' if has_lines else 'row'} {list_names([str(number) for number, _ in few])}"
-            do = f"another length unit? Correct {names}; nothing is imported"
+            place = ("line" if has_lines else "row") + "s" * (len(few) > 1)
+            names = f"{place} {list_names([str(number) for number, _ in few])}"
+            do = _describe_cure(names, few[0][1] / usual) + ("; nothing is imported" if imports.is_strict else "")
             yield DatasetError(imports.source, f"{what}: {do}", few[0][0] if has_lines else None)
+
+
+def _describe_cure(names: str, ratio: float) -> str:
+    """The unit of rows that are so many times farther than most, and how to correct them."""
+    likely = [unit for unit, size in _TIMES_LARGER.items() if size / _ALIKE < ratio < size * _ALIKE]
+    if len(likely) != 1:
+        return f"another length unit? Correct {names}"
+    return f"{names} look like {likely[0]}, divide their lengths by {_TIMES_LARGER[likely[0]]:g}"
