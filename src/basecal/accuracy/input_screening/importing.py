@@ -17,7 +17,7 @@ from basecal.exchange.importing.imported import Imported
 # Times farther or nearer than most flanges: inches among metres are 39 times farther, metres among millimetres nearer.
 _FARTHER_RATIO, _NEARER_RATIO = 20, 200
 _TIMES_LARGER = {"millimetres": 1000, "centimetres": 100, "inches": 39.37}  # numbers than in metres
-_ALIKE = 2  # distances of flanges of one arm are mostly within this factor
+_SAME_ARM_RATIO = 2  # distances of flanges of one arm are mostly within this factor
 
 
 def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, session: bool = False) -> Brought:
@@ -76,7 +76,7 @@ def _foreign_rows(imports: Imported) -> Iterator[DatasetError]:
 
 def _describe_cure(names: str, ratio: float) -> str:
     """The unit of rows that are so many times farther than most, and how to correct them."""
-    likely = [unit for unit, size in _TIMES_LARGER.items() if size / _ALIKE < ratio < size * _ALIKE]
+    likely = [unit for unit, size in _TIMES_LARGER.items() if size / _SAME_ARM_RATIO < ratio < size * _SAME_ARM_RATIO]
     if len(likely) != 1:
         return f"another length unit? Correct {names}"
     return f"{names} look like {likely[0]}, divide their lengths by {_TIMES_LARGER[likely[0]]:g}"
