@@ -62,6 +62,7 @@ class ArmProcess:
         self._read_s = self._changed_s = self._supervisor_s = self._beat_s = now
         self._values: Array | None = None
         self._way: tuple[Array | None, Array | None] = None, None
+        self._aim = threading.Lock()  # of goal and way: an arrival must not end a motion that begins meanwhile
         self._must_stop = self._is_over = False
         self._patience_s = REST_SILENCE_LIMIT_S + RECONNECT_S
 
@@ -164,10 +165,11 @@ class ArmProcess:
         values = state_vector(reading.state)
         if self._values is None or np.abs(values - self._values).max() > _CHANGED_RAD_M:
             self._values, self._changed_s = values, time.monotonic()
-        self._check_way(values)
-        goal = self._goal
-        if goal is not None:
-            self._at_goal = self._at_goal + 1 if has_arrived(reading.state, goal) else 0
+        with self._aim:
+            self._check_way(values)
+            if self._goal is None:
+                return
+            self._at_goal = self._at_goal + 1 if has_arrived(reading.state, self._goal) else 0
             if self._at_goal >= _SETTLED_STATES:
                 self._goal = None
                 self._way = self._way[1], self._way[1]
@@ -203,8 +205,9 @@ class ArmProcess:
         if self._must_stop:
             return None
         if method == "move":
-            self._at_goal, self._changed_s = 0, time.monotonic()
-            self._way, self._goal = (self._values, arguments[0].joints_rad), arguments[0]
+            with self._aim:
+                self._at_goal, self._changed_s = 0, time.monotonic()
+                self._way, self._goal = (self._values, arguments[0].joints_rad), arguments[0]
         if method == "freedrive":
             self._is_led, self._way = arguments[0], (None, None)
         return getattr(robot, method)(*arguments)
