@@ -10,7 +10,7 @@ from basecal.cell import WORLD, RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import rotation_exp
-from basecal.planning.feasible import is_clear, reach_poses, visibility_mask
+from basecal.planning.feasible import approach_poses, as_near_as_seen, is_clear, is_in_view, visibility_mask
 from basecal.planning.sketch import Sketch
 
 Taught = Mapping[str, RobotState]
@@ -46,7 +46,7 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
     if not found:
         raise InputError(
             "no sample near the taught poses is within the arms' limits, with the whole target in view and clear. "
-            "Teach poses with the target in the middle of the image, half a metre to a metre away"
+            "Teach poses with the target sharp, in the middle of the image, and the arms far from their limits"
         )
     return [Sample(k, robots=sample.robots) for k, sample in enumerate(found[:count])]
 
@@ -63,6 +63,7 @@ def draw_feasible(
         reach: Of the robots that move, each alone, by name.
         rng: Of the draws.
     """
+    sketch = as_near_as_seen(sketch, views)
     near = rng.integers(len(views), size=count)
     pivots = np.array([sketch.body_pose(sketch.target.name, t) @ sketch.target_points.mean(0) for t in views])[near]
     drawn = {}
@@ -89,14 +90,14 @@ def _feasible(
     states: dict[str, list[RobotState | None]] = {}
     for robot, poses in flanges.items():
         near = [views[k][robot] for k in neighbours[rows]]
-        states[robot] = reach_poses(sketch.cell.robots[robot], poses[rows], near)
+        states[robot] = approach_poses(sketch.cell.robots[robot], poses[rows], near)
     samples = []
     for place, moves in enumerate(zip(*states.values(), strict=True)):
         moved = {robot: state for robot, state in zip(states, moves, strict=True) if state is not None}
         if len(moved) < len(states):
             continue
         sample = Sample(0, robots={**views[neighbours[rows[place]]], **moved})
-        if is_clear(sketch, sample):
+        if is_in_view(sketch, sample) and is_clear(sketch, sample):
             samples.append(sample)
     return samples
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,13 +11,15 @@ import numpy as np
 from basecal.cell import Robot, RobotState, Sample
 from basecal.errors import NotConverged
 from basecal.geometry import SE3, Array, BoolArray
+from basecal.kinematics.chain import SerialChain
 from basecal.kinematics.inverse import inverse
 from basecal.planning.clearance import clearances
 from basecal.planning.sketch import Sketch
 
 _MARGIN_SHARE = 0.05  # of the image's width: what guesses of a degree or two are off by
 _LEAST_FACING_COSINE = 0.35  # cosine of a board to the ray, at least: flatter, its corners run together
-_NEAREST_M, _FARTHEST_M = 0.2, 3.0
+_FARTHEST_M = 3.0
+_LEAST_JOINTS = 6  # of an arm that can be sent to any pose; with fewer it goes to the nearest one
 _INVERSE_STEPS = 40  # of many inverses at most: what is farther than a taught pose is from this one is not reached
 _REACH_TOLERANCE = 1e-8  # [m, rad] of inverses that did not converge everywhere, where they did
 _LEAST_AXIS_COSINE = 0.9  # cosine of a point's ray to the camera's axis, at least: half of what depth cameras look at
@@ -43,12 +46,25 @@ def is_in_view(sketch: Sketch, sample: Sample) -> bool:
     return bool(visibility_mask(sketch, SE3.stack([sketch.camera_from_target(sample)]))[0])
 
 
+def as_near_as_seen(sketch: Sketch, views: Sequence[Mapping[str, RobotState]]) -> Sketch:
+    """The sketch, with targets allowed as near as they are in these views, where they are in the image.
+
+    Args:
+        sketch: What is known of the cell.
+        views: States of all robots, such as taught ones.
+    """
+    looked = SE3.stack([sketch.camera_from_target(Sample(0, robots=dict(view))) for view in views])
+    seen = visibility_mask(replace(sketch, nearest_m=0.0), looked)
+    depth = ((sketch.target_points @ looked.rotation.mT) + looked.translation[:, None])[seen, :, 2]
+    return replace(sketch, nearest_m=float(min(sketch.nearest_m, depth.min(initial=np.inf))))
+
+
 def visibility_mask(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
     """As `is_in_view`, of many poses of the target, (n,); of a camera without a lens, near its axis."""
     turned: Array = sketch.target_points @ camera_from_target.rotation.mT
     in_camera = turned + camera_from_target.translation[:, None]
     depth = in_camera[..., 2]
-    seen: BoolArray = np.all((depth > _NEAREST_M) & (depth < _FARTHEST_M), axis=-1)
+    seen: BoolArray = np.all((depth > sketch.nearest_m) & (depth < _FARTHEST_M), axis=-1)
     if sketch.camera.intrinsics is None:
         seen &= np.all(depth > _LEAST_AXIS_COSINE * np.linalg.norm(in_camera, axis=-1), axis=-1)
     else:
@@ -105,6 +121,14 @@ def reach_pose(robot: Robot, base_from_flange: SE3, neighbour: RobotState) -> Ro
         return None
 
 
+def approach_poses(robot: Robot, base_from_flange: SE3, neighbours: Sequence[RobotState]) -> list[RobotState | None]:
+    """As `reach_poses`; but an arm of fewer than six joints, which reaches hardly any pose, goes as near as it can."""
+    start = [state.joints_rad for state in neighbours if state.joints_rad is not None]
+    if robot.chain is None or robot.chain.n >= _LEAST_JOINTS or len(start) < len(neighbours) or not start:
+        return reach_poses(robot, base_from_flange, neighbours)
+    return [RobotState(joints_rad=q) for q in _nearest_joints(robot.chain, base_from_flange, np.stack(start))]
+
+
 def reach_poses(robot: Robot, base_from_flange: SE3, neighbours: Sequence[RobotState]) -> list[RobotState | None]:
     """States near others that bring the flange to poses (n,), side by side; None where the arm does not reach.
 
@@ -116,9 +140,14 @@ def reach_poses(robot: Robot, base_from_flange: SE3, neighbours: Sequence[RobotS
     start = [state.joints_rad for state in neighbours if state.joints_rad is not None]
     if robot.chain is None or len(start) < len(neighbours) or not start:
         return [RobotState(base_from_flange[k]) for k in range(len(neighbours))]
-    try:
-        found = inverse(robot.chain, base_from_flange, np.stack(start), iterations=_INVERSE_STEPS)
-    except NotConverged as error:
-        found = np.asarray(error.state)
+    found = _nearest_joints(robot.chain, base_from_flange, np.stack(start))
     left = np.abs((robot.chain.forward(found).inverse() @ base_from_flange).log()).max(-1)
     return [RobotState(joints_rad=q) if off < _REACH_TOLERANCE else None for q, off in zip(found, left, strict=True)]
+
+
+def _nearest_joints(chain: SerialChain, base_from_flange: SE3, start: Array) -> Array:
+    """Joints that bring the flange to poses (n,), or as near as was found, (n, joints)."""
+    try:
+        return inverse(chain, base_from_flange, start, iterations=_INVERSE_STEPS)
+    except NotConverged as error:
+        return np.asarray(error.state)

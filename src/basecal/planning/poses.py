@@ -40,7 +40,7 @@ def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int
             found = [*(sample for sample in ordered if sample.sample not in unclear), *found[samples:]]
     raise InputError(
         f"only {len(found)} of {samples} poses are within the arms' limits, in view and clear. Begin with the target "
-        "in the image's middle, 0.5 to 1 m away, and the arms far from their limits"
+        "sharp, in the middle of the image, and the arms far from their limits"
     )
 
 

@@ -14,6 +14,9 @@ from basecal.geometry import SE3, Array, Camera
 View = tuple[str, str]
 """A camera and a target."""
 
+NEAREST_M = 0.2
+"""From a camera to a target, as far as is known before any was seen; assumed: nearer, usual lenses are not sharp."""
+
 
 def target_points(target: Target | None) -> Array:
     """Points of a target in its frame, (n, 3) [m]; its origin if its shape is not known."""
@@ -28,11 +31,13 @@ class Sketch:
         cell: The cell.
         transforms: By name.
         view: The camera and the target that are looked at.
+        nearest_m: How near a camera the points of a target may be planned.
     """
 
     cell: Cell
     transforms: Mapping[str, SE3]
     view: View
+    nearest_m: float = NEAREST_M
 
     @property
     def camera(self) -> CellCamera:

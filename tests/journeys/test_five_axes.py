@@ -1,0 +1,36 @@
+"""Two hobby arms of five axes: they are calibrated as others are, and samples are planned that they reach."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+from scipy.stats import chi2
+
+from basecal.cell.files import latest_run, read_calibration
+from basecal.cli import main
+from tests.shared.five_axes import ARM, BASE, FARTHEST_M, NEAREST_M, write_five_axis_cell
+
+
+def test_arms_of_five_axes_are_calibrated_and_planned_for(tmp_path, capsys):
+    """A good answer within its 99.9 % ellipsoid; then samples within the limits, as near as those that were seen."""
+    place = tmp_path / "mycell"
+    true = write_five_axis_cell(place, 0)
+    assert main(["calibrate", str(place)]) == 0
+    answer = read_calibration(latest_run(place) / "calibration.json")
+    base = answer[BASE]
+    off = (true.inverse() @ base.mean).log()
+    assert answer.verdict == "good"
+    assert off @ np.linalg.solve(base.covariance, off) < chi2.ppf(0.999, 6)
+    planned = tmp_path / "plan.jsonl"
+    assert main(["plan", str(place), "--samples", "6", "-o", str(planned)]) == 0
+    samples = [json.loads(line)["robots"] for line in planned.read_text().splitlines()]
+    assert len(samples) == 6
+    for robots in samples:
+        left, right = (np.array(robots[name]["joints_rad"]) for name in ("left", "right"))
+        assert ((ARM.lower <= left) & (left <= ARM.upper)).all()
+        assert ((ARM.lower <= right) & (right <= ARM.upper)).all()
+        wrist, board = answer["left_flange_from_wrist"].mean, answer["right_flange_from_board"].mean
+        eye = ARM.forward(left) @ wrist
+        camera_from_board = eye.inverse() @ base.mean @ ARM.forward(right) @ board
+        assert NEAREST_M - 0.05 < camera_from_board.translation[2] < FARTHEST_M + 0.5

@@ -1,0 +1,97 @@
+"""Two hobby arms of five axes, such as SO-101, with a camera on the one wrist and a small dotted board on the other.
+
+Lengths are about those of the SO-101. Such an arm reaches hardly any pose of six freedoms, and looks from nearer than
+0.2 m. The zeros of its joints are off by degrees, and joints stop within 0.1 deg of where they are sent.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from basecal.exchange.urdf import chain_urdf
+from basecal.geometry import SE3, Array
+from basecal.kinematics.chain import SerialChain
+
+BASE = "left_base_from_right_base"
+OFFSET_DEG, STOP_DEG, PIXEL_PX = 1.5, 0.1, 0.3
+FOCAL_PX, SIZE_PX = 500.0, np.array([640, 480])
+BOARD_M = np.array([[0.012 * x - 0.036, 0.012 * y - 0.024, 0.0] for y in range(5) for x in range(7)])
+LEFT_FLANGE_FROM_WRIST = SE3.from_rpy((-np.pi / 2 - 0.5, 0, -np.pi / 2), (-0.05, 0.01, 0.06))
+RIGHT_FLANGE_FROM_BOARD = SE3.from_rpy((0.1, np.pi / 2, 0), (0.02, 0, 0.01))
+NEAREST_M, FARTHEST_M = 0.12, 0.3
+
+
+def five_axis_arm() -> SerialChain:
+    """Pan, lift, elbow and wrist, then a roll about the forearm."""
+    names = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
+    places = np.array([[0.039, 0, 0.062], [0.030, 0, 0.054], [0.028, 0, 0.113], [0.135, 0, 0.005], [0.061, 0, 0]])
+    axes = np.array([[0, 0, 1.0], [0, 1, 0], [0, 1, 0], [0, 1, 0], [1, 0, 0]])
+    limits = np.radians([90.0, 75, 75, 90, 150])
+    return SerialChain(names, SE3(np.tile(np.eye(3), (5, 1, 1)), places), axes, SE3(np.eye(3), np.array([0.098, 0, 0])),
+                       -limits, limits)  # fmt: skip
+
+
+ARM = five_axis_arm()
+
+
+def write_five_axis_cell(folder: Path, seed: int, samples: int = 30) -> SE3:
+    """Write a cell and its recording, with priors on the joints' zeros; the true base of the right arm."""
+    rng = np.random.default_rng([seed, 5])
+    base = SE3.from_rpy((0, 0, np.pi * 0.9 + rng.uniform(-0.3, 0.3)), np.array([0.5, 0.05, 0]) + rng.normal(0, 0.02, 3))
+    recorded = _looking(base, samples, rng)
+    true = [q + np.radians(rng.normal(0, OFFSET_DEG, 5) + rng.normal(0, STOP_DEG, q.shape)) for q in recorded]
+    seen = _pixels(base, *true) + rng.normal(0, PIXEL_PX, (samples, len(BOARD_M), 2))
+    (folder / "recording").mkdir(parents=True)
+    (folder / "arm.urdf").write_text(chain_urdf(ARM, "base_link", "gripper_link"))
+    offsets = {"status": "prior", "sigma_rad": float(np.radians(2.0))}
+    robot = {"urdf": "arm.urdf", "base_link": "base_link", "flange_link": "gripper_link", "joint_offsets": offsets}
+    cx, cy = (SIZE_PX / 2).tolist()
+    lens = {"status": "fixed", "fx": FOCAL_PX, "fy": FOCAL_PX, "cx": cx, "cy": cy, "distortion": []}
+    cell = {
+        "schema": "basecal/cell/1",
+        "reference": "left",
+        "robots": {"left": robot, "right": robot},
+        "cameras": {"wrist": {"on": "left", "size_px": SIZE_PX.tolist(), "intrinsics": lens}},
+        "targets": {"board": {"on": "right", "kind": "points", "points_m": BOARD_M.tolist()}},
+    }
+    (folder / "cell.yaml").write_text(json.dumps(cell))
+    lines = [_line(k, *states) for k, states in enumerate(zip(*recorded, seen, strict=True))]
+    (folder / "recording/samples.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+    return base
+
+
+def _line(number: int, left: Array, right: Array, pixels: Array) -> dict[str, object]:
+    robots = {"left": {"joints_rad": left.tolist()}, "right": {"joints_rad": right.tolist()}}
+    view = {"camera": "wrist", "target": "board", "ids": list(range(len(BOARD_M))), "pixels": pixels.tolist()}
+    return {"sample": number, "robots": robots, "observations": [view]}
+
+
+def _looking(base: SE3, samples: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Joints of both arms with the whole board in the image, (samples, 5) each."""
+    found: list[tuple[Array, Array]] = []
+    while len(found) < samples:
+        left, right = rng.uniform(0.9 * ARM.lower, 0.9 * ARM.upper, (2, 1000, 5))
+        eye = ARM.forward(left) @ LEFT_FLANGE_FROM_WRIST
+        board = base @ ARM.forward(right) @ RIGHT_FLANGE_FROM_BOARD
+        away = board.translation - eye.translation[:, None]
+        far = np.linalg.norm(away, axis=-1)
+        ahead = np.einsum("ijk,ik->ij", away, eye.rotation[..., 2]) / far
+        facing = np.abs(np.einsum("ijk,jk->ij", away, board.rotation[..., 2])) / far
+        near = (far > NEAREST_M) & (far < FARTHEST_M) & (ahead > 0.93) & (facing > 0.5)
+        for row, column in {row: (row, column) for row, column in np.argwhere(near)}.values():
+            pixels = _pixels(base, left[row, None], right[column, None])
+            if ((pixels > 5) & (pixels < SIZE_PX - 5)).all():
+                found.append((left[row], right[column]))
+    lefts, rights = (np.stack(each[:samples]) for each in zip(*found, strict=True))
+    return lefts, rights
+
+
+def _pixels(base: SE3, left: Array, right: Array) -> Array:
+    """Where the board's points are in the images, (n, points, 2)."""
+    eye = ARM.forward(left) @ LEFT_FLANGE_FROM_WRIST
+    camera_from_board = eye.inverse() @ base @ ARM.forward(right) @ RIGHT_FLANGE_FROM_BOARD
+    points = BOARD_M @ camera_from_board.rotation.mT + camera_from_board.translation[:, None]
+    return np.asarray(FOCAL_PX * points[..., :2] / points[..., 2:] + SIZE_PX / 2)
