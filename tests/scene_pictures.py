@@ -82,7 +82,7 @@ def solved_camera(scene: Scene, pictures: Pictures, camera: int) -> OneCamera:
         base.inverse() @ scene.truth.points[old],
     )
     nothing = np.zeros(0)
-    fit = SceneFit(views, tracks, PIXEL, np.zeros((len(rows), 6)), (LENS,), state, nothing, nothing, nothing)
+    fit = SceneFit(views, tracks, PIXEL, np.zeros((len(rows), 6)), (LENS,), state, nothing, nothing, nothing, nothing)
     start = MountStart(MOUNT, LENS, PIXEL)
     return OneCamera(rows, start, fit, 60)
 

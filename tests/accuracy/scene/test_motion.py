@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.scene.motion import SceneMotion, scene_motion
+from basecal.estimation.scene.adjust import Task, fit_at
 from basecal.estimation.scene.fit import fit_scene
+from basecal.estimation.scene.state import scene_columns, take_step
 from basecal.geometry import Array
 from scene_points import made_scene, moved_in_time
 
@@ -39,3 +41,16 @@ def test_a_sudden_motion_is_named_by_its_sample() -> None:
     assert found.chance < 1e-6
     assert found.first_sample == 5
     assert found.length_m == pytest.approx(4e-3, rel=0.25)
+
+
+def test_a_descent_that_ends_early_is_no_motion() -> None:
+    """The base is left 20 um off. Between the arms, before sample 10, a motion of the scene is one of the base."""
+    scene = made_scene(1, arms=2, count=10, points=100)
+    fit = fit_scene(scene.views, scene.tracks, scene.truth, scene.truth.lenses, (None, None))
+    columns = scene_columns(fit.views, fit.state.lenses)
+    step = np.zeros(len(fit.information))
+    base = columns.bases[1]
+    assert base is not None
+    step[base.start] = 2e-5
+    task = Task(fit.views, fit.tracks, fit.sigma_px, fit.stop_sigma, fit.guesses, tail=fit.tail)
+    assert scene_motion(fit_at(task, take_step(fit.state, columns, step))).chance > 1e-3

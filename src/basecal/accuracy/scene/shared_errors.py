@@ -2,7 +2,8 @@
 
 Errors of stops are unknowns of their own. Errors that stops share are evaluated about the optimum. g is the gradient to
 them, S their information once all else follows, and F their effect on the other columns. An error of mean zero and
-variance V moves the answer by F (S + V^-1)^-1 g. Source: Rao 1948 (scores).
+variance V moves the answer by F (S + V^-1)^-1 g. A descent ends near an optimum: what is left of the other columns'
+gradient is taken from g, so that an error that they take up has none. Sources: Rao 1948 (scores); Neyman 1959.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def respond(fit: SceneFit, by_stop: Array) -> Response:
     across = fit.pixel_information[:, errors] @ moves / fit.sigma_px**2
     follows = np.linalg.solve(fit.information, across)
     information = moves.T @ across[errors] - across.T @ follows
-    gradient = moves.T @ fit.pixel_gradient[errors] / fit.sigma_px**2
+    gradient = moves.T @ fit.pixel_gradient[errors] / fit.sigma_px**2 - follows.T @ fit.gradient
     return Response(gradient, np.asarray((information + information.T) / 2), np.asarray(-follows[: errors.start]))
 
 

@@ -53,12 +53,14 @@ class SceneFit(Task):
     Attributes:
         state: The optimum.
         information: (m, m) about all columns.
+        gradient: (m,) what is left of it, as a descent ends near an optimum.
         pixel_information: (m, m) the part of it that pixels give, at a sigma of one pixel.
         pixel_gradient: (m,) likewise.
     """
 
     state: SceneState
     information: Array
+    gradient: Array
     pixel_information: Array
     pixel_gradient: Array
 
@@ -66,13 +68,18 @@ class SceneFit(Task):
 def adjust(task: Task, state: SceneState) -> SceneFit:
     """The optimum downhill of a state."""
     optima = levenberg_marquardt(_System(task), stack([state]), Stop(_MOST_STEPS, sigmas=_SHARE_LEFT))
-    state = take(optima.state, 0)
+    return fit_at(task, take(optima.state, 0))
+
+
+def fit_at(task: Task, state: SceneState) -> SceneFit:
+    """A state at which a descent of a task ended."""
     pixels, prior = task.linearise(state)
     square, every = task.sigma_px**2, pixels.hessian + prior.hessian
     return SceneFit(
         **vars(task),
         state=state,
         information=every,
+        gradient=pixels.gradient + prior.gradient,
         pixel_information=pixels.hessian * square,
         pixel_gradient=pixels.gradient * square,
     )
