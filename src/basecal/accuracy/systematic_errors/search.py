@@ -31,7 +31,7 @@ from basecal.effects.faces.candidates import Candidates, combine_candidates
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import CHANGES_IN_TIME, EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS, largest_sigma
 from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots
-from basecal.estimation.noise.random_effects import shared_errors
+from basecal.estimation.noise.random_effects import shared_term
 from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.problem import Problem
@@ -303,11 +303,11 @@ def _log_chance(situation: Situation, suspect: Suspect, gain: float) -> float:
 
 def _is_contained(solution: Solution, suspect: Suspect) -> bool:
     """Whether errors of joints and links that stops evidently share contain a suspect of the same robot's joints."""
-    noise = solution.noise
-    name, robots = next(iter(noise.common.items()), ("", {}))
-    is_evident = name and compare_evidence(name, noise.plain_minus_2_log_evidence - noise.minus_2_log_evidence).is_taken
-    of_joints = suspect.effect in ROBOT_PARAMETERS and suspect.candidate.about[0] in robots
-    return bool(is_evident and of_joints and RANDOM_EFFECTS[name].by_joints is not None)
+    noise, about = solution.noise, suspect.candidate.about[0]
+    of_joints = (name for name, robots in noise.common.items() if RANDOM_EFFECTS[name].by_joints and about in robots)
+    name = next(of_joints, "") if suspect.effect in ROBOT_PARAMETERS else ""
+    gain = noise.plain_minus_2_log_evidence - noise.minus_2_log_evidence
+    return bool(name) and compare_evidence(name, gain).is_taken
 
 
 def timeless_situation(solution: Solution) -> Situation:
@@ -326,11 +326,9 @@ def _negative_log_evidence(solution: Solution, name: str) -> float:
     problem, noise = solution.problem, solution.noise
     if not name:
         return model_sigmas(problem, solution.state, noise).minus_2_log_evidence
-    effect = RANDOM_EFFECTS[name]
-    found = {robot: shared_errors(effect, problem, robot) for robot in open_robots(problem)}
-    shared = {robot: errors for robot, errors in found.items() if errors is not None}
-    start = replace(noise, logs=noise.logs_by_model[name])
-    return model_sigmas(problem, solution.state, start, shared, effect.expected).minus_2_log_evidence
+    start, other = replace(noise, logs=noise.logs_by_model[name]), next((n for n in noise.common if n != name), "")
+    terms = (shared_term(problem, each, open_robots(problem)) for each in (name, other))
+    return model_sigmas(problem, solution.state, start, *terms).minus_2_log_evidence
 
 
 def _describe(situation: Situation, suspect: Suspect, solution: Solution, corrected_solution: Solution) -> FoundEffect:

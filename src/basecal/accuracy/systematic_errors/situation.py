@@ -82,10 +82,9 @@ class Situation:
 
     def random_effect(self, effect: str, subject: str) -> str:
         """The random effect in the null model of an effect about something; "" if the two are the same one."""
-        for name, robots in {} if self.noise is None else self.noise.common.items():
-            if subject not in robots or effect not in RANDOM_EFFECTS[name].replaced_by:
-                return name
-        return ""
+        common = {} if self.noise is None else self.noise.common
+        same = (subject in robots and effect in RANDOM_EFFECTS[name].replaced_by for name, robots in common.items())
+        return "" if any(same) else next(iter(common), "")
 
     def null_model(self, effect: str, subject: str) -> Linearised:
         """The null model of an effect, which is never unknown and random at once."""
