@@ -77,3 +77,19 @@ def test_an_arm_that_lags_is_not_taken_for_one_that_is_stretched(monkeypatch):
     monkeypatch.delitem(RANDOM_EFFECTS, "smooth_in_time")
     alone = calibrate(*(lambda made: (made.cell, made.recording))(lagging(0, 1.0)))
     assert "stretch" in {finding.code for finding in alone.findings if finding.severity == "warning"}
+
+
+def test_a_base_that_moves_is_not_taken_for_an_arm_that_lags():
+    """By 30 mm, in the middle: errors in time whose sigma was found with the move would hold it."""
+    made = lagging(2, 0.5)
+    stamps = [sample.stamp_s for sample in made.recording.samples]
+    samples = []
+    for sample in made.recording.samples:
+        if sample.robots and sample.stamp_s > np.mean(stamps):
+            pose = sample.robots["arm"].base_from_flange
+            moved = SE3(pose.rotation, pose.translation + np.array([0.02, -0.02, 0.01]))
+            samples.append(replace(sample, robots={"arm": RobotState(moved)}))
+        else:
+            samples.append(sample)
+    found = calibrate(made.cell, Recording(tuple(samples)))
+    assert "base-moved" in {finding.code for finding in found.findings if finding.severity != "info"}

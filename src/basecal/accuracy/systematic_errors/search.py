@@ -186,9 +186,12 @@ def _null_model(situation: Situation, suspect: Suspect) -> Linearised:
 
 
 def _confirmed_suspects(situation: Situation, suspects: Iterable[Suspect]) -> Iterator[Suspect]:
-    """The suspects with which held-out blocks are predicted better."""
+    """The suspects with which held-out blocks are predicted better; the gain alone judges what errors in time hold."""
     held_out = {model: HeldOut(situation, model) for model in (situation.linearisation, situation.null)}
-    return (each for each in suspects if held_out[_null_model(situation, each)].confirms(each.candidate))
+    for each in suspects:
+        if held_out[_null_model(situation, each)].confirms(each.candidate):
+            is_held = situation.is_held_in_time(each.effect)
+            yield replace(each, statistic=0.0, log_chance=0.0) if is_held else each
 
 
 def _without_suspect(solution: Solution, situation: Situation, suspect: Suspect) -> Solution:

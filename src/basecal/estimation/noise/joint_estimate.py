@@ -243,10 +243,8 @@ def sigma_models(
         for name, effect in sorted(RANDOM_EFFECTS.items(), key=lambda each: each[1].by_times is not None):
             term = shared_term(problem, name, robots)
             if term is not None and (effect.by_times is None or has_similar_errors(models[""], term.errors)):
-                logs, second = (
-                    start_logs.get(name, noise.logs),
-                    shared_term(problem, companion_name(name, models), robots),
-                )
+                logs = start_logs.get(name, noise.logs)
+                second = shared_term(problem, companion_name(name, models), robots)
                 models[name] = _sigma_posterior(problem, state, robots, logs, term, second, estimates)
     return models
 
