@@ -87,7 +87,7 @@ def systematic_error(
         return None
     before = solution if solution.noise.logs is not None else _solved_again(solution, settings)
     suspect, share, is_certain = _least_likely(situation, suspects, before)
-    if not is_certain and _is_contained(solution, suspect):
+    if not is_certain and (_is_contained(solution, suspect) or situation.is_held_in_time(suspect.effect)):
         return None
     after = _solved_again(_without_suspect(solution, situation, suspect), settings)
     described = _describe(situation, suspect, solution, after)
@@ -106,7 +106,8 @@ def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: S
     beside = [each.log_chance_beside_places(gain, chances[i]) for i, (each, gain) in enumerate(pairs)]
     are_certain = _discovery_mask(suspects, beside)
     costs = [chance - COST * each.several for chance, each in zip(chances, suspects, strict=True)]
-    k = min(range(len(costs)), key=lambda i: (not are_certain[i], costs[i]))
+    are_held = [situation.is_held_in_time(each.effect) for each in suspects]
+    k = min(range(len(costs)), key=lambda i: (not are_certain[i], are_held[i] and not are_certain[i], costs[i]))
     return suspects[k], largest_share(beside[k] + np.log(suspects[k].family)), bool(are_certain[k])
 
 
