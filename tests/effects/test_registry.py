@@ -104,7 +104,7 @@ def test_sizes_are_expected_by_a_source(name):
     assert effect.expected.turn[0] > 0
     assert effect.expected.turn[1] > 1
     assert re.search(r"assumed|\d{4}", effect.expected.source)
-    assert (effect.by_joints is None) != (effect.by_poses is None)
+    assert sum(of is not None for of in (effect.by_joints, effect.by_poses, effect.by_times)) == 1
 
 
 @pytest.mark.parametrize("name", [name for name, each in RANDOM_EFFECTS.items() if each.likely is not None])

@@ -106,6 +106,25 @@ def test_arms_built_otherwise_are_off_as_their_joints_say() -> None:
     assert np.abs(older - added).max() > 0.1 * np.abs(added).max()
 
 
+def test_errors_of_motion_go_by_stamps() -> None:
+    """Views half a second apart share them; samples a minute apart do not, and those without stamps have none."""
+    made = later()
+    robots = made.calibration.noise["robots"]
+    hand = {**robots["hand"], "smooth_in_time": {"sigma": [1e-3] * 6, "lasts_s": 1.0}}
+    moving = replace(made.calibration, noise={**made.calibration.noise, "robots": {**robots, "hand": hand}})
+
+    def added(apart_s: float | None) -> np.ndarray:
+        stamps = [None if apart_s is None else apart_s * k for k in range(len(made.recording.samples))]
+        stamped = [replace(s, stamp_s=t) for s, t in zip(made.recording.samples, stamps, strict=True)]
+        known, more = (innovations(made.cell, of, Recording(tuple(stamped))) for of in (made.calibration, moving))
+        return more.predicted - known.predicted
+
+    near, far = added(0.5), added(60.0)
+    assert np.linalg.norm(near[:6, 6:12]) > 0.3 * np.linalg.norm(near[:6, :6])
+    assert np.linalg.norm(far[:6, 6:12]) < 1e-6 * np.linalg.norm(far[:6, :6])
+    assert not np.any(added(None))
+
+
 def test_what_a_sigma_may_be_counts_and_not_what_is_likeliest() -> None:
     """Of noise that few samples showed the mean square is larger than the square of the likeliest sigma."""
     made = later()

@@ -349,7 +349,11 @@ def test_a_gain_counts_by_the_freedoms_of_the_residuals(monkeypatch, name):
     By the evidence with the random effect that the error is tested beside, before it is taken out and after.
     """
     error = suspect(size=(0.5, 0.1), several=1.5)
-    of = SimpleNamespace(random_effect=lambda effect, about: name, linearisation=SimpleNamespace(residuals=40.0))
+    of = SimpleNamespace(
+        random_effect=lambda effect, about: name,
+        linearisation=SimpleNamespace(residuals=40.0),
+        is_held_in_time=lambda effect: False,
+    )
     after = {}
     monkeypatch.setattr(search, "_without_suspect", lambda solution, of, error: solution)
     monkeypatch.setattr(search, "_negative_log_evidence", lambda solution, name: after[name])
@@ -435,7 +439,7 @@ def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solutio
         described.append((error.candidate.about[0], error.size.tolist(), before.name, after.name))
         return ERROR
 
-    monkeypatch.setattr(search, "_situation", lambda *given: None)
+    monkeypatch.setattr(search, "_situation", lambda *given: SimpleNamespace(is_held_in_time=lambda effect: False))
     monkeypatch.setattr(search, "_suspects", lambda of: list(suspects))
     monkeypatch.setattr(
         search, "_confirmed_suspects", lambda of, tried: iter([e for e in tried if e.candidate.about[0] not in refuted])

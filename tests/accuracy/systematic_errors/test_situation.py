@@ -1,6 +1,7 @@
 """What systematic errors know of a solved problem."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -181,3 +182,18 @@ def test_views_move_with_each_frame_as_it_stands_in_the_chain():
     np.testing.assert_array_equal(of.frame_jacobian(0, "d"), np.tile(np.eye(6), (2, 1, 1)))
     np.testing.assert_array_equal(of.frame_jacobian(0, "e"), np.zeros((2, 6, 6)))
     np.testing.assert_array_equal(of.recorded_pose(0, "arm").matrix, np.tile(np.eye(4), (2, 1, 1)))
+
+
+def test_errors_in_time_hold_changes_in_time_alone():
+    """A moved frame is looked for without them, other effects beside them; joints are never random and unknown."""
+    problem, sigmas = problem_of(seen([0, 1])), {"arm": np.ones(2)}
+    of_kinds = {
+        kinds: Situation(problem, None, problem, {}, SimpleNamespace(common=dict.fromkeys(kinds, sigmas)))
+        for kinds in (("smooth_in_time", "joint_offsets"), ("smooth_in_time",), ("smooth",))
+    }
+    both, in_time, by_pose = of_kinds.values()
+    assert [of.is_held_in_time("step") for of in (both, in_time, by_pose)] == [True, True, False]
+    assert not in_time.is_held_in_time("stretch")
+    assert both.random_effect("stretch", "arm") == "smooth_in_time"
+    assert both.random_effect("joint_offsets", "arm") == ""
+    assert both.random_effect("joint_offsets", "other") == "smooth_in_time"

@@ -14,6 +14,7 @@ from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, kinematic_err
 from basecal.accuracy.task.meeting import Meeting, make_meeting
 from basecal.accuracy.task.meeting_errors import _Expected, _mixture, _own_variance, meeting_errors
 from basecal.cell import Calibration
+from basecal.effects.faces.shared_errors import SharedTerm
 from basecal.estimation.noise.joint_estimate import model_sigmas
 from basecal.estimation.problem.problem import Stops
 from basecal.estimation.problem.robot_parameters import apply_step
@@ -100,7 +101,7 @@ def test_what_may_be_off_counts_by_its_evidence(arms_off, monkeypatch):
     for kinds in (["joint_offsets"], ["link_parameters"], ["joint_offsets", "link_parameters"]):
         monkeypatch.setattr("basecal.accuracy.task.meeting_errors.MODELS", (tuple(kinds),))
         arms = {robot: kinematic_errors(problem, state, robot, kinds) for robot in ("eye", "hand")}
-        evidence = model_sigmas(problem, state, solution.noise, arms, EXPECTED_PRIOR).minus_2_log_evidence
+        evidence = model_sigmas(problem, state, solution.noise, SharedTerm(arms, EXPECTED_PRIOR)).minus_2_log_evidence
         likelihoods.append(np.exp(-evidence / 2 - 500))
         alone = meeting_errors(meeting, solution, {})
         means.append(alone[0][0])

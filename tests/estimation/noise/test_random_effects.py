@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from basecal.effects.registry import RANDOM_EFFECTS
-from basecal.estimation.noise.random_effects import posture_at_stops, shared_errors
+from basecal.effects.smooth_in_time import errors
+from basecal.estimation.noise.random_effects import (
+    held_errors,
+    is_shared_error,
+    passed_times,
+    posture_at_stops,
+    shared_errors,
+    shared_term,
+)
 from basecal.estimation.noise.robot_noise import stands
 from basecal.simulation import Scenario
 from simulated_problem import simulated_problem
@@ -34,9 +42,10 @@ def test_arms_that_record_poses_and_few_stops_have_none():
     assert posture_at_stops(simulated_problem(replace(SCENARIO, samples=3)), "hand") is None
 
 
-def records(name):
-    """Whether the arm with an effect records joints: one that records poses alone may have more effects."""
-    return replace(SCENARIO, joints=not RANDOM_EFFECTS[name].is_of_poses_alone)
+def problem_with(name, samples):
+    """Of arms that may have an effect: some have it by poses alone, some in motion, here of ten samples a second."""
+    problem = simulated_problem(replace(SCENARIO, joints=not RANDOM_EFFECTS[name].is_of_poses_alone, samples=samples))
+    return problem.with_ends(lambda end: replace(end, passed_s=0.1 * end.stand))
 
 
 def test_arms_that_record_joints_have_errors_of_joints_and_links_instead():
@@ -47,7 +56,7 @@ def test_arms_that_record_joints_have_errors_of_joints_and_links_instead():
 @pytest.mark.parametrize("name", RANDOM_EFFECTS)
 def test_errors_are_of_the_stops(name):
     """Six rows for each stop of a robot, a column for each error; a unit of all turns the flange by a unit or a few."""
-    problem = simulated_problem(replace(records(name), samples=12))
+    problem = problem_with(name, 12)
     errors = shared_errors(RANDOM_EFFECTS[name], problem, "hand")
     assert errors.by_stop.shape == (len(stands(problem, "hand")[0]), 6, len(errors.is_turn))
     turned = errors.flange_sigmas(np.ones(2))[3:]
@@ -58,5 +67,46 @@ def test_errors_are_of_the_stops(name):
 @pytest.mark.parametrize(("samples", "has_any"), [(3, False), (4, True)])
 def test_four_stops_have_shared_errors(name, samples, has_any):
     """Fewer show nothing of what changes with the pose."""
-    problem = simulated_problem(replace(records(name), samples=samples))
+    problem = problem_with(name, samples)
     assert (shared_errors(RANDOM_EFFECTS[name], problem, "hand") is not None) == has_any
+
+
+def test_stops_of_arms_that_stand_have_no_instant():
+    """Of others it is that of the view."""
+    problem = simulated_problem(SCENARIO)
+    assert np.isnan(passed_times(problem, "hand")).all()
+    moved = problem_with("smooth_in_time", 8)
+    np.testing.assert_allclose(passed_times(moved, "hand"), 0.1 * np.arange(8))
+
+
+def test_one_arm_stands_for_both_that_move():
+    """Errors in time of either end look alike; those by pose are of each arm."""
+    problem = problem_with("smooth_in_time", 8)
+    of = {name: shared_term(problem, name, ["eye", "hand"]) for name in ("smooth_in_time", "smooth")}
+    assert of["smooth_in_time"].errors.keys() == {"eye"}
+    assert of["smooth"].errors.keys() == {"eye", "hand"}
+    assert of["smooth"].prior == RANDOM_EFFECTS["smooth"].expected
+    assert shared_term(problem, "smooth_in_time", ["hand"]).errors.keys() == {"hand"}
+    assert shared_term(problem, "", ["eye"]) is None
+    assert shared_term(problem_with("smooth", 3), "smooth", ["eye"]) is None
+
+
+def test_errors_that_last_are_seen_and_independent_ones_are_not():
+    """Of 300 draws at most one in twenty by chance; of as much error that lasts nearly all."""
+    times, rng = 0.2 * np.arange(60), np.random.default_rng(0)
+    shared = errors(times)
+    alone = rng.standard_normal((300, 60, 6))
+    lasting = (shared.by_stop @ rng.standard_normal((300, 1, shared.by_stop.shape[-1], 1)))[..., 0]
+    assert np.mean([is_shared_error(shared, each) for each in alone]) < 0.05
+    assert np.mean([is_shared_error(shared, each) for each in alone + lasting]) > 0.95
+
+
+def test_errors_of_known_sigmas_are_in_these():
+    """Of each robot, those of all effects beside one another."""
+    problem, sigmas = problem_with("smooth_in_time", 8), np.array([2e-4, 3e-4])
+    held = held_errors(problem, {"smooth_in_time": {"eye": sigmas}, "smooth": {"eye": sigmas, "hand": 2 * sigmas}})
+    of = {name: shared_errors(RANDOM_EFFECTS[name], problem, "eye") for name in ("smooth_in_time", "smooth")}
+    variances = [np.sum((held["eye"]) ** 2, -1), sum(np.sum(each.by_stop**2, -1) for each in of.values())]
+    np.testing.assert_allclose(variances[0], variances[1] * np.repeat(sigmas, 3) ** 2)
+    assert set(held) == {"eye", "hand"}
+    assert held_errors(problem, {}) == {}

@@ -84,6 +84,17 @@ def test_ringing_ends_after_half_a_second():
     assert np.array_equal(one.reported_joints(arrival + 0.01), THERE)
 
 
+def test_joints_stray_on_their_way_and_arrive():
+    """By another amount each, most in the middle, of which encoders see nothing."""
+    one, exact = arm("following-error=0.1"), arm()
+    for each in (one, exact):
+        each.move(THERE, 1.0, 0.0)
+    apart = [away_m(one, exact.commanded_joints(t), t) for t in (0.0, 0.5 * one.arrives_s, one.arrives_s)]
+    assert apart[1] > 5e-4
+    assert max(apart[0], apart[2]) < STILL_M
+    assert np.array_equal(one.reported_joints(0.3), exact.reported_joints(0.3))
+
+
 def test_encoders_are_noisy():
     """States scatter by the size of the noise, and the flange does not."""
     one = arm("encoder-noise=0.1")

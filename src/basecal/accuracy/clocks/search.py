@@ -21,6 +21,7 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_problem
 from basecal.estimation.streams.jitter import with_jitter
+from basecal.estimation.streams.passing import with_passing_times
 from basecal.estimation.streams.rolling_shutter import Known, line_time_name
 from basecal.estimation.streams.streams import Streams, Synchronised, synchronise
 
@@ -56,7 +57,7 @@ class Clocked:
         return self.synchronised.recording
 
     def add_jitter(self, problem: Problem) -> Problem:
-        """The problem of the samples, with the jitter of stamps."""
+        """The problem of the samples, with the jitter of stamps, and when robots moved."""
         return _add_jitter(problem, self.streams, self.synchronised, self.near)
 
 
@@ -150,6 +151,7 @@ def _known_motion(streams: Streams, guess: Solution) -> Known:
 
 
 def _add_jitter(problem: Problem, streams: Streams, samples: Synchronised, guess: Solution | None) -> Problem:
+    problem = with_passing_times(problem, samples)
     return (
         problem
         if guess is None

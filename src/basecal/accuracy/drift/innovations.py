@@ -186,7 +186,8 @@ def _situation(cell: Cell, calibration: Calibration, recording: Recording) -> Si
     )
     state = without_errors(problem, known.state)
     problem, _ = choose_correspondence(problem, state)
-    return Situation(problem, state, problem, {})
+    stamps = {sample.sample: sample.stamp_s for sample in recording.samples if sample.stamp_s is not None}
+    return Situation(problem, state, problem, stamps)
 
 
 def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Array:
@@ -199,19 +200,27 @@ def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Arr
         each = innovations.root.mT @ (by_flange * _sigmas(known))
         out += np.einsum("iar,ij,jbr->iajb", each, stand[:, None] == stand[None], each).reshape(out.shape)
         for name in (name for name in RANDOM_EFFECTS if name in known):
-            errors = _flange_tangents(innovations.posture(robot), poses, RANDOM_EFFECTS[name], known[name])
+            errors = _flange_tangents(innovations, robot, poses, RANDOM_EFFECTS[name], known[name])
             moved = innovations.whiten(by_flange @ errors)
             out += moved @ moved.T
     return out
 
 
-def _flange_tangents(posture: Posture | None, poses: SE3, effect: RandomEffect, sigmas: Mapping[str, Any]) -> Array:
+def _flange_tangents(
+    innovations: Innovations, robot: str, poses: SE3, effect: RandomEffect, sigmas: Mapping[str, Any]
+) -> Array:
     """How a robot's flange moves with errors that its stops share, in sigmas, (n, 6, k) in all views.
 
-    Without joints, or the sigma of each error, errors of joints and links count as smooth in the pose.
+    Without joints, or the sigma of each error, errors of joints and links count as smooth in the pose. Any sample that
+    has a stamp may have been taken in motion.
     """
+    posture = innovations.posture(robot)
     by_joints = None if posture is None or effect.by_joints is None else effect.by_joints(posture)
-    errors = by_joints or (effect.by_poses or smooth.errors)(poses, poses)
+    if effect.by_times is None:
+        errors = by_joints or (effect.by_poses or smooth.errors)(poses, poses)
+    else:
+        stamps = innovations.situation.stamps
+        errors = effect.by_times(np.array([stamps.get(number, np.nan) for number in innovations.sample.tolist()]))
     if errors is None:
         return np.zeros((len(poses), 6, 0))
     if "shift_m" in sigmas and (by_joints or effect.by_poses):

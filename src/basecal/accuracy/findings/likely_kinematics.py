@@ -20,7 +20,7 @@ def likely_kinematics(evidence: Evidence) -> list[Finding]:
     Nothing if a warning reports it already.
     """
     noise = evidence.solution.noise
-    name, sigmas = next(iter(noise.common.items()), ("", {}))
+    name, sigmas = next((each for each in noise.common.items() if RANDOM_EFFECTS[each[0]].likely), ("", {}))
     likely = RANDOM_EFFECTS[name].likely if name else None
     if (
         likely is None

@@ -13,9 +13,8 @@ import numpy as np
 
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views, with_random_effects
 from basecal.effects.faces.views import Moves
-from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.estimate import NoiseEstimate
-from basecal.estimation.noise.random_effects import shared_errors
+from basecal.estimation.noise.random_effects import held_errors
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
 from basecal.numerics.spectral import scaled_spectrum
@@ -39,19 +38,14 @@ def null_model(
     # Errors of stops stay the same in metres and radians.
     errors = state.stop_errors * problem.stops.sigma / beside.stops.sigma
     model = linearise_views(beside, replace(state, stop_errors=errors))
-    ((name, sigmas),) = noise.common.items()
-    return with_random_effects(model, _independent_moves(model, _effect_moves(problem, name, sigmas, flange_jacobian)))
+    return with_random_effects(model, _independent_moves(model, _effect_moves(problem, noise.common, flange_jacobian)))
 
 
 def _effect_moves(
-    problem: Problem, name: str, sigmas: Mapping[str, Array], flange_jacobian: Callable[[int, str], Array]
+    problem: Problem, common: Mapping[str, Mapping[str, Array]], flange_jacobian: Callable[[int, str], Array]
 ) -> Moves:
     """How views of each group move with one sigma of each error that stops share, (n, 6, r)."""
-    found = {robot: shared_errors(RANDOM_EFFECTS[name], problem, robot) for robot in sigmas}
-    units = {
-        robot: of.by_stop * sigmas[robot][of.is_turn.astype(np.int64)] for robot, of in found.items() if of is not None
-    }
-    moves = []
+    units, moves = held_errors(problem, common), []
     for k, group in enumerate(problem.groups):
         parts = []
         for robot, unit in units.items():

@@ -31,7 +31,7 @@ from basecal.effects.faces.candidates import Candidates, combine_candidates
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import CHANGES_IN_TIME, EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS, largest_sigma
 from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots
-from basecal.estimation.noise.random_effects import shared_errors
+from basecal.estimation.noise.random_effects import shared_term
 from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.problem import Problem
@@ -87,7 +87,7 @@ def systematic_error(
         return None
     before = solution if solution.noise.logs is not None else _solved_again(solution, settings)
     suspect, share, is_certain = _least_likely(situation, suspects, before)
-    if not is_certain and _is_contained(solution, suspect):
+    if not is_certain and (_is_contained(solution, suspect) or situation.is_held_in_time(suspect.effect)):
         return None
     after = _solved_again(_without_suspect(solution, situation, suspect), settings)
     described = _describe(situation, suspect, solution, after)
@@ -106,7 +106,8 @@ def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: S
     beside = [each.log_chance_beside_places(gain, chances[i]) for i, (each, gain) in enumerate(pairs)]
     are_certain = _discovery_mask(suspects, beside)
     costs = [chance - COST * each.several for chance, each in zip(chances, suspects, strict=True)]
-    k = min(range(len(costs)), key=lambda i: (not are_certain[i], costs[i]))
+    are_held = [situation.is_held_in_time(each.effect) for each in suspects]
+    k = min(range(len(costs)), key=lambda i: (not are_certain[i], are_held[i] and not are_certain[i], costs[i]))
     return suspects[k], largest_share(beside[k] + np.log(suspects[k].family)), bool(are_certain[k])
 
 
@@ -186,9 +187,12 @@ def _null_model(situation: Situation, suspect: Suspect) -> Linearised:
 
 
 def _confirmed_suspects(situation: Situation, suspects: Iterable[Suspect]) -> Iterator[Suspect]:
-    """The suspects with which held-out blocks are predicted better."""
+    """The suspects with which held-out blocks are predicted better; the gain alone judges what errors in time hold."""
     held_out = {model: HeldOut(situation, model) for model in (situation.linearisation, situation.null)}
-    return (each for each in suspects if held_out[_null_model(situation, each)].confirms(each.candidate))
+    for each in suspects:
+        if held_out[_null_model(situation, each)].confirms(each.candidate):
+            is_held = situation.is_held_in_time(each.effect)
+            yield replace(each, statistic=0.0, log_chance=0.0) if is_held else each
 
 
 def _without_suspect(solution: Solution, situation: Situation, suspect: Suspect) -> Solution:
@@ -303,11 +307,11 @@ def _log_chance(situation: Situation, suspect: Suspect, gain: float) -> float:
 
 def _is_contained(solution: Solution, suspect: Suspect) -> bool:
     """Whether errors of joints and links that stops evidently share contain a suspect of the same robot's joints."""
-    noise = solution.noise
-    name, robots = next(iter(noise.common.items()), ("", {}))
-    is_evident = name and compare_evidence(name, noise.plain_minus_2_log_evidence - noise.minus_2_log_evidence).is_taken
-    of_joints = suspect.effect in ROBOT_PARAMETERS and suspect.candidate.about[0] in robots
-    return bool(is_evident and of_joints and RANDOM_EFFECTS[name].by_joints is not None)
+    noise, about = solution.noise, suspect.candidate.about[0]
+    of_joints = (name for name, robots in noise.common.items() if RANDOM_EFFECTS[name].by_joints and about in robots)
+    name = next(of_joints, "") if suspect.effect in ROBOT_PARAMETERS else ""
+    gain = noise.plain_minus_2_log_evidence - noise.minus_2_log_evidence
+    return bool(name) and compare_evidence(name, gain).is_taken
 
 
 def timeless_situation(solution: Solution) -> Situation:
@@ -326,11 +330,9 @@ def _negative_log_evidence(solution: Solution, name: str) -> float:
     problem, noise = solution.problem, solution.noise
     if not name:
         return model_sigmas(problem, solution.state, noise).minus_2_log_evidence
-    effect = RANDOM_EFFECTS[name]
-    found = {robot: shared_errors(effect, problem, robot) for robot in open_robots(problem)}
-    shared = {robot: errors for robot, errors in found.items() if errors is not None}
-    start = replace(noise, logs=noise.logs_by_model[name])
-    return model_sigmas(problem, solution.state, start, shared, effect.expected).minus_2_log_evidence
+    start, other = replace(noise, logs=noise.logs_by_model[name]), next((n for n in noise.common if n != name), "")
+    terms = (shared_term(problem, each, open_robots(problem)) for each in (name, other))
+    return model_sigmas(problem, solution.state, start, *terms).minus_2_log_evidence
 
 
 def _describe(situation: Situation, suspect: Suspect, solution: Solution, corrected_solution: Solution) -> FoundEffect:

@@ -12,7 +12,7 @@ import numpy as np
 from basecal.accuracy.systematic_errors.null_model import null_model
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views, with_random_effects
 from basecal.effects.faces.views import Group, Moves
-from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.effects.registry import CHANGES_IN_TIME, RANDOM_EFFECTS
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.problem import Chain, Problem, State, chain
@@ -82,14 +82,19 @@ class Situation:
 
     def random_effect(self, effect: str, subject: str) -> str:
         """The random effect in the null model of an effect about something; "" if the two are the same one."""
-        for name, robots in {} if self.noise is None else self.noise.common.items():
-            if subject not in robots or effect not in RANDOM_EFFECTS[name].replaced_by:
-                return name
-        return ""
+        common = {} if self.noise is None else self.noise.common
+        same = (subject in robots and effect in RANDOM_EFFECTS[name].replaced_by for name, robots in common.items())
+        return "" if any(same) else next(iter(common), "")
+
+    def is_held_in_time(self, effect: str) -> bool:
+        """Whether errors in time may hold the change that an effect is: their sigma was estimated with it."""
+        common = {} if self.noise is None else self.noise.common
+        return effect in CHANGES_IN_TIME and any(RANDOM_EFFECTS[name].by_times is not None for name in common)
 
     def null_model(self, effect: str, subject: str) -> Linearised:
-        """The null model of an effect, which is never unknown and random at once."""
-        return self.null if self.random_effect(effect, subject) else self.linearisation
+        """The null model of an effect, which is never unknown and random at once, nor held by errors in time."""
+        is_random = bool(self.random_effect(effect, subject)) and not self.is_held_in_time(effect)
+        return self.null if is_random else self.linearisation
 
     @cached_property
     def links(self) -> tuple[Chain, ...]:

@@ -8,7 +8,7 @@ absorbs most of them, and counts with them. Source: docs/mathematics.md (14.3), 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,8 +18,9 @@ from basecal.accuracy.task.field_errors import field_covariance
 from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, MODELS, kinematic_errors, moved_by_errors
 from basecal.accuracy.task.meeting import Meeting, add_own
 from basecal.accuracy.task.pose_errors import POSE_EFFECTS, moved_by_pose_errors, unseen_share
+from basecal.effects.faces.shared_errors import SharedErrors, SharedTerm
 from basecal.effects.registry import RANDOM_EFFECTS
-from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots, sigma_models
+from basecal.estimation.noise.joint_estimate import companion_name, model_sigmas, open_robots, sigma_models
 from basecal.estimation.noise.laplace import SigmaPosterior, moments
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
@@ -63,13 +64,13 @@ class _Model:
 
     Attributes:
         sigmas: What is known of its sigmas.
-        moved: By robot that has such errors, how what meets moves with them, (n, 6, k).
-        unknown: By robot, the share of their variance that no recorded pose has, (n,); 0 of others.
+        moved: By robot that has such errors, their first column, and how what meets moves with them, (n, 6, k).
+        unknown: Places of sigmas, and the share of their variance that no recorded pose has, (n,).
     """
 
     sigmas: SigmaPosterior
-    moved: Mapping[str, Array]
-    unknown: Mapping[str, Array]
+    moved: Sequence[tuple[int, Array]]
+    unknown: Sequence[tuple[slice, Array]]
 
 
 def _models_by_joints(meeting: Meeting, solution: Solution) -> list[_Model]:
@@ -86,29 +87,50 @@ def _models_by_joints(meeting: Meeting, solution: Solution) -> list[_Model]:
         arms = {robot: errors for robot, errors in found.items() if errors is not None}
         key = tuple(len(errors.is_turn) for errors in arms.values())
         if arms.keys() & meeting.places_m.keys() and key not in models:
-            sigmas = model_sigmas(problem, state, solution.noise, arms, EXPECTED_PRIOR)
-            moved = {
-                robot: meeting.propagate(robot, moved_by_errors(problem, state, robot, where_m, kinds))
+            sigmas = model_sigmas(problem, state, solution.noise, SharedTerm(arms, EXPECTED_PRIOR))
+            columns = sigmas.model.layout.common
+            moved = [
+                (columns[robot][0], meeting.propagate(robot, moved_by_errors(problem, state, robot, where_m, kinds)))
                 for robot, where_m in meeting.places_m.items()
                 if robot in arms
-            }
-            models[key] = _Model(sigmas, moved, {})
+            ]
+            models[key] = _Model(sigmas, moved, [])
     return list(models.values())
 
 
 def _models_by_poses(meeting: Meeting, solution: Solution) -> list[_Model]:
-    """No errors but those of single stops, and errors smooth in the pose, of arms that meet and record poses alone."""
+    """No errors but those of single stops, and errors smooth in pose or time, of arms that meet and record poses alone.
+
+    Of errors in time nothing is known where arms meet.
+    """
     problem = meeting.problem
     if solution.noise.logs is None or not set(open_robots(problem)) & meeting.places_m.keys():
         return []
     found = sigma_models(problem, meeting.state, solution.noise, solution.noise.logs_by_model)
     models = []
     for name, sigmas in found.items():
+        layout, places = sigmas.model.layout, sigmas.model.sigmas
         if name in ("", *POSE_EFFECTS):
-            arms = {r: at for r, at in meeting.places_m.items() if r in sigmas.model.layout.common}
-            moved = {r: meeting.propagate(r, moved_by_pose_errors(problem, r, at, name)) for r, at in arms.items()}
-            models.append(_Model(sigmas, moved, {r: unseen_share(problem, r, at, name) for r, at in arms.items()}))
+            models.append(_model_by_poses(meeting, sigmas, name, layout.common, places.shared))
+        elif RANDOM_EFFECTS[name].by_times is not None:
+            of = _model_by_poses(meeting, sigmas, companion_name(name, found), layout.beside, places.beside)
+            alone = [(places.shared[r], np.ones(len(at))) for r, at in meeting.places_m.items() if r in layout.common]
+            models.append(replace(of, unknown=[*of.unknown, *alone]))
     return models
+
+
+def _model_by_poses(
+    meeting: Meeting,
+    sigmas: SigmaPosterior,
+    name: str,
+    columns: Mapping[str, tuple[int, SharedErrors]],
+    places: Mapping[str, slice],
+) -> _Model:
+    """A model with errors smooth in the pose, or none, by the columns of these and the places of their sigmas."""
+    arms = {r: at for r, at in meeting.places_m.items() if r in columns and name in POSE_EFFECTS}
+    moves = {r: moved_by_pose_errors(meeting.problem, r, at, name) for r, at in arms.items()}
+    moved = [(columns[r][0], meeting.propagate(r, of)) for r, of in moves.items()]
+    return _Model(sigmas, moved, [(places[r], unseen_share(meeting.problem, r, at, name)) for r, at in arms.items()])
 
 
 class _Expected(NamedTuple):
@@ -121,16 +143,16 @@ class _Expected(NamedTuple):
 
 def _model_error(meeting: Meeting, own: Mapping[str, Array], model: _Model, widening: Array | None) -> _Expected:
     """The error under a model of the arms' errors, its sigmas integrated."""
-    known, layout, places = meeting.moves, model.sigmas.model.layout, model.sigmas.model.sigmas
-    columns = [known.columns, *(layout.common[robot][0] + np.arange(of.shape[-1]) for robot, of in model.moved.items())]
+    known, places = meeting.moves, model.sigmas.model.sigmas
+    columns = [known.columns, *(first + np.arange(of.shape[-1]) for first, of in model.moved)]
     mean, products, squares = moments(model.sigmas, np.concatenate(columns))
     if widening is not None:
         products[: len(known.columns), : len(known.columns)] += widening[np.ix_(known.columns, known.columns)]
-    moved = np.concatenate([known.moved, *model.moved.values()], axis=-1)
+    moved = np.concatenate([known.moved, *(of for _, of in model.moved)], axis=-1)
     estimated = {robot: squares[places.stops[robot]] for robot in meeting.places_m if robot in places.stops}
     covariance = add_own(moved @ products @ np.swapaxes(moved, 1, 2), {**own, **estimated}.values())
-    for robot, share in model.unknown.items():
-        covariance = covariance + share[:, None, None] * np.diag(np.repeat(squares[places.shared[robot]], 3))
+    for at, share in model.unknown:
+        covariance = covariance + share[:, None, None] * np.diag(np.repeat(squares[at], 3))
     return _Expected(model.sigmas.minus_2_log_evidence, moved @ mean, covariance)
 
 

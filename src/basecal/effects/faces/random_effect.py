@@ -23,6 +23,7 @@ class RandomEffect:
         report: Its words in the report, `error of robot eye that is ...`; `{...}` are filled in from `figures`.
         by_joints: The errors of an arm at any joints; None if the arm lacks what they need.
         by_poses: Those of arms that record poses alone: by recorded poses, (m,), at some poses, (n,).
+        by_times: Those of arms that move: by the instants of stops, (n,) [s], NaN where the arm stood.
         is_of_poses_alone: Whether arms that record their joints have it as errors of joints and links instead.
         is_by_coordinate: Whether each error is of one coordinate of the flange, whose sigmas are then those of errors.
         likely: Words of an effect that the evidence shows, by sigmas (shift [m], turn [rad]) of each robot.
@@ -36,6 +37,7 @@ class RandomEffect:
     report: str
     by_joints: Callable[[Posture], SharedErrors | None] | None = None
     by_poses: Callable[[SE3, SE3], SharedErrors | None] | None = None
+    by_times: Callable[[Array], SharedErrors | None] | None = None
     is_of_poses_alone: bool = False
     is_by_coordinate: bool = False
     likely: Callable[[Mapping[str, Array]], Words] | None = None

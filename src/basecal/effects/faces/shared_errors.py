@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -89,3 +90,10 @@ class SharedErrors:
         """Errors of each coordinate by modes, (stops, j): what a unit error of each is at each stop."""
         by_stop = (modes[:, None, :, None] * np.eye(6)[:, None, :]).reshape(len(modes), 6, -1)
         return cls(by_stop, np.tile(np.repeat([False, True], 3), modes.shape[1]))
+
+
+class SharedTerm(NamedTuple):
+    """Errors of one kind that the stops of robots share, by robot, and the prior of their sigmas."""
+
+    errors: Mapping[str, SharedErrors]
+    prior: SharedPrior

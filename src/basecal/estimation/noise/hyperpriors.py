@@ -59,13 +59,19 @@ class LogNormals:
         return np.asarray(np.linalg.solve(self.forms, self.mean), dtype=np.float64)
 
 
-def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: SharedPrior | None = None) -> LogNormals:
+def hyperpriors(
+    model: MixedModel,
+    reach_m: Mapping[str, float],
+    common: SharedPrior | None = None,
+    second_prior: SharedPrior | None = None,
+) -> LogNormals:
     """Priors of a model's sigmas.
 
     Args:
         model: The model.
         reach_m: How far each robot's flange is from its base, root of the mean square [m].
         common: Of shared errors of stops, if the model has them.
+        second_prior: Of a second kind of them.
     """
     forms, places = np.eye(model.sigmas.count), model.sigmas
     rows: list[tuple[Array, float, float]] = []
@@ -79,8 +85,9 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: SharedP
     rows += _pool_robots([turn for _, turn in single.values()], ROBOT_RAD)
     for at in places.jitter.values():
         rows.append((forms[at], np.log(_JITTER_S[0]), np.log(_JITTER_S[1])))
-    if common is not None:
-        rows += _common_forms(reach_m, common, {robot: forms[at] for robot, at in places.shared.items()}, single)
+    for prior, of_kind in ((common, places.shared), (second_prior, places.beside)):
+        if prior is not None:
+            rows += _common_forms(reach_m, prior, {robot: forms[at] for robot, at in of_kind.items()}, single)
     return LogNormals(
         np.array([r[0] for r in rows]).reshape(-1, places.count), *(np.array([r[i] for r in rows]) for i in (1, 2))
     )

@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
+from basecal.effects.faces.shared_errors import SharedTerm
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.least_squares.bundle_adjustment import ROUGH_SIGMAS, Optimum, bundle_adjust
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
@@ -26,7 +26,7 @@ from basecal.estimation.noise.laplace import (
 )
 from basecal.estimation.noise.mixed_model import EstimatesOf, make_estimates, mixed_model, open_jitter
 from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, merge_estimates, neighbourhoods
-from basecal.estimation.noise.random_effects import shared_errors
+from basecal.estimation.noise.random_effects import has_similar_errors, shared_term
 from basecal.estimation.noise.robot_noise import count_stops, stands, with_robot_noise, without_errors
 from basecal.estimation.noise.shaped_targets import reshape_targets
 from basecal.estimation.noise.some_views import recorded_subset, some_views
@@ -194,18 +194,34 @@ def integrate_sigmas(
     if noise.logs is None:
         return noise
     models = sigma_models(problem, state, noise, {} if guess is None else guess.logs_by_model)
-    likeliest = min(models, key=lambda name: models[name].minus_2_log_evidence)
-    is_sure = any(RANDOM_EFFECTS[name].is_certain for name in models if name)
-    counted = [of for name, of in models.items() if name or not is_sure]
+    likeliest = _likeliest(models)
     with np.errstate(all="ignore"):
-        covariance = integrated_covariance(counted, np.zeros(problem.width), is_quick)
+        covariance = integrated_covariance(list(_drop_exact_model(models).values()), np.zeros(problem.width), is_quick)
     best, logs = models[likeliest], {name: of.logs for name, of in models.items()}
     found = replace(noise, covariance=covariance, minus_2_log_evidence=best.minus_2_log_evidence, logs_by_model=logs)
     if not likeliest:
         return replace(found, common={}, beside_common=None)
     sigmas = _sigmas(best, problem)
     beside = replace(noise, robots=sigmas.robots, cameras=sigmas.cameras, jitter_s=sigmas.jitter_s)
-    return replace(found, common={likeliest: sigmas.common}, beside_common=beside)
+    common = {likeliest: sigmas.common, companion_name(likeliest, models): _shared_sigmas(best, is_beside=True)}
+    return replace(found, common={name: of for name, of in common.items() if name}, beside_common=beside)
+
+
+def _drop_exact_model(models: Mapping[str, SigmaPosterior]) -> dict[str, SigmaPosterior]:
+    """The models without that of exact arms where every arm has some of an effect."""
+    is_sure = any(RANDOM_EFFECTS[name].is_certain for name in models if name)
+    return {name: of for name, of in models.items() if name or not is_sure}
+
+
+def _likeliest(models: Mapping[str, SigmaPosterior]) -> str:
+    return min(models, key=lambda name: models[name].minus_2_log_evidence)
+
+
+def companion_name(name: str, models: Mapping[str, SigmaPosterior]) -> str:
+    """The effect beside that of a model: beside that of motion the likeliest other, and "" where that is none."""
+    if not name or RANDOM_EFFECTS[name].by_times is None:
+        return ""
+    return _likeliest(_drop_exact_model({other: of for other, of in models.items() if other != name}))
 
 
 def sigma_models(
@@ -223,12 +239,13 @@ def sigma_models(
     with np.errstate(all="ignore"):
         estimates = make_estimates(*_unit_problem(problem, state, robots))
         models = {"": _sigma_posterior(problem, state, robots, noise.logs, estimates=estimates)}
-        for name, effect in RANDOM_EFFECTS.items():
-            found = {robot: shared_errors(effect, problem, robot) for robot in robots}
-            shared = {robot: errors for robot, errors in found.items() if errors is not None}
-            if shared:
+        # That of motion is the last, since it has the likeliest other beside it.
+        for name, effect in sorted(RANDOM_EFFECTS.items(), key=lambda each: each[1].by_times is not None):
+            term = shared_term(problem, name, robots)
+            if term is not None and (effect.by_times is None or has_similar_errors(models[""], term.errors)):
                 logs = start_logs.get(name, noise.logs)
-                models[name] = _sigma_posterior(problem, state, robots, logs, shared, effect.expected, estimates)
+                second = shared_term(problem, companion_name(name, models), robots)
+                models[name] = _sigma_posterior(problem, state, robots, logs, term, second, estimates)
     return models
 
 
@@ -236,8 +253,8 @@ def model_sigmas(
     problem: Problem,
     state: State,
     noise: NoiseEstimate,
-    shared_errors: Mapping[str, SharedErrors] | None = None,
-    shared_prior: SharedPrior | None = None,
+    term: SharedTerm | None = None,
+    second_term: SharedTerm | None = None,
 ) -> SigmaPosterior:
     """The sigmas of a model, which may have more shared errors.
 
@@ -245,11 +262,11 @@ def model_sigmas(
         problem: The problem with the most likely sigmas.
         state: Its optimum.
         noise: These sigmas, estimated jointly.
-        shared_errors: Shared errors of stops, by robot, of some of `open_robots`; none if None.
-        shared_prior: Of its sigmas.
+        term: Shared errors of stops of some of `open_robots`; none if None.
+        second_term: A second kind of them.
     """
     with np.errstate(all="ignore"):
-        return _sigma_posterior(problem, state, open_robots(problem), noise.logs, shared_errors, shared_prior)
+        return _sigma_posterior(problem, state, open_robots(problem), noise.logs, term, second_term)
 
 
 def _readjust(
@@ -274,11 +291,11 @@ def _sigma_posterior(
     state: State,
     robots: Sequence[str],
     logs: Array | None,
-    shared_errors: Mapping[str, SharedErrors] | None = None,
-    shared_prior: SharedPrior | None = None,
+    term: SharedTerm | None = None,
+    second_term: SharedTerm | None = None,
     estimates: EstimatesOf | None = None,
 ) -> SigmaPosterior:
-    """The sigmas about a state, looked for from `logs`; also of shared errors of stops, and their prior.
+    """The sigmas about a state, looked for from `logs`; also of shared errors of stops, of two kinds at most.
 
     Where nothing near them is known, those of some of the views come first. What all views say is given as `estimates`
     where it is known.
@@ -290,10 +307,12 @@ def _sigma_posterior(
         problem: Problem, state: State, start: Array | None, estimates: EstimatesOf | None = None
     ) -> SigmaPosterior:
         """The mode of a problem's views."""
-        model = mixed_model(problem, state, robots, shared_errors, estimates)
-        return sigma_posterior(model, hyperpriors(model, reach_m, shared_prior), start)
+        of_errors = [None if each is None else each.errors for each in (term, second_term)]
+        priors = [None if each is None else each.prior for each in (term, second_term)]
+        model = mixed_model(problem, state, robots, of_errors[0], estimates, of_errors[1])
+        return sigma_posterior(model, hyperpriors(model, reach_m, *priors), start)
 
-    is_near = logs is not None and shared_errors is None
+    is_near = logs is not None and term is None
     for most in () if is_near else _SOME_VIEWS:
         if max(map(len, unit.groups), default=0) > most:
             logs = find_mode(*some_views(unit, physical, most), logs).logs
@@ -331,10 +350,17 @@ def _sigmas(posterior: SigmaPosterior, problem: Problem) -> _Sigmas:
     return _Sigmas(
         cameras,
         {robot: np.repeat(values[at], 3) for robot, at in places.stops.items()},
-        {robot: values[at] for robot, at in places.shared.items() if robot in model.layout.common},
+        _shared_sigmas(posterior),
         shapes,
         {camera: float(values[at]) for camera, at in places.jitter.items()},
     )
+
+
+def _shared_sigmas(posterior: SigmaPosterior, is_beside: bool = False) -> dict[str, Array]:
+    """The most likely sigmas of errors that stops share, (2,) [m, rad], by robot; or of the second kind."""
+    sigmas, layout = posterior.model.sigmas, posterior.model.layout
+    places, robots = (sigmas.beside, layout.beside) if is_beside else (sigmas.shared, layout.common)
+    return {robot: np.exp(posterior.logs[at]) for robot, at in places.items() if robot in robots}
 
 
 def _estimate(posterior: SigmaPosterior, problem: Problem, is_settled: bool) -> NoiseEstimate:

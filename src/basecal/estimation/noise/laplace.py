@@ -78,9 +78,10 @@ def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = 
     Args:
         model: The model.
         prior: What is known beforehand.
-        start: (j,) the first logarithms where they may be; those expected beforehand in place of the others.
+        start: (j,) the first logarithms where they may be; those expected beforehand in place of others that it lacks.
     """
-    logs = prior.start if start is None else np.append(start, prior.start[len(start) :])
+    count = len(prior.start)
+    logs = prior.start if start is None else np.append(start[:count], prior.start[len(start) :])
     logs, here = _find_mode(model, prior, logs)
     curvature = floored_spectrum(0.5 * here.curvature, _LEAST_CURVATURE)
     minus_2_log_evidence = here.value + float(np.log(curvature.values / (2 * np.pi)).sum())

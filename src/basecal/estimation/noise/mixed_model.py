@@ -8,7 +8,7 @@ block; those that tie many together stand among the unknowns. Source: Harville 1
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -69,6 +69,7 @@ class Layout:
         rows: Rows of each.
         width: How many columns.
         common: By robot the first column of the errors that its stops share, and the effect.
+        beside: Likewise of a second kind of them.
         shapes: By target the columns of its shape.
         jitter_rows: By group, of each view the block and the row there of its stamp's jitter, (n,) each; -1 for none.
     """
@@ -80,8 +81,14 @@ class Layout:
     rows: int
     width: int
     common: Mapping[str, tuple[int, SharedErrors]]
+    beside: Mapping[str, tuple[int, SharedErrors]]
     shapes: Mapping[str, slice]
     jitter_rows: tuple[tuple[IntArray, IntArray], ...]
+
+    def shared_columns(self, robot: str) -> Iterator[tuple[slice, Array]]:
+        """Columns of the errors that a robot's stops share, and how its flange moves with them, (stops, 6, k)."""
+        for at, shared in (of[robot] for of in (self.common, self.beside) if robot in of):
+            yield slice(at, at + len(shared.is_turn)), shared.by_stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,9 +130,10 @@ class MixedModel:
                 out[stop] = errors[of.block[stop], of.row[stop] : of.row[stop] + 6]
             else:
                 out[stop] = columns[of.column[stop] : of.column[stop] + 6]
-        for robot, (at, shared) in of.common.items():
+        for robot in set(self.robot_of_stop):
             mine = [k for k, name in enumerate(self.robot_of_stop) if name == robot]
-            out[mine] += shared.by_stop @ columns[at : at + len(shared.is_turn)]
+            for where, by_stop in of.shared_columns(robot):
+                out[mine] += by_stop @ columns[where]
         return out
 
 
@@ -150,6 +158,7 @@ def mixed_model(
     robots: Sequence[str],
     common: Mapping[str, SharedErrors] | None = None,
     estimates: EstimatesOf | None = None,
+    second_errors: Mapping[str, SharedErrors] | None = None,
 ) -> MixedModel:
     """The problem about a state.
 
@@ -159,8 +168,9 @@ def mixed_model(
         robots: Whose sigmas are open.
         common: By robot the effect that its stops share.
         estimates: `make_estimates` problem and state, where they are known.
+        second_errors: Likewise a second one.
     """
-    layout = _layout(problem, common or {})
+    layout = _layout(problem, common or {}, second_errors or {})
     estimates = make_estimates(problem, state) if estimates is None else estimates
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, float]] = {}
@@ -175,7 +185,7 @@ def mixed_model(
         parts[SCENE, STATED] = _scene_moments(problem, problem.tied, state, layout)
     prior, gradient, cost = _prior(problem, state, layout)
     open_views = sorted(key for key in parts if key[1] != STATED)
-    sigmas = SigmaPlaces.sequential(open_views, robots, open_jitter(problem), bool(layout.common))
+    sigmas = SigmaPlaces.sequential(open_views, robots, open_jitter(problem), bool(layout.common) + bool(layout.beside))
     scaled = _sigma_indices(problem, layout, sigmas)
     robot_of_stop = problem.stops.robot
     return MixedModel(parts, problem.width, prior, gradient, cost, sigmas, *scaled, white, layout, robot_of_stop)
@@ -187,7 +197,7 @@ def open_jitter(problem: Problem) -> tuple[str, ...]:
     return tuple(sorted(problem.open_jitter & moving))
 
 
-def _layout(problem: Problem, shared_errors: Mapping[str, SharedErrors]) -> Layout:
+def _layout(problem: Problem, first: Mapping[str, SharedErrors], second: Mapping[str, SharedErrors]) -> Layout:
     count = len(problem.stops)
     pairs = np.concatenate([np.column_stack([end.stop for end in g.ends]) for g in problem.groups])
     of_scene = [] if problem.tied is None else problem.tied.stops.tolist()
@@ -201,15 +211,16 @@ def _layout(problem: Problem, shared_errors: Mapping[str, SharedErrors]) -> Layo
     for stop in of.hubs:
         column[stop] = width
         width += 6
-    common = {}
-    for robot, errors in shared_errors.items():
-        common[robot] = (width, errors)
-        width += len(errors.is_turn)
+    common, beside = dict[str, tuple[int, SharedErrors]](), dict[str, tuple[int, SharedErrors]]()
+    for kind, by_robot in ((common, first), (beside, second)):
+        for robot, errors in by_robot.items():
+            kind[robot] = (width, errors)
+            width += len(errors.is_turn)
     shapes = {}
     for target, count in shaped_targets(problem).items():
         shapes[target] = slice(width, width + count)
         width += count
-    return Layout(block, row, column, blocks, rows, width, common, shapes, jitter_rows)
+    return Layout(block, row, column, blocks, rows, width, common, beside, shapes, jitter_rows)
 
 
 def _jitter_layout(
@@ -255,9 +266,8 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     ):
         present += (by_error @ state.stop_errors[stop][..., None])[..., 0]
         _place(fixed, errors, block, stop, by_error, layout)
-        if end.robot is not None and end.robot in layout.common:
-            at, shared = layout.common[end.robot]
-            fixed[:, :, at : at + len(shared.is_turn)] += by_error @ shared.by_stop[end.stand]
+        for where, by_stop in layout.shared_columns(end.robot or ""):
+            fixed[:, :, where] += by_error @ by_stop[end.stand]
     _place_jitter(errors, block, problem, number, layout)
     carried = (view.information[..., :rows] @ present[..., None])[..., 0]
     gradient = view.gradient - carried
@@ -273,13 +283,11 @@ def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Lay
     fixed[:, : problem.width] = about.by_unknowns
     fixed[:, (layout.column[scene.stops, None] + np.arange(6)).ravel()] = about.by_errors
     for group in scene.groups:
-        robot = group.eye.robot
-        if robot is not None and robot in layout.common and group.eye.has_noise:
-            at, shared = layout.common[robot]
+        for where, shared in layout.shared_columns((group.eye.has_noise and group.eye.robot) or ""):
             stop, first = np.unique(group.eye.stop, return_index=True)
             by_error = about.by_errors.reshape(len(fixed), -1, 6)[:, np.searchsorted(scene.stops, stop)]
-            moved = np.einsum("qkc,kcs->qs", by_error, shared.by_stop[group.eye.stand[first]])
-            fixed[:, at : at + len(shared.is_turn)] += moved
+            moved = np.einsum("qkc,kcs->qs", by_error, shared[group.eye.stand[first]])
+            fixed[:, where] += moved
     present = about.by_errors @ state.stop_errors[scene.stops].ravel()
     carried = about.information @ present
     cost = float(about.cost + present @ (carried - 2 * about.gradient))
@@ -379,6 +387,7 @@ def _sigma_indices(problem: Problem, layout: Layout, sigmas: SigmaPlaces) -> tup
     for group, (own, row) in zip(problem.groups, layout.jitter_rows, strict=True):
         if group.camera in sigmas.jitter:
             error[own[own >= 0], row[own >= 0]] = sigmas.jitter[group.camera]
-    for robot, (at, shared) in layout.common.items():
-        column[at : at + len(shared.is_turn)] = sigmas.shared[robot].start + shared.is_turn
+    for kind, of_kind in ((layout.common, sigmas.shared), (layout.beside, sigmas.beside)):
+        for robot, (at, shared) in kind.items():
+            column[at : at + len(shared.is_turn)] = of_kind[robot].start + shared.is_turn
     return column, error

@@ -19,6 +19,7 @@ class SigmaPlaces:
         stops: By robot, the two of its single stops: of translation and rotation.
         jitter: By camera, that of its stamps.
         shared: By robot, the two of errors that its stops share; none if the model has no such errors.
+        beside: Likewise of a second kind of such errors.
         count: How many there are.
     """
 
@@ -26,18 +27,20 @@ class SigmaPlaces:
     stops: Mapping[str, slice]
     jitter: Mapping[str, int]
     shared: Mapping[str, slice]
+    beside: Mapping[str, slice]
     count: int
 
     @staticmethod
     def sequential(
-        views: Sequence[tuple[str, str]], robots: Sequence[str], cameras: Sequence[str], has_shared: bool
+        views: Sequence[tuple[str, str]], robots: Sequence[str], cameras: Sequence[str], kinds: int
     ) -> SigmaPlaces:
-        """One after the other, of these views, robots and cameras with jitter."""
+        """One after the other, of these views, robots and cameras with jitter, and so many kinds of shared errors."""
         of_views = {key: number for number, key in enumerate(views)}
         of_stops, at = _pairs(robots, len(of_views))
         of_jitter = {camera: at + number for number, camera in enumerate(cameras)}
-        of_shared, count = _pairs(robots if has_shared else (), at + len(of_jitter))
-        return SigmaPlaces(of_views, of_stops, of_jitter, of_shared, count)
+        of_shared, at = _pairs(robots if kinds > 0 else (), at + len(of_jitter))
+        of_beside, count = _pairs(robots if kinds > 1 else (), at)
+        return SigmaPlaces(of_views, of_stops, of_jitter, of_shared, of_beside, count)
 
     @property
     def is_of_views(self) -> BoolArray:

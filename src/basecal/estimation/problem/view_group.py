@@ -27,6 +27,7 @@ class End:
         stop: (n,) rows of the stops' errors; -1 if the robot's noise is not stated.
         stand: (n,) number of the stop among all that the robot made, noise or not; -1 on `world`.
         joints: (n, joints) as recorded [rad]; None if poses are recorded.
+        passed_s: (n,) when the robot moved through it [s], NaN where it stood; None if it never moved.
     """
 
     robot: str | None
@@ -36,6 +37,7 @@ class End:
     stop: IntArray
     stand: IntArray
     joints: Array | None = None
+    passed_s: Array | None = None
 
     @cached_property
     def flange_from_base(self) -> SE3:

@@ -140,7 +140,7 @@ class RunningArm:
         share = leg.share(now_s)
         play = 0.5 * self._faults.size("backlash") * (leg.side_before + share * (leg.side - leg.side_before))
         error = leg.error_before + share * (leg.error - leg.error_before)
-        return self.commanded_joints(now_s) + play + error + self._ring(now_s)
+        return self.commanded_joints(now_s) + play + error + self._ring(now_s) + self._stray(share)
 
     def _ring(self, now_s: float) -> Array:
         """Swing of the joints after they arrive: less and less, and none after half a second."""
@@ -150,6 +150,11 @@ class RunningArm:
             return np.zeros_like(self._leg.goal)
         swing = size * (1 - since / _RING_S) * np.cos(2 * np.pi * _RING_HZ * since)
         return np.full_like(self._leg.goal, swing)
+
+    def _stray(self, share: float) -> Array:
+        """How far joints are off their way, most in the middle of a move."""
+        size = self._faults.size("following-error") * 4 * share * (1 - share)
+        return size * self._render(self._leg.goal, -1) if size else np.zeros_like(self._leg.goal)
 
     def _error(self, joints: Array) -> Array:
         return _REPEATABILITY_RAD * self._render(joints, 0)

@@ -1,0 +1,66 @@
+"""Errors of an arm that moves, nearly equal at instants that are near one another.
+
+A servo lags its path, and a controller reads its pose back, with errors that last for a second or so. Images of a path
+are taken more often. With an error for each stop alone they would seem to be as many separate errors. The model is a
+Gaussian process over time with an exponential kernel, by its leading modes. These are as quick as paths are: slower
+ones alone leave false errors by posture. Source: Uhlenbeck & Ornstein 1930; Rasmussen & Williams 2006 (4.2).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.effects import smooth
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
+from basecal.effects.faces.simulated_fault import DEGREE, SimulatedFault
+from basecal.geometry import Array
+from basecal.numerics.spectral import spectrum
+
+LASTS_S = 1.0
+"""After which a correlation is 1/e. Errors that last for 0.5 to 3 s are described as well."""
+
+_MOST_INSTANTS = 400  # that the modes are found of: more are between these
+_MOST_MODES = 96  # of each of six coordinates, which bounds the time: of two minutes
+_LEAST_MODE = 0.07  # of the largest variance: quicker ones than 0.6 Hz are noise of single stops
+
+
+def errors(passed_s: Array) -> SharedErrors | None:
+    """Errors of each coordinate by modes at instants, (n,) [s]; none at those that are NaN."""
+    moves = np.isfinite(passed_s)
+    if not moves.any():
+        return None
+    instants = np.unique(passed_s[moves])
+    few = instants[:: -(-len(instants) // _MOST_INSTANTS)]
+    of = spectrum(kernel(few, few), _LEAST_MODE)
+    weights = of.inverse_root[:, of.held][:, -_MOST_MODES:]
+    modes = np.zeros((len(passed_s), weights.shape[1]))
+    modes[moves] = kernel(passed_s[moves], few) @ weights
+    return SharedErrors.repeat_coordinates(modes)
+
+
+def kernel(first_s: Array, second_s: Array) -> Array:
+    """Correlation of errors at instants, (n,) and (m,) to (n, m): 1 at one instant."""
+    return np.asarray(np.exp(-np.abs(first_s[:, None] - second_s) / LASTS_S))
+
+
+EFFECT = Effect(
+    "smooth_in_time",
+    random=RandomEffect(
+        SharedPrior(
+            (2e-4, 4.0),
+            "assumed: arms follow their paths to 0.02 to 0.5 mm",
+            is_over_stop=False,
+            lever=(None, 2.0),
+        ),
+        "smooth over {lasts_s:g} s while it moves",
+        by_times=errors,
+        is_by_coordinate=True,
+        figures={"lasts_s": LASTS_S},
+    ),
+    fault=SimulatedFault(
+        "following-error", "deg", DEGREE, 0.01, "joints stray from their way by so much, one sigma of moves"
+    ),
+    absent={face: why for face, why in smooth.ABSENT.items() if face != "fault"},
+)

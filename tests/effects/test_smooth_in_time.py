@@ -1,0 +1,95 @@
+"""Errors of arms that move, nearly equal at instants that are near one another."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.calibrate import calibrate
+from basecal.cell import Recording, RobotState
+from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.effects.smooth_in_time import LASTS_S, errors, kernel
+from basecal.geometry import SE3
+from stream_cells import MOUNT, Streamed, streamed
+
+NAME = "arm_flange_from_wrist"
+LAG = np.repeat([2e-3, 4e-3], 3)  # four times what views are off by
+
+
+def test_covariances_of_their_modes_are_the_kernel():
+    """But for what changes within a fifth of a second, which is noise of single stops; there is none at rest."""
+    times = np.append(0.2 * np.arange(60), np.nan)
+    found = errors(times)
+    alike = np.einsum("iak,jbk->abij", found.by_stop, found.by_stop)
+    assert not np.any(found.by_stop[-1])
+    expected = kernel(times[:-1], times[:-1])
+    apart = expected < np.exp(-0.7)
+    for coordinate in range(6):
+        np.testing.assert_allclose(alike[coordinate, coordinate, :-1, :-1][apart], expected[apart], atol=0.1)
+    assert not np.any(alike[0, 1])
+
+
+def test_modes_are_as_quick_in_long_recordings():
+    """One a second and more, up to two minutes; a gap of a day takes none."""
+    of_10, of_60 = (errors(np.arange(0, seconds, 0.2)).by_stop.shape[2] / 6 for seconds in (10, 60))
+    assert of_10 / 10 == pytest.approx(of_60 / 60, rel=0.2)
+    assert of_60 > 60
+    two_ways = np.concatenate([np.arange(0, 5, 0.2), 86400 + np.arange(0, 5, 0.2)])
+    assert errors(two_ways).by_stop.shape[2] / 6 == pytest.approx(of_10, abs=2)
+
+
+def lagging(seed: int, size: float) -> Streamed:
+    """A stream whose recorded poses are off by errors that last for a second, of `LAG` times a size."""
+    made, rng = streamed(seed=seed, seconds=8.0, stated=False), np.random.default_rng(50 + seed)
+    samples, last_s, off = [], -np.inf, np.zeros(6)
+    for sample in sorted(made.recording.samples, key=lambda each: each.stamp_s):
+        if sample.robots:
+            kept = np.exp(-(sample.stamp_s - last_s) / LASTS_S)
+            off, last_s = kept * off + np.sqrt(1 - kept**2) * rng.standard_normal(6), sample.stamp_s
+            pose = sample.robots["arm"].base_from_flange @ SE3.exp(size * LAG * off)
+            samples.append(replace(sample, robots={"arm": RobotState(pose)}))
+        else:
+            samples.append(sample)
+    return Streamed(made.cell, Recording(tuple(samples)), made.offset_s)
+
+
+def test_they_are_named_where_they_are_and_only_there():
+    """With what they come to at the flange."""
+    clean, late = (calibrate(made.cell, made.recording) for made in (lagging(0, 0.0), lagging(0, 1.0)))
+    assert clean.noise["robots"]["arm"].get("smooth_in_time") is None
+    told = late.noise["robots"]["arm"]["smooth_in_time"]
+    assert told["lasts_s"] == LASTS_S
+    np.testing.assert_allclose(told["sigma"], LAG, rtol=0.6)
+
+
+def test_an_arm_that_lags_is_not_taken_for_one_that_is_stretched(monkeypatch):
+    """Answers are good, with true sigmas. With an error for each stop alone, warnings are of poses and lengths."""
+    distances = []
+    for seed in (0, 2, 3):
+        made = lagging(seed, 1.0)
+        found = calibrate(made.cell, made.recording)
+        off = (found[NAME].mean.inverse() @ MOUNT).log()
+        distances.append(off @ np.linalg.solve(found[NAME].covariance, off))
+        assert found.verdict == "good"
+    assert 1 < np.mean(distances) < 12  # 6 on average
+    monkeypatch.delitem(RANDOM_EFFECTS, "smooth_in_time")
+    alone = calibrate(*(lambda made: (made.cell, made.recording))(lagging(0, 1.0)))
+    assert "stretch" in {finding.code for finding in alone.findings if finding.severity == "warning"}
+
+
+def test_a_base_that_moves_is_not_taken_for_an_arm_that_lags():
+    """By 30 mm, in the middle: errors in time whose sigma was found with the move would hold it."""
+    made = lagging(2, 0.5)
+    stamps = [sample.stamp_s for sample in made.recording.samples]
+    samples = []
+    for sample in made.recording.samples:
+        if sample.robots and sample.stamp_s > np.mean(stamps):
+            pose = sample.robots["arm"].base_from_flange
+            moved = SE3(pose.rotation, pose.translation + np.array([0.02, -0.02, 0.01]))
+            samples.append(replace(sample, robots={"arm": RobotState(moved)}))
+        else:
+            samples.append(sample)
+    found = calibrate(made.cell, Recording(tuple(samples)))
+    assert "base-moved" in {finding.code for finding in found.findings if finding.severity != "info"}
