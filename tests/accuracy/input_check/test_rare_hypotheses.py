@@ -70,13 +70,14 @@ def test_how_many_there_are():
 
 
 def test_arms_of_as_many_joints_may_be_exchanged_in_a_session():
-    """In each of two sessions, or where they stood still; arms of five and six joints, or that never stand, cannot."""
+    """In each of two sessions, or where they stood still; arms of five and six joints, or of one session, cannot."""
     made = simulate(Scenario(samples=24, arms="halves", joints=True), 1)
     given = declared(made.cell, made.recording)
     hand = replace(given.tracks["hand"], joints=given.tracks["hand"].joints[:, :5])
     for reading, count in ((given, 3), (replace(given, tracks={**given.tracks, "hand": hand}), 0)):
         assert sum(h.code == "robots-swapped" for h in rare_hypotheses(reading)) == count
-    assert hypotheses(MADE, "robots-swapped") == []
+    still = simulate(Scenario(samples=24, arms="eye_still"), 1)
+    assert hypotheses(MADE, "robots-swapped") == hypotheses(still, "robots-swapped") == []
 
 
 HALVES = simulate(Scenario(samples=24, arms="halves"), 1)

@@ -222,11 +222,10 @@ def _joint_count(track: Track) -> int:
 
 
 def _still_runs(order: IntArray, track: Track) -> list[IntArray]:
-    """The samples of each session in which an arm stood at one stop."""
-    ends = np.flatnonzero(np.diff(track.stand)) + 1
+    """The samples of each session in which an arm stood at one stop; none if it always did."""
+    runs = np.split(np.arange(len(order)), np.flatnonzero(np.diff(track.stand)) + 1)
     fewest = max(_FEWEST_STILL, len(order) // 10)
-    runs = [run for run in np.split(np.arange(len(order)), ends) if len(run) >= fewest and track.seen[run[0]]]
-    return [order[run] for run in runs]
+    return [order[run] for run in runs if fewest <= len(run) < len(order) and track.seen[run[0]]]
 
 
 def _pixel_hypotheses() -> Iterator[ConventionHypothesis]:
