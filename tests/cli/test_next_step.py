@@ -49,13 +49,6 @@ def test_an_arm_that_stood_still(tmp_path: Path) -> None:
     assert told.endswith(" --robot hand FILE --format FORMAT --still")
 
 
-def test_a_known_controller_needs_no_name(tmp_path: Path) -> None:
-    """The export of each robot's own controller is named where one is known."""
-    eye = replace(MADE.cell.robots["eye"], controller={"format": "kuka"})
-    cell = replace(MADE.cell, robots={**MADE.cell.robots, "eye": eye})
-    assert next_command(cell, Calibration("good"), Path("cell")) == "basecal export cell"
-
-
 def test_pictures_that_were_dropped_in_are_seen(tmp_path: Path) -> None:
     """They have the place where they would be copied to, and are imported from there."""
     dropped = tmp_path / "recording" / "images" / "wrist"
@@ -81,8 +74,8 @@ def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[
 @pytest.mark.parametrize(
     ("calibration", "command"),
     [
-        (Calibration("good"), "basecal export cell --to ur"),
-        (Calibration("good", tolerance=Tolerance(1e-3, 5e-4, True)), "basecal export cell --to ur"),
+        (Calibration("good"), "basecal export cell"),
+        (Calibration("good", tolerance=Tolerance(1e-3, 5e-4, True)), "basecal export cell"),
         (
             Calibration("good", tolerance=Tolerance(1e-3, 2e-3, False), settings={"tolerance_m": 1e-3}),
             "basecal plan cell --tolerance 1mm -o plan.jsonl",

@@ -16,13 +16,11 @@ if TYPE_CHECKING:
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
     """The command to type after a calibration of a cell's folder."""
     from basecal.accuracy.fixing.offers import is_fixable
-    from basecal.exchange.exporters.controllers import controller_kind
     from basecal.reporting.statement.verdict import calibrate_command, missed_step, verdict_word
 
     place, word = quote_path(folder), verdict_word(calibration)
     if word in ("PASS", "GOOD"):
-        is_known = any(controller_kind(robot) != "matrix" for robot in cell.robots.values())
-        return f"basecal export {place}" + ("" if is_known else " --to ur")
+        return f"basecal export {place}"
     fix = f"basecal fix {place}, or " if any(is_fixable(cell, each) for each in calibration.findings) else ""
     if word == "FAIL":
         return f"{fix}{missed_step(cell, calibration, place)}"

@@ -49,6 +49,31 @@ def test_hand_eye() -> None:
     assert "GOOD" in found._repr_html_()
 
 
+@pytest.mark.parametrize(
+    ("seed", "arm", "camera"),
+    [
+        *((seed, (2e-4, 3e-4), (1e-3, 4e-3)) for seed in (17, 102)),
+        *((seed, (1e-3, 4e-3), (2e-4, 3e-4)) for seed in (71, 301, 395, 451)),
+    ],
+)
+def test_only_a_gross_pose_of_twenty_is_left_out(
+    seed: int, arm: tuple[float, float], camera: tuple[float, float]
+) -> None:
+    """Clean draws lose none, by whichever side has the noise [m, rad]; of one that is off by 100 mm it is that one."""
+    rng = np.random.default_rng(seed)
+    mount, world = (SE3.exp(np.r_[rng.normal(0, m, 3), rng.normal(0, rad, 3)]) for m, rad in ((0.05, 0.5), (0.5, 1)))
+    places = np.c_[rng.normal(0, 0.1, (20, 2)), rng.normal(0.5, 0.1, 20)]
+    sight = SE3.exp(np.c_[places, rng.normal(0, 0.35, (20, 3))])
+    errors = [SE3.exp(rng.normal(size=(20, 6)) * np.repeat(sigma, 3)) for sigma in (arm, camera)]
+    flange, seen = world @ sight.inverse() @ mount.inverse() @ errors[0], sight @ errors[1]
+    off = np.zeros((20, 6))
+    for culprits in (set[int](), {4}):
+        off[list(culprits), 0] = 0.1
+        gripper = flange @ SE3.exp(off)
+        found = basecal.hand_eye(gripper.rotation, gripper.translation, seen.rotation, seen.translation)
+        assert {each.sample for each in found.calibration.outliers} == culprits
+
+
 def test_rotation_vectors_of_a_still_camera(monkeypatch: pytest.MonkeyPatch) -> None:
     """Rotation vectors are poses too, and a still camera needs no inverted ones."""
     seen: list[tuple[SE3, SE3]] = []

@@ -35,6 +35,7 @@ def test_a_wrong_prior_is_named():
     calibration = calibrate(cell, s.recording)
     told = [f for f in calibration.findings if f.code == "prior-contradicted"]
     assert [f.about for f in told] == [(MOUNT,)]
+    assert told[0].do[-1] == "`basecal fix CELL` makes it free."
     assert calibration.verdict == "doubtful"
 
 

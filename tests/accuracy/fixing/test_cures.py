@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from basecal.accuracy.fixing.cures import find_cures
 from basecal.cell import Calibration, Finding, Outlier, RobotState, Unknown
@@ -101,11 +102,12 @@ def test_all_lines_are_written_at_all_robots() -> None:
     assert cure.change.cell == {("robots", r, key): value for r in ("eye", "hand") for key, value in written.items()}
 
 
-def test_fixed_transform_is_freed() -> None:
-    """One that effects name, which no hypothesis of the input does in these words."""
+@pytest.mark.parametrize("code", ["fixed-contradicted", "prior-contradicted"])
+def test_transform_is_freed(code: str) -> None:
+    """One that effects or sigmas contradict, which no hypothesis of the input does in these words."""
     name = "eye_flange_from_wrist"
     cell = BOARD.cell.with_transform(name, Unknown("fixed", SE3.identity()))
-    finding = Finding("fixed-contradicted", "warning", (name,), f"{name} is stated as fixed, and is elsewhere.")
+    finding = Finding(code, "warning", (name,), f"{name} is elsewhere than stated.")
     (cure,) = cures_of(finding, cell=cell)
     assert cure.change.cell == {("cameras", "wrist", "mount"): {"status": "free"}}
 

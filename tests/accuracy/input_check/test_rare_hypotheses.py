@@ -12,6 +12,7 @@ from tests.shared.declared import declared
 from tests.shared.rewriting import turned_round, with_robots
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.fixing.cures import find_cures
 from basecal.accuracy.input_check.rare_hypotheses import (
     _nearest_lists,
     _numbers,
@@ -66,6 +67,52 @@ def test_how_many_there_are():
         "pairing-shifted": 1, "matrix-transposed": 2, "euler-order": 2 * 43, "position-axes": 2 * 6,
         "length-unit": 2,
     }  # fmt: skip
+
+
+def test_arms_of_as_many_joints_may_be_exchanged_in_a_session():
+    """In each of two sessions, or where they stood still; arms of five and six joints, or of one session, cannot."""
+    made = simulate(Scenario(samples=24, arms="halves", joints=True), 1)
+    given = declared(made.cell, made.recording)
+    hand = replace(given.tracks["hand"], joints=given.tracks["hand"].joints[:, :5])
+    for reading, count in ((given, 3), (replace(given, tracks={**given.tracks, "hand": hand}), 0)):
+        assert sum(h.code == "robots-swapped" for h in rare_hypotheses(reading)) == count
+    still = simulate(Scenario(samples=24, arms="eye_still"), 1)
+    assert hypotheses(MADE, "robots-swapped") == hypotheses(still, "robots-swapped") == []
+
+
+HALVES = simulate(Scenario(samples=24, arms="halves"), 1)
+
+
+def _wrong_halves(kind):
+    """The poses of both arms exchanged in the second half, or the places where they stood still."""
+    samples, made = HALVES.recording.samples, []
+    for k, sample in enumerate(samples):
+        eye, hand = sample.robots["eye"], sample.robots["hand"]
+        if kind == "session" and k >= 12:
+            eye, hand = hand, eye
+        elif kind == "places":  # the hand stands still in the first half, the eye in the second
+            eye, hand = (eye, samples[-1].robots["eye"]) if k < 12 else (samples[0].robots["hand"], hand)
+        made.append(replace(sample, robots={"eye": eye, "hand": hand}))
+    return replace(HALVES.recording, samples=tuple(made))
+
+
+@pytest.mark.parametrize(("kind", "words"), [
+    ("session", "The arms eye and hand are exchanged in samples 12 to 23"),
+    ("places", "The places where eye (samples 12 to 23) and hand (samples 0 to 11) stood still are exchanged"),
+])  # fmt: skip
+def test_arms_exchanged_in_one_session_are_named_and_fixed(kind, words):
+    """Of two in which an arm stood still; the fix brings back the poses as they were."""
+    recording = _wrong_halves(kind)
+    found = calibrate(HALVES.cell, recording)
+    assert [(each.code, each.what) for each in found.findings if each.severity == "error"] == [
+        ("robots-swapped", f"{words}.")
+    ]
+    (cure,) = find_cures(HALVES.cell, recording, recording, found)
+    for old, new, true in zip(recording.samples, cure.change.samples, HALVES.recording.samples, strict=True):
+        for robot, state in true.robots.items():
+            assert np.array_equal(new.robots[robot].base_from_flange.matrix, state.base_from_flange.matrix)
+            as_read = np.array_equal(old.robots[robot].base_from_flange.matrix, state.base_from_flange.matrix)
+            assert (new.robots[robot] is old.robots[robot]) == as_read
 
 
 @pytest.mark.parametrize(("listed", "read", "count"), [

@@ -102,6 +102,24 @@ def test_poses_of_robots_are_mapped_and_exchanged(kind):
         assert_same(given.exchange("eye", "hand"), made.cell, rewriting.exchanged(recording, "eye", "hand"))
 
 
+def test_states_of_some_samples_are_exchanged():
+    """In a half of them, and where each stood still in the half of the other."""
+    made = MADE["noise"]
+    given, samples = declared(made.cell, made.recording), made.recording.samples
+    first, second = given.order[:6], given.order[6:]
+    swapped = rewriting.exchanged(made.recording, "eye", "hand").samples
+    wrong = replace(made.recording, samples=(*samples[:6], *swapped[6:]))
+    assert_same(given.exchange_states({"eye": second, "hand": second}), made.cell, wrong)
+    still = ("eye", "hand") if given.tracks["eye"].stand[0] == given.tracks["eye"].stand[5] else ("hand", "eye")
+    places = {still[0]: samples[0].robots[still[0]], still[1]: samples[6].robots[still[1]]}
+    moved = [
+        replace(each, robots={**each.robots, still[k // 6]: places[still[1 - k // 6]]})
+        for k, each in enumerate(samples)
+    ]
+    wrong = replace(made.recording, samples=tuple(moved))
+    assert_same(given.exchange_states({still[0]: first, still[1]: second}), made.cell, wrong)
+
+
 def test_joints_are_scaled_and_exchanged():
     """Poses follow, by the kinematics of the robot whose name it is."""
     made = MADE["joints"]

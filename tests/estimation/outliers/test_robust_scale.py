@@ -57,8 +57,26 @@ def test_an_estimated_limit_is_fishers():
 
 def test_uneven_noise_has_fewer_freedoms(rng):
     """Six numbers of which two carry all the noise scatter like two; even ones like six."""
-    assert robust_scale([squares(3.0 * rng.chisquare(2, 5000))], 6, False, CHANCE).shape == pytest.approx(2.0, abs=0.3)
-    assert robust_scale([squares(rng.chisquare(6, 5000))], 6, False, CHANCE).shape == pytest.approx(6.0, abs=0.8)
+    for freedoms, value in ((2.0, 3.0 * rng.chisquare(2, 5000)), (6.0, rng.chisquare(6, 5000))):
+        found = robust_scale([squares(value)], 6, False, CHANCE)
+        assert np.sum(found.shape * found.weight) == pytest.approx(freedoms, abs=0.3)
+
+
+def test_several_shapes_have_one_limit():
+    """The chances to exceed it, weighted by how likely each shape is, are the chance of the scale."""
+    limit = Scale(2.0, 30.0, np.array([1.0, 2.0, 6.0]), CHANCE, np.array([0.1, 0.2, 0.7])).limit(np.array([6, 0, 6]))
+    over_median = limit[0] / (2.0 * chi2.median(6))
+    tails = [w * f.sf(over_median * chi2.median(k) / k, k, 30) for k, w in ((1, 0.1), (2, 0.2), (6, 0.7))]
+    assert sum(tails) == pytest.approx(CHANCE, rel=1e-3)
+    assert limit.tolist() == [limit[0], np.inf, limit[0]]
+
+
+@pytest.mark.parametrize("shape", [3, 4])
+def test_the_limit_of_twenty_squares_holds_what_it_promises(rng, shape):
+    """A clean square exceeds it at most at the chance of the scale, whichever the shape that twenty hardly tell."""
+    rows = rng.chisquare(shape, (150, 20))
+    limits = [robust_scale([squares(row)], 12, False, CHANCE).limit(np.array([6]))[0] for row in rows]
+    assert chi2.sf(limits, shape).mean() < CHANCE
 
 
 def test_without_deviations_there_is_the_stated_scale():

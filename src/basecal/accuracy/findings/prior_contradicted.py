@@ -45,7 +45,8 @@ def contradicted_priors(solution: Solution, exclusions: Set[str] = frozenset()) 
         if compare_nested_models(name, off, int(learnt.rank)).is_taken:
             what = f"The answer is up to {np.abs(residual).max():.1f} sigmas away from the prior of {name}."
             why, do = "That is more than chance explains.", ("State larger sigmas or a better value, or make it free.",)
-            found.append(Finding("prior-contradicted", "warning", (name,), what, do, why))
+            fix = ("`basecal fix CELL` makes it free.",) if name in solution.problem.unknowns else ()
+            found.append(Finding("prior-contradicted", "warning", (name,), what, (*do, *fix), why))
     return found
 
 

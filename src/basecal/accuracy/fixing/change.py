@@ -84,7 +84,8 @@ def _with_values(recording: Recording, reading: Reading, result: Reading) -> tup
     def change_sample(sample: Sample) -> Sample:
         """One sample; itself if nothing of it differs."""
         k = row.get(sample.sample, -1)
-        states = {name: _state(track, k) for name, track in robots.items() if k >= 0 and name in sample.robots}
+        own = {name: track for name, track in robots.items() if k >= 0 and name in sample.robots}
+        states = {name: _state(track, k) for name, track in own.items() if _moves(reading.tracks[name], track, k)}
         seen = tuple(
             replace(each, camera_from_target=views[sample.sample, each.camera, each.target])
             if isinstance(each, PoseObservation) and (sample.sample, each.camera, each.target) in views
@@ -96,6 +97,10 @@ def _with_values(recording: Recording, reading: Reading, result: Reading) -> tup
         return replace(sample, robots={**sample.robots, **states}, observations=seen)
 
     return tuple(change_sample(sample) for sample in recording.samples)
+
+
+def _moves(old: Track, new: Track, k: int) -> bool:
+    return not np.array_equal(old.pose.matrix[k], new.pose.matrix[k])
 
 
 def _state(track: Track, k: int) -> RobotState:

@@ -113,7 +113,7 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
     for name in finding.about:
         if finding.code == "intrinsics" and name in lenses and lenses[name].status == "fixed":
             yield Cure(finding, f"Free the lens of {name}.", Change(cell=free_lens(cell, name)))
-        elif finding.code == "fixed-contradicted" and name in cell.transforms:
+        elif finding.code in ("fixed-contradicted", "prior-contradicted") and name in cell.transforms:
             place = transform_place(cell, name)
             yield Cure(finding, f"Free {name}.", Change(cell={place: {"status": "free"}}))
     if places := offered_places(cell, finding):

@@ -1,7 +1,7 @@
 """Mix-ups that are looked for only where nothing usual explains how the targets move.
 
-A reversed order, streams off by many samples, transposed rotation matrices, and angles that were read as another
-controller's. They are many: each costs a look, and chance more to choose from.
+A reversed order, streams off by many samples, transposed rotation matrices, angles that were read as another
+controller's, and arms exchanged in one session. They are many: each costs a look, and chance more to choose from.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import permutations
+from itertools import combinations, permutations, product
 
 import numpy as np
 import scipy  # its parts are loaded when they are first used
@@ -26,17 +26,19 @@ from basecal.accuracy.input_check.hypotheses import (
     streams,
     subsets,
 )
+from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.accuracy.readings.reading import PoseMap, Reading, Track
 from basecal.cell import WORLD, Cell, Unknown
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import lengths
 
 _FAR_SHIFTS = tuple(by for far in (3, 4, 5, 6) for by in (far, -far))  # samples; up to two are usual slips
 _RADIANS_AS_DEGREES_RAD = np.radians(2 * np.pi)  # of three angles up to half a turn each, read as degrees
 _CENTRES = 20  # rotations of which one is in the middle of most
 _INCH_M = 0.0254
+_FEWEST_STILL = 5  # samples in a row at which an arm stood still, and a tenth of all: a session
 _NO_TURN_RAD = 1e-9  # [rad] below which a rotation vector has no direction
 # How controllers list three numbers of a rotation, by SciPy's names: capitals are axes that turn with the flange.
 _LISTINGS = {
@@ -76,6 +78,7 @@ def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
         ),
         *_stated_transform_hypotheses(cell),
         *_carrier_hypotheses(baseline),
+        *_session_hypotheses(baseline),
         *_inch_hypotheses(robots),
         *(_pixel_hypotheses() if baseline.shows(PixelMeasurement) else ()),
     ]
@@ -181,6 +184,48 @@ def _carrier_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
                     "turn every arm further about two axes between samples",
                     partial(Reading.with_carrier, target=target, carrier=carrier),
                 )
+
+
+def _session_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
+    """The states of two arms exchanged in a session in which one stood still, or their places in two of these."""
+    tracks = {name: baseline.tracks[name] for name in (*baseline.pose_robots, *baseline.joint_robots)}
+    runs = {name: _still_runs(baseline.order, track) for name, track in tracks.items()}
+    for first, second in combinations(tracks, 2):
+        if _joint_count(tracks[first]) != _joint_count(tracks[second]):
+            continue
+        sessions = {list_samples(run.tolist()): (run, run) for run in (*runs[first], *runs[second])}
+        places = [pair for pair in product(runs[first], runs[second]) if not np.array_equal(*pair)]
+        for where, pair in sessions.items():
+            words = f"the arms {first} and {second} are exchanged in {where}"
+            yield _exchanged_states(first, second, pair, words, "that session")
+        for pair in places:
+            at_first, at_second = (list_samples(of.tolist()) for of in pair)
+            words = f"the places where {first} ({at_first}) and {second} ({at_second}) stood still are exchanged"
+            yield _exchanged_states(first, second, pair, words, "both places")
+
+
+def _exchanged_states(
+    first: str, second: str, numbers: tuple[IntArray, IntArray], words: str, subject: str
+) -> ConventionHypothesis:
+    return ConventionHypothesis(
+        "robots-swapped",
+        (first, second),
+        words,
+        f"import {subject} again, each file with the other --robot",
+        "turn every arm further about two axes between samples",
+        partial(Reading.exchange_states, numbers=dict(zip((first, second), numbers, strict=True))),
+    )
+
+
+def _joint_count(track: Track) -> int:
+    return 0 if track.joints is None else track.joints.shape[1]
+
+
+def _still_runs(order: IntArray, track: Track) -> list[IntArray]:
+    """The samples of each session in which an arm stood at one stop; none if it always did."""
+    runs = np.split(np.arange(len(order)), np.flatnonzero(np.diff(track.stand)) + 1)
+    fewest = max(_FEWEST_STILL, len(order) // 10)
+    return [order[run] for run in runs if fewest <= len(run) < len(order) and track.seen[run[0]]]
 
 
 def _pixel_hypotheses() -> Iterator[ConventionHypothesis]:

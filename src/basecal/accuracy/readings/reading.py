@@ -56,6 +56,20 @@ class Track:
             stand=np.where(rows >= 0, self.stand[rows], -1),
         )
 
+    def with_states(self, rows: IntArray, track: Track, sources: IntArray) -> Track:
+        """The states of some samples, (n,), replaced by those of another track at `sources`, repeated if fewer."""
+        chosen = np.arange(len(self.seen))
+        chosen[rows] = len(self.seen) + np.resize(sources, len(rows))
+        own_joints, joints = self.joints, track.joints
+        both = Track(
+            np.concatenate([self.seen, track.seen]),
+            SE3(*(np.concatenate([getattr(t.pose, of) for t in (self, track)]) for of in ("rotation", "translation"))),
+            None if own_joints is None or joints is None else np.concatenate([own_joints, joints]),
+            np.concatenate([self.stand, np.where(track.seen, track.stand + self.stand.max() + 1, -1)]),
+            self.by_pose,
+        )
+        return both.take(chosen)
+
     @property
     def moves(self) -> bool:
         """Whether the robot stood in more than one place."""
@@ -138,6 +152,15 @@ class Reading:
         """The states of two robots exchanged."""
         other = {first: second, second: first}
         moved = {name: self._robot_track(name, self.tracks[other[name]]) for name in other}
+        return self._with_tracks({**self.tracks, **moved})
+
+    def exchange_states(self, numbers: Mapping[str, IntArray]) -> Reading:
+        """The states of two robots, by name, at these samples exchanged: those of one repeated if they are fewer."""
+        (first, second), rows = numbers, {name: np.flatnonzero(np.isin(self.order, of)) for name, of in numbers.items()}
+        moved = {
+            name: self._robot_track(name, self.tracks[name].with_states(rows[name], self.tracks[other], rows[other]))
+            for name, other in ((first, second), (second, first))
+        }
         return self._with_tracks({**self.tracks, **moved})
 
     def with_carrier(self, target: str, carrier: str) -> Reading:
