@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.scene.motion import SceneMotion, scene_motion
-from basecal.estimation.scene.adjust import Task, fit_at
+from basecal.estimation.scene.adjust import Task, scene_fit
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.state import scene_columns, take_step
 from basecal.geometry import Array
@@ -53,4 +53,4 @@ def test_a_descent_that_ends_early_is_no_motion() -> None:
     assert base is not None
     step[base.start] = 2e-5
     task = Task(fit.views, fit.tracks, fit.sigma_px, fit.stop_sigma, fit.guesses, tail=fit.tail)
-    assert scene_motion(fit_at(task, take_step(fit.state, columns, step))).chance > 1e-3
+    assert scene_motion(scene_fit(task, take_step(fit.state, columns, step))).chance > 1e-3

@@ -67,7 +67,7 @@ def test_views_from_the_front_are_no_outliers() -> None:
     """Equal errors leave out views from the front, and their tilts then say nothing; all views together say it."""
     before = case_of(tilted_errors(15))
     after = shape_pose_noise(before)
-    assert len(before.robust.outliers) == 7
+    assert before.robust.outliers != ()
     assert after.robust.outliers == ()
     assert error_of(after) < error_of(before)
 

@@ -68,10 +68,10 @@ class SceneFit(Task):
 def adjust(task: Task, state: SceneState) -> SceneFit:
     """The optimum downhill of a state."""
     optima = levenberg_marquardt(_System(task), stack([state]), Stop(_MOST_STEPS, sigmas=_SHARE_LEFT))
-    return fit_at(task, take(optima.state, 0))
+    return scene_fit(task, take(optima.state, 0))
 
 
-def fit_at(task: Task, state: SceneState) -> SceneFit:
+def scene_fit(task: Task, state: SceneState) -> SceneFit:
     """A state at which a descent of a task ended."""
     pixels, prior = task.linearise(state)
     square, every = task.sigma_px**2, pixels.hessian + prior.hessian
