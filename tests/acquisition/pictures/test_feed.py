@@ -178,6 +178,18 @@ def test_an_end_is_told_to_whoever_waits(opened):
     assert feed.picture().grey.shape == SIZE
 
 
+def test_an_error_of_a_library_names_the_camera(opened):
+    """What a maker's library raises is a failure of the driver, with its words."""
+
+    class Unplugged(Film):
+        def picture(self):
+            raise RuntimeError("Frame did not arrive")
+
+    feed = opened(Unplugged())
+    with pytest.raises(DriverError, match=r"^wrist: its driver failed \(RuntimeError: Frame did not arrive\)$"):
+        feed.picture()
+
+
 def test_a_camera_that_freezes_is_told(opened):
     """A driver that does not come back is an error in time, and is not closed while it waits."""
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.acquisition.driver import Camera, Picture, Switches
+from basecal.acquisition.driver import Camera, Picture, Switches, driver_errors
 from basecal.acquisition.pictures.latency import ArmMotion, Latency, estimate_latency
 from basecal.errors import DriverError
 from basecal.geometry import Array
@@ -106,9 +106,10 @@ class CameraFeed:
         before: Levels | None = None
         try:
             while self._is_open:
-                self._switch()
-                began_s = time.monotonic()
-                picture = self._camera.picture()
+                with driver_errors(self._name):
+                    self._switch()
+                    began_s = time.monotonic()
+                    picture = self._camera.picture()
                 now_s = time.monotonic()
                 if self._is_outdated(picture, now_s - began_s):
                     continue
