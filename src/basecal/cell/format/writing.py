@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import IO, BinaryIO
 
 from basecal.errors import InputError
 
@@ -195,13 +195,13 @@ def open_new(path: Path, mode: int = 0o666) -> BinaryIO:
     return os.fdopen(os.open(path, _NEW, mode), "wb")
 
 
-def open_own(path: Path, mode: str) -> BinaryIO:
+def open_own(path: Path, mode: str) -> IO[bytes]:
     """A file opened as by `open`, but for a link, which is an error.
 
     Raises:
         OSError: if it cannot be opened.
     """
-    return cast(BinaryIO, open(path, mode, opener=lambda name, flags: os.open(name, flags | _NO_FOLLOW, 0o666)))
+    return open(path, mode, opener=lambda name, flags: os.open(name, flags | _NO_FOLLOW, 0o666))
 
 
 def temporary_path(path: Path) -> Path:

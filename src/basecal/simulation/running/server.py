@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -140,15 +140,15 @@ class CellServer(socketserver.ThreadingTCPServer):
 
 
 class _Handler(socketserver.StreamRequestHandler):
+    server: CellServer
     disable_nagle_algorithm = True
 
     def handle(self) -> None:
         """Answer a connection line by line, until it ends or a line is longer than any request; then arms rest."""
-        server = cast(CellServer, self.server)
         with suppress(OSError), ExitStack() as ending:  # whoever asked was cut off
-            ending.callback(server.stop)
+            ending.callback(self.server.stop)
             while line := self.rfile.readline(_LONGEST_REQUEST):
-                answer = encode(server.answer(line))
+                answer = encode(self.server.answer(line))
                 self.wfile.write(answer if len(answer) < LONGEST_LINE else encode({"ok": False, "error": "too long"}))
                 if not line.endswith(b"\n"):
                     return
