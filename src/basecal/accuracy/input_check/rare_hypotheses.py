@@ -21,6 +21,7 @@ from basecal.accuracy.input_check.hypotheses import (
     join_names,
     map_robot_poses,
     map_target_poses,
+    pair_differently,
     scale_translations,
     shift,
     streams,
@@ -205,33 +206,18 @@ def _order_hypotheses(streams: list[str | None], count: int) -> Iterator[Convent
 
 def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
     """Rows that were sorted as text by their numbers from `first`: 1, 10, 11, 2."""
-    who = "what the cameras saw" if stream is None else f"what {stream} recorded"
 
     def reread(reading: Reading) -> Reading:
         """Each row where its number belongs."""
         return reading.pair_stream(stream, np.argsort(sorted(range(first, first + len(reading.order)), key=str)))
 
-    return ConventionHypothesis(
-        "pairing-shifted",
-        () if stream is None else (stream,),
-        f"{who} is sorted as text: {', '.join(sorted(map(str, range(first, first + 12)))[:4])}",
-        "sort it by number",
-        "let the arms stand in clearly different poses from one sample to the next",
-        reread,
-        by_order=True,
-    )
+    order = ", ".join(sorted(map(str, range(first, first + 12)))[:4])
+    return pair_differently(stream, f"is sorted as text: {order}", "sort it by number", reread)
 
 
 def _turned_round(stream: str | None) -> ConventionHypothesis:
-    who = "what the cameras saw" if stream is None else f"what {stream} recorded"
-    return ConventionHypothesis(
-        "pairing-shifted",
-        () if stream is None else (stream,),
-        f"{who} stands in reverse order",
-        "turn its order round",
-        "let the arms stand in clearly different poses from one sample to the next",
-        lambda reading: reading.reverse(stream),
-        by_order=True,
+    return pair_differently(
+        stream, "stands in reverse order", "turn its order round", lambda reading: reading.reverse(stream)
     )
 
 
