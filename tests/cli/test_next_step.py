@@ -56,7 +56,7 @@ def test_a_known_controller_needs_no_name(tmp_path: Path) -> None:
     assert next_command(cell, Calibration("good"), Path("cell")) == "basecal export cell"
 
 
-def test_pictures_that_were_dropped_in_are_seen(tmp_path: Path) -> None:
+def test_images_that_were_dropped_in_are_seen(tmp_path: Path) -> None:
     """They have the place where they would be copied to, and are imported from there."""
     dropped = tmp_path / "recording" / "images" / "wrist"
     dropped.mkdir(parents=True)

@@ -12,8 +12,8 @@ from typing import Literal
 
 from basecal.acquisition.driver import Camera, ChecksGoals, DriverKind, Moves, Place, Robot, StopGuarantee
 from basecal.acquisition.drivers.registry import driver_kind, driver_names
-from basecal.acquisition.pictures.feed import feed_camera
-from basecal.acquisition.pictures.latency import ArmMotion
+from basecal.acquisition.images.feed import feed_camera
+from basecal.acquisition.images.latency import ArmMotion
 from basecal.acquisition.supervision.arms import Arms
 from basecal.acquisition.supervision.signals import interrupt_main_thread, routed_signals
 from basecal.cell import Cell, Driver, RobotState

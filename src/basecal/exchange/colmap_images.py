@@ -18,8 +18,8 @@ from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field, written_number
+from basecal.exchange.images import natural_order
 from basecal.exchange.lens_files.colmap import reconstruction_file
-from basecal.exchange.pictures import natural_order
 from basecal.fields.problems import shorten
 from basecal.geometry import SE3
 

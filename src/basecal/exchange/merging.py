@@ -219,14 +219,14 @@ def _renumber_samples(part: Part, shift: int, files: dict[str, Path]) -> list[Sa
     for sample in part.recording.samples:
         number = sample.sample + shift
         images, background = (
-            {camera: _picture(part, path, number, files) for camera, path in paths.items()}
+            {camera: _image(part, path, number, files) for camera, path in paths.items()}
             for paths in (sample.images, sample.background)
         )
         moved.append(replace(sample, sample=number, images=images, background=background))
     return moved
 
 
-def _picture(part: Part, path: str, number: int, files: dict[str, Path]) -> str:
+def _image(part: Part, path: str, number: int, files: dict[str, Path]) -> str:
     """Where an image is in the new cell; one that is missing keeps its path, to be found missing there."""
     source = part.folder / path
     if not source.is_file():

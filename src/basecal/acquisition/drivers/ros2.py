@@ -19,7 +19,7 @@ from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.errors import BasecalError, DatasetError, DriverError
 from basecal.exchange.bags.bag import COMPRESSED, IMAGE, Message, Topic
-from basecal.exchange.bags.pictures import picture_file
+from basecal.exchange.bags.images import image_file
 from basecal.fields.values import Entry
 from basecal.vision.image_file import grey_image
 
@@ -92,7 +92,7 @@ class Ros2Camera:
         now_s = stamp_s(message.header)
         self._last_s = now_s
         try:
-            file = picture_file(Message(Topic(self._topic, self._stream.kind, 0), now_s, message), self._name)
+            file = image_file(Message(Topic(self._topic, self._stream.kind, 0), now_s, message), self._name)
         except BasecalError as error:
             raise DriverError(str(error)) from None
         grey = grey_image(file.content, self._size_px)

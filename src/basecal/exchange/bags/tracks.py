@@ -49,12 +49,12 @@ class Tracks:
     Attributes:
         robots: By name.
         views: Of targets by cameras, by their names.
-        pictures: Of each camera, by name, the times [s] of its images in the order in which they were recorded.
+        images: Of each camera, by name, the times [s] of its images in the order in which they were recorded.
     """
 
     robots: Mapping[str, Track]
     views: Mapping[tuple[str, str], Track]
-    pictures: Mapping[str, Array]
+    images: Mapping[str, Array]
 
 
 @dataclass(eq=False)
@@ -92,9 +92,9 @@ def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
             seen[key] = []
             listeners.setdefault(view.topic, []).append(_detecting(seen[key], view.tags))
     gathered = {key: _listening(bag, survey.tree, source, listeners) for key, source in sources.items()}
-    pictures = {name: array("d") for name in selection.cameras}
+    images = {name: array("d") for name in selection.cameras}
     for name, camera in selection.cameras.items():
-        listeners.setdefault(camera.topic, []).append(_noting(pictures[name]))
+        listeners.setdefault(camera.topic, []).append(_noting(images[name]))
     for message in bag.read(listeners):
         for listener in listeners[message.topic.name]:
             listener(message)
@@ -103,7 +103,7 @@ def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
     return Tracks(
         {name: tracks[name] for name in selection.robots},
         {key: tags[key] if key in tags else tracks[key] for key in selection.views},
-        {name: np.array(times) for name, times in pictures.items()},
+        {name: np.array(times) for name, times in images.items()},
     )
 
 

@@ -52,8 +52,8 @@ def _stop(plant: Plant, request: Request) -> dict[str, Any]:
     return {}
 
 
-def _picture(plant: Plant, request: Request) -> dict[str, Any]:
-    shot = plant.picture(request.camera)
+def _image(plant: Plant, request: Request) -> dict[str, Any]:
+    shot = plant.shot(request.camera)
     return {"stamp_s": shot.stamp_s, "png_base64": base64.b64encode(png_bytes(shot.image)).decode()}
 
 
@@ -66,7 +66,7 @@ _ACTIONS: dict[str, Callable[[Plant, Request], dict[str, Any]]] = {
     "state": _state,
     "move": _move,
     "stop": _stop,
-    "picture": _picture,
+    "picture": _image,
     "light": _light,
 }
 

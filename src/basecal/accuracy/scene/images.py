@@ -27,7 +27,7 @@ _USUAL_FOCAL = 0.9  # of the image's width, of a lens of which nothing is stated
 
 
 @dataclass(frozen=True, eq=False)
-class Pictures:
+class Images:
     """Images of the scene.
 
     Attributes:
@@ -46,7 +46,7 @@ class Pictures:
     lost: tuple[Finding, ...] = ()
     mounts: tuple[SE3 | None, ...] = ()
 
-    def select_moving(self) -> Pictures:
+    def select_moving(self) -> Images:
         """Images of cameras that robots carry."""
         cameras = tuple(camera for camera in self.views.cameras if camera.robot is not None)
         rows = np.flatnonzero(self.views.robot >= 0)
@@ -62,7 +62,7 @@ class Pictures:
         return unit_descriptors(total)
 
 
-def read_pictures(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Pictures:
+def read_images(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Images:
     """The images of all cameras, those on robots first, then one image of each camera on `world`.
 
     Args:
@@ -105,7 +105,7 @@ def read_pictures(cell: Cell, recording: Recording, settings: Settings = DEFAULT
     )
     lenses = tuple(each.lens.camera or _guess_lens(cell.cameras[each.name], sizes[each.name]) for each in cameras)
     is_guessed = tuple(camera.lens.camera is None for camera in cameras)
-    return Pictures(views, tuple(features for _, _, features, _ in seen), lenses, is_guessed, tuple(lost))
+    return Images(views, tuple(features for _, _, features, _ in seen), lenses, is_guessed, tuple(lost))
 
 
 def _has_pose(cell: Cell, camera: str, sample: Sample) -> bool:
