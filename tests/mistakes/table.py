@@ -406,7 +406,7 @@ _IMAGES = [
         "pictures",
         _board(squares=[4, 5]),
         "few-images",
-        ("6x8 squares", "not 4x5", "write squares: [6, 8]"),
+        ("6x8 squares", "not 4x5", "write `squares: [6, 8]`"),
     ),
     Mistake(
         "another kind of target",

@@ -15,6 +15,7 @@ from basecal.cell import RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import InputError
 from basecal.estimation.settings import Settings
+from planar_arm import planar
 
 CELL = """schema: basecal/cell/1
 reference: left
@@ -104,6 +105,19 @@ def test_joints_need_a_urdf(tmp_path: Path) -> None:
     by_joints = replace(recording.samples[0], robots={"left": RobotState(joints_rad=np.zeros(6))})
     with pytest.raises(InputError, match="'left' is recorded by joints and has no urdf"):
         read_images(cell, replace(recording, samples=(by_joints,)))
+
+
+def test_robots_that_recorded_joints_are_known(tmp_path: Path) -> None:
+    """A URDF alone does not make joints of poses; one robot may record joints, and the other poses."""
+    chain = planar(1.0, 1.0)
+    write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"left_eye": "a.png", "right_eye": "bb.png"}}])
+    cell = read_cell(tmp_path)
+    cell = replace(cell, robots={name: replace(robot, chain=chain) for name, robot in cell.robots.items()})
+    recording = read_recording(tmp_path, cell)
+    (sample,) = recording.samples
+    joints = {"left": RobotState(joints_rad=np.zeros(len(chain.joint_names)))}
+    recording = replace(recording, samples=(replace(sample, robots={**sample.robots, **joints}),))
+    assert read_images(cell, recording).joint_robots == ("left",)
 
 
 @pytest.mark.parametrize(

@@ -55,16 +55,19 @@ def test_inverted_poses_do_not_fit() -> None:
     inverted = replace(scene, views=with_inverted_poses(scene.views, 0))
     found = list(camera_findings("eye", solve_camera(images_of_scene(inverted), 0, None)))
     assert [(each.code, each.severity) for each in found] == [("poor-fit", "error")]
+    assert "base_from_flange" in found[0].message
 
 
 def test_positions_of_the_wrong_sign_do_not_fit() -> None:
-    """Negated positions fit all epipolar lines, and put what is seen behind the camera: refused as poor fit."""
+    """Negated positions fit all epipolar lines, and put what is seen behind the camera: joints are to be checked."""
     scene = made_scene(2, count=10, points=200)
     poses = scene.views.base_from_flange
     views = replace(scene.views, base_from_flange=SE3(poses.rotation, -poses.translation))
-    (found,) = camera_findings("eye", solve_camera(images_of_scene(replace(scene, views=views)), 0, None))
+    (found,) = camera_findings("eye", solve_camera(images_of_scene(replace(scene, views=views)), 0, None), ["left"])
     assert (found.code, found.severity) == ("poor-fit", "error")
     assert "behind" in found.what
+    assert "URDF of left" in found.message
+    assert "base_from_flange" not in found.message
 
 
 def test_images_without_common_features_have_no_start() -> None:

@@ -52,7 +52,8 @@ def find_scene(
     with settings.stage("tracks"):
         ones = [_solve_one(images, camera, robot_noise, settings) for camera in range(len(images.views.cameras))]
     for camera, one in zip(images.views.cameras, ones, strict=True):
-        report.findings += camera_findings(camera.name, one)
+        joint_robots = [robot for robot in images.joint_robots if robot == camera.robot]
+        report.findings += camera_findings(camera.name, one, joint_robots)
     if report.is_refused:
         return None
     with settings.stage("joining"):
