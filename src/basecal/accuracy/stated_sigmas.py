@@ -124,7 +124,7 @@ def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
         at = model.state.camera_from_target(group, model.problem.stops)
         lens = group.camera in model.problem.columns
         view = group.measurement.linearise(at, model.state.cameras.get(group.camera), lens)
-        shake = model.problem.shake(group)
+        shake = model.problem.jitter_motion(group)
         view = view if shake is None else ViewInformation(*without_motion(*view, shake))
         by_error = np.zeros((*view.gradient.shape, 6 * len(private)))
         for i, of in enumerate(private):

@@ -177,7 +177,7 @@ def wait_for_image(
 
     def look() -> _Look:
         """The next image, with the targets in it."""
-        return _look(wait_for_image_after(camera, after_s, patience_s, show), targets)
+        return _find_lights(wait_for_image_after(camera, after_s, patience_s, show), targets)
 
     looks = [look()]
     if not camera.is_live:
@@ -201,7 +201,7 @@ class _Look:
     lights: tuple[Array | None, ...]
 
 
-def _look(picture: Picture, targets: Sequence[Target]) -> _Look:
+def _find_lights(picture: Picture, targets: Sequence[Target]) -> _Look:
     found = [find(picture.grey, target) for target in targets if target.found_by == LIGHT]
     return _Look(picture, reduce_image(picture.grey), tuple(None if each is None else each.pixels[0] for each in found))
 

@@ -68,7 +68,7 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
     for folder in folders:
         cell = read_cell(folder)
         parts.append(Part(folder, cell, read_recording(folder, cell)))
-    text = _joined_text(parts)
+    text = _join_texts(parts)
     _check_times(parts)
     files: dict[str, Path] = {}
     samples: list[Sample] = []
@@ -102,7 +102,7 @@ def _check_absent(folder: Path, output: Path) -> None:
             raise InputError(f"{there} exists and is not overwritten: choose another folder, or remove it first")
 
 
-def _joined_text(parts: Sequence[Part]) -> str:
+def _join_texts(parts: Sequence[Part]) -> str:
     """The text of the first `cell.yaml` with what only others have.
 
     Raises:

@@ -67,7 +67,7 @@ def _edge_px(image: Grey) -> float | None:
 def unlike_print(images: list[Grey], target: Target) -> str | None:
     """Clause about markers of a target that has none, or about most markers twice in an image."""
     if target.is_point or _dictionary_name(target) is not None:
-        return seen_twice(images, target)
+        return describe_repeats(images, target)
     return markers_instead(images[:_ENOUGH_IMAGES])
 
 
@@ -76,7 +76,7 @@ def _dictionary_name(target: Target) -> str | None:
     return name
 
 
-def seen_twice(images: list[Grey], target: Target) -> str | None:
+def describe_repeats(images: list[Grey], target: Target) -> str | None:
     """Clause about most markers of a target that are in an image twice."""
     name = _dictionary_name(target)
     if name is None:

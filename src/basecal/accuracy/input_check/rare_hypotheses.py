@@ -197,7 +197,7 @@ def _pixel_hypotheses() -> Iterator[ConventionHypothesis]:
 
 def _order_hypotheses(streams: list[str | None], count: int) -> Iterator[ConventionHypothesis]:
     for stream in streams:
-        yield _turned_round(stream)
+        yield _reverse_order(stream)
         yield from (_sort_by_number(stream, first) for first in (0, 1) if count > 10)
         for by in _FAR_SHIFTS:
             if abs(by) < count // 3:
@@ -215,7 +215,7 @@ def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
     return pair_differently(stream, f"is sorted as text: {order}", "sort it by number", reread)
 
 
-def _turned_round(stream: str | None) -> ConventionHypothesis:
+def _reverse_order(stream: str | None) -> ConventionHypothesis:
     return pair_differently(
         stream, "stands in reverse order", "turn its order round", lambda reading: reading.reverse(stream)
     )
@@ -249,7 +249,7 @@ def _rotation_hypotheses(
             if not _LISTINGS[read]
             else (_first,)
             if of_three_axes
-            else (_first, _second, _shorter)
+            else (_first, _second_column, _shorter_vectors)
         )
         for choose in choices:
             yield ConventionHypothesis(
@@ -295,7 +295,7 @@ def _first(numbers: Array) -> Array:
     return numbers[:, 0]
 
 
-def _second(numbers: Array) -> Array:
+def _second_column(numbers: Array) -> Array:
     return numbers[:, 1]
 
 
@@ -308,7 +308,7 @@ def _nearest_lists(numbers: Array) -> Array:
     return chosen
 
 
-def _shorter(numbers: Array) -> Array:
+def _shorter_vectors(numbers: Array) -> Array:
     chosen: Array = numbers[np.arange(len(numbers)), np.argmin(lengths(numbers), axis=1)]
     return chosen
 

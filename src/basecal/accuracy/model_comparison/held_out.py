@@ -44,7 +44,7 @@ def compare_predictions(rival: str, squares: Array, in_use: Array, clearly: floa
         in_use: (n,) likewise by the model in use.
         clearly: Ratio of likelihoods of a part beyond which the rival predicts clearly better, by their geometric mean.
     """
-    scale = max(min(_core(squares), _core(in_use)), _LEAST_CHANCE)
+    scale = max(min(_trimmed_mean(squares), _trimmed_mean(in_use)), _LEAST_CHANCE)
     gains = np.log1p(in_use / scale) - np.log1p(squares / scale)
     chance, ratio = _log_chance(gains), float(np.exp(np.mean(gains))) if len(gains) else 1.0
     if chance < np.log(CONFIRMED) and ratio > clearly:
@@ -56,7 +56,7 @@ def compare_predictions(rival: str, squares: Array, in_use: Array, clearly: floa
     return Comparison(rival, 2 * float(np.sum(gains)), chance, decision)
 
 
-def _core(squares: Array) -> float:
+def _trimmed_mean(squares: Array) -> float:
     """Mean of the share of squares that are least."""
     return float(np.mean(np.sort(squares)[: max(1, int(np.ceil(_CORE * len(squares))))])) if len(squares) else np.inf
 

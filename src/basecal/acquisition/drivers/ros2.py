@@ -88,7 +88,7 @@ class Ros2Camera:
         Raises:
             DriverError: if none comes, or it is of an encoding or size that is not read.
         """
-        message = self._stream.newest(self._if_new, lambda message: True)
+        message = self._stream.newest(self._newer_message, lambda message: True)
         now_s = stamp_s(message.header)
         self._last_s = now_s
         try:
@@ -100,7 +100,7 @@ class Ros2Camera:
             raise DriverError(f"{self._name}: an image of {self._topic} {grey}")
         return Picture(now_s, grey)
 
-    def _if_new(self, message: Any) -> Any:
+    def _newer_message(self, message: Any) -> Any:
         return message if stamp_s(message.header) > max(self._last_s, 0.0) else None
 
     def close(self) -> None:

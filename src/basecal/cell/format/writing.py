@@ -132,7 +132,7 @@ def stage_folder(folder: Path) -> Iterator[Path]:
         part.mkdir()
         yield part
         _sync_all(part)
-        _appear(part, folder)
+        _move_into_place(part, folder)
         sync_folder(part.parent)
     except OSError as error:
         raise InputError(f"{error.filename or folder} cannot be written: {error.strerror}") from None
@@ -233,7 +233,7 @@ def _sync_all(folder: Path) -> None:
             sync_folder(path)
 
 
-def _appear(part: Path, folder: Path) -> None:
+def _move_into_place(part: Path, folder: Path) -> None:
     with suppress(OSError):
         part.rename(folder)  # also onto an empty one
         return

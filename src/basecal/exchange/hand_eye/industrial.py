@@ -47,9 +47,9 @@ def read_data_set(
     poses = SE3.stack([read_fields(_file(entry.find("pose"), folder)).pose() for entry in entries])
     images = tuple(_image(entry.find("image"), folder) for entry in entries)
     static = root.first("static_camera")
-    if static is not None and camera_on_robot is not None and static.yes() == camera_on_robot:
+    if static is not None and camera_on_robot is not None and static.boolean() == camera_on_robot:
         raise static.error("is the opposite of what --camera-on, or cell.yaml, says")
-    on_robot = camera_on_robot if static is None else not static.yes()
+    on_robot = camera_on_robot if static is None else not static.boolean()
     if on_robot is None:
         raise root.error(
             "does not say whether the camera is on the robot or beside it (static_camera): "

@@ -72,7 +72,7 @@ def read_images(
     new, replaced = _camera_entry(cell, camera, on)
     carrier = new["cameras"][camera].get("on")
     shown = target_entry(cell, target, shape, {target_name: target_on}, {camera: carrier})
-    looked = _look(Path(folder), files, progress)
+    looked = _read_images(Path(folder), files, progress)
     rows = tuple(_row(camera, path, by == "time") for path in files)
     entry = {
         "robots": {name: {} for name in (*new.get("robots", {}), *shown.get("robots", {}))},
@@ -115,7 +115,7 @@ class _Look:
     warnings: tuple[str, ...]
 
 
-def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], None] | None) -> _Look:
+def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], None] | None) -> _Look:
     """Read all images once.
 
     Raises:
