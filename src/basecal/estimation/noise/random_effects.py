@@ -11,7 +11,8 @@ from basecal.estimation.noise.robot_noise import count_stops, stands
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.problem import Problem
 
-_FEWEST_STOPS = 4  # fewer show nothing of what changes with the pose
+FEWEST_STOPS = 4
+"""Fewer stops show nothing of what changes with the pose."""
 
 
 def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedErrors | None:
@@ -23,7 +24,7 @@ def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedE
         return None
     if effect.by_poses is not None:
         poses, seen = stands(problem, robot)
-        few = count_stops(problem, robot) < _FEWEST_STOPS
+        few = count_stops(problem, robot) < FEWEST_STOPS
         return None if few else effect.by_poses(poses[np.flatnonzero(seen)], poses)
     at = posture_at_stops(problem, robot)
     return None if at is None or effect.by_joints is None else effect.by_joints(at)
@@ -35,7 +36,7 @@ def posture_at_stops(problem: Problem, robot: str) -> Posture | None:
     Stops at which nothing was seen, and that nothing requests, have the mean of the others' joints.
     """
     chain = problem.chains.get(robot)
-    if chain is None or not recorded_by_joints(problem, robot) or count_stops(problem, robot) < _FEWEST_STOPS:
+    if chain is None or not recorded_by_joints(problem, robot) or count_stops(problem, robot) < FEWEST_STOPS:
         return None
     seen = stands(problem, robot)[1]
     joints = np.zeros((len(seen), chain.n))
