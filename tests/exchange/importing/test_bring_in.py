@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from basecal.cell import Cell, Recording, RobotState
+from basecal.cell import Cell, PoseObservation, Recording, RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.importing.bring_in import add_to_cell
@@ -51,6 +52,20 @@ def test_a_cell_is_made_and_completed(tmp_path: Path) -> None:
     assert (done.is_new_cell, done.made, done.changed) == (False, 0, ("robots.right",))
     assert list(read_cell(tmp_path / "c").robots) == ["left", "right"]
     assert [sorted(s.robots) for s in read_recording(tmp_path / "c").samples] == [["left", "right"]] * 3
+
+
+def test_further_views_of_a_sample_are_samples_of_their_own(tmp_path: Path) -> None:
+    """The first completes the sample; the robots of each other one stand as in it."""
+    add_to_cell(tmp_path / "c", poses("left", 3), fine)
+    views = [PoseObservation("cam", "board", SE3.from_rotvec([0, 0, 0], [0, 0, 1.0 + i])) for i in range(3)]
+    rows = tuple(Row(observations=(view,), sample=sample) for view, sample in zip(views, (1, 1, 2), strict=True))
+    cell = {"cameras": {"cam": {"on": "left"}}, "targets": {"board": {"on": "world"}}}
+    done = add_to_cell(tmp_path / "c", Imported("views.csv", "poses", rows, cell), fine)
+    assert done.made == 1
+    samples = read_recording(tmp_path / "c").samples
+    assert [(each.sample, len(each.observations)) for each in samples] == [(0, 0), (1, 1), (2, 1), (3, 1)]
+    stands = [each.robots["left"].base_from_flange for each in samples]
+    np.testing.assert_allclose(stands[3].translation, stands[1].translation)
 
 
 @pytest.mark.parametrize("first", ["poses", "pictures"])

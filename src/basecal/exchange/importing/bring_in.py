@@ -150,12 +150,13 @@ def _give_samples(imports: Imported, recording: Recording) -> Imported:
     """A copy with further views of one sample as samples of their own, in which its robots stand as in it."""
     if not all(row.sample is not None and row.observations and not row.robots for row in imports.rows):
         return imports
-    known = {sample.sample: sample for sample in recording.samples}
-    free = count(max((*known, *(row.sample or 0 for row in imports.rows)), default=-1) + 1)
+    known: dict[int | None, Sample] = {sample.sample: sample for sample in recording.samples}
+    numbers = (*(sample.sample for sample in recording.samples), *(row.sample or 0 for row in imports.rows))
+    free = count(max(numbers, default=-1) + 1)
     taken: set[int | None] = set()
     rows = []
     for row in imports.rows:
-        first = known.get(-1 if row.sample is None else row.sample) if row.sample in taken else None
+        first = known.get(row.sample) if row.sample in taken else None
         taken.add(row.sample)
         rows.append(row if first is None else dataclass_replace(row, sample=next(free), robots=first.robots))
     return dataclass_replace(imports, rows=tuple(rows))
