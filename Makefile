@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 INSTALL := $(PIP) install -c constraints.txt
-BENCHMARKS := held_out two_arms semi_synthetic few_pictures real widths sag calibrate mutations wrong_answers false_alarms clean_kinds starts consistency outliers robot_model solve batch study cluster scaling robots ring rolling_shutter bag arm_errors detectors peers published certificate clocks verify capture capture_pictures pictures_and_poses blurred_views stated_numbers live plan stopping error_map meeting local_fits arrays target_poses touch trouble scene scene_recordings running_check report
+BENCHMARKS := held_out two_arms semi_synthetic few_images real widths sag calibrate mutations wrong_answers false_alarms clean_kinds starts consistency outliers robot_model solve batch study cluster scaling robots ring rolling_shutter bag arm_errors detectors peers published certificate clocks verify capture capture_images images_and_poses blurred_views stated_numbers live plan stopping error_map meeting local_fits arrays target_poses touch trouble scene scene_recordings running_check report
 # The matrices are small: more threads only wait for one another.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1

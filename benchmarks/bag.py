@@ -27,7 +27,7 @@ from basecal.geometry import SE3
 from benchmarks.common import table, write
 
 KINDS = ("ros1", "mcap", "sqlite3")
-SIZE_PX, PICTURES_HZ, POSES_HZ = (1280, 720), 30, 50
+SIZE_PX, IMAGES_HZ, POSES_HZ = (1280, 720), 30, 50
 STOP_S, MOVE_S = 1.0, 0.6
 BEGIN_S = 1_700_000_000.0
 SHARE = 0.1
@@ -42,20 +42,20 @@ def written(path: Path, kind: str, gigabytes: float) -> Path:
     path = path.with_suffix(".bag") if kind == "ros1" else path
     writer: Any = Writer1(path) if kind == "ros1" else Writer2(path, version=9, storage_plugin=plugin)
     serialize = store.serialize_ros1 if kind == "ros1" else store.serialize_cdr
-    rng, picture, pose = np.random.default_rng(0), "sensor_msgs/msg/Image", "geometry_msgs/msg/PoseStamped"
-    seconds = gigabytes * 1e9 / (SIZE_PX[0] * SIZE_PX[1] * PICTURES_HZ)
+    rng, image, pose = np.random.default_rng(0), "sensor_msgs/msg/Image", "geometry_msgs/msg/PoseStamped"
+    seconds = gigabytes * 1e9 / (SIZE_PX[0] * SIZE_PX[1] * IMAGES_HZ)
     with writer:
-        pictures = writer.add_connection("/wrist/image_raw", picture, typestore=store)
+        images = writer.add_connection("/wrist/image_raw", image, typestore=store)
         poses = writer.add_connection("/arm/pose", pose, typestore=store)
         for k in range(int(seconds * POSES_HZ)):
             at = k / POSES_HZ
             stamp = round((BEGIN_S + at) * 1e9)
             writer.write(poses, stamp, serialize(pose_message(store, kind, at), pose))
-            if (k * PICTURES_HZ) // POSES_HZ != ((k + 1) * PICTURES_HZ) // POSES_HZ:
+            if (k * IMAGES_HZ) // POSES_HZ != ((k + 1) * IMAGES_HZ) // POSES_HZ:
                 pixels = rng.integers(0, 256, SIZE_PX[0] * SIZE_PX[1], dtype=np.uint8)
                 header = header_of(store, kind, at)
                 shape = (SIZE_PX[1], SIZE_PX[0], "mono8", 0, SIZE_PX[0])
-                writer.write(pictures, stamp, serialize(store.types[picture](header, *shape, pixels), picture))
+                writer.write(images, stamp, serialize(store.types[image](header, *shape, pixels), image))
     return path
 
 

@@ -41,7 +41,7 @@ class _Eye:
         self._name, self._plant = name, plant
 
     def picture(self) -> Picture:
-        shot = self._plant.picture(self._name)
+        shot = self._plant.shot(self._name)
         return Picture(shot.stamp_s, shot.image)
 
     def light(self, on: bool) -> None:

@@ -24,6 +24,12 @@ import pytest
 Place = tuple[str, int]  # file below the package, first line of a function
 TELL = "_entered_"  # the function that functions call as they are entered
 IMPORT = "_importing_"  # and modules, as they begin and end to be imported
+SILENT = f"""
+import builtins
+for name in ({TELL!r}, {IMPORT!r}):
+    builtins.__dict__.setdefault(name, lambda *told: None)
+del builtins, name
+"""  # at the head of the package: a process that a test starts by these sources has nobody to tell
 PROCESSES = {"subprocess.Popen", "os.fork", "os.posix_spawn", "os.exec", "os.system"}
 
 
@@ -71,6 +77,8 @@ def telling(text: str, file: str) -> str:
     start = 1 + is_head.index(True) if any(is_head) else int(ast.get_docstring(tree) is not None)
     tree.body.insert(start, ast.parse(f"{IMPORT}(1)").body[0])
     tree.body.append(ast.parse(f"{IMPORT}(-1)").body[0])
+    if file == "__init__.py":
+        tree.body[start:start] = ast.parse(SILENT).body
     return ast.unparse(tree)
 
 

@@ -25,7 +25,7 @@ from benchmarks.common import table, write
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from shared.ros2_domain import ros2, watching
 
-JOINTS_HZ, PICTURES_HZ, SIZE_PX = 500, 30, (1280, 720)
+JOINTS_HZ, IMAGES_HZ, SIZE_PX = 500, 30, (1280, 720)
 WARM_S = 10.0  # before memory is measured
 TOLERANCE_S = 1e-6  # of a stamp as a float of seconds
 HEAD = ("what", "sent", "taken", "wrong stamps", "largest gap [s]")
@@ -57,7 +57,7 @@ def state_of(robot: Any) -> tuple[float, float]:
     return reading.stamp_s, joints[:4] @ [1e8, 1e5, 100, 0.01]
 
 
-def picture_of(camera: Any) -> tuple[float, float]:
+def image_of(camera: Any) -> tuple[float, float]:
     picture = camera.picture()
     return picture.stamp_s, int.from_bytes(picture.grey[0, :8].tobytes(), "big") * 1e-9
 
@@ -76,11 +76,11 @@ def cpu_s(pid: int) -> float:
 
 def watched(minutes: float) -> dict[str, Any]:
     """What came of so many minutes."""
-    with ros2(JOINTS_HZ, PICTURES_HZ, *SIZE_PX, cell=watching(SIZE_PX)) as process:
+    with ros2(JOINTS_HZ, IMAGES_HZ, *SIZE_PX, cell=watching(SIZE_PX)) as process:
         robot = open_robot(process.place("eye"))
         camera = open_camera(process.place("wrist", topic="/wrist/image_raw"))
         seconds = 60 * minutes
-        both = {"joint states": Watched(lambda: state_of(robot)), "pictures": Watched(lambda: picture_of(camera))}
+        both = {"joint states": Watched(lambda: state_of(robot)), "pictures": Watched(lambda: image_of(camera))}
         began_s, until_s = time.monotonic(), time.monotonic() + WARM_S + seconds
         threads = [threading.Thread(target=each.run, args=(until_s,)) for each in both.values()]
         for thread in threads:

@@ -63,7 +63,7 @@ def _unit(what: str) -> str:
     return what.rpartition("[")[2].rstrip("]")
 
 
-def _few_pictures(result: Result) -> str:
+def _few_images(result: Result) -> str:
     few = [row["within"] + row["refused"] for row in result["rows"] if 4 <= row["pictures"] <= 8]
     many = [row["mean"] for row in result["rows"] if row["pictures"] >= 10]
     return f"{min(few)} to {max(few)} of 40; {_span(many, 2)}"
@@ -151,10 +151,10 @@ FIGURES = (
         _semi_synthetic,
     ),
     Figure(
-        "few_pictures",
+        "few_images",
         "4 to 8 rendered images of two arms, nothing stated, 40 draws each: within the 95 % ellipsoid, or "
         "refused; 10 to 24 images: mean squared error of the base in its own covariance, 1 is right",
-        _few_pictures,
+        _few_images,
     ),
     Figure(
         "real",

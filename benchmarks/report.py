@@ -19,7 +19,7 @@ from benchmarks import (
     blurred_views,
     calibrate,
     capture,
-    capture_pictures,
+    capture_images,
     certificate,
     clean_kinds,
     clocks,
@@ -29,8 +29,9 @@ from benchmarks import (
     detectors,
     error_map,
     false_alarms,
-    few_pictures,
+    few_images,
     held_out,
+    images_and_poses,
     journeys,
     live,
     local_fits,
@@ -39,7 +40,6 @@ from benchmarks import (
     mutations,
     outliers,
     page,
-    pictures_and_poses,
     plan,
     published,
     real,
@@ -151,16 +151,16 @@ than required do so for this reason."""
     return f"{about}\n\n{table(semi_synthetic.HEAD, rows)}"
 
 
-def _few_pictures(result: Result) -> str:
-    low, high = few_pictures.BAND
+def _few_images(result: Result) -> str:
+    low, high = few_images.BAND
     about = f"""\
 A camera on one arm takes images of a board on another. The images are rendered, the board is detected, and all but a
-few images are left out. The recorded poses of both arms have errors of {1e3 * few_pictures.NOISE[0]:g} mm and
-{1e3 * few_pictures.NOISE[1]:g} mrad per axis and stop. No noise is stated, and both mounts are unknown. Required of
-the base from {few_pictures.ENOUGH} images on: a mean NEES/6 in [{low:g}, {high:g}]. Required with fewer images: the
-truth in the 95 % ellipsoid, or no answer, in {few_pictures.LEAST_HELD * 40:.0f} of 40 cells. Findings are warnings
+few images are left out. The recorded poses of both arms have errors of {1e3 * few_images.NOISE[0]:g} mm and
+{1e3 * few_images.NOISE[1]:g} mrad per axis and stop. No noise is stated, and both mounts are unknown. Required of
+the base from {few_images.ENOUGH} images on: a mean NEES/6 in [{low:g}, {high:g}]. Required with fewer images: the
+truth in the 95 % ellipsoid, or no answer, in {few_images.LEAST_HELD * 40:.0f} of 40 cells. Findings are warnings
 and errors, with the number of cells."""
-    return f"{about}\n\n{table(few_pictures.HEAD, map(few_pictures.row, result['rows']))}"
+    return f"{about}\n\n{table(few_images.HEAD, map(few_images.row, result['rows']))}"
 
 
 def _calibrate(result: Result) -> str:
@@ -443,7 +443,7 @@ are off by up to {1e3 * result["offset_s"]:g} ms, and the offset is free. Requir
 def _live(result: Result) -> str:
     memory, cores = result["memory_mb"], result["cores"]
     about = f"""\
-For {result["minutes"]:g} minutes another process sends {live.JOINTS_HZ} joint states and {live.PICTURES_HZ} images of
+For {result["minutes"]:g} minutes another process sends {live.JOINTS_HZ} joint states and {live.IMAGES_HZ} images of
 {live.SIZE_PX[0]} x {live.SIZE_PX[1]} a second over DDS on this computer. Each has its own stamp written into it. The
 driver `ros2` takes them. States and images that wait while another is taken are skipped, since a capture requests the
 newest.
@@ -561,7 +561,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "held_out": ("Held-out error on real recordings", _held_out),
     "two_arms": ("Held-out loops of two real arms", _two_arms),
     "semi_synthetic": ("Semi-synthetic recordings", _semi_synthetic),
-    "few_pictures": ("Few images", _few_pictures),
+    "few_images": ("Few images", _few_images),
     "real": ("Real recordings", _real),
     "widths": ("Contributions to the sigmas", widths.section),
     "calibrate": ("Time of the whole command", _calibrate),
@@ -588,8 +588,8 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "scene_recordings": ("A scene in place of a board", scene_recordings.section),
     "running_check": ("The running check of a capture", running_check.section),
     "arm_errors": ("Detectable errors of arms", arm_errors.section),
-    "capture_pictures": ("Images of captures", capture_pictures.section),
-    "pictures_and_poses": ("Images and their poses", pictures_and_poses.section),
+    "capture_images": ("Images of captures", capture_images.section),
+    "images_and_poses": ("Images and their poses", images_and_poses.section),
     "blurred_views": ("Blurred views", blurred_views.section),
     "clocks": ("Clocks", _clocks),
     "rolling_shutter": ("Rolling shutters", _rolling_shutter),

@@ -32,8 +32,8 @@ import numpy as np
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.scene import find_scene, one_camera
+from basecal.accuracy.scene.images import Images
 from basecal.accuracy.scene.one_camera import OneCamera, solve_camera
-from basecal.accuracy.scene.pictures import Pictures
 from basecal.cell.files import read_cell, read_recording
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array, Camera
@@ -175,13 +175,13 @@ def drawn(kind: str, seed: int, design: Design) -> Drawn:
 _SOLVED: dict[str, OneCamera] = {}
 
 
-def solve_camera_once(pictures: Pictures, camera: int, stop_noise: Array | None) -> OneCamera:
+def solve_camera_once(images: Images, camera: int, stop_noise: Array | None) -> OneCamera:
     """What `solve_camera` gives, kept for other cells of the same images and poses."""
-    rows = np.flatnonzero(pictures.views.camera == camera)
-    poses = pictures.views.base_from_flange[rows]
-    seen = [poses.translation.tobytes(), *(pictures.features[row].pixels.tobytes() for row in rows)]
+    rows = np.flatnonzero(images.views.camera == camera)
+    poses = images.views.base_from_flange[rows]
+    seen = [poses.translation.tobytes(), *(images.features[row].pixels.tobytes() for row in rows)]
     key = hashlib.sha256(b"".join(seen)).hexdigest()
-    _SOLVED[key] = _SOLVED.pop(key, None) or solve_camera(pictures, camera, stop_noise)
+    _SOLVED[key] = _SOLVED.pop(key, None) or solve_camera(images, camera, stop_noise)
     while len(_SOLVED) > 2:
         del _SOLVED[next(iter(_SOLVED))]
     return _SOLVED[key]

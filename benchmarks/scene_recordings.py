@@ -21,7 +21,7 @@ import numpy as np
 from tests.shared.real_recordings import EXAMPLES, data_folder
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.scene import pictures
+from basecal.accuracy.scene import images
 from basecal.cell import Calibration, Cell, PixelObservation, Recording, Sample, Unknown
 from basecal.cell.files import read_cell, read_recording
 from basecal.cell.schema.cell_dict import cell_to_dict
@@ -48,7 +48,7 @@ def from_scene(cell: Cell, recording: Recording) -> tuple[Calibration, float]:
     found: list[Calibration] = []
     idle = cell.robots.keys() - {cell.reference, *(camera.on for camera in cell.cameras.values())}
     cell = replace(cell, bases={**cell.bases, **dict.fromkeys(idle, Unknown("fixed", SE3.identity()))})
-    with patch.object(pictures, "_moving_targets", masked):
+    with patch.object(images, "_moving_targets", masked):
         cpu_s = cpu_seconds(lambda: found.append(calibrate(cell, recording, Settings(method="scene"))))
     return found[0], cpu_s
 

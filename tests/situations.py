@@ -1,7 +1,7 @@
 """Pages of reports in some 24 situations, to be looked at.
 
     python -m tests.situations FOLDER             a page each
-    python -m tests.situations FOLDER --pictures  and images of it at three widths, light and dark, and as paper
+    python -m tests.situations FOLDER --images  and images of it at three widths, light and dark, and as paper
     python -m tests.situations FOLDER --look      and what is wrong with them as a browser shows them
 
 Simulated cells are calibrated; what is found of them besides is put in, with the words of the check that finds it.
@@ -73,15 +73,15 @@ def situations() -> Iterator[tuple[str, Made]]:
     yield "one_arm", solved(Scenario(samples=12, layout="eye_in_hand"))
 
 
-def looked_at(paths: Sequence[Path], axe: Path | None, keeps_pictures: bool) -> Iterator[str]:
+def looked_at(paths: Sequence[Path], axe: Path | None, keeps_images: bool) -> Iterator[str]:
     """What is wrong with pages at each size and scheme; their images, and they as paper, are put beside them."""
     with TemporaryDirectory() as profile, browsing(Path(profile)) as tab:
         for path in paths:
             for name in shown_sizes(tab, path.as_uri()):
                 yield from (f"{path.stem} {name}: {fault}" for fault in faults(tab, axe))
-                if keeps_pictures:
+                if keeps_images:
                     tab.picture(path.with_name(f"{path.stem}_{name}.png"))
-            if keeps_pictures:
+            if keeps_images:
                 tab.paper(path.with_suffix(".pdf"))
 
 
@@ -89,7 +89,7 @@ def main() -> None:
     """Write the pages, and look at them in a browser if it is requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--pictures", action="store_true", help="and their images, and as paper")
+    parser.add_argument("--images", action="store_true", help="and their images, and as paper")
     parser.add_argument("--look", action="store_true", help="list text that is cut and errors of the console")
     parser.add_argument("--axe", type=Path, metavar="FILE", help="axe.min.js of axe-core, to list what it finds too")
     asked = parser.parse_args()
@@ -99,8 +99,8 @@ def main() -> None:
         paths.append(asked.folder.resolve() / f"{name}.html")
         paths[-1].write_text(page(cell, recording, calibration, details, title=name), encoding="utf-8")
         print(f"{paths[-1].stat().st_size / 1e3:6.0f} kB  {paths[-1]}")
-    if asked.pictures or asked.look or asked.axe:
-        found = list(looked_at(paths, asked.axe, asked.pictures))
+    if asked.images or asked.look or asked.axe:
+        found = list(looked_at(paths, asked.axe, asked.images))
         print(*found, f"{len(found)} faults at {len(SIZES)} sizes, light and dark", sep="\n")
         sys.exit(bool(found))
 

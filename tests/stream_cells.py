@@ -88,7 +88,7 @@ def streamed(
     return Streamed(cell, Recording((*views, *records)), offset_s)
 
 
-def pictured(
+def imaged(
     line_s: float, shutter: RollingShutter | None, noise_px: float = 0.1, seconds: float = 8.0, seed: int = 0
 ) -> Streamed:
     """Records of the arm, and pixels of a board on the table, each where its point was when its row was read."""

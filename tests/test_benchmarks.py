@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +105,16 @@ class Thing:
     assert names["Thing"]().decorated == 1
     assert told[2:] == [("a/b.py", 7), ("a/b.py", 3)]
     assert names["plain"].__doc__ == "What it gives."
+
+
+def test_processes_of_tests_have_nobody_to_tell(tmp_path: Path) -> None:
+    """A process that imports the sources without a tracer runs them all the same."""
+    (tmp_path / "p").mkdir()
+    for name, source in (("__init__.py", '"""A package."""'), ("a.py", "def f():\n    return 3")):
+        (tmp_path / "p" / name).write_text(telling(source, name), encoding="utf-8")
+    words = [sys.executable, "-c", "import p.a; print(p.a.f(), [name for name in vars(p) if name[0] != '_'])"]
+    said = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert said.stdout == "3 ['a']\n", said.stderr
 
 
 def test_only_tests_that_enter_a_change_judge_it() -> None:

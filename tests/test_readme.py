@@ -45,7 +45,7 @@ def test_report_is_that_of_the_example(tmp_path: Path, capsys: pytest.CaptureFix
     assert shown[1].splitlines()[2].split()[1] in picture
 
 
-def test_the_picture_is_that_of_the_demo() -> None:
+def test_the_image_is_that_of_the_demo() -> None:
     """Small, still for who asks for no motion, and with the verdict of a run."""
     picture = (ROOT / "docs" / "figures" / "demo.svg").read_text(encoding="utf-8")
     assert len(picture) < 300_000

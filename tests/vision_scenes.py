@@ -90,7 +90,7 @@ def with_exif(jpeg: bytes, orientation: int, order: str = "<") -> bytes:
     return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(tiff) + 8) + b"Exif\0\0" + tiff + jpeg[2:]
 
 
-def check_poor_picture(
+def check_poor_image(
     detect: Callable[[Image, Target], Detection | None], shape: Target, settings: RenderSettings, block: int, count: int
 ) -> None:
     """A target is found, with so many points at least, and with sigmas true within a factor of two and a half."""

@@ -61,9 +61,9 @@ class Desk:
 
 def laid_out(folder: Path, draw: int) -> Desk:
     """A desk where nothing is amiss."""
-    made, pictures = _taken(draw)
+    made, images = _taken(draw)
     (folder / "photos").mkdir()
-    for path in pictures:
+    for path in images:
         os.link(path, folder / "photos" / path.name)
     desk = Desk(folder, draw, made, recorded(made, "eye"), recorded(made, "hand"))
     desk.write("ur.csv", [UR_HEADER, *ur_rows(*desk.ur)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from benchmarks.slips import pictures, poses, statements, tags
+from benchmarks.slips import images, poses, statements, tags
 from benchmarks.slips.desk import Desk
 
 
@@ -139,11 +139,11 @@ SLIPS = (
         r"'?board'?.* on '?ur",
         r"on: kuka|--target-on",
     ),
-    Slip("15", "images mirrored", pictures.mirrored, r"mirrored", r"turn|flip|mirror"),
-    Slip("16", "a second board of the same numbers", pictures.second_board, r"seen twice", r"cover|remove"),
-    Slip("17", "ChArUco described as a chessboard", pictures.as_chessboard, r"markers here|charuco", r"kind: charuco"),
-    Slip("18", "images named under `Bild`, rows in another order", pictures.bild),
-    Slip("19", "an image is missing", pictures.missing, r"007 missing in the numbering", r"column .image"),
+    Slip("15", "images mirrored", images.mirrored, r"mirrored", r"turn|flip|mirror"),
+    Slip("16", "a second board of the same numbers", images.second_board, r"seen twice", r"cover|remove"),
+    Slip("17", "ChArUco described as a chessboard", images.as_chessboard, r"markers here|charuco", r"kind: charuco"),
+    Slip("18", "images named under `Bild`, rows in another order", images.bild),
+    Slip("19", "an image is missing", images.missing, r"007 missing in the numbering", r"column .image"),
     Slip(
         "20",
         "a few rows in millimetres",

@@ -37,6 +37,11 @@ def nearest(name: str, names: Iterable[str]) -> str:
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
+def error_words(error: BaseException) -> str:
+    """Words of a library's error on one line; its kind if it has none."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
 def describe_fault(error: Exception) -> str:
     """Message of an error that is none of ours, with the file of its traceback."""
     import tempfile

@@ -18,15 +18,15 @@ from basecal.accuracy.covariance.widening import widen
 from basecal.accuracy.lens_structure import (
     LensStructure,
     _answer_step,
-    _bend,
-    _bending,
     _camera_structure,
     _chance,
+    _choose_terms,
     _estimate_sizes,
     _pose_jacobian,
     _project,
-    _side_by_side,
     _single_view_poses,
+    _stack_views,
+    _term_derivatives,
     lens_structures,
 )
 from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL
@@ -54,7 +54,7 @@ def bent(cell, size=BEND):
     (group,) = problem.groups
     state = State(cell.truth, cell.cameras, np.zeros((len(problem.stops), 6)))
     points = group.measurement.camera_points(state.camera_from_target(group, problem.stops))
-    shift = _bending(cell.cameras["wrist"], points) @ size
+    shift = _term_derivatives(cell.cameras["wrist"], points) @ size
     samples = []
     for k, sample in enumerate(cell.recording.samples):
         (seen,) = sample.observations
@@ -150,7 +150,7 @@ CAMERA = Camera("pinhole", np.array([600.0, 500.0, 320.0, 240.0, 0.1, -0.05, 1e-
 def test_bending_by_the_squared_radius():
     """The fourth power of it along the ray, the first and second along either side of the image, times the focal."""
     points = np.array([[[0.2, -0.4, 2.0], [0.9, 0.3, 0.5]]])
-    for p, found in zip(points[0], _bending(CAMERA, points)[0], strict=True):
+    for p, found in zip(points[0], _term_derivatives(CAMERA, points)[0], strict=True):
         x, y = p[0] / p[2], p[1] / p[2]
         s = x * x + y * y
         expected = [[x * s * s * s * s, s, s * s, 0, 0], [y * s * s * s * s, 0, 0, s, s * s]]
@@ -171,7 +171,7 @@ def test_terms_are_taken_in_by_families(size):
     own, other, noise = drawn_views()
     size = np.array(size)
     residual = own @ np.array([5.0, -7.0]) + other @ size + 0.02 * noise[..., 0]
-    found, chance = _bend(residual, own, other)
+    found, chance = _choose_terms(residual, own, other)
     np.testing.assert_allclose(found, size, atol=0.01)
     np.testing.assert_array_equal(found == 0, size == 0)
     assert chance == 1.0 if not size.any() else chance < 1e-20
@@ -186,7 +186,7 @@ def test_two_families_share_the_chance_of_an_alarm():
 
     for share in (0.8, 1.2):
         size = brentq(lambda x, p=share: np.log(chance_of(x) / (p * SINGLE_LEVEL / 2)), 0.05, 1.0)
-        found, chance = _bend(size * other[..., 0] + noise[..., 0], own, other)
+        found, chance = _choose_terms(size * other[..., 0] + noise[..., 0], own, other)
         assert np.any(found) == (share < 1)
         assert chance == pytest.approx(share * SINGLE_LEVEL / 2 if share < 1 else 1.0, rel=1e-6)
 
@@ -195,7 +195,7 @@ def test_the_chance_told_is_the_least_of_those_of_the_families():
     """A second family that chance makes more easily takes nothing from the first."""
     own, other, noise = drawn_views()
     residual = 1.0 * other[..., 0] + 0.1 * other[..., 2] + 0.3 * noise[..., 0]
-    found, chance = _bend(residual, own, other)
+    found, chance = _choose_terms(residual, own, other)
     assert np.all(found)
     assert chance == _estimate_sizes(residual, own, other[..., [0]])[1]
 
@@ -226,12 +226,12 @@ def test_chance_of_the_fewest_views():
 def test_views_of_fewer_points_are_filled_up():
     """With rows of zeros after their own, in the order of the targets."""
     few, many = np.arange(1.0, 13.0).reshape(2, 2, 3), np.arange(1.0, 13.0).reshape(1, 4, 3)
-    found = _side_by_side((few, many))
+    found = _stack_views((few, many))
     assert found.shape == (3, 4, 3)
     np.testing.assert_array_equal(found[:2, :2], few)
     np.testing.assert_array_equal(found[:2, 2:], 0.0)
     np.testing.assert_array_equal(found[2:], many)
-    flat = _side_by_side((few[..., 0], many[..., 0]))
+    flat = _stack_views((few[..., 0], many[..., 0]))
     np.testing.assert_array_equal(flat, found[..., 0])
 
 
@@ -278,7 +278,7 @@ def test_what_is_projected_is_what_a_pose_cannot_take_up(solved):
     def pixels(pose, camera=CAMERA):
         return camera.project(few.camera_points(pose))
 
-    bend = _bending(CAMERA, few.camera_points(alone))
+    bend = _term_derivatives(CAMERA, few.camera_points(alone))
     bend[1, 4] = 0.0
     steps = np.maximum(1e-6, 1e-6 * np.abs(CAMERA.parameters))
     lens = [CAMERA.with_parameters(CAMERA.parameters + s * e) for s, e in zip(steps, np.eye(9), strict=True)]
@@ -335,23 +335,23 @@ def test_each_camera_is_judged_by_its_own_views(solved, monkeypatch):
 def test_size_in_pixels_is_over_the_points_that_were_seen(solved, monkeypatch):
     """Root of the mean square over both coordinates; nothing is told where no size stands out, nor of four views."""
     two, size = seen_twice(solved), np.array([0.0, 2.0, -1.0, 0.5, 0.25])
-    monkeypatch.setattr(lens_structure, "_bend", lambda residual, own, other: (size, 1e-9))
+    monkeypatch.setattr(lens_structure, "_choose_terms", lambda residual, own, other: (size, 1e-9))
     monkeypatch.setattr(lens_structure, "_answer_step", lambda solution, name, size, settings: 2 * size)
     found = _camera_structure(two, "wrist", SETTINGS)
     ((few, alone),) = _single_view_poses(solved, solved.problem.groups[0])
-    shift = (_bending(solved.state.cameras["wrist"], few.camera_points(alone)) @ size)[few.weight > 0]
+    shift = (_term_derivatives(solved.state.cameras["wrist"], few.camera_points(alone)) @ size)[few.weight > 0]
     assert (found.camera, found.chance) == ("wrist", 1e-9)
     assert found.rms_px == pytest.approx(np.sqrt(np.sum(shift**2) / shift.size), rel=1e-12)
     np.testing.assert_array_equal(found.moved, 2 * size)
     assert _camera_structure(two, "other", SETTINGS) is None
-    monkeypatch.setattr(lens_structure, "_bend", lambda residual, own, other: (np.zeros(5), 1.0))
+    monkeypatch.setattr(lens_structure, "_choose_terms", lambda residual, own, other: (np.zeros(5), 1.0))
     assert _camera_structure(two, "wrist", SETTINGS) is None
 
 
 @pytest.mark.parametrize("count", [9, 10])
 def test_ten_views_tell_how_far_they_differ(solved, monkeypatch, count):
     """And nine do not."""
-    monkeypatch.setattr(lens_structure, "_bend", lambda residual, own, other: (np.ones(5), 0.0))
+    monkeypatch.setattr(lens_structure, "_choose_terms", lambda residual, own, other: (np.ones(5), 0.0))
     monkeypatch.setattr(lens_structure, "_answer_step", lambda *_: np.zeros(1))
     (group,) = solved.problem.groups
     few = replace(solved, problem=solved.problem.with_groups([group.take(np.arange(count))]))
@@ -363,7 +363,7 @@ def test_the_answer_moves_as_that_of_pixels_without_the_bend(solved):
     size = np.array([0.0, 0.5, 0.0, -0.5, 0.0])
     (group,) = solved.problem.groups
     points = group.measurement.camera_points(solved.state.camera_from_target(group, solved.problem.stops))
-    shift = _bending(solved.state.cameras["wrist"], points) @ size
+    shift = _term_derivatives(solved.state.cameras["wrist"], points) @ size
     bent_group = replace(group, measurement=replace(group.measurement, pixels=group.measurement.pixels + shift))
     bent_solution = replace(solved, problem=solved.problem.with_groups([bent_group]))
     moved = _answer_step(bent_solution, "wrist", size, SETTINGS)

@@ -125,7 +125,7 @@ def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):
         assert store_plan(tmp_path, world.cell, plan[:1])[0].sample == 3
 
 
-def test_blurred_pictures_are_told(tmp_path, monkeypatch):
+def test_blurred_images_are_told(tmp_path, monkeypatch):
     """An image whose edges are wider across one direction than across another is too blurred, and not recorded."""
     monkeypatch.setattr(module, "edge_width", lambda grey, pixels: EdgeWidth(3.0, 5.2))
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:

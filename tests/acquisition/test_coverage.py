@@ -22,7 +22,7 @@ def sample(number, turn=0.0, pixels=()):
     return Sample(number, robots=states, observations=(seen,) if len(pixels) else ())
 
 
-def test_cells_of_the_picture():
+def test_cells_of_the_image():
     """Points in two corners cover two of the cells, also where one lies a little outside."""
     found = measure_coverage(SKETCH, [sample(0, pixels=[(3, 3)]), sample(1, pixels=[(1281, 719), (2, 4)])])
     assert found.cells.sum() == 2

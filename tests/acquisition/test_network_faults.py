@@ -98,14 +98,14 @@ def test_a_controller_behind_a_network_with_faults():
 def test_ros2_over_a_network_that_loses_packets():
     """Of five packets one is lost: every state and image that comes is whole, with its own stamp, and newer."""
     pytest.importorskip("cyclonedds")
-    from basecal.acquisition.drivers.ros2 import open_camera as open_picture
+    from basecal.acquisition.drivers.ros2 import open_camera as open_image
     from basecal.acquisition.drivers.ros2 import open_robot as open_joints
     from shared.ros2_domain import LOOPBACK, ros2, watching
 
     lossy = LOOPBACK.replace("</General>", f"</General>{LOSS}")
     with ros2(100, 15, 640, 480, cell=watching((640, 480)), CYCLONEDDS_URI=lossy) as process:
         robot = open_joints(process.place("eye"))
-        camera = open_picture(process.place("wrist", topic="/wrist/image_raw"))
+        camera = open_image(process.place("wrist", topic="/wrist/image_raw"))
         pairs = [(robot.state(), camera.picture()) for _ in range(15)]
     for reading, picture in pairs:
         joints = reading.state.joints_rad
@@ -132,9 +132,9 @@ def test_ros2_over_a_network_that_reorders_packets():
     except PermissionError as error:
         pytest.skip(f"no process can have a network of its own here ({error})")
     assert between.overtaken > 100
-    states, pictures = np.array(heard["states"]), np.array(heard["pictures"])
+    states, images = np.array(heard["states"]), np.array(heard["pictures"])
     np.testing.assert_allclose(states[:, 0], states[:, 1], atol=1e-6)
-    np.testing.assert_allclose(pictures[:, 0], pictures[:, 1], atol=1e-6)
-    assert pictures[:, 2].all()
+    np.testing.assert_allclose(images[:, 0], images[:, 1], atol=1e-6)
+    assert images[:, 2].all()
     assert np.all(np.diff(states[:, 0]) > 0)
-    assert np.all(np.diff(pictures[:, 0]) > 0)
+    assert np.all(np.diff(images[:, 0]) > 0)

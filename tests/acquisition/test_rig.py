@@ -73,6 +73,19 @@ def test_arms_stop_before_anything_else(stranger, tmp_path, error):
     assert stranger.arms[0].asked == ["stop", "close"]
 
 
+def test_an_arm_that_does_not_stop_is_named(stranger, tmp_path, caplog):
+    """A stop that fails is reported beside the error that ends the capture, which stays as it is."""
+
+    class Runaway(Arm):
+        def stop(self):
+            raise OSError("no link")
+
+    stranger.open_robot = Runaway
+    with pytest.raises(ValueError, match=r"^first$"), open_rig(cell("stranger"), tmp_path):
+        raise ValueError("first")
+    assert caplog.messages == ["eye did not confirm a stop: look at the arm"]
+
+
 def test_a_stop_may_be_requested_from_anywhere(stranger, tmp_path):
     """The capture ends with the reason, wherever it is; its arms stop first."""
 

@@ -7,7 +7,7 @@ import pytest
 
 from basecal.acquisition.driver import Picture, Reading
 from basecal.acquisition.rig import open_rig
-from basecal.acquisition.stillness import Unfit, _is_still, wait_for_arms, wait_for_picture, wait_until_led
+from basecal.acquisition.stillness import Unfit, _is_still, wait_for_arms, wait_for_image, wait_until_led
 from basecal.cell import RobotState
 from basecal.geometry import SE3
 from shared.running_cell import running
@@ -88,19 +88,19 @@ class Film:
         return Picture(self.t, np.clip(60 + 120 * inside + self.rng.normal(0, 2, u.shape), 0, 255).astype(np.uint8))
 
 
-def test_a_picture_that_swings_is_waited_for():
+def test_a_image_that_swings_is_waited_for():
     """None is taken before the swing is below a tenth of a pixel, and none long after."""
-    assert 0.9 < wait_for_picture(Film(5.0), [], 5.0).stamp_s < 1.3
-    assert wait_for_picture(Film(0.0), [], 5.0).stamp_s == pytest.approx(3 / 30)
+    assert 0.9 < wait_for_image(Film(5.0), [], 5.0).stamp_s < 1.3
+    assert wait_for_image(Film(0.0), [], 5.0).stamp_s == pytest.approx(3 / 30)
     with pytest.raises(Unfit, match="image still moving"):
-        wait_for_picture(Film(50.0), [], 0.4)
+        wait_for_image(Film(50.0), [], 0.4)
 
 
-def test_a_camera_that_gives_one_picture():
+def test_a_camera_that_gives_one_image():
     """Of a folder the next image is taken as it is: a person vouches that all was still."""
     film = Film(5.0)
     film.is_live = False
-    assert wait_for_picture(film, [], 5.0).stamp_s == pytest.approx(1 / 30)
+    assert wait_for_image(film, [], 5.0).stamp_s == pytest.approx(1 / 30)
 
 
 @pytest.mark.parametrize(("target", "places"), [pytest.param("charuco", 10, marks=pytest.mark.slow), ("led", 1)])
@@ -119,7 +119,7 @@ def test_ringing_arms_are_outwaited(tmp_path, target, places):
                 pass
             arrived = rig.robots["eye"].state().stamp_s
             wait_for_arms(rig.robots, goals, 5.0)
-            picture = wait_for_picture(rig.cameras["wrist"], [shape], 5.0)
+            picture = wait_for_image(rig.cameras["wrist"], [shape], 5.0)
             assert RING_S - 4 * STATE_S < picture.stamp_s - arrived < RING_S + 0.3
 
 

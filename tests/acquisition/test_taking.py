@@ -89,7 +89,7 @@ class LateEye:
         self.camera.close()
 
 
-def test_the_picture_without_the_light_was_exposed_without_it(tmp_path):
+def test_the_image_without_the_light_was_exposed_without_it(tmp_path):
     """One that was on its way as the light went off still shows it, and is not taken; what there is to know is told."""
     reports = []
     with running(tmp_path, target="led") as world, open_rig(world.cell, tmp_path) as rig:
@@ -166,10 +166,10 @@ class Frozen:
     is_live, is_on_demand = True, True
 
     def __init__(self, picture):
-        self._picture = picture
+        self._image = picture
 
     def picture(self):
-        return replace(self._picture, stamp_s=time.monotonic())
+        return replace(self._image, stamp_s=time.monotonic())
 
     def close(self):
         pass

@@ -142,3 +142,10 @@ def test_jitter_is_of_cameras_alone():
     """A robot has none: it is of a view against all that moves."""
     with pytest.raises(ValidationError, match="jitter_s stands at the clock of a camera"):
         RobotEntry.model_validate({"clock": {"jitter_s": 0.002}})
+
+
+def test_one_plate_of_several_is_replaced():
+    """What is known of the others, of bases and of mounts stays."""
+    cell = Cell("eye", {"eye": Robot("eye")}, plates={"near": Unknown(), "far": Unknown()})
+    changed = cell.with_transform("eye_base_from_far", FIXED)
+    assert changed.plates == {"near": cell.plates["near"], "far": FIXED}

@@ -47,7 +47,7 @@ def test_it_says_that_nothing_is_told(capsys: pytest.CaptureFixture[str]) -> Non
     assert (is_wrong, out) == (False, expected)
 
 
-def test_pictures_are_searched_and_kept(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_images_are_searched_and_kept(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """What is found in images serves the calibration that follows."""
     made = cell(samples=6, seed=3)
     recording = render_recording(made, tmp_path)

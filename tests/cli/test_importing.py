@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from cyclopts import App
 
-from basecal.cell import RobotState
+from basecal.cell import PoseObservation, RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli.importing import finish_import, import_app, import_verb
 from basecal.errors import InputError
@@ -43,6 +43,18 @@ def test_it_says_what_was_read_and_what_comes_next(tmp_path: Path, capsys: pytes
         "paired with 3 samples in order",
         "written into cell.yaml: robots.right",
     ]
+
+
+def test_a_single_new_sample_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A second view of a sample becomes one more, beside those that are completed."""
+    finish_import(tmp_path, poses("left", 3))
+    views = (PoseObservation("cam", "board", SE3.identity()),)
+    cell = {"cameras": {"cam": {"on": "left"}}, "targets": {"board": {"on": "world"}}}
+    capsys.readouterr()
+    finish_import(
+        tmp_path, Imported("v.csv", "3 views", tuple(Row(observations=views, sample=k) for k in (1, 1, 2)), cell)
+    )
+    assert capsys.readouterr().out.splitlines()[-1].startswith(f"completed the 4 samples, 1 of them new, of {tmp_path}")
 
 
 def test_doubts_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

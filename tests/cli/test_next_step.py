@@ -49,7 +49,7 @@ def test_an_arm_that_stood_still(tmp_path: Path) -> None:
     assert told.endswith(" --robot hand FILE --format FORMAT --still")
 
 
-def test_pictures_that_were_dropped_in_are_seen(tmp_path: Path) -> None:
+def test_images_that_were_dropped_in_are_seen(tmp_path: Path) -> None:
     """They have the place where they would be copied to, and are imported from there."""
     dropped = tmp_path / "recording" / "images" / "wrist"
     dropped.mkdir(parents=True)

@@ -28,7 +28,7 @@ def cell(folder: Path, text: str, numbers: range = range(3), stamps: float | Non
     return folder
 
 
-def with_pictures(folder: Path, content: bytes) -> Path:
+def with_images(folder: Path, content: bytes) -> Path:
     images = folder / "recording" / "images" / "cam"
     images.mkdir(parents=True)
     (images / "0.png").write_bytes(b"\x89PNG" + content)
@@ -62,9 +62,9 @@ def test_robots_are_joined_and_samples_numbered_on(tmp_path: Path) -> None:
     assert len(read_recording(a).samples) == 3
 
 
-def test_pictures_of_one_name_both_come_along(tmp_path: Path) -> None:
+def test_images_of_one_name_both_come_along(tmp_path: Path) -> None:
     """An image whose path is taken gets the number of its sample before its name."""
-    parts = [with_pictures(cell(tmp_path / n, BASE + CAMERA, range(2)), n.encode()) for n in "ab"]
+    parts = [with_images(cell(tmp_path / n, BASE + CAMERA, range(2)), n.encode()) for n in "ab"]
     merge_cells(parts, tmp_path / "c")
     last = read_recording(tmp_path / "c").samples[-1]
     paths = [s.images["cam"] for s in read_recording(tmp_path / "c").samples if s.images]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.exchange.urdf import chain_urdf, corrected_urdf
 from basecal.geometry import SE3
-from basecal.kinematics import SerialChain, parse_chain
+from basecal.kinematics import Masses, SerialChain, parse_chain
 from basecal.simulation.arms import six_axis
 
 FOLDER = Path(__file__).parents[1] / "data" / "urdf"
@@ -130,3 +131,14 @@ def test_a_chain_written_as_urdf_is_the_same():
         again = parse_chain(chain_urdf(arm, "base_link", "tool0"), "base_link", "tool0")
         np.testing.assert_allclose(again.forward(joints).matrix, arm.forward(joints).matrix, atol=1e-14)
         np.testing.assert_array_equal([again.lower, again.upper], [arm.lower, arm.upper])
+
+
+def test_a_written_chain_keeps_its_masses():
+    """Each link has its own mass and centre, read back to rounding."""
+    rng = np.random.default_rng(2)
+    chain = six_axis()
+    chain = replace(chain, masses=Masses(rng.uniform(1, 5, chain.n), rng.normal(0, 0.1, (chain.n, 3))))
+    again = parse_chain(chain_urdf(chain, "base_link", "tool0"), "base_link", "tool0").masses
+    assert again is not None
+    np.testing.assert_allclose(again.kg, chain.masses.kg)
+    np.testing.assert_allclose(again.centres, chain.masses.centres, atol=1e-12)

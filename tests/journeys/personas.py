@@ -30,7 +30,7 @@ LENS = np.array([[FOCAL_PX, 0, CENTRE_PX[0]], [0, FOCAL_PX, CENTRE_PX[1]], [0, 0
 TAG_M = 0.04 * np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0.0]])
 BOARD_M = 0.03 * np.array([[x, y, 0.0] for y in range(-2, 3) for x in range(-2, 3)])
 FACE = np.diag([1.0, -1.0, -1.0])  # a ChArUco board's z points away from who sees it
-PICTURES = 12  # of each board
+IMAGES = 12  # of each board
 CELL_OF_THREE = """\
 schema: basecal/cell/1
 reference: ur
@@ -121,14 +121,14 @@ def three_makers(folder: Path, seed: int) -> Persona:
     for maker, base in bases.items():
         flange_from_board = near(rng, [0, 0.02, 0.1])
         other = next(each for each in bases if each != maker)
-        for k, sight in enumerate(board_sights(rng, PICTURES)):
+        for k, sight in enumerate(board_sights(rng, IMAGES)):
             hand = home @ SE3(Rotation.from_rotvec(rng.normal(0, 0.4, 3)).as_matrix(), rng.normal(0, 0.05, 3))
             eye = base @ hand @ flange_from_board @ sight.inverse() @ mount.inverse()
             for name, pose in (("ur", eye), (maker, hand), (other, home)):
                 poses[name].append(recorded(rng, pose))
             image = render(CAMERA, boards[maker], sight, None, int(rng.integers(2**31)))
             write_png(folder / "photos" / f"{maker}_{k + 1:02d}.png", image)
-    order = [*range(PICTURES, 2 * PICTURES), *range(PICTURES)]  # as their names sort
+    order = [*range(IMAGES, 2 * IMAGES), *range(IMAGES)]  # as their names sort
     for name, write in (("ur", teach_pendant), ("kuka", krl), ("abb", rapid)):
         told = SE3.stack([poses[name][k] for k in order])
         written(folder / f"{name}.txt", write(told.translation, Rotation.from_matrix(told.rotation)))

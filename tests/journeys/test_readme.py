@@ -75,7 +75,7 @@ def files(tmp_path: Path) -> SE3:
     return made.truth["eye_base_from_hand_base"]
 
 
-def test_own_pictures_to_an_answer_in_a_controller(tmp_path: Path, typed: Typed, files: SE3) -> None:
+def test_own_images_to_an_answer_in_a_controller(tmp_path: Path, typed: Typed, files: SE3) -> None:
     """The tolerance is met, and the pose for the controller is printed."""
     *before, calibrate, export = commands("Your own images")
     for line in before:

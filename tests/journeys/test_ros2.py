@@ -46,7 +46,7 @@ def published(text: str) -> SE3:
     return SE3(turn.as_matrix(), np.array([float(str(told[key])) for key in "xyz"]))
 
 
-def test_from_tf_and_stamped_pictures_to_a_launch_file(
+def test_from_tf_and_stamped_images_to_a_launch_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Trajectories and images are paired by time; the answer is published on /tf_static."""

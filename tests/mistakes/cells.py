@@ -47,7 +47,7 @@ def change_cell(folder: Path, change: Callable[[Any], object]) -> None:
     path.write_text(yaml_text(data))
 
 
-def pictures(folder: Path) -> list[Path]:
+def images(folder: Path) -> list[Path]:
     """The images, in order."""
     return sorted((folder / "recording" / "images").glob("*/*.png"))
 

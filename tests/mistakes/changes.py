@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mistakes.cells import Line, change_cell, lines_of, pictures, samples_file, write_lines
+from mistakes.cells import Line, change_cell, images, lines_of, samples_file, write_lines
 
 Change = Callable[[Path], None]
 Pose = dict[str, Any]
@@ -84,11 +84,11 @@ def in_line(number: int, old: str, new: str) -> Change:
     return change
 
 
-def each_picture(of: Callable[[Any], Any], every: int = 1) -> Change:
+def each_image(of: Callable[[Any], Any], every: int = 1) -> Change:
     """Images drawn anew."""
 
     def change(folder: Path) -> None:
-        for path in pictures(folder)[::every]:
+        for path in images(folder)[::every]:
             cv2.imwrite(str(path), of(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)))
 
     return change

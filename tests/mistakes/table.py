@@ -13,8 +13,8 @@ import numpy as np
 
 from basecal.geometry import SE3
 from mistakes import changes
-from mistakes.cells import lines_of, pictures, samples_file, write_lines
-from mistakes.changes import Change, each_line, each_picture, each_pose, in_cell, in_line, in_text
+from mistakes.cells import images, lines_of, samples_file, write_lines
+from mistakes.changes import Change, each_image, each_line, each_pose, in_cell, in_line, in_text
 
 UNREADABLE = "unreadable"
 USAGE = "usage"
@@ -309,8 +309,8 @@ def _copied_rows(lines: list[dict[str, object]]) -> list[dict[str, object]]:
     return [*lines, *({**line, "sample": 100 + number} for number, line in enumerate(lines[:3]))]
 
 
-def _same_pictures(folder: Path) -> None:
-    shown = pictures(folder)
+def _same_images(folder: Path) -> None:
+    shown = images(folder)
     for one, other in ((0, 4), (1, 6)):
         shown[other].write_bytes(shown[one].read_bytes())
 
@@ -341,7 +341,7 @@ _PAIRS = [
     Mistake(
         "an image twice under other poses",
         "pictures",
-        _same_pictures,
+        _same_images,
         "repeated-view",
         ("samples 0 and 4", "samples 1 and 6", "other poses"),
     ),
@@ -386,7 +386,7 @@ def _board(**other: object) -> Change:
     return in_cell(lambda c: c["targets"]["board"].update(other))
 
 
-_PICTURES = [
+_IMAGES = [
     Mistake(
         "another dictionary",
         "pictures",
@@ -406,7 +406,7 @@ _PICTURES = [
         "pictures",
         _board(squares=[4, 5]),
         "few-images",
-        ("6x8 squares", "not 4x5", "write squares: [6, 8]"),
+        ("6x8 squares", "not 4x5", "write `squares: [6, 8]`"),
     ),
     Mistake(
         "another kind of target",
@@ -418,19 +418,19 @@ _PICTURES = [
     Mistake(
         "images of another size",
         "pictures",
-        each_picture(_smaller),
+        each_image(_smaller),
         "few-images",
         ("320 x 240", "640 x 480", "size_px"),
     ),
     Mistake(
         "some images of another size",
         "pictures",
-        each_picture(_smaller, every=4),
+        each_image(_smaller, every=4),
         "dropped-sample",
         ("2 of 8", "320 x 240", "640 x 480"),
     ),
-    Mistake("blurred images", "pictures", each_picture(_blurred), "few-images", ("blurred", "focus")),
-    Mistake("dark images", "pictures", each_picture(lambda image: image // 250), "few-images", ("dark", "more light")),
+    Mistake("blurred images", "pictures", each_image(_blurred), "few-images", ("blurred", "focus")),
+    Mistake("dark images", "pictures", each_image(lambda image: image // 250), "few-images", ("dark", "more light")),
     Mistake("another ending of all images", "pictures", _all_endings, "few-images", ("did you mean .png?",)),
     Mistake(
         "no folder of images",
@@ -442,14 +442,14 @@ _PICTURES = [
     Mistake(
         "one image missing",
         "pictures",
-        lambda folder: pictures(folder)[3].unlink(),
+        lambda folder: images(folder)[3].unlink(),
         "dropped-sample",
         ("000003.png", "missing"),
     ),
     Mistake(
         "an image that is none",
         "pictures",
-        lambda folder: pictures(folder)[3].write_bytes(b"<html>"),
+        lambda folder: images(folder)[3].write_bytes(b"<html>"),
         "dropped-sample",
         ("000003.png", "not an image"),
     ),
@@ -700,4 +700,4 @@ _FILES = [
     ),
 ]
 
-MISTAKES = [*_UNITS, *_ROTATIONS, *_DIRECTIONS, *_PAIRS, *_PICTURES, *_FILES]
+MISTAKES = [*_UNITS, *_ROTATIONS, *_DIRECTIONS, *_PAIRS, *_IMAGES, *_FILES]

@@ -97,13 +97,13 @@ def three_robots(folder: Path) -> None:
         for sample in made.recording.samples
         if any((on[o.camera], made.cell.targets[o.target].on) in pairs for o in sample.observations)
     ]
-    pictures = render_recording(made, folder / "rendered")
+    images = render_recording(made, folder / "rendered")
     names = {}
     for carrier, called in (("r1", "photos_left"), ("r2", "photos_middle")):
         (folder / called).mkdir()
         mine = [s for s in kept if any(on[o.camera] == carrier for o in s.observations)]
         for sample in mine:
-            (path,) = pictures.samples[sample.sample].images.values()
+            (path,) = images.samples[sample.sample].images.values()
             names[sample.sample] = f"{called[7:]}_{sample.sample:03d}.png"
             (folder / "rendered" / path).rename(folder / called / names[sample.sample])
     for robot, called in (("r1", "left"), ("r2", "middle"), ("r3", "right")):
@@ -133,8 +133,8 @@ def tutorial(folder: Path) -> None:
     first, later = made.recording.samples[:20], made.recording.samples[20:]
     photographs(made, folder, lambda i: f"{i + 1:02d}.png")
     (folder / "photos_today").mkdir()
-    for picture in sorted((folder / "photos").iterdir())[20:]:
-        picture.rename(folder / "photos_today" / picture.name)
+    for image in sorted((folder / "photos").iterdir())[20:]:
+        image.rename(folder / "photos_today" / image.name)
     for robot, name in OF_ARMS:
         written(folder / f"{name}.txt", teach_pendant(*recorded(_of(made, list(first)), robot)))
         written(folder / f"{name}_today.txt", teach_pendant(*recorded(_of(made, list(later)), robot)))
@@ -172,9 +172,9 @@ def scene_bag(folder: Path, samples: dict[str, list[Sample]]) -> None:
         for time, stop, share in journey(len(mine)):
             bag.pose(f"/{robot}/pose", time, between(poses, stop, share))
         for k, time in enumerate(middles(len(mine))):
-            picture = (folder / f"photos_{robot}" / f"{k + 1}.png").read_bytes()
+            image = (folder / f"photos_{robot}" / f"{k + 1}.png").read_bytes()
             for late in (-0.2, 0.0, 0.2):
-                bag.compressed(f"/{robot}_eye/image/compressed", float(time) + late, picture, "png")
+                bag.compressed(f"/{robot}_eye/image/compressed", float(time) + late, image, "png")
     bag.close()
 
 

@@ -176,7 +176,7 @@ def test_nothing_is_cut_at_any_size(tmp_path: Path) -> None:
     for name, (cell, recording, calibration, details) in shown.items():
         paths.append(tmp_path / f"{name}.html")
         paths[-1].write_text(page(cell, recording, calibration, details, title=name), encoding="utf-8")
-    assert list(looked_at(paths, None, keeps_pictures=False)) == []
+    assert list(looked_at(paths, None, keeps_images=False)) == []
     with browsing(tmp_path / "profile") as tab:
         tab.go(paths[0].as_uri())
         tab.value("document.querySelector('.note').style = 'position: absolute; left: 99%; white-space: nowrap'")

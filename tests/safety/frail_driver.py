@@ -20,6 +20,7 @@ class FrailArm:
     def __init__(self, place: Place) -> None:
         self.name, self.port = place.name, place.options["port"]
         self.reconnect_s = place.options.get("reconnect_s", 1.0)
+        self.is_deaf = place.options.get("is_deaf", False)
         self.is_connected = True
         self.connect()
 
@@ -74,6 +75,8 @@ class FrailArm:
             self.tell(do="alive")
 
     def stop(self) -> None:
+        if self.is_deaf:
+            raise OSError("no link")
         self.tell(do="stop")
 
     def close(self) -> None:

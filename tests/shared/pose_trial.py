@@ -28,7 +28,7 @@ from basecal.geometry import SE3, Camera
 from basecal.planning.sketch import sketch_cell
 from basecal.vision.detectors import find
 from basecal.vision.draw.render import RenderSettings, render
-from tests.shared.picture_sources import PROCESSES, Arm, BufferingCapture, Path2, Scene, mjpeg_server, saving
+from tests.shared.image_sources import PROCESSES, Arm, BufferingCapture, Path2, Scene, mjpeg_server, saving
 
 FOCAL_PX, AWAY_M, REACH_M = 600.0, 0.5, 0.05
 SIZE_PX = (640, 480)

@@ -76,8 +76,8 @@ def transform(stamp_ns, parent, child, x, q=(0.0, 0.0, 0.0, 1.0)):
 
 
 class Publisher:
-    def __init__(self, domain, joints_hz, pictures_hz, width, height):
-        self.rates = {"joints": joints_hz, "pictures": pictures_hz}
+    def __init__(self, domain, joints_hz, images_hz, width, height):
+        self.rates = {"joints": joints_hz, "pictures": images_hz}
         self.width, self.height = width, height
         self.ground = (np.arange(width * height) % 251).astype(np.uint8)
         self.frozen, self.partial, self.running = False, False, True
@@ -104,7 +104,7 @@ class Publisher:
         x = stamp_ns % 10**9 * 1e-9
         self.tf.send(Message(transforms=[transform(stamp_ns, "base_link", "link", x)]))
 
-    def send_picture(self):
+    def send_image(self):
         stamp_ns = self.time_s()
         self.images.send(picture(stamp_ns, self.width, self.height, self.ground))
         self.infos.send(camera_info(stamp_ns, self.width, self.height))
@@ -133,9 +133,9 @@ class Publisher:
         return "ok"
 
 
-def main(domain, joints_hz=100.0, pictures_hz=30.0, width=64, height=48):
-    publisher = Publisher(int(domain), float(joints_hz), float(pictures_hz), int(width), int(height))
-    for name, send in (("joints", publisher.send_joints), ("pictures", publisher.send_picture)):
+def main(domain, joints_hz=100.0, images_hz=30.0, width=64, height=48):
+    publisher = Publisher(int(domain), float(joints_hz), float(images_hz), int(width), int(height))
+    for name, send in (("joints", publisher.send_joints), ("pictures", publisher.send_image)):
         threading.Thread(target=publisher.repeat, args=(name, send), daemon=True).start()
     print("ready", flush=True)
     for line in sys.stdin:

@@ -76,6 +76,17 @@ def test_views_of_the_homes_stay_as_they_were(layout):
         np.testing.assert_allclose(home.matrix, arms[robot].chain.forward(arms[robot].home).matrix, atol=1e-12)
 
 
+def test_homes_are_on_both_sides_of_the_middle():
+    """Cells differ: each joint is somewhere else, within its reach of a bent arm."""
+    scenario, draws = Scenario(layout="eye_in_hand", joints=True), rng()
+    scene = draw_scene(scenario, make_layout("eye_in_hand"), np.random.default_rng(1))
+    homes = np.stack([arm.home for _ in range(20) for arm in with_arms(scene, scenario, draws)[1].values()])
+    middle = np.array([0.0, -1.2, 1.5, -1.8, 1.4, 0.0])
+    assert np.all(homes.min(0) < middle)
+    assert np.all(homes.max(0) > middle)
+    assert np.all(np.abs(homes - middle)[:, 1:5] <= 0.5)
+
+
 def test_a_light_on_the_world_stays_without_rotation():
     """Its mount is a point, whichever way the bases turned."""
     scenario = Scenario(layout="eye_in_hand", target="led", joints=True)

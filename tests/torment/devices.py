@@ -37,7 +37,7 @@ Stage = Callable[[Random, Path], AbstractContextManager[list[str]]]
 _KEPT = ExitStack()  # processes of devices, until this one ends
 _UR_PORTS = (30004, 29999, 30001, 30002, 30003)
 _TOKEN = "token"
-_PICTURE_S = 0.04  # between images of a stream
+_IMAGE_S = 0.04  # between images of a stream
 _FILMS = {".avi": "MJPG", ".ts": "mpg2", ".mkv": "mp4v", ".mp4": "mp4v"}
 _DATAGRAM = 1316  # bytes: seven packets of a transport stream
 _RECONNECT_S = 1.0
@@ -117,7 +117,7 @@ def _kept_folder() -> Path:
     return Path(_KEPT.enter_context(TemporaryDirectory(prefix="torment-")))
 
 
-def _stream_pictures(chance: Random) -> Callable[[socket.socket], None]:
+def _stream_images(chance: Random) -> Callable[[socket.socket], None]:
     """A camera that answers HTTP with images, one after another."""
 
     def play(line: socket.socket) -> None:
@@ -126,7 +126,7 @@ def _stream_pictures(chance: Random) -> Callable[[socket.socket], None]:
         for k in range(10_000):
             content = cv2.imencode(".jpg", np.full((48, 64), k % 255, np.uint8))[1].tobytes()
             line.sendall(b"--b\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(content) + content)
-            time.sleep(_PICTURE_S)
+            time.sleep(_IMAGE_S)
 
     return play
 
@@ -165,7 +165,7 @@ def opencv_stage(chance: Random, folder: Path) -> Iterator[list[str]]:
         with _sent_by_udp(chance) as port:
             yield _check(folder, "wrist", {"kind": "opencv", "source": f"udp://127.0.0.1:{port}"})
     else:
-        play = {"pictures": _stream_pictures, "film": _stream_film, "rtsp": _answer_rtsp}[kind](chance)
+        play = {"pictures": _stream_images, "film": _stream_film, "rtsp": _answer_rtsp}[kind](chance)
         with linked(choose_link(chance), [played(play)], [("127.0.0.1", 0)]) as (port,):
             scheme = "rtsp" if kind == "rtsp" else "http"
             yield _check(folder, "wrist", {"kind": "opencv", "source": f"{scheme}://127.0.0.1:{port}/a"})
@@ -180,7 +180,7 @@ def _sent_by_udp(chance: Random) -> Iterator[int]:
 
     def send() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line, suppress(OSError):
-            while chance_sends and not is_over.wait(_PICTURE_S):
+            while chance_sends and not is_over.wait(_IMAGE_S):
                 for packet in packets:
                     line.sendto(torn_bytes(packet, other) if other.random() < share else packet, ("127.0.0.1", port))
 

@@ -68,7 +68,7 @@ _RECORDED_AT_ONCE = 200  # a multiple of the texts
 _SHOWN = 300  # characters
 _URDF_TEXT = re.compile(r'"([^"]*)"')
 
-_PICTURE = png_bytes(np.zeros((720, 1280), dtype=np.uint8))
+_IMAGE = png_bytes(np.zeros((720, 1280), dtype=np.uint8))
 _LENS = """image_width: 1280
 image_height: 720
 camera_matrix: {rows: 3, cols: 3, data: [915, 0, 640, 0, 915, 360, 0, 0, 1]}
@@ -171,7 +171,7 @@ def lay(folder: Path, lures: Sequence[Lure]) -> None:
         _write(cell / file, data)
     for name in ("cell/recording/images", "photos"):
         (folder / name).mkdir()
-        (folder / name / "0.png").write_bytes(_PICTURE)
+        (folder / name / "0.png").write_bytes(_IMAGE)
     copytree(cell, folder / "twin")
     (folder / "poses.txt").write_text("0.1 0.2 0.3 0 0 0\n" * 12)
     (folder / "lens.yaml").write_text(_LENS)

@@ -31,7 +31,7 @@ from torment.outcome import Fell, of_reader
 
 Trial = Callable[[Random, Path], str]
 _KEPT = 0.3  # of the example's cameras and targets
-_PICTURE = np.random.default_rng(0).integers(0, 256, (18, 24, 3), dtype=np.uint8)
+_IMAGE = np.random.default_rng(0).integers(0, 256, (18, 24, 3), dtype=np.uint8)
 _START_BYTES = 64  # in which images say their size and how they are stored
 
 
@@ -139,7 +139,7 @@ def read_damaged_pixels(chance: Random, folder: Path) -> str:
 
 @cache
 def _encoded(suffix: str) -> bytes:
-    return bytes(cv2.imencode(suffix, _PICTURE[..., 0] if suffix == ".pgm" else _PICTURE)[1])
+    return bytes(cv2.imencode(suffix, _IMAGE[..., 0] if suffix == ".pgm" else _IMAGE)[1])
 
 
 def read_damaged_image(chance: Random, folder: Path) -> str:

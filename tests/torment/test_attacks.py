@@ -156,7 +156,7 @@ def _elements(cell: Path, capsys: pytest.CaptureFixture[str]) -> list[list[str]]
 
 
 @pytest.mark.parametrize("scheme", ["http", "rtsp", "udp"])
-def test_7_a_cell_fetches_no_picture(
+def test_7_a_cell_fetches_no_image(
     tmp_path: Path, scheme: str, stranger: socket.socket, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`capture` without a word opens no address that a camera names, and waits for none."""

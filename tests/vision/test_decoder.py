@@ -84,9 +84,9 @@ def test_nothing_of_the_decoders_is_passed_on(capfd: pytest.CaptureFixture[str])
 def test_damaged_webp_is_told(quality: int) -> None:
     """Of lossy WebPs with one byte changed, nineteen in twenty are told; of sound ones, even or noisy, none is."""
     rng, silent = np.random.default_rng(1), 0
-    pictures = [PHOTO, np.full_like(PHOTO, 90), rng.integers(0, 256, (90, 70, 3)).astype(np.uint8)]
-    for picture in [*pictures, np.where(np.indices((64, 64)).sum(0) < 30, 20, 230).astype(np.uint8)]:
-        data = bytes(cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, quality])[1])
+    images = [PHOTO, np.full_like(PHOTO, 90), rng.integers(0, 256, (90, 70, 3)).astype(np.uint8)]
+    for image in [*images, np.where(np.indices((64, 64)).sum(0) < 30, 20, 230).astype(np.uint8)]:
+        data = bytes(cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])[1])
         assert decode(data).amiss == ""
     sound = bytes(cv2.imencode(".webp", PHOTO, [cv2.IMWRITE_WEBP_QUALITY, quality])[1])
     undamaged = decode(sound).pixels

@@ -43,10 +43,10 @@ def image(depth: float) -> np.ndarray:
     return render(PLAIN, TAG, seen_at(depth), RenderSettings(noise=1.0))
 
 
-def recording(folder: Path, *pictures: np.ndarray | None) -> Recording:
+def recording(folder: Path, *images: np.ndarray | None) -> Recording:
     """A sample for each image; None is written as no file."""
     samples = []
-    for index, picture in enumerate(pictures):
+    for index, picture in enumerate(images):
         if picture is not None:
             cv2.imwrite(str(folder / f"{index}.png"), picture)
         samples.append(Sample(index, images={"wrist": f"{index}.png"}))

@@ -17,25 +17,25 @@ from basecal.vision.image_file import grey_image, is_turned, read_bytes
 from vision_scenes import TARGETS, scene, with_exif
 
 SIZE = (64, 48)
-PICTURE = np.random.default_rng(0).integers(0, 256, SIZE[::-1]).astype(np.uint8)
+IMAGE = np.random.default_rng(0).integers(0, 256, SIZE[::-1]).astype(np.uint8)
 
 
-def encoded(suffix: str, picture: np.ndarray = PICTURE) -> bytes:
+def encoded(suffix: str, picture: np.ndarray = IMAGE) -> bytes:
     return bytes(cv2.imencode(suffix, picture)[1])
 
 
 @pytest.mark.parametrize("suffix", [".png", ".bmp", ".tiff", ".pgm", ".webp"])
 def test_grey_is_kept(suffix: str) -> None:
     """An image stored without loss is given as it is."""
-    picture = np.repeat(PICTURE[..., None], 3, axis=2) if suffix == ".webp" else PICTURE
+    picture = np.repeat(IMAGE[..., None], 3, axis=2) if suffix == ".webp" else IMAGE
     image = grey_image(encoded(suffix, picture), SIZE)
     assert not isinstance(image, str)
-    np.testing.assert_array_equal(image, PICTURE)
+    np.testing.assert_array_equal(image, IMAGE)
 
 
 def test_sixteen_bits_are_kept() -> None:
     """An image of 16 bits keeps all of them."""
-    deep = PICTURE.astype(np.uint16) * 251
+    deep = IMAGE.astype(np.uint16) * 251
     image = grey_image(encoded(".png", deep), SIZE)
     assert not isinstance(image, str)
     assert image.dtype == np.uint16
@@ -45,9 +45,9 @@ def test_sixteen_bits_are_kept() -> None:
 @pytest.mark.parametrize("channels", [3, 4])
 def test_colour_becomes_grey(channels: int) -> None:
     """Of three equal colours, with or without transparency, grey is their common value."""
-    image = grey_image(encoded(".png", np.repeat(PICTURE[..., None], channels, axis=2)), SIZE)
+    image = grey_image(encoded(".png", np.repeat(IMAGE[..., None], channels, axis=2)), SIZE)
     assert not isinstance(image, str)
-    np.testing.assert_array_equal(image, PICTURE)
+    np.testing.assert_array_equal(image, IMAGE)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
@@ -74,8 +74,8 @@ def test_padding_is_allowed() -> None:
         (b"hello", "not an image"),
         (b"\x00\x00\x00\x18ftypmp42" + bytes(500), "not an image"),
         (b"RIFF\x24\x00\x00\x00AVI LIST" + bytes(500), "not an image"),
-        (encoded(".png", PICTURE[:, :60]), "has 60 x 48 pixels, its camera 64 x 48"),
-        (encoded(".tiff", PICTURE.astype(np.float32)), "float32"),
+        (encoded(".png", IMAGE[:, :60]), "has 60 x 48 pixels, its camera 64 x 48"),
+        (encoded(".tiff", IMAGE.astype(np.float32)), "float32"),
     ],
     ids=["empty", "text", "mp4", "avi", "size", "float"],
 )
@@ -192,7 +192,7 @@ def test_chunks_longer_than_their_file() -> None:
 
 def test_cut_webp() -> None:
     """A WebP that is shorter than it says is truncated."""
-    data = encoded(".webp", np.repeat(PICTURE[..., None], 3, axis=2))
+    data = encoded(".webp", np.repeat(IMAGE[..., None], 3, axis=2))
     assert grey_image(data[:-20], SIZE) == "is truncated"
 
 

@@ -12,12 +12,12 @@ import pytest
 from basecal.vision.image_header import Header, header
 from vision_scenes import with_exif
 
-PICTURE = np.random.default_rng(0).integers(0, 256, (48, 64)).astype(np.uint8)
+IMAGE = np.random.default_rng(0).integers(0, 256, (48, 64)).astype(np.uint8)
 
 
 def encoded(suffix: str, *settings: int) -> bytes:
-    picture = np.repeat(PICTURE[..., None], 3, axis=2) if suffix == ".webp" else PICTURE
-    return bytes(cv2.imencode(suffix, picture, list(settings))[1])
+    image = np.repeat(IMAGE[..., None], 3, axis=2) if suffix == ".webp" else IMAGE
+    return bytes(cv2.imencode(suffix, image, list(settings))[1])
 
 
 FILES = {
@@ -46,8 +46,8 @@ def test_size(name: str) -> None:
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 def test_bytes_of_a_pixel(suffix: str, channels: int, kind: type) -> None:
     """How large the pixels become is told before they are decoded."""
-    picture = np.repeat(PICTURE[..., None], channels, axis=2).astype(kind)
-    told = header(bytes(cv2.imencode(suffix, picture)[1]))
+    image = np.repeat(IMAGE[..., None], channels, axis=2).astype(kind)
+    told = header(bytes(cv2.imencode(suffix, image)[1]))
     assert told is not None
     assert told.pixel_bytes == channels * np.dtype(kind).itemsize
 

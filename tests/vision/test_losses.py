@@ -61,7 +61,7 @@ def test_why_there_is_nothing(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "0.png"), np.full((480, 640), 128, np.uint8))
     assert explain_no_target(searched(0, 1), board, tmp_path) == ""
     cv2.imwrite(str(tmp_path / "0.png"), scene(TARGETS["legacy"]))
-    assert "write dictionary: DICT_5X5_50" in explain_no_target(searched(0, 1), board, tmp_path)
+    assert "write `dictionary: DICT_5X5_50`" in explain_no_target(searched(0, 1), board, tmp_path)
     assert explain_no_target(searched(1, 1), board, tmp_path) == ""
     assert explain_no_target([], board, tmp_path) == ""
 
@@ -74,7 +74,7 @@ def test_what_is_there_instead(tmp_path: Path) -> None:
     first, *_ = lost_images(searched(1, 5), {"board": TARGETS["charuco"]}, tmp_path)
     assert first.message == (
         "5 of 6 images of 'wrist' show no target. 'board': no board of DICT_4X4_50; "
-        "DICT_5X5_50 has 20 markers here: write dictionary: DICT_5X5_50."
+        "DICT_5X5_50 has 20 markers here: write `dictionary: DICT_5X5_50`."
     )
 
 

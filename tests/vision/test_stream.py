@@ -28,8 +28,8 @@ def test_a_film_is_read_to_its_end(tmp_path):
     """Its images come in order as (h, w), to within what compression does; then there is none."""
     stream = open_stream(video(tmp_path / "film.avi"))
     levels = [stream.read() for _ in LEVELS]
-    assert {picture.shape for picture in levels} == {(48, 64)}
-    assert all(abs(picture.mean() - level) < 4 for picture, level in zip(levels, LEVELS, strict=True))
+    assert {image.shape for image in levels} == {(48, 64)}
+    assert all(abs(image.mean() - level) < 4 for image, level in zip(levels, LEVELS, strict=True))
     assert stream.read() is None
     stream.close()
 

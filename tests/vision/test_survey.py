@@ -35,22 +35,22 @@ CASES = {
     "another dictionary": (
         "charuco",
         charuco_target((5, 7), 0.04, 0.03, "DICT_5X5_50"),
-        "no board of DICT_5X5_50; DICT_4X4_50 has 17 markers here: write dictionary: DICT_4X4_50",
+        "no board of DICT_5X5_50; DICT_4X4_50 has 17 markers here: write `dictionary: DICT_4X4_50`",
     ),
     "rows for columns": (
         "charuco",
         charuco_target((7, 5), 0.04, 0.03, "DICT_4X4_50"),
-        "5x7 squares without legacy_pattern fit, not 7x5 squares without legacy_pattern: write squares: [5, 7]",
+        "5x7 squares without legacy_pattern fit, not 7x5 squares without legacy_pattern: write `squares: [5, 7]`",
     ),
     "other squares": (
         "charuco",
         charuco_target((6, 8), 0.04, 0.03, "DICT_4X4_50"),
-        "5x7 squares without legacy_pattern fit, not 6x8 squares without legacy_pattern: write squares: [5, 7]",
+        "5x7 squares without legacy_pattern fit, not 6x8 squares without legacy_pattern: write `squares: [5, 7]`",
     ),
     "fewer squares": (
         "charuco",
         charuco_target((6, 5), 0.04, 0.03, "DICT_4X4_50"),
-        "5x7 squares without legacy_pattern fit, not 6x5 squares without legacy_pattern: write squares: [5, 7]",
+        "5x7 squares without legacy_pattern fit, not 6x5 squares without legacy_pattern: write `squares: [5, 7]`",
     ),
     "another pattern": (
         "legacy",
@@ -107,13 +107,13 @@ def test_markers_where_none_are_stated(kind: str) -> None:
     images = [shrunk(scene(TARGETS["charuco"], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
     words = describe_other_targets(images, TARGETS[kind])
     assert words is not None
-    assert words.startswith("DICT_4X4_50 has 17 markers here: write kind: charuco")
+    assert words.startswith("DICT_4X4_50 has 17 markers here: write `kind` as charuco")
 
 
 def test_markers_of_a_print_that_is_said_to_have_none():
     """They are named where the board is missed in some images, although it was found in others."""
     images = [shrunk(scene(TARGETS["charuco"]), 2)]
-    assert "write kind: charuco" in (unlike_print(images, TARGETS["chessboard"]) or "")
+    assert "write `kind` as charuco" in (unlike_print(images, TARGETS["chessboard"]) or "")
     assert unlike_print([shrunk(scene(TARGETS["chessboard"]), 2)], TARGETS["chessboard"]) is None
     assert unlike_print(images, TARGETS["charuco"]) is None
 
@@ -180,7 +180,9 @@ def test_a_charuco_board_is_no_chessboard() -> None:
     image = render(CAMERA, BOARD, print_of(BOARD, 0.0), None, 1)
     described = chessboard_target((4, 6), 0.04)
     assert find(image, described) is None
-    assert "DICT_4X4_50 has 17 markers here: write kind: charuco" in (describe_other_targets([image], described) or "")
+    assert "DICT_4X4_50 has 17 markers here: write `kind` as charuco" in (
+        describe_other_targets([image], described) or ""
+    )
 
 
 def test_a_dictionary_is_not_named_by_one_marker() -> None:

@@ -61,8 +61,8 @@ def _camera_structure(solution: Solution, name: str, settings: Settings) -> Lens
     if sum(len(alone) for _, alone in seen) < _FEWEST_VIEWS:
         return None
     of_groups = [_project(measurement, alone, camera) for measurement, alone in seen]
-    every = _Projected(*map(_side_by_side, zip(*of_groups, strict=True)))
-    size, chance = _bend(every.residual, every.of_lens, every.of_others)
+    every = _Projected(*map(_stack_views, zip(*of_groups, strict=True)))
+    size, chance = _choose_terms(every.residual, every.of_lens, every.of_others)
     if not np.any(size):
         return None
     shift = every.in_pixels @ size
@@ -70,7 +70,7 @@ def _camera_structure(solution: Solution, name: str, settings: Settings) -> Lens
     return LensStructure(name, rms_px, chance, _answer_step(solution, name, size, settings))
 
 
-def _bend(residual: Array, own: Array, rivals: Array) -> tuple[Array, float]:
+def _choose_terms(residual: Array, own: Array, rivals: Array) -> tuple[Array, float]:
     """Sizes (q,) of the families of terms that chance does not make, the likeliest first; and that chance."""
     size, chance, used, open_families = np.zeros(_TERM_COUNT), 1.0, np.zeros(0, dtype=np.int64), list(_TERM_FAMILIES)
     while open_families:
@@ -116,7 +116,7 @@ def _chance(scores: Array, information: Array, size: Array) -> float:
     ).chance
 
 
-def _side_by_side(arrays: tuple[Array, ...]) -> Array:
+def _stack_views(arrays: tuple[Array, ...]) -> Array:
     """Views of several targets, (n, r, ...) each, those of fewer points filled up with zeros."""
     rows = max(array.shape[1] for array in arrays)
     filled = [np.pad(a, [(0, 0), (0, rows - a.shape[1]), *[(0, 0)] * (a.ndim - 2)]) for a in arrays]
@@ -155,7 +155,7 @@ def _project(measurement: PixelMeasurement, poses: SE3, camera: Camera) -> _Proj
     p_in_camera = measurement.camera_points(poses)
     pixels, by_point, by_lens = camera.project_with_derivatives(p_in_camera, intrinsics=True)
     weight = np.where(np.isnan(pixels).any(-1), 0.0, measurement.weight)
-    bent = np.where(weight[..., None, None] > 0, _bending(camera, p_in_camera), 0.0)
+    bent = np.where(weight[..., None, None] > 0, _term_derivatives(camera, p_in_camera), 0.0)
     columns = np.concatenate([_pose_jacobian(by_point, poses, measurement.points_in_target), by_lens, bent], axis=-1)
     weighted = np.nan_to_num(columns) * weight[..., None, None]
     residual = -np.nan_to_num(pixels - measurement.pixels) * weight[..., None]
@@ -175,7 +175,7 @@ def _pose_jacobian(point_jacobian: Array, poses: SE3, points: Array) -> Array:
     return np.concatenate([by_translation, by_rotation], axis=-1)
 
 
-def _bending(camera: Camera, p_in_camera: Array) -> Array:
+def _term_derivatives(camera: Camera, p_in_camera: Array) -> Array:
     """Pixels' derivatives to terms that no lens model here has all of, (n, p, 2, q) [px]."""
     with np.errstate(all="ignore"):
         plane = p_in_camera[..., :2] / p_in_camera[..., 2:]
@@ -195,7 +195,7 @@ def _answer_step(solution: Solution, name: str, size: Array, settings: Settings)
         measurement = group.measurement
         if group.camera == name and isinstance(measurement, PixelMeasurement):
             predicted = solution.state.camera_from_target(group, solution.problem.stops)
-            shift = _bending(solution.state.cameras[name], measurement.camera_points(predicted)) @ size
+            shift = _term_derivatives(solution.state.cameras[name], measurement.camera_points(predicted)) @ size
             group = replace(group, measurement=replace(measurement, pixels=measurement.pixels - shift))
         groups.append(group)
     problem = solution.problem.with_groups(groups)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtr
 
 from basecal.accuracy.model_comparison.comparison import decide
-from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL, compare_evidence, log_chance
+from basecal.accuracy.model_comparison.nested_models import LEAST_CHANCE, SINGLE_LEVEL, compare_evidence, log_chance
 from basecal.estimation.least_squares.studentized_residuals import LeaveOneOut, leave_one_out
 from basecal.estimation.noise.hyperpriors import ROBOT_RAD
 from basecal.estimation.outliers.noise_and_outliers import with_noise
@@ -26,7 +26,6 @@ from basecal.estimation.view.measurement import ViewInformation
 from basecal.geometry import Array
 from basecal.numerics.spectral import inverse_beside_identity, spectrum
 
-_LEAST_CHANCE = 1e-300  # a chance, and a sum of squares, that is no number any more
 _FEWEST_FREEDOMS = 3.0  # with fewer a part of the residuals says nothing of its sigma
 
 
@@ -109,8 +108,8 @@ def judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> C
     """The sigmas of a camera or robot, if their squares and freedoms contradict them; else None."""
     if freedoms < _FEWEST_FREEDOMS:
         return None
-    squares = max(squares, _LEAST_CHANCE)
-    below = float(np.log(max(chdtr(freedoms, squares), _LEAST_CHANCE)))
+    squares = max(squares, LEAST_CHANCE)
+    below = float(np.log(max(chdtr(freedoms, squares), LEAST_CHANCE)))
     chance = log_chance(squares, freedoms) if squares > freedoms else below
     compared = decide(name, squares, chance, SINGLE_LEVEL)
     ratio = float(np.sqrt(squares / freedoms))
@@ -124,7 +123,7 @@ def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
         at = model.state.camera_from_target(group, model.problem.stops)
         lens = group.camera in model.problem.columns
         view = group.measurement.linearise(at, model.state.cameras.get(group.camera), lens)
-        shake = model.problem.shake(group)
+        shake = model.problem.jitter_motion(group)
         view = view if shake is None else ViewInformation(*without_motion(*view, shake))
         by_error = np.zeros((*view.gradient.shape, 6 * len(private)))
         for i, of in enumerate(private):

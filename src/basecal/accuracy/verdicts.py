@@ -41,11 +41,11 @@ def transform_verdicts(problem: Problem, names: Iterable[str], findings: Sequenc
 
 def _verdict(name: str, parts: Sequence[set[str]], names: set[str], findings: Sequence[Finding]) -> Verdict:
     own = next((part for part in parts if name in part), names)
-    found = {_BY_SEVERITY[each.severity] for each in findings if _concerns(each, name, own, names)}
+    found = {_BY_SEVERITY[each.severity] for each in findings if _is_about(each, name, own, names)}
     return next((verdict for verdict in _VERDICT_ORDER if verdict in found), "good")
 
 
-def _concerns(finding: Finding, name: str, own: set[str], names: set[str]) -> bool:
+def _is_about(finding: Finding, name: str, own: set[str], names: set[str]) -> bool:
     about = names.intersection(finding.about)
     if finding.code in _OWN_TRANSFORM_CODES and about:
         return name in about

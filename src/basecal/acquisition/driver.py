@@ -7,7 +7,8 @@ something newer than before, so that nobody has to know how often to ask.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
@@ -15,9 +16,10 @@ from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from basecal.box import is_own_fault
 from basecal.cell import Cell, RobotState
 from basecal.cell.schema.errors import check_entry
-from basecal.errors import DriverError
+from basecal.errors import BasecalError, DriverError
 from basecal.fields.values import Entry
 
 Grey = NDArray[np.integer[Any]]
@@ -218,7 +220,8 @@ class DriverKind:
         """
         if self.open_robot is None:
             raise DriverError(f"{place.name}: its driver is for cameras only")
-        return self.open_robot(place)
+        with driver_errors(place.name):
+            return self.open_robot(place)
 
     def camera(self, place: Place) -> Camera:
         """Open a camera.
@@ -228,7 +231,24 @@ class DriverKind:
         """
         if self.open_camera is None:
             raise DriverError(f"{place.name}: its driver is for robots only")
-        return self.open_camera(place)
+        with driver_errors(place.name):
+            return self.open_camera(place)
+
+
+@contextmanager
+def driver_errors(name: str) -> Iterator[None]:
+    """A context that names the device in an error of its driver, or of the driver's library."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, BasecalError) or is_own_fault(error):
+            raise
+        raise driver_failure(name, error) from error
+
+
+def driver_failure(name: str, error: BaseException) -> DriverError:
+    """An error of a maker's library as one of the device."""
+    return DriverError(f"{name}: its driver failed ({type(error).__name__}: {error})")
 
 
 def checked_options(place: Place, kind: type[Options]) -> Options:

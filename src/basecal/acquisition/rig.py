@@ -12,12 +12,13 @@ from typing import Literal
 
 from basecal.acquisition.driver import Camera, ChecksGoals, DriverKind, Moves, Place, Robot, StopGuarantee
 from basecal.acquisition.drivers.registry import driver_kind, driver_names
-from basecal.acquisition.pictures.feed import feed_camera
-from basecal.acquisition.pictures.latency import ArmMotion
+from basecal.acquisition.images.feed import feed_camera
+from basecal.acquisition.images.latency import ArmMotion
 from basecal.acquisition.supervision.arms import Arms
 from basecal.acquisition.supervision.signals import interrupt_main_thread, routed_signals
 from basecal.cell import Cell, Driver, RobotState
 from basecal.errors import DatasetError, InputError, UsageError, nearest
+from basecal.estimation.settings import LOG
 from basecal.planning.sketch import Sketch
 
 _STOP_TIMEOUT_S = 1.0  # that all stops may take together; a supervised arm has 0.3 s, and is then cut off
@@ -45,8 +46,10 @@ class Rig:
     request_stop: Callable[[str], None] = lambda reason: None
 
     def stop(self) -> None:
-        """Stop every robot that moves, all at once, whatever any of them answers."""
-        _call_in_parallel([robot.stop for robot in movers(self).values()], _STOP_TIMEOUT_S)
+        """Stop every robot that moves, all at once; those that do not confirm it are logged as errors."""
+        stops = {name: robot.stop for name, robot in movers(self).items()}
+        for name in _call_in_parallel(stops, _STOP_TIMEOUT_S):
+            LOG.error("%s did not confirm a stop: look at the arm", name)
 
 
 @contextmanager
@@ -79,8 +82,9 @@ def open_rig(cell: Cell, folder: Path, allow_plaintext: bool = False) -> Iterato
                 name: feed_camera(name, kind.camera(place), motion)
                 for name, (kind, place) in _places(cell, folder, "cameras", allow_plaintext).items()
             }
-            here_closes = [*(robot.close for robot in robots.values()), *(camera.close for camera in cameras.values())]
-            opened.callback(_call_in_parallel, here_closes, _CLOSE_TIMEOUT_S)
+            here_opened: dict[str, Robot | Camera] = {**robots, **cameras}
+            closes = {name: device.close for name, device in here_opened.items()}
+            opened.callback(_call_in_parallel, closes, _CLOSE_TIMEOUT_S)
             robots |= supervisor[0].open_arms() if alone else {}
             guarantees = {name: kind.stop_guarantee for name, (kind, _) in places.items()}
             stop = supervisor[0].request_stop if supervisor else lambda reason: _interrupt(requested, reason)
@@ -141,20 +145,23 @@ def check_guarantees(rig: Rig, is_none_accepted: bool) -> None:
         )
 
 
-def _call_in_parallel(calls: list[Callable[[], None]], most_s: float) -> None:
-    """Make calls in threads of their own, each until it returns or the time [s] is over; errors are of no use here."""
+def _call_in_parallel(calls: Mapping[str, Callable[[], None]], most_s: float) -> list[str]:
+    """Make calls in threads of their own, each until it returns or the time [s] is over; names of those that failed."""
+    failed = list(calls)
 
-    def call_silently(call: Callable[[], None]) -> None:
+    def call_silently(name: str) -> None:
         """Make one call, whatever it raises."""
         with suppress(Exception):
-            call()
+            calls[name]()
+            failed.remove(name)
 
-    threads = [threading.Thread(target=call_silently, args=(call,), daemon=True) for call in calls]
+    threads = [threading.Thread(target=call_silently, args=(name,), daemon=True) for name in calls]
     for thread in threads:
         thread.start()
     until = time.monotonic() + most_s
     for thread in threads:
         thread.join(max(until - time.monotonic(), 0.0))
+    return list(failed)
 
 
 def openers(cell: Cell, folder: Path) -> list[tuple[DriverKind, Place]]:

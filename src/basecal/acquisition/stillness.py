@@ -18,14 +18,14 @@ from basecal.cell.target import Target
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import nearest_rotation
 from basecal.vision.detectors import LIGHT, find
-from basecal.vision.picture_motion import Levels, reduce_picture, shift_between
+from basecal.vision.image_motion import Levels, reduce_image, shift_between
 
 _WINDOW_STATES = 12  # states that are looked at: a tenth of a second of most controllers
 _STILL_RAD_M = 1e-4  # by which the two halves of them may differ: 0.1 mm at a metre
 _NOISE_SIGMAS = 4.0  # sigmas of that difference, where states are noisy
 _LED_RAD_M = 2e-3  # from where a person began to lead an arm
 _STILL_PX = 0.1  # by which an image may differ from those before it
-_STILL_PICTURES = 3  # in a row: of two, a swing may happen to be at the same place
+_STILL_IMAGES = 3  # in a row: of two, a swing may happen to be at the same place
 
 
 Note = Callable[[str, Reading], None]
@@ -131,7 +131,7 @@ def _mean(readings: Sequence[Reading]) -> Reading:
     return Reading(last.stamp_s, RobotState(SE3(nearest_rotation(values[3:].reshape(3, 3)), values[:3])))
 
 
-def wait_for_picture_after(
+def wait_for_image_after(
     camera: Camera, after_s: float, patience_s: float, show: Show = lambda picture: None
 ) -> Picture:
     """The next image that was exposed after an instant.
@@ -155,7 +155,7 @@ def wait_for_picture_after(
             raise Moving("image too old: all were taken before the arms came to rest; check the camera's clock")
 
 
-def wait_for_picture(
+def wait_for_image(
     camera: Camera,
     targets: Sequence[Target],
     patience_s: float,
@@ -177,14 +177,14 @@ def wait_for_picture(
 
     def look() -> _Look:
         """The next image, with the targets in it."""
-        return _look(wait_for_picture_after(camera, after_s, patience_s, show), targets)
+        return _find_lights(wait_for_image_after(camera, after_s, patience_s, show), targets)
 
     looks = [look()]
     if not camera.is_live:
         return looks[0].picture
     began, still = looks[0].picture.stamp_s, 0
-    while still < _STILL_PICTURES - 1:
-        looks = [*looks[1 - _STILL_PICTURES :], look()]
+    while still < _STILL_IMAGES - 1:
+        looks = [*looks[1 - _STILL_IMAGES :], look()]
         moves = any(_has_moved(before, looks[-1]) for before in looks[:-1])
         still = 0 if moves else still + 1
         if moves and looks[-1].picture.stamp_s - began > patience_s:
@@ -201,11 +201,9 @@ class _Look:
     lights: tuple[Array | None, ...]
 
 
-def _look(picture: Picture, targets: Sequence[Target]) -> _Look:
+def _find_lights(picture: Picture, targets: Sequence[Target]) -> _Look:
     found = [find(picture.grey, target) for target in targets if target.found_by == LIGHT]
-    return _Look(
-        picture, reduce_picture(picture.grey), tuple(None if each is None else each.pixels[0] for each in found)
-    )
+    return _Look(picture, reduce_image(picture.grey), tuple(None if each is None else each.pixels[0] for each in found))
 
 
 def _has_moved(states: _Look, second: _Look) -> bool:

@@ -12,10 +12,10 @@ import numpy as np
 
 from basecal.acquisition.coverage import Coverage, find_equal_sample, is_same_place, measure_coverage, turned_angles
 from basecal.acquisition.driver import Grey, Moves, Picture, Switches
-from basecal.acquisition.pictures.scene_pictures import ScenePictures
-from basecal.acquisition.pictures.sharpness import Sharpness
+from basecal.acquisition.images.scene_images import SceneImages
+from basecal.acquisition.images.sharpness import Sharpness
 from basecal.acquisition.rig import Rig, goal_checks, movers
-from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture, wait_for_picture_after
+from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_image, wait_for_image_after
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, RobotState, Sample, Target
 from basecal.cell.format.writing import write_atomically
 from basecal.errors import DriverError
@@ -84,7 +84,7 @@ class Taker:
     show: Callable[[str, Grey], None] = lambda camera, grey: None
     send: Callable[[str, RobotState], None] = lambda robot, goal: None
     sharpness: Sharpness = field(default_factory=Sharpness)
-    scene: ScenePictures | None = None
+    scene: SceneImages | None = None
     digests: dict[tuple[str, bytes], int] = field(default_factory=dict)
 
     def coverage(self, samples: Sequence[Sample]) -> Coverage:
@@ -201,7 +201,7 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
         if picture.note:
             taker.report(picture.note)
 
-    picture = wait_for_picture(camera, targets, patience_s, rested_s, show)
+    picture = wait_for_image(camera, targets, patience_s, rested_s, show)
     height, width = picture.grey.shape
     if fault := size_fault((width, height), taker.sketch.cell.cameras[name].size_px):
         raise DriverError(f"{name}: {picture.source or 'its image'} {fault}")
@@ -209,7 +209,7 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
         return _Shot(picture.stamp_s, picture.grey, None)
     camera.light(False)
     try:
-        background = wait_for_picture_after(camera, time.monotonic(), patience_s, show).grey
+        background = wait_for_image_after(camera, time.monotonic(), patience_s, show).grey
     finally:
         camera.light(True)
     return _Shot(picture.stamp_s, picture.grey, background)

@@ -307,12 +307,12 @@ def _taker(
     rig: Rig, sketch: Sketch, folder: Path, limits: SpeedLimits, view: CaptureView | None, waits_for_check: bool = False
 ) -> Taker:
     """A taker of samples; without a view nothing is reported."""
-    from basecal.acquisition.pictures.scene_pictures import ScenePictures
+    from basecal.acquisition.images.scene_images import SceneImages
     from basecal.acquisition.taking import CaptureSettings, Taker
     from basecal.planning.sketch import SceneSketch
 
     settings = CaptureSettings(limits.joint_rad_s, limits.tool_m_s, waits_for_check=waits_for_check)
-    scene = ScenePictures(sketch.cell, folder) if isinstance(sketch, SceneSketch) else None
+    scene = SceneImages(sketch.cell, folder) if isinstance(sketch, SceneSketch) else None
     taker = Taker(rig, sketch, folder, settings, scene=scene)
     if view is None:
         return taker

@@ -53,7 +53,7 @@ def ros2_cell(
         UsageError: if nobody allows it to listen.
     """
     from basecal.acquisition.ros2.dds import choose_domain, domain_words
-    from basecal.acquisition.ros2.listening import listen_to_topics, survey_of_what_runs
+    from basecal.acquisition.ros2.listening import listen_to_topics, survey_live_topics
     from basecal.cell.files import cell_from_dict
     from basecal.cell.format.yaml_text import yaml_text
     from basecal.exchange.bags.choice import choose_sources
@@ -65,7 +65,7 @@ def ros2_cell(
     say(f"messages heard in {LISTEN_S:g} s:")
     for topic in sorted(bag.topics.values()):
         say(f"  {topic.messages:>8}  {topic.name}  {topic.kind}")
-    survey, asked = survey_of_what_runs(bag), Asked(robots=robots)
+    survey, asked = survey_live_topics(bag), Asked(robots=robots)
     taken = choose_sources(bag, survey, asked, None)
     for line in taken.words:
         say(f"taking {line}")

@@ -75,7 +75,7 @@ def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = F
         folder: The cell's.
         by_scene: Whether it is calibrated from the static scene, which needs no target.
     """
-    from basecal.exchange.pictures import ENDINGS
+    from basecal.exchange.images import ENDINGS
 
     place = quote_path(folder)
     if not cell.cameras:
@@ -92,8 +92,8 @@ def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = F
     if not seen:
         camera = next(iter(cell.cameras))
         dropped = folder / "recording" / "images" / camera
-        has_pictures = dropped.is_dir() and any(path.suffix.lower() in ENDINGS for path in dropped.iterdir())
-        there = quote_path(dropped) if has_pictures else "DIR"
+        has_images = dropped.is_dir() and any(path.suffix.lower() in ENDINGS for path in dropped.iterdir())
+        there = quote_path(dropped) if has_images else "DIR"
         return f"next, its images: basecal import images {place} {there} --camera {camera}"
     if unread := cameras_without_lens(cell, recording):
         return f"next, the lens of {list_names(unread)}: add `intrinsics: {{status: free}}` to it in cell.yaml"

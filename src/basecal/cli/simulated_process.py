@@ -9,15 +9,16 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Literal
 
-from basecal.cell.targets.registry import TargetKindName
 from basecal.cli.terminal import print_json, quote_path, say
 from basecal.errors import InputError
 
 if TYPE_CHECKING:
     from basecal.simulation.running.faults import Faults
+    from basecal.simulation.running.server import CellServer
     from basecal.simulation.running.world import World
+    from basecal.simulation.scenario import Seen
 
 
 RendererName = Literal["auto", "mujoco", "analytic"]
@@ -28,7 +29,7 @@ _PATIENCE_S = 10.0  # for a process to end, which may be drawing an image
 
 def run_process(
     folder: Path,
-    target: str,
+    target: Seen,
     seed: int,
     port: int,
     speed: float,
@@ -89,7 +90,7 @@ def simulated_process(folder: Path, target: str, seed: int = 0, faults: Sequence
                 process.kill()
 
 
-def _world(folder: Path, target: str, seed: int, faults: Faults) -> World:
+def _world(folder: Path, target: Seen, seed: int, faults: Faults) -> World:
     from basecal.simulation.running.two_arms import two_arms
     from basecal.simulation.running.world_file import read_world, write_world, write_world_truth
 
@@ -97,9 +98,9 @@ def _world(folder: Path, target: str, seed: int, faults: Faults) -> World:
         world = read_world(folder, faults)
         write_world_truth(world, folder)
         return world
-    if target in ("pose", "points3d"):
+    if target == "pose" or target == "points3d":
         raise InputError(f"a running cell gives images; {target!r} is not seen in them: choose a target that is")
-    world = two_arms(cast(TargetKindName, target), seed, faults)
+    world = two_arms(target, seed, faults)
     write_world(world, folder)
     return world
 
@@ -133,10 +134,8 @@ def _print_address(folder: Path, port: int, with_mujoco: bool, json: bool) -> No
         say(f"next, in another terminal: basecal capture {quote_path(folder)} --pattern poses --go")
 
 
-def _end_with_input(server: object) -> None:
+def _end_with_input(server: CellServer) -> None:
     """Shut a server down when the standard input ends, so that it does not outlive who started it."""
-    from basecal.simulation.running.server import CellServer
-
     if sys.stdin is not None:
         sys.stdin.buffer.read()
-    cast(CellServer, server).shutdown()
+    server.shutdown()

@@ -18,7 +18,8 @@ from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field, written_number
-from basecal.exchange.pictures import natural_order
+from basecal.exchange.images import natural_order
+from basecal.exchange.lens_files.colmap import reconstruction_file
 from basecal.fields.problems import shorten
 from basecal.geometry import SE3
 
@@ -46,14 +47,7 @@ def read_colmap_images(path: str | Path) -> list[ReconstructedImage]:
     Raises:
         DatasetError: if it is neither, or holds no image.
     """
-    file = Path(path)
-    if file.is_dir():
-        found = [file / name for name in ("images.bin", "images.txt") if (file / name).exists()]
-        if not found:
-            raise DatasetError(
-                str(path), "cannot be read: holds neither images.bin nor images.txt; give a reconstruction's folder"
-            )
-        file = found[0]
+    file = reconstruction_file(path, "images")
     images = list(_binary(file) if file.suffix.lower() == ".bin" else _text(file))
     if not images:
         raise DatasetError(str(file), f"holds no image, expected lines `{_LINE}`")

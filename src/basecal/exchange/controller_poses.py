@@ -23,7 +23,7 @@ from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.text_table import (
     TextTable,
-    is_picture,
+    is_image,
     parse_number,
     parse_time,
     read_text_table,
@@ -348,7 +348,7 @@ def keyed_rows(table: TextTable) -> list[Row]:
     image, sample, stamp = (next((there[n] for n in names if n in there), None) for names in _KEYS.values())
     if image is None:
         cells = table.rows[0].cells
-        image = next((name for name in cells if all(is_picture(row.cells.get(name, "")) for row in table.rows)), None)
+        image = next((name for name in cells if all(is_image(row.cells.get(name, "")) for row in table.rows)), None)
     rows = []
     for row in table.rows:
         name = None if image is None else row.cells[image].strip("\"' ")

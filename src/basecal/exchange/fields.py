@@ -88,7 +88,7 @@ class Field:
             raise self.error(f"is {shorten(self.data)}, expected text")
         return self.data
 
-    def yes(self) -> bool:
+    def boolean(self) -> bool:
         """Yes or no, also as a number, as the FileStorage of OpenCV has it.
 
         Raises:

@@ -16,8 +16,8 @@ from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.text_table import TextTable, read_text_table, rows_of_numbers, select_robot
 from basecal.geometry import Array
 from basecal.kinematics import SerialChain
+from basecal.kinematics.chain import LIMIT_EXCESS_RAD
 
-_BEYOND_LIMIT_RAD = 0.1  # past the URDF's limits, which some leave out or round
 _UNLIMITED_RAD = 2.2 * math.pi  # of a joint without limits: a turn and a bit
 _FEWEST_ROWS = 3  # rows in which nothing moves beyond some degrees, before that is taken for a unit
 _DEGREE = math.radians(1)
@@ -78,8 +78,8 @@ def radians_finding(values: Array) -> str:
 
 def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialChain, in_degrees: bool) -> None:
     """Check that every joint is within its limits, or a turn, by a margin."""
-    lower = np.where(np.isfinite(chain.lower), chain.lower - _BEYOND_LIMIT_RAD, -_UNLIMITED_RAD)
-    upper = np.where(np.isfinite(chain.upper), chain.upper + _BEYOND_LIMIT_RAD, _UNLIMITED_RAD)
+    lower = np.where(np.isfinite(chain.lower), chain.lower - LIMIT_EXCESS_RAD, -_UNLIMITED_RAD)
+    upper = np.where(np.isfinite(chain.upper), chain.upper + LIMIT_EXCESS_RAD, _UNLIMITED_RAD)
     if in_degrees and (finding := radians_finding(values)):
         raise DatasetError(table.path, f"{finding}: leave --deg away")
     outside = (joints < lower) | (joints > upper)

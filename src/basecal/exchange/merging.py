@@ -68,7 +68,7 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
     for folder in folders:
         cell = read_cell(folder)
         parts.append(Part(folder, cell, read_recording(folder, cell)))
-    text = _joined_text(parts)
+    text = _join_texts(parts)
     _check_times(parts)
     files: dict[str, Path] = {}
     samples: list[Sample] = []
@@ -102,7 +102,7 @@ def _check_absent(folder: Path, output: Path) -> None:
             raise InputError(f"{there} exists and is not overwritten: choose another folder, or remove it first")
 
 
-def _joined_text(parts: Sequence[Part]) -> str:
+def _join_texts(parts: Sequence[Part]) -> str:
     """The text of the first `cell.yaml` with what only others have.
 
     Raises:
@@ -219,14 +219,14 @@ def _renumber_samples(part: Part, shift: int, files: dict[str, Path]) -> list[Sa
     for sample in part.recording.samples:
         number = sample.sample + shift
         images, background = (
-            {camera: _picture(part, path, number, files) for camera, path in paths.items()}
+            {camera: _image(part, path, number, files) for camera, path in paths.items()}
             for paths in (sample.images, sample.background)
         )
         moved.append(replace(sample, sample=number, images=images, background=background))
     return moved
 
 
-def _picture(part: Part, path: str, number: int, files: dict[str, Path]) -> str:
+def _image(part: Part, path: str, number: int, files: dict[str, Path]) -> str:
     """Where an image is in the new cell; one that is missing keeps its path, to be found missing there."""
     source = part.folder / path
     if not source.is_file():

@@ -13,6 +13,12 @@ from basecal.geometry.rotation import cross_matrix
 from basecal.kinematics.collision import Collision
 from basecal.kinematics.masses import Masses
 
+TURN_RAD = 2.2 * np.pi
+"""How far a joint turns [rad]: a turn and a bit. Some wrists turn without end; degrees are 57 times as many."""
+
+LIMIT_EXCESS_RAD = 0.1
+"""How far a joint may be past the URDF's limits [rad], which some leave out or round."""
+
 
 @dataclass(frozen=True, eq=False)
 class SerialChain:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from basecal.errors import DatasetError, FrameNotFound, MissingExtra
+from basecal.errors import DatasetError, FrameNotFound, MissingExtra, error_words
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import rotation_exp
 from basecal.kinematics.chain import SerialChain
@@ -102,7 +102,7 @@ def _compile_model(root: Element, path: str) -> Any:
     try:
         return mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
     except ValueError as error:
-        raise DatasetError(path, f"MuJoCo does not take it: {' '.join(str(error).split())}") from error
+        raise DatasetError(path, f"MuJoCo does not take it: {error_words(error)}") from error
 
 
 def _body_path(model: Any, base: str, flange: str, path: str) -> tuple[list[int], SE3]:

@@ -218,7 +218,7 @@ def _iterate(
         step, expected, settled = step[kept], expected[kept], settled[kept]
     after, cost = _linearise(system, candidate, flight.about)
     better = cost <= flight.cost * (1 + _COST_ROUNDING)
-    bend = _bend(flight, after, step, better & _is_near(flight, expected))
+    bend = _curvature(flight, after, step, better & _is_near(flight, expected))
     flight = _accept_step(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend, stop.damping)
     stuck, lost = ~better & settled, ~better & (flight.damping > _LARGEST_DAMPING)
     for ended, converged in ((stuck, True), (lost & ~stuck, False)):
@@ -306,7 +306,7 @@ def _is_near(flight: _Flight[S, L], expected_decrease: Array) -> BoolArray:
     return near
 
 
-def _bend(flight: _Flight[S, L], linearisation: L, step: Array, is_near: BoolArray) -> Array | None:
+def _curvature(flight: _Flight[S, L], linearisation: L, step: Array, is_near: BoolArray) -> Array | None:
     """Second-order curvature of the residuals, by a step from where it was taken; `is_near` an optimum."""
     if isinstance(linearisation.hessian, SparseHessian):
         return None

@@ -68,7 +68,7 @@ def visibility_mask(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
     if sketch.camera.intrinsics is None:
         seen &= np.all(depth > _LEAST_AXIS_COSINE * np.linalg.norm(in_camera, axis=-1), axis=-1)
     else:
-        seen &= _picture_mask(sketch, in_camera)
+        seen &= _image_mask(sketch, in_camera)
     shape = sketch.target.target
     if shape is not None and shape.sheets:
         normal = camera_from_target.rotation @ shape.sheets[0].target_from_sheet.rotation[:, 2]
@@ -77,7 +77,7 @@ def visibility_mask(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
     return seen
 
 
-def _picture_mask(sketch: Sketch, points_in_camera: Array) -> BoolArray:
+def _image_mask(sketch: Sketch, points_in_camera: Array) -> BoolArray:
     """Whether all points, (n, p, 3), are in the image, (n,)."""
     lens = sketch.lens
     seen: BoolArray = np.all(lens.sees(points_in_camera), axis=-1)

@@ -338,10 +338,10 @@ def _order_samples(
         samples = order_samples(sketch, home, samples)
     elif may_part:
         samples.sort(key=lambda sample: sample.sample)
-    return tuple(_without_pictures(first + k, sample) for k, sample in enumerate(samples))
+    return tuple(_without_images(first + k, sample) for k, sample in enumerate(samples))
 
 
-def _without_pictures(number: int, sample: Sample) -> Sample:
+def _without_images(number: int, sample: Sample) -> Sample:
     """A sample with what is to be touched, and without what cameras are expected to see."""
     touches = tuple(seen for seen in sample.observations if isinstance(seen, TouchObservation))
     return Sample(number, robots=sample.robots, observations=touches)

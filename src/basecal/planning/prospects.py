@@ -112,7 +112,7 @@ def prospects(
         more = views_of.by_unknowns[mine].swapaxes(1, 2) @ spectrum(views_of.information[mine], VIEW_ROUNDING).root
         each = np.zeros((len(samples), problem.width, more.shape[-1]))
         each[np.ix_(group.sample[mine] - first, views_of.columns)] = more
-        roots = _side_by_side(roots, each)
+        roots = _join_roots(roots, each)
     known = linearise(_select_samples(problem, [sample.sample for sample in recorded]), state).hessian
     opened = np.full(problem.width, _OPEN_SIGMA)
     for name in problem.lenses.keys() & problem.columns.keys():
@@ -121,7 +121,7 @@ def prospects(
     return Prospects(problem, state, frozenset(s.sample for s in recorded), tuple(samples), roots, covariance)
 
 
-def _side_by_side(first: Array, second: Array) -> Array:
+def _join_roots(first: Array, second: Array) -> Array:
     """Roots of which each candidate has one, (n, p, q) of as few columns as do."""
     if first.shape[-1] == second.shape[-1]:
         return first + second

@@ -17,7 +17,7 @@ from basecal.simulation.scene import Scene, draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
 
 
-def _laid_end_to_end(motions: list[Motion], scene: Scene, is_recorded: bool) -> dict[str, SE3]:
+def _concatenate_motions(motions: list[Motion], scene: Scene, is_recorded: bool) -> dict[str, SE3]:
     """Poses of every robot in every sample, (samples,); parked while others are recorded."""
     poses: dict[str, list[SE3]] = {robot: [] for robot in scene.layout.robots}
     for motion in motions:
@@ -47,7 +47,7 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
     scene, arms = with_arms(scene, scenario, for_arms) if scenario.joints else (scene, {})
     motions = draw_motions(scene, scenario, for_motion, arms)
     seen = [found for motion in motions for found in observe(motion, scene, scenario, for_noise)]
-    poses = _laid_end_to_end(motions, scene, is_recorded=True)
+    poses = _concatenate_motions(motions, scene, is_recorded=True)
     joints = {robot: np.concatenate([motion.joints[robot] for motion in motions]) for robot in motions[0].joints}
 
     def states(motion: Motion, k: int) -> dict[str, RobotState]:
@@ -61,6 +61,6 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
         for k, (motion, observations) in enumerate(zip(of_samples, seen, strict=True))
     )
     cell = stated_cell(scene, scenario, for_priors, arms)
-    true = _laid_end_to_end(motions, scene, is_recorded=False)
+    true = _concatenate_motions(motions, scene, is_recorded=False)
     robots = {robot: arm.true for robot, arm in arms.items()}
     return SimulatedCell(cell, Recording(samples), truth(scene, cell), scene.lenses, true, robots)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from basecal.geometry.rotation import nearest_rotation
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from basecal.simulation.draw import lens, rotations
 from basecal.simulation.layout import make_layout
-from basecal.simulation.scenario import LayoutName
 from basecal.simulation.shifts import simulate_shifts
 from basecal.studies.paper_cell import paper_cell, paper_numbers
 
@@ -38,7 +37,7 @@ def statuses(settings: Settings) -> dict[str, str]:
     if settings["layout"] in OF_SHIFTS:
         fixed = dict.fromkeys(("eye_flange_from_camera", "hand_flange_from_light"), "fixed")
         return {"eye_base_from_hand_base": "free", **fixed}
-    plan = make_layout(cast(LayoutName, settings["layout"]), settings["robots"])
+    plan = make_layout(settings["layout"], settings["robots"])
     reference, *others = plan.robots
 
     def mounts(carriers: Mapping[str, str], status: str) -> dict[str, str]:

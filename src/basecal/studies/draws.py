@@ -91,7 +91,7 @@ def draw(cell: DrawnCell, settings: Settings, seed: tuple[int, ...], count: int)
     for_robots, *for_groups = np.random.SeedSequence((*seed[:1], _NOISE, *seed[1:])).spawn(1 + len(cell.problem.groups))
     errors = _robot_errors(cell.problem, settings, for_robots, count)
     groups = [
-        _redrawn(cell, group, errors, settings, np.random.default_rng(own), count)
+        _redraw_views(cell, group, errors, settings, np.random.default_rng(own), count)
         for group, own in zip(cell.problem.groups, for_groups, strict=True)
     ]
     return Draws(cell.made, cell.problem.with_groups(groups), cell.transform, count, settings["own_starts"])
@@ -109,7 +109,7 @@ def _robot_errors(problem: Problem, settings: Settings, seed: np.random.SeedSequ
     }
 
 
-def _redrawn(
+def _redraw_views(
     cell: DrawnCell,
     group: ViewGroup,
     errors: Mapping[str, SE3],

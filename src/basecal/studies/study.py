@@ -158,11 +158,13 @@ def label(value: Any) -> str | float | int | bool:
     target = value.shape()
     if target is None:
         return "pose"
-    options = [_short(option) for option in target.options.values() if not isinstance(option, list) or len(option) < 4]
+    options = [
+        _abbreviate(option) for option in target.options.values() if not isinstance(option, list) or len(option) < 4
+    ]
     return " ".join([target.kind, *(option for option in options if option)])
 
 
-def _short(option: Any) -> str:
+def _abbreviate(option: Any) -> str:
     if isinstance(option, bool) or option is None:
         return ""
     return (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import GenericAlias
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, create_model
@@ -83,11 +84,10 @@ class SettingsEntry(Entry):
     focal_scale: _Factor = 1.0
 
 
-def _axis(field: FieldInfo) -> tuple[Any, None]:
+def _axis(field: FieldInfo) -> tuple[Any, Any]:
     """A list of values of a field, or nothing."""
     value = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-    values = Annotated[list[value], Field(min_length=1, max_length=_MOST_VALUES)]  # type: ignore[valid-type]
-    return values | None, None
+    return GenericAlias(list, (value,)) | None, Field(None, min_length=1, max_length=_MOST_VALUES)
 
 
 if TYPE_CHECKING:

@@ -71,5 +71,5 @@ def describe_other_targets(images: Iterable[Image], target: Target) -> str | Non
     look = None if target.found_by is None else SURVEYS.get(target.found_by)
     if sum(find(np.fliplr(image), target) is not None for image in grey if target.found_by in _HANDED) > len(grey) / 2:
         return "the images are mirrored: switch mirroring off in the camera's program, and take them again"
-    other = survey.seen_twice(grey, target) or (look(grey, target) if look else None)
+    other = survey.describe_repeats(grey, target) or (look(grey, target) if look else None)
     return other or survey.describe_darkness(grey) or survey.describe_blur(grey)

@@ -26,10 +26,10 @@ class Stream:
 
     def read(self) -> Image | None:
         """The next image, (h, w); None if there is none any more."""
-        came, picture = self.capture.read()
+        came, image = self.capture.read()
         if not came:
             return None
-        return picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
+        return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
     @property
     def is_stamped(self) -> bool:

@@ -67,7 +67,7 @@ def _edge_px(image: Grey) -> float | None:
 def unlike_print(images: list[Grey], target: Target) -> str | None:
     """Clause about markers of a target that has none, or about most markers twice in an image."""
     if target.is_point or _dictionary_name(target) is not None:
-        return seen_twice(images, target)
+        return describe_repeats(images, target)
     return markers_instead(images[:_ENOUGH_IMAGES])
 
 
@@ -76,7 +76,7 @@ def _dictionary_name(target: Target) -> str | None:
     return name
 
 
-def seen_twice(images: list[Grey], target: Target) -> str | None:
+def describe_repeats(images: list[Grey], target: Target) -> str | None:
     """Clause about most markers of a target that are in an image twice."""
     name = _dictionary_name(target)
     if name is None:
@@ -110,14 +110,14 @@ def other_charuco(images: list[Grey], target: Target) -> str | None:
         other = _other_set(images, of["dictionary"], "marker")
         if other is None:
             return None
-        return f"no board of {of['dictionary']}; {other}: write dictionary: {other.partition(' ')[0]}"
+        return f"no board of {of['dictionary']}; {other}: write `dictionary: {other.partition(' ')[0]}`"
     for board in (*_other_layouts(target), *likely_boards(images, target)):
         if max(seen) < _marker_count(board) and any(charuco.detect(image, board) is not None for image in images):
             (columns, rows), legacy = board.options["squares"], bool(board.options["legacy_pattern"])
             fields = {
-                "squares": f"squares: [{columns}, {rows}]",
-                "legacy_pattern": f"legacy_pattern: {str(legacy).lower()}",
-                "dictionary": f"dictionary: {board.options['dictionary']}",
+                "squares": f"`squares: [{columns}, {rows}]`",
+                "legacy_pattern": f"`legacy_pattern: {str(legacy).lower()}`",
+                "dictionary": f"`dictionary: {board.options['dictionary']}`",
             }
             written = ", ".join(text for name, text in fields.items() if board.options[name] != of[name])
             return f"{_layout(board)} fit, not {_layout(target)}: write {written}"
@@ -148,7 +148,7 @@ def _layout(target: Target) -> str:
 def markers_instead(images: list[Grey]) -> str | None:
     """Markers, of a target that is said to have none."""
     other = _other_set(images, "", "marker")
-    return None if other is None else f"{other}: write kind: charuco, aprilgrid or apriltag, whichever it is"
+    return None if other is None else f"{other}: write `kind` as charuco, aprilgrid or apriltag, whichever it is"
 
 
 def other_chessboard(images: list[Grey], target: Target) -> str | None:

@@ -21,7 +21,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import Solution, solve_problem
 from basecal.estimation.streams.rolling_shutter import line_time_name
 from basecal.estimation.streams.streams import recording_streams, synchronise
-from stream_cells import MOUNT, Streamed, pictured, streamed
+from stream_cells import MOUNT, Streamed, imaged, streamed
 
 NAME = "arm_flange_from_wrist"
 
@@ -114,7 +114,7 @@ def test_what_an_offset_cannot_mend_is_named():
 
 
 def test_a_line_time_that_was_found_is_told_with_its_sigma():
-    made = pictured(2e-5, RollingShutter("prior", 1.7e-5, 4e-6), seconds=5.0)
+    made = imaged(2e-5, RollingShutter("prior", 1.7e-5, 4e-6), seconds=5.0)
     found = calibrate(made.cell, made.recording)
     line = found.line_times["wrist"]
     assert line.line_time_s == pytest.approx(2e-5, abs=3.3 * line.sigma_s)
@@ -126,7 +126,7 @@ def test_a_line_time_that_was_found_is_told_with_its_sigma():
 
 def test_a_rolling_shutter_that_nobody_stated_is_found():
     """Not named a base that moved."""
-    made = pictured(2e-5, None, seconds=5.0)
+    made = imaged(2e-5, None, seconds=5.0)
     found = calibrate(made.cell, made.recording)
     assert found.verdict == "good"
     line = found.line_times["wrist"]
@@ -137,7 +137,7 @@ def test_a_rolling_shutter_that_nobody_stated_is_found():
 
 @pytest.mark.slow
 def test_a_line_time_far_from_its_prior_is_named():
-    made = pictured(2e-5, RollingShutter("prior", 1e-5, 1e-6), seconds=5.0)
+    made = imaged(2e-5, RollingShutter("prior", 1e-5, 1e-6), seconds=5.0)
     found = calibrate(made.cell, made.recording)
     (finding,) = [f for f in found.findings if f.code == "prior-contradicted"]
     assert finding.what.startswith(("The line time of wrist is 20", "The line time of wrist is 19"))

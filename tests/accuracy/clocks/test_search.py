@@ -17,7 +17,7 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve, solve_problem
 from basecal.estimation.streams.streams import recording_streams
 from quick import quick
-from stream_cells import Streamed, pictured, streamed
+from stream_cells import Streamed, imaged, streamed
 
 SIGMA_S = 4e-4  # of the offset of these recordings, at most
 
@@ -65,7 +65,7 @@ def test_the_samples_are_by_the_offsets_that_were_found() -> None:
 
 @pytest.mark.parametrize("shutter", [RollingShutter("fixed", 3e-5), RollingShutter("prior", 2.7e-5, 3e-6)])
 def test_rows_are_mended_by_the_line_time_that_is_found(shutter: RollingShutter) -> None:
-    made = pictured(3e-5, shutter)
+    made = imaged(3e-5, shutter)
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     of = search_offsets(streams, Settings())

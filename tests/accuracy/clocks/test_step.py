@@ -16,7 +16,7 @@ from basecal.estimation.streams.rolling_shutter import Known
 from basecal.estimation.streams.streams import Synchronised, recording_streams, synchronise
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
-from stream_cells import Streamed, pictured, streamed
+from stream_cells import Streamed, imaged, streamed
 
 
 def solved(made: Streamed, offset_s: float) -> tuple[ClockStep, Solution, Synchronised]:
@@ -81,7 +81,7 @@ def test_two_arms_of_the_same_clock_count_together() -> None:
 @pytest.mark.parametrize("away_s", [-4e-6, 0.0, 4e-6])
 def test_a_step_leads_to_the_true_line_time(away_s: float) -> None:
     """Of rows of 20 us, from a fifth of that aside; the clock known."""
-    made = pictured(2e-5, RollingShutter("free", 2e-5 + away_s))
+    made = imaged(2e-5, RollingShutter("free", 2e-5 + away_s))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     of, solution = synchronise(streams, streams.stated_offsets), None

@@ -79,7 +79,9 @@ def test_outliers_lens_and_offered_lines() -> None:
     left, lens, line = cures_of(
         Finding("outlier-samples", "warning", ("3",), "Sample 3 was left out as an outlier."),
         Finding("intrinsics", "warning", ("wrist",), "The lens of wrist is not as stated: fx is 3 px off."),
-        Finding("few-images", "warning", ("wrist",), "None.", ("'board': no board: write dictionary: DICT_5X5_100.",)),
+        Finding(
+            "few-images", "warning", ("wrist",), "None.", ("'board': no board: write `dictionary: DICT_5X5_100`.",)
+        ),
         outliers=outliers,
     )
     assert [sample.sample for sample in left.change.samples] == [0, 1, 2, 4, 5, 6, 7, 8]

@@ -15,14 +15,15 @@ CELL = simulate(Scenario(samples=1), 2).cell
     ("about", "do", "places"),
     [
         (("eye",), "Write `deflection: {status: free}` at eye in cell.yaml.", {("robots", "eye", "deflection")}),
-        (("wrist",), "'board': 7x7 squares fit: write squares: [7, 7].", {("targets", "board", "squares")}),
-        (("board",), "Other markers: write kind: charuco, aprilgrid or apriltag, whichever it is.", set()),
+        (("wrist",), "'board': 7x7 squares fit: write `squares: [7, 7]`.", {("targets", "board", "squares")}),
+        (("board",), "Other markers: write `kind` as charuco, aprilgrid or apriltag, whichever it is.", set()),
         (("board",), "Measure its print.", set()),
-        (("wrist",), "Write squares: [7, 7].", set()),
+        (("board",), "Write on: world of board in cell.yaml.", set()),
+        (("wrist",), "Write `squares: [7, 7]`.", set()),
     ],
 )
 def test_lines_have_an_owner_and_a_value(about: tuple[str, ...], do: str, places: set[tuple[str, str, str]]) -> None:
-    """Of the thing that is quoted, else of what the finding is about; a choice of several values is no line."""
+    """Of the thing that is quoted, else of what the finding is about; a line is in backquotes, a choice is none."""
     finding = Finding("x", "warning", about, "It is wrong.", (do,))
     assert set(offered_places(CELL, finding)) == places
     assert is_fixable(CELL, finding) == bool(places)

@@ -17,7 +17,7 @@ from basecal.accuracy.input_check.rare_hypotheses import (
     _nearest_lists,
     _numbers,
     _order_hypotheses,
-    _shorter,
+    _shorter_vectors,
     _turns_rad,
     rare_hypotheses,
     with_stated_inverted,
@@ -243,7 +243,7 @@ def test_lists_are_chosen_that_lie_together(home):
 def test_the_shorter_list_has_the_lesser_sum_of_squares():
     """Of each rotation by itself."""
     numbers = np.array([[[1.0, 1, 1], [0, 0, 1.5]], [[0, 0, 1], [1, 1, 1]]])
-    np.testing.assert_array_equal(_shorter(numbers), [[0, 0, 1.5], [0, 0, 1]])
+    np.testing.assert_array_equal(_shorter_vectors(numbers), [[0, 0, 1.5], [0, 0, 1]])
 
 
 @pytest.mark.parametrize(("samples", "shifts"), [(9, []), (12, [3]), (20, [3, 4, 5]), (60, [3, 4, 5, 6])])

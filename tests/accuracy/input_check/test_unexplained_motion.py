@@ -63,7 +63,7 @@ def test_clocks_that_were_searched_are_named_with_their_reach():
     state = State(MADE.truth, MADE.cameras, np.zeros((len(problem.stops), 6)))
     assert "one instant" in hopeless(problem, state).do[0]
     first = hopeless(replace(problem, open_clocks=frozenset({"wrist", "wrist line"})), state).do[0]
-    assert first.startswith("If the clock of wrist is off by more than 1 s, write `clock: {status: free")
+    assert first.startswith("If the clock of wrist is off by more than 1 s, state `clock: {status: free")
 
 
 def test_arms_that_record_joints_are_told_to_check_these():

@@ -22,7 +22,7 @@ def table(folder: Path) -> Path:
     return path
 
 
-def test_a_cell_of_poses_and_pictures(tmp_path: Path) -> None:
+def test_a_cell_of_poses_and_images(tmp_path: Path) -> None:
     """By public names alone: poses of a robot, then images and their target, become a cell and its recording."""
     cell, photos = tmp_path / "mycell", tmp_path / "photos"
     photos.mkdir()

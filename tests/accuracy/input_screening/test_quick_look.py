@@ -65,7 +65,7 @@ def test_one_bad_row():
     assert look.error is not None
 
 
-def test_pictures_that_are_late():
+def test_images_that_are_late():
     """The robots that views belong to stand beside them."""
     found = codes(preview_samples(shifted(made().recording, None, -2)))
     assert {code for code, _, _ in found} == {"pairing-shifted"}

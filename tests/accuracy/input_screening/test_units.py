@@ -147,8 +147,8 @@ def test_no_target_is_wider_than_twenty_metres(size_m, told):
     assert not told or found[0].what == "The size of board is in another unit: it is stated to be 20 m wide."
     blind = [replace(s, observations=()) for s in made.recording.samples]
     assert impossible_units(cell, Recording(tuple(blind))) == []
-    pictured = [replace(s, images={"wrist": "a.png"}) for s in blind]
-    assert bool(impossible_units(cell, Recording(tuple(pictured)))) == told
+    imaged = [replace(s, images={"wrist": "a.png"}) for s in blind]
+    assert bool(impossible_units(cell, Recording(tuple(imaged)))) == told
 
 
 @pytest.mark.parametrize(("turn_rad", "told"), [(6.9, False), (6.95, True)])

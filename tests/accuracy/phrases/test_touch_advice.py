@@ -43,6 +43,22 @@ def test_the_next_mark(names, twists, words):
     assert found[0][0].startswith(words)
 
 
+def test_a_mark_beside_the_axis_is_not_on_the_line():
+    """One that holds nothing, as a single arm touched it: the line is through the two marks on the axis."""
+    names = ["mark_c", "mark_a", "mark_b"]
+    cell = touch_cell(names)
+    lines = touch_lines(np.random.default_rng(0), 12, 0.0, {name: MARKS[name] for name in names})
+    problem, _ = build_problem(cell, recorded(cell, lines))
+    known = {f"eye_base_from_{name}": SE3(AXES, MARKS[name]) for name in names}
+    state = State({**dict.fromkeys(problem.unknowns, SE3.identity()), **known}, {}, np.zeros((0, 6)))
+    axis = MARKS["mark_c"] - MARKS["mark_b"]
+    axis = (axis / np.linalg.norm(axis))[None]
+    space = np.hstack([np.cross(MARKS["mark_b"], axis), axis])
+    found = touch_advice(cell, problem, state, NullDirection("rotation", (BASE,), space))
+    assert found is not None
+    assert "0.3 m off the line through mark_b and mark_c" in found[0][0]
+
+
 def test_other_directions_are_not_of_touches():
     """A translation, and a mount on a flange, are left to the motion of robots."""
     cell = touch_cell(["mark_a"]).with_transform(BASE, Unknown())

@@ -14,7 +14,7 @@ import pytest
 from basecal.accuracy.scene import calibrate_scene as room
 from basecal.accuracy.scene import find_scene
 from basecal.accuracy.scene.calibrate_scene import calibrate_scene
-from basecal.accuracy.scene.pictures import Pictures
+from basecal.accuracy.scene.images import Images
 from basecal.cell import Calibration, Finding, Recording, Unknown
 from basecal.cell.files import read_truth
 from basecal.cell.schema.cell_file import cell_from_dict
@@ -23,7 +23,7 @@ from basecal.errors import InputError
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
 from basecal.numerics.batch import take
-from scene_pictures import pictures_of_scene, random_looks, repeated_object, solved_camera
+from scene_images import images_of_scene, random_looks, repeated_object, solved_camera
 from scene_points import BASE, MOUNT, Scene, made_scene, moved_in_time
 
 ROOT = Path(__file__).parents[3]
@@ -32,11 +32,11 @@ TARGETLESS = Finding("few-images", "warning", ("left_eye",), "12 of 12 images of
 
 
 def calibrated(
-    monkeypatch: pytest.MonkeyPatch, pictures: Pictures, reference: str = "left", findings: tuple[Finding, ...] = ()
+    monkeypatch: pytest.MonkeyPatch, images: Images, reference: str = "left", findings: tuple[Finding, ...] = ()
 ) -> Calibration:
     """The answer from made-up images."""
-    monkeypatch.setattr(room, "read_pictures", lambda *_: pictures)
-    views = pictures.views
+    monkeypatch.setattr(room, "read_images", lambda *_: images)
+    views = images.views
     cell = {
         "schema": "basecal/cell/1",
         "reference": reference,
@@ -49,7 +49,7 @@ def calibrated(
 
 def with_true_mounts(monkeypatch: pytest.MonkeyPatch, scene: Scene) -> None:
     """Spare the search for each camera's mount."""
-    monkeypatch.setattr(find_scene, "solve_camera", lambda pictures, camera, _: solved_camera(scene, pictures, camera))
+    monkeypatch.setattr(find_scene, "solve_camera", lambda images, camera, _: solved_camera(scene, images, camera))
 
 
 def errors(answer: Calibration) -> set[str]:
@@ -61,7 +61,7 @@ def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Mounts and base are within their 99.99 % ellipsoids (27.9 of 6), and the joint covariance holds all three."""
     scene = made_scene(1, arms=2, count=12, points=220)
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, pictures_of_scene(scene), findings=(TARGETLESS,))
+    answer = calibrated(monkeypatch, images_of_scene(scene), findings=(TARGETLESS,))
     assert answer.verdict == "doubtful"
     assert [each.code for each in answer.findings] == ["not-validated", "scene-joined", "scene-scale"]
     assert answer.meeting is not None
@@ -93,7 +93,7 @@ def test_a_stated_place_of_the_base_is_second_evidence(
     sigma = np.array([sigma_m] * 3 + [0.5] * 3)
     stated = Unknown("prior", BASE @ SE3.exp(np.array([off_m, 0, 0, 0, 0, 0])), sigma)
     views = replace(scene.views, bases=(scene.views.bases[0], stated))
-    answer = calibrated(monkeypatch, replace(pictures_of_scene(scene), views=views))
+    answer = calibrated(monkeypatch, replace(images_of_scene(scene), views=views))
     assert answer.verdict == verdict
     if verdict != "refused":
         off = (BASE.inverse() @ answer.transforms[BASE_NAME].mean).log()
@@ -107,7 +107,7 @@ def test_a_scene_that_creeps_gives_no_false_base(monkeypatch: pytest.MonkeyPatch
     """
     scene = moved_in_time(made_scene(1, arms=2, count=10, points=220), 5e-4 * np.arange(20)[:, None] * [0.6, 0.8, 0.0])
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, pictures_of_scene(scene))
+    answer = calibrated(monkeypatch, images_of_scene(scene))
     assert answer.verdict == "doubtful"
     (found,) = (each for each in answer.findings if each.code == "scene-moved")
     assert "from the first sample to the last" in found.what
@@ -122,7 +122,7 @@ def test_any_robot_may_be_the_reference(monkeypatch: pytest.MonkeyPatch) -> None
     scene = made_scene(1, arms=2, count=12, points=220)
     with_true_mounts(monkeypatch, scene)
     views = replace(scene.views, bases=(Unknown(), Unknown("fixed", SE3.identity())))
-    answer = calibrated(monkeypatch, replace(pictures_of_scene(scene), views=views), reference="right")
+    answer = calibrated(monkeypatch, replace(images_of_scene(scene), views=views), reference="right")
     found = answer.transforms["right_base_from_left_base"]
     off = (BASE @ found.mean).log()
     assert off @ np.linalg.solve(found.covariance, off) < 27.9
@@ -133,8 +133,8 @@ def test_a_stated_mount_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     """A mount that is fixed is where the cell states it, not where a search ends."""
     scene = made_scene(2, count=12, points=150)
     stated = replace(scene.views.cameras[0], mount=Unknown("fixed", MOUNT))
-    pictures = pictures_of_scene(replace(scene, views=replace(scene.views, cameras=(stated,))))
-    answer = calibrated(monkeypatch, pictures)
+    images = images_of_scene(replace(scene, views=replace(scene.views, cameras=(stated,))))
+    answer = calibrated(monkeypatch, images)
     off = MOUNT.inverse() @ answer.transforms["left_flange_from_left_eye"].mean
     assert np.linalg.norm(off.log()) < 1e-12
 
@@ -143,7 +143,7 @@ def test_one_arm_needs_no_second(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a single camera the mount is the answer, to 3 mm."""
     scene = made_scene(2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, pictures_of_scene(scene))
+    answer = calibrated(monkeypatch, images_of_scene(scene))
     assert answer.verdict == "good"
     assert list(answer.transforms) == ["left_flange_from_left_eye"]
     off = MOUNT.inverse() @ answer.transforms["left_flange_from_left_eye"].mean
@@ -156,7 +156,7 @@ def test_arms_that_see_different_things_are_refused(monkeypatch: pytest.MonkeyPa
     rng = np.random.default_rng(5)
     looks = tuple(random_looks(rng, scene.tracks.count) for _ in range(2))
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, pictures_of_scene(scene, looks=looks))
+    answer = calibrated(monkeypatch, images_of_scene(scene, looks=looks))
     assert (answer.verdict, answer.transforms, errors(answer)) == ("refused", {}, {"scene-overlap"})
     assert all(each.do for each in answer.findings if each.severity == "error")
 
@@ -166,16 +166,16 @@ def test_a_repeated_object_gives_no_base(monkeypatch: pytest.MonkeyPatch, is_see
     """Whether both arms see both of two equal objects, or each another one: refused."""
     scene, looks = repeated_object(is_seen_apart)
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, pictures_of_scene(scene, looks=looks))
+    answer = calibrated(monkeypatch, images_of_scene(scene, looks=looks))
     assert (answer.verdict, answer.transforms, errors(answer)) == ("refused", {}, {code})
 
 
-def test_pictures_without_texture_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_images_without_texture_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Features of which no two images share any, as of noise, are no scene."""
-    pictures = pictures_of_scene(made_scene(1, arms=2, count=8, points=60))
+    images = images_of_scene(made_scene(1, arms=2, count=8, points=60))
     rng = np.random.default_rng(6)
-    noise = tuple(replace(each, descriptors=random_looks(rng, len(each))) for each in pictures.features)
-    answer = calibrated(monkeypatch, replace(pictures, features=noise))
+    noise = tuple(replace(each, descriptors=random_looks(rng, len(each))) for each in images.features)
+    answer = calibrated(monkeypatch, replace(images, features=noise))
     assert (answer.verdict, errors(answer)) == ("refused", {"scene-texture"})
 
 
@@ -183,14 +183,14 @@ def test_few_views_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Seven images of an arm are too few, whatever they show."""
     scene = made_scene(1, count=7, points=150)
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, pictures_of_scene(scene))
+    answer = calibrated(monkeypatch, images_of_scene(scene))
     assert (answer.verdict, errors(answer)) == ("refused", {"too-few-samples"})
 
 
-def test_a_recording_without_pictures_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_without_images_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """There is nothing to answer."""
-    pictures = pictures_of_scene(made_scene(1, count=3, points=20))
-    empty = replace(pictures, views=take(pictures.views, np.zeros(0, dtype=np.int64)), features=())
+    images = images_of_scene(made_scene(1, count=3, points=20))
+    empty = replace(images, views=take(images.views, np.zeros(0, dtype=np.int64)), features=())
     with pytest.raises(InputError, match="no camera on a robot has images"):
         calibrated(monkeypatch, empty)
     lost = Finding("dropped-sample", "info", (), "The image of eye in sample 0 is not used: is missing.")

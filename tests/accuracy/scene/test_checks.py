@@ -25,7 +25,7 @@ from basecal.cell import Cell, Robot, Unknown
 from basecal.estimation.scene.views import Tracks
 from basecal.fields.parameters import Parameters
 from basecal.geometry import SE3
-from scene_pictures import pictures_of_scene, solved_camera
+from scene_images import images_of_scene, solved_camera
 from scene_points import made_scene
 
 NAMES = ("left_eye", "right_eye")
@@ -44,7 +44,7 @@ GOOD = Join(SE3.identity(), sightings(400), 9.0, 0.9, rival=0.2)
 def good() -> OneCamera:
     """Twelve images that show enough."""
     scene = made_scene(1, count=12, points=120)
-    return solved_camera(scene, pictures_of_scene(scene), 0)
+    return solved_camera(scene, images_of_scene(scene), 0)
 
 
 def told(one: OneCamera) -> list[tuple[str, str]]:
@@ -52,7 +52,7 @@ def told(one: OneCamera) -> list[tuple[str, str]]:
     return [(each.code, each.severity) for each in camera_findings("eye", one)]
 
 
-def test_good_pictures_lack_nothing(good: OneCamera) -> None:
+def test_good_images_lack_nothing(good: OneCamera) -> None:
     """Twelve views with texture and right poses are told nothing of."""
     assert told(good) == []
 
@@ -124,7 +124,7 @@ def test_unknown_directions_are_refused() -> None:
 def test_poses_that_scatter_are_named_as_a_cause() -> None:
     """Beyond 2 mm or 3 mrad a robot is named with its noise, and a weak direction says to check it first."""
     scene = made_scene(1, arms=2, count=12, points=120)
-    fit = solved_camera(scene, pictures_of_scene(scene), 0).adjustment
+    fit = solved_camera(scene, images_of_scene(scene), 0).adjustment
     assert describe_scatter(replace(fit, stop_sigma=np.full((12, 6), 1e-3))) == ""
     scatter = describe_scatter(replace(fit, stop_sigma=np.tile(np.repeat([1e-3, 8e-3], 3), (12, 1))))
     assert scatter == "Poses of left scatter by 1 mm and 0.46 deg."

@@ -14,16 +14,16 @@ from basecal.estimation.scene.views import SceneCamera, SceneViews, Tracks
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
 from basecal.numerics.batch import concatenate
-from scene_pictures import pictures_of_scene, solved_camera
+from scene_images import images_of_scene, solved_camera
 from scene_points import BASE, LENS, PIXEL, Scene, looks, made_scene
 
 
 def test_two_cameras_are_joined_into_one_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     """The base is found to 3 mm, nothing is reported, and most points are seen by both."""
     scene = made_scene(1, arms=2, count=12, points=220)
-    pictures, report = pictures_of_scene(scene), Report()
-    monkeypatch.setattr(room, "solve_camera", lambda pictures, camera, _: solved_camera(scene, pictures, camera))
-    fit = find_scene(pictures, (None, None), "left", report, Settings())
+    images, report = images_of_scene(scene), Report()
+    monkeypatch.setattr(room, "solve_camera", lambda images, camera, _: solved_camera(scene, images, camera))
+    fit = find_scene(images, (None, None), "left", report, Settings())
     assert fit is not None
     assert report.findings == []
     assert np.linalg.norm((BASE.inverse() @ fit.state.bases[1]).translation) < 3e-3
@@ -55,10 +55,10 @@ def with_fixed_camera(scene: Scene, lens: Intrinsics) -> tuple[Scene, SE3]:
 def test_a_camera_beside_the_arms_joins_by_the_points(monkeypatch: pytest.MonkeyPatch, is_stated: bool) -> None:
     """Its pose is found to 2 mm and 0.2 deg if its lens is stated; else it is left out, and why is said."""
     scene, true = with_fixed_camera(made_scene(1, arms=2, count=12, points=220), Intrinsics("fixed", LENS))
-    pictures, report = pictures_of_scene(scene), Report()
-    pictures = replace(pictures, is_guessed=(False, False, not is_stated))
-    monkeypatch.setattr(room, "solve_camera", lambda pictures, camera, _: solved_camera(scene, pictures, camera))
-    fit = find_scene(pictures, (None, None), "left", report, Settings())
+    images, report = images_of_scene(scene), Report()
+    images = replace(images, is_guessed=(False, False, not is_stated))
+    monkeypatch.setattr(room, "solve_camera", lambda images, camera, _: solved_camera(scene, images, camera))
+    fit = find_scene(images, (None, None), "left", report, Settings())
     assert fit is not None
     assert [each.about for each in report.findings] == ([] if is_stated else [("above",)])
     assert len(fit.state.mounts) == (3 if is_stated else 2)

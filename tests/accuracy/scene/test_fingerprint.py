@@ -17,7 +17,7 @@ from basecal.cli.calibrate import CalibratedFolder
 from basecal.cli.verify import _renumber_sample
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
-from scene_pictures import solved_camera
+from scene_images import solved_camera
 from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, Scene, looks, made_scene
 from scene_tracks import write_tracks
 
@@ -28,7 +28,7 @@ def calibrated_cell(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Scene:
     """A cell calibrated by tracks, spared the search for mounts."""
     scene = made_scene(1, arms=2, count=12, points=220)
     write_tracks(folder, scene)
-    monkeypatch.setattr(find_scene, "solve_camera", lambda pictures, camera, _: solved_camera(scene, pictures, camera))
+    monkeypatch.setattr(find_scene, "solve_camera", lambda images, camera, _: solved_camera(scene, images, camera))
     cell = read_cell(folder)
     write_calibration(calibrate_scene(cell, read_recording(folder, cell), Settings()), folder)
     return scene
@@ -78,7 +78,7 @@ def test_what_moved_is_seen_by_the_scene(
         assert found["shift_mm"] == pytest.approx(5.0, abs=1.5)
 
 
-def test_new_pictures_of_a_scene_join_its_recording(
+def test_new_images_of_a_scene_join_its_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """If nothing moved, `--recalibrate` adds new tracks to the recording; images are copied under new names."""

@@ -119,7 +119,7 @@ def test_a_scene_that_contradicts_the_board_is_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_scene_of_few_pictures_is_left_out(tmp_path: Path) -> None:
+def test_a_scene_of_few_images_is_left_out(tmp_path: Path) -> None:
     """Of nine images of an arm and three of outliers none counts: the board's answer stays, and why is said."""
     scene = made_scene(1, arms=2, count=12, points=220)
     cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=12)
@@ -131,7 +131,7 @@ def test_a_scene_of_few_pictures_is_left_out(tmp_path: Path) -> None:
     assert "9 images of left_eye" in finding.what
 
 
-def test_without_pictures_there_is_no_scene(tmp_path: Path) -> None:
+def test_without_images_there_is_no_scene(tmp_path: Path) -> None:
     """The answer stays as it is, and the missing images are named."""
     cell, recording = board_beside_tracks(tmp_path, made_scene(1, arms=2, count=6, points=60), 1, boards=6)
     bare = replace(recording, samples=tuple(replace(each, tracks=()) for each in recording.samples))

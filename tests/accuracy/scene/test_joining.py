@@ -9,23 +9,23 @@ import pytest
 
 from basecal.accuracy.scene import joining
 from basecal.accuracy.scene.checks import join_findings
+from basecal.accuracy.scene.images import Images
 from basecal.accuracy.scene.joining import Join, _evidence_share, common_share, join, paired_points
 from basecal.accuracy.scene.one_camera import OneCamera
-from basecal.accuracy.scene.pictures import Pictures
 from basecal.estimation.scene.views import Tracks
 from basecal.numerics.batch import take
 from basecal.vision.tracks.features import Descriptors
+from scene_images import images_of_scene, moved_object, random_looks, repeated_object, solved_camera
 from scene_joins import true_join
-from scene_pictures import moved_object, pictures_of_scene, random_looks, repeated_object, solved_camera
 from scene_points import BASE, Scene, made_scene
 
 NAMES = ("left_eye", "right_eye")
 
 
-def joined(scene: Scene, looks: tuple[Descriptors, Descriptors] | None = None) -> tuple[Pictures, Join | None]:
+def joined(scene: Scene, looks: tuple[Descriptors, Descriptors] | None = None) -> tuple[Images, Join | None]:
     """Images of two cameras, and what joins them."""
-    pictures = pictures_of_scene(scene, looks=looks)
-    return pictures, join(pictures, *(solved_camera(scene, pictures, camera) for camera in (0, 1)))
+    images = images_of_scene(scene, looks=looks)
+    return images, join(images, *(solved_camera(scene, images, camera) for camera in (0, 1)))
 
 
 def codes(found: Join | None) -> list[str]:
@@ -55,12 +55,12 @@ def test_common_points_join_two_arms(scene: Scene) -> None:
 def test_sightings_are_of_the_same_points(scene: Scene) -> None:
     """What is found in images of the second shows the points of the first that it is said to show."""
     looks = random_looks(np.random.default_rng(4), scene.tracks.count)
-    pictures, found = joined(scene, (looks, looks))
+    images, found = joined(scene, (looks, looks))
     assert found is not None
-    first, second = (solved_camera(scene, pictures, camera) for camera in (0, 1))
+    first, second = (solved_camera(scene, images, camera) for camera in (0, 1))
     seen = found.sightings
-    of_points = pictures.descriptors(first.tracks)[seen.point]
-    shown = [pictures.features[second.rows[v]].descriptors[f] for v, f in zip(seen.view, seen.feature, strict=True)]
+    of_points = images.descriptors(first.tracks)[seen.point]
+    shown = [images.features[second.rows[v]].descriptors[f] for v, f in zip(seen.view, seen.feature, strict=True)]
     assert len(seen) > 500
     assert set(seen.view) == set(range(12))
     assert np.sum(of_points * np.array(shown), 1).min() > 0.8
@@ -68,9 +68,9 @@ def test_sightings_are_of_the_same_points(scene: Scene) -> None:
 
 def test_pairs_are_of_one_point(scene: Scene) -> None:
     """Paired points of the two scenes are one point of the world to their tolerance."""
-    pictures = pictures_of_scene(scene)
-    first, second = (solved_camera(scene, pictures, camera) for camera in (0, 1))
-    pairs, tolerance = paired_points(pictures, first, second)
+    images = images_of_scene(scene)
+    first, second = (solved_camera(scene, images, camera) for camera in (0, 1))
+    pairs, tolerance = paired_points(images, first, second)
     assert first.fit is not None
     assert second.fit is not None
     apart = first.fit.state.points[pairs[:, 0]] - BASE @ second.fit.state.points[pairs[:, 1]]
@@ -104,8 +104,8 @@ def share(ones: tuple[OneCamera, OneCamera], sightings: Tracks) -> float:
 def few() -> tuple[Scene, tuple[OneCamera, OneCamera]]:
     """Two arms before one table of fewer points, solved."""
     scene = made_scene(1, arms=2, count=8, points=120)
-    pictures = pictures_of_scene(scene)
-    return scene, (solved_camera(scene, pictures, 0), solved_camera(scene, pictures, 1))
+    images = images_of_scene(scene)
+    return scene, (solved_camera(scene, images, 0), solved_camera(scene, images, 1))
 
 
 def test_places_within_both_views_are_one(

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.scene.images import Images
 from basecal.accuracy.scene.merging import merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera
-from basecal.accuracy.scene.pictures import Pictures
 from basecal.numerics.batch import concatenate, take
+from scene_images import images_of_scene, solved_camera
 from scene_joins import point_by_place, true_join, true_points
-from scene_pictures import pictures_of_scene, solved_camera
 from scene_points import Scene, made_scene
 
 
@@ -23,18 +23,18 @@ def scene() -> Scene:
 
 
 @pytest.fixture(scope="module")
-def pictures(scene: Scene) -> Pictures:
+def images(scene: Scene) -> Images:
     """What their cameras see."""
-    return pictures_of_scene(scene)
+    return images_of_scene(scene)
 
 
 @pytest.fixture(scope="module")
-def ones(scene: Scene, pictures: Pictures) -> tuple[OneCamera, OneCamera]:
+def ones(scene: Scene, images: Images) -> tuple[OneCamera, OneCamera]:
     """What each camera's images say."""
-    return solved_camera(scene, pictures, 0), solved_camera(scene, pictures, 1)
+    return solved_camera(scene, images, 0), solved_camera(scene, images, 1)
 
 
-def test_one_point_is_one_track(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
+def test_one_point_is_one_track(scene: Scene, images: Images, ones: tuple[OneCamera, OneCamera]) -> None:
     """Joined as in truth, tracks are the true ones: as many, and each of one point."""
     tracks = merged_tracks(ones, {1: true_join(scene, ones)})
     at = point_by_place(scene)
@@ -43,7 +43,7 @@ def test_one_point_is_one_track(scene: Scene, pictures: Pictures, ones: tuple[On
     assert len(pairs) == tracks.count == len(np.unique(true)) > 90
 
 
-def test_shared_points_are_counted(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
+def test_shared_points_are_counted(scene: Scene, images: Images, ones: tuple[OneCamera, OneCamera]) -> None:
     """A point is shared if two views of each show it; without a join none is."""
     own = [true_points(scene, one) for one in ones]
     many = [set(np.flatnonzero(np.bincount(points) >= 2).tolist()) for points in own]
@@ -52,7 +52,7 @@ def test_shared_points_are_counted(scene: Scene, pictures: Pictures, ones: tuple
     assert shared_points(scene.views, merged_tracks(ones, {}), 1) == (0, (0, 0))
 
 
-def test_a_few_false_sightings_tie_nothing(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
+def test_a_few_false_sightings_tie_nothing(scene: Scene, images: Images, ones: tuple[OneCamera, OneCamera]) -> None:
     """One image point in six that shows another point than it is said to: most of each track decide, none is mixed."""
     join = true_join(scene, ones)
     point = join.sightings.point
@@ -66,7 +66,7 @@ def test_a_few_false_sightings_tie_nothing(scene: Scene, pictures: Pictures, one
 
 
 def test_two_features_of_one_view_are_no_image_of_a_point(
-    scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]
+    scene: Scene, images: Images, ones: tuple[OneCamera, OneCamera]
 ) -> None:
     """No view shows a point twice in what is merged."""
     join = true_join(scene, ones)

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.scene.checks import camera_findings
-from basecal.accuracy.scene.one_camera import OneCamera, own_views, picture_pairs, solve_camera
-from basecal.accuracy.scene.pictures import Pictures
+from basecal.accuracy.scene.images import Images
+from basecal.accuracy.scene.one_camera import OneCamera, image_pairs, own_views, solve_camera
 from basecal.geometry import SE3
-from scene_pictures import pictures_of_scene, random_looks, with_inverted_poses
+from scene_images import images_of_scene, random_looks, with_inverted_poses
 from scene_points import MOUNT, PIXEL, made_scene
 
 
 @pytest.fixture(scope="module")
-def pictures() -> Pictures:
+def images() -> Images:
     """Ten images of one arm."""
-    return pictures_of_scene(made_scene(2, count=10, points=200))
+    return images_of_scene(made_scene(2, count=10, points=200))
 
 
 @pytest.fixture(scope="module")
-def solved(pictures: Pictures) -> OneCamera:
+def solved(images: Images) -> OneCamera:
     """What they say."""
-    return solve_camera(pictures, 0, None)
+    return solve_camera(images, 0, None)
 
 
 def test_mount_is_found_without_a_guess(solved: OneCamera) -> None:
@@ -37,15 +37,15 @@ def test_mount_is_found_without_a_guess(solved: OneCamera) -> None:
     assert list(camera_findings("eye", replace(solved, rows=np.arange(20)))) == []
 
 
-def test_features_are_those_of_the_image_points(pictures: Pictures, solved: OneCamera) -> None:
+def test_features_are_those_of_the_image_points(images: Images, solved: OneCamera) -> None:
     """The feature of each image point of the fit stands at its pixels, and looks like the mean of its point."""
     assert solved.fit is not None
     tracks = solved.tracks
-    at = [pictures.features[v] for v in tracks.view]
+    at = [images.features[v] for v in tracks.view]
     pixels = [each.pixels[k] for each, k in zip(at, tracks.feature, strict=True)]
     np.testing.assert_array_equal(pixels, tracks.pixels)
     looks = np.array([each.descriptors[k] for each, k in zip(at, tracks.feature, strict=True)])
-    alike = np.sum(looks * pictures.descriptors(tracks)[tracks.point], 1)
+    alike = np.sum(looks * images.descriptors(tracks)[tracks.point], 1)
     assert alike.min() > 0.9
 
 
@@ -53,26 +53,29 @@ def test_inverted_poses_do_not_fit() -> None:
     """Poses recorded as `flange_from_base` leave features far from their epipolar geometry: refused as poor fit."""
     scene = made_scene(2, count=10, points=200)
     inverted = replace(scene, views=with_inverted_poses(scene.views, 0))
-    found = list(camera_findings("eye", solve_camera(pictures_of_scene(inverted), 0, None)))
+    found = list(camera_findings("eye", solve_camera(images_of_scene(inverted), 0, None)))
     assert [(each.code, each.severity) for each in found] == [("poor-fit", "error")]
+    assert "base_from_flange" in found[0].message
 
 
 def test_positions_of_the_wrong_sign_do_not_fit() -> None:
-    """Negated positions fit all epipolar lines, and put what is seen behind the camera: refused as poor fit."""
+    """Negated positions fit all epipolar lines, and put what is seen behind the camera: joints are to be checked."""
     scene = made_scene(2, count=10, points=200)
     poses = scene.views.base_from_flange
     views = replace(scene.views, base_from_flange=SE3(poses.rotation, -poses.translation))
-    (found,) = camera_findings("eye", solve_camera(pictures_of_scene(replace(scene, views=views)), 0, None))
+    (found,) = camera_findings("eye", solve_camera(images_of_scene(replace(scene, views=views)), 0, None), ["left"])
     assert (found.code, found.severity) == ("poor-fit", "error")
     assert "behind" in found.what
+    assert "URDF of left" in found.message
+    assert "base_from_flange" not in found.message
 
 
-def test_pictures_without_common_features_have_no_start() -> None:
+def test_images_without_common_features_have_no_start() -> None:
     """Where each image's features look otherwise no pair is matched, and there is neither start nor fit."""
-    pictures = pictures_of_scene(made_scene(2, count=10, points=100))
+    images = images_of_scene(made_scene(2, count=10, points=100))
     rng = np.random.default_rng(3)
-    blank = [replace(each, descriptors=random_looks(rng, len(each))) for each in pictures.features]
-    found = solve_camera(replace(pictures, features=tuple(blank)), 0, None)
+    blank = [replace(each, descriptors=random_looks(rng, len(each))) for each in images.features]
+    found = solve_camera(replace(images, features=tuple(blank)), 0, None)
     assert (found.start, found.fit, found.matched_pairs) == (None, None, 0)
 
 
@@ -86,11 +89,11 @@ def test_a_camera_stands_alone_with_its_robot() -> None:
     assert views.bases[0].status == "fixed"
 
 
-def test_many_pictures_are_matched_with_similar_ones() -> None:
+def test_many_images_are_matched_with_similar_ones() -> None:
     """Up to 60 images are all paired; of more each with those of the most similar directions."""
     turns = SE3.exp(np.outer(np.arange(100), [0, 0, 0, 0, 0, 0.02]))
-    assert len(picture_pairs(turns[:60])) == 60 * 59 // 2
-    pairs = picture_pairs(turns)
+    assert len(image_pairs(turns[:60])) == 60 * 59 // 2
+    pairs = image_pairs(turns)
     assert len(pairs) < 100 * 20
     assert max(j - i for i, j in pairs) <= 20
     assert {(k, k + 1) for k in range(99)} <= set(pairs)

@@ -13,7 +13,7 @@ from basecal.accuracy.findings.systematic_error import systematic_error as findi
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors import search
 from basecal.accuracy.systematic_errors.place_scatter import PlaceScatter
-from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error
+from basecal.accuracy.systematic_errors.search import _reconciling_effect, systematic_error
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.systematic_errors.suspect import Suspect
 from basecal.cell import Recording, RobotState, Sample
@@ -183,7 +183,8 @@ def test_an_error_that_reconciles_residuals_with_their_sigmas():
         problem, _ = build_problem(cell, recording)
         solution = solve_problem(problem, cell, SETTINGS)
         assert any(each.is_too_small for each in contradicted_sigmas(solution))
-        found = _reconciling(solution, solution, problem, {s.sample: s.stamp_s for s in recording.samples}, SETTINGS)
+        stamps = {sample.sample: sample.stamp_s for sample in recording.samples}
+        found = _reconciling_effect(solution, solution, problem, stamps, SETTINGS)
         assert (None if found is None else found.code) == code
 
 

@@ -41,7 +41,7 @@ def save(folder, level, written_s=None):
         os.utime(path, (written_s, written_s))
 
 
-def test_the_newest_new_picture_is_given_once(folder):
+def test_the_newest_new_image_is_given_once(folder):
     """Those that were there before do not count; of several new ones the one written last is given, with its name."""
     source = camera(folder)
     save(folder, 100, 2000.0)
@@ -52,7 +52,7 @@ def test_the_newest_new_picture_is_given_once(folder):
         source.picture()
 
 
-def test_a_picture_that_comes_late_is_given_with_its_time(folder):
+def test_a_image_that_comes_late_is_given_with_its_time(folder):
     """One that was written before the last is given as well: who asks tells by its stamp that it is older."""
     source = camera(folder)
     save(folder, 50, 3000.0)

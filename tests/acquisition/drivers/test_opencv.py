@@ -17,7 +17,7 @@ from basecal.vision.stream import Stream
 CELL = Cell("eye", {"eye": Robot("eye")})
 
 
-def test_a_film_gives_its_pictures(tmp_path):
+def test_a_film_gives_its_images(tmp_path):
     """Images come with rising stamps, and the end of the film is an error that says so."""
     path = str(tmp_path / "film.avi")
     writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"MJPG"), 10, (64, 48))

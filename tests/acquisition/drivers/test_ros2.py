@@ -28,7 +28,7 @@ def drawn(grey):
     return int.from_bytes(grey[0, :8].tobytes(), "big") * 1e-9
 
 
-def test_every_state_and_picture_has_its_own_stamp(ros2_cell):
+def test_every_state_and_image_has_its_own_stamp(ros2_cell):
     """Of states and images taken as they come none stands at the stamp of another, and stamps rise."""
     robot, camera = open_robot(ros2_cell.place("eye")), open_camera(ros2_cell.place("wrist", topic="/wrist/image_raw"))
     assert isinstance(camera, Camera)
@@ -93,7 +93,7 @@ def test_what_goes_wrong_is_a_line(ros2_cell, fault, error):
     assert "\n" not in str(raised.value)
 
 
-def test_pictures_of_another_size_are_told(ros2_cell):
+def test_images_of_another_size_are_told(ros2_cell):
     """Where the cell states the size of images, others are no images of this camera."""
     place = ros2_cell.place("wrist", topic="/wrist/image_raw")
     camera = open_camera(Place("wrist", CELL, Path("."), place.options))

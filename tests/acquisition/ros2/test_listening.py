@@ -7,7 +7,7 @@ import pytest
 from basecal.exchange.bags.bag import IMAGE, JOINTS, TF
 
 pytest.importorskip("cyclonedds")
-from basecal.acquisition.ros2.listening import listen_to_topics, survey_of_what_runs
+from basecal.acquisition.ros2.listening import listen_to_topics, survey_live_topics
 from basecal.errors import DriverError
 
 NOBODY = 100  # a domain that no test sends in
@@ -23,7 +23,7 @@ def test_what_runs_is_surveyed_as_a_bag_is(ros2_cell):
     }
     assert bag.topics["/joint_states"].messages > 20
     assert len(list(bag.read(["/wrist/image_raw"]))) == 1
-    survey = survey_of_what_runs(bag)
+    survey = survey_live_topics(bag)
     assert list(survey.urdfs) == ["/robot_description"]
     assert {name: hang.is_fixed for name, hang in survey.tree.hangs.items()} == {
         "link": False,

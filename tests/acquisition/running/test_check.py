@@ -19,7 +19,7 @@ def test_samples_in_order_are_not_reported():
     assert reported(*recorded()) == []
 
 
-def test_a_picture_of_another_pose_is_named():
+def test_a_image_of_another_pose_is_named():
     """The sample is reported at once and worth repeating; the next one tells that its image is of another pose."""
     cell, samples = recorded()
     (first, at_once), (second, later) = reported(cell, with_views_of(samples, 7, 6))
@@ -30,7 +30,7 @@ def test_a_picture_of_another_pose_is_named():
 
 
 @pytest.mark.slow
-def test_a_picture_of_another_pose_leaves_the_estimate_as_it_was():
+def test_a_image_of_another_pose_leaves_the_estimate_as_it_was():
     """The sigma is that of the same samples without it, to a tenth."""
     cell, samples = recorded()
     wrong, without = RunningCheck(cell), RunningCheck(cell)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import os
+import pickle
+import sys
+import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from basecal.acquisition.driver import Reading
+from basecal.acquisition.driver import Place, Reading
+from basecal.acquisition.supervision import arm_process
 from basecal.acquisition.supervision.arm_process import ArmProcess, _error_text
 from basecal.acquisition.supervision.frames import Channel, Kind
 from basecal.acquisition.supervision.limits import HOLD_S, SILENCE_LIMIT_S, STALE_S
-from basecal.cell import RobotState
+from basecal.cell import Cell, Robot, RobotState
 from basecal.errors import DriverError
 
 HOME = RobotState(joints_rad=np.zeros(2))
@@ -164,3 +169,31 @@ def test_a_silent_supervisor_stops_it(served):
     while not robot.stops and time.monotonic() < until:
         time.sleep(0.01)
     assert robot.stops == 1
+
+
+def test_an_option_that_is_no_number_is_an_error(served, monkeypatch):
+    """The arm does not open, and the reason goes to whoever waits for it."""
+    process, robot, heard = served
+    monkeypatch.setattr(arm_process, "_open_robot", lambda place: robot)
+    place = Place("left", Cell("left", {"left": Robot("left")}), Path("."), {"reconnect_s": "soon"})
+    process._open(pickle.dumps((place, sys.path)))
+    (frame,) = heard.receive()
+    kind, words, _ = pickle.loads(frame.payload)
+    assert frame.kind == Kind.FAILED
+    assert kind is DriverError
+    assert words.startswith("left: its driver failed (ValueError: could not convert string to float: 'soon'")
+
+
+def test_an_answer_that_cannot_be_sent_is_an_error(served):
+    """Whoever asked is told, instead of waiting; the next question is answered."""
+    process, robot, heard = served
+    robot.goal_refusal = lambda to: "too far" if to is GOAL else threading.Lock()
+    threading.Thread(target=process._answer, args=(robot,), daemon=True).start()
+    for number, goal in enumerate((HOME, GOAL)):
+        process._requests.put((number, "goal_refusal", (goal,)))
+    answers, until = [], time.monotonic() + 2
+    while len(answers) < 2 and time.monotonic() < until:
+        answers += [pickle.loads(frame.payload) for frame in heard.receive() if frame.kind == Kind.ANSWER]
+    assert [number for number, _, _ in answers] == [0, 1]
+    assert answers[0][2][1].startswith("left: its driver failed (TypeError: cannot pickle")
+    assert answers[1][1:] == ("too far", None)

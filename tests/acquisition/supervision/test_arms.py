@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,14 @@ def test_what_a_driver_raises_when_it_opens_is_raised_here(frail, tmp_path):
     nobody = {"left": Robot("left", driver=Driver("frail", {"port": 1}))}
     with pytest.raises(DriverError, match="ConnectionRefusedError"), open_rig(Cell("left", nobody), tmp_path):
         pass
+
+
+def test_an_arm_that_confirms_no_stop_is_named(frail, caplog):
+    """It is reported beside the error that ends the capture; the other arm, which stopped, is not."""
+    deaf = replace(frail["left"], driver=Driver("frail", {**frail["left"].driver.options, "is_deaf": True}))
+    with pytest.raises(ValueError, match=r"^first$"), open_rig(Cell("left", {**frail, "left": deaf}), Path(".")):
+        raise ValueError("first")
+    assert caplog.messages == ["left did not confirm a stop: look at the arm"]
 
 
 def test_a_reason_names_who_was_told():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from basecal.acquisition.ur.options import UrOptions, join_lines
+from basecal.acquisition.ur.options import UrOptions
 
 
 def test_only_the_host_must_be_said():
@@ -19,9 +19,3 @@ def test_what_is_wrong_is_refused(wrong):
     """No host, a rate that no controller has, and a way to move that is none."""
     with pytest.raises(ValidationError):
         UrOptions(**wrong)
-
-
-def test_an_error_is_a_line():
-    """Line breaks of ur-rtde's words go; an error without words is told by its kind."""
-    assert join_lines(RuntimeError("Please\n  wait ")) == "Please wait"
-    assert join_lines(ValueError()) == "ValueError"

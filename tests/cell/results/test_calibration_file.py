@@ -178,7 +178,7 @@ def test_what_could_not_be_read_back_is_not_written(tmp_path: Path) -> None:
     assert run_names(tmp_path) == ()
 
 
-def test_noise_beyond_any_picture_reads_back(tmp_path: Path) -> None:
+def test_noise_beyond_any_image_reads_back(tmp_path: Path) -> None:
     """A recording that fits nothing has such noise: its refusal is written with it."""
     calibration = Calibration("refused", noise={"pixel_px": 2e9})
     assert read_calibration(write_calibration(calibration, tmp_path)).noise == calibration.noise

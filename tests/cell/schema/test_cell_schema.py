@@ -76,7 +76,7 @@ def test_sections_may_be_empty():
         CellEntry.model_validate(data | {"schema": "basecal/cell/2"})
 
 
-@pytest.mark.parametrize("name", ["base_link", "ur5e/tool0", "left.arm-1", "_x"])
+@pytest.mark.parametrize("name", ["base_link", "ur5e/tool0", "left.arm-1", "_x", "f" * 255])
 def test_frames_of_ros_are_read(name):
     """Letters, digits and what ROS puts between them."""
     assert AnyRobotEntry.model_validate({"frames": {"base": name}}).frames.base == name

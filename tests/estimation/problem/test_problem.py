@@ -284,8 +284,8 @@ def test_views_in_motion_shake_by_their_stamps_jitter(problem):
     (group,) = problem.groups
     motion = np.arange(30.0).reshape(5, 6)
     moving = replace(group, motion=motion)
-    np.testing.assert_array_equal(replace(problem, jitter_s={"wrist": 2e-3}).shake(moving), 2e-3 * motion)
+    np.testing.assert_array_equal(replace(problem, jitter_s={"wrist": 2e-3}).jitter_motion(moving), 2e-3 * motion)
     np.testing.assert_array_equal(moving.take(np.array([3, 1])).motion, motion[[3, 1]])
-    assert replace(problem, jitter_s={"wrist": 2e-3}).shake(group) is None
-    assert replace(problem, jitter_s={"wrist": 0.0}).shake(moving) is None
-    assert replace(problem, jitter_s={"other": 2e-3}).shake(moving) is None
+    assert replace(problem, jitter_s={"wrist": 2e-3}).jitter_motion(group) is None
+    assert replace(problem, jitter_s={"wrist": 0.0}).jitter_motion(moving) is None
+    assert replace(problem, jitter_s={"other": 2e-3}).jitter_motion(moving) is None

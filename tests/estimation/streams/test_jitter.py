@@ -46,11 +46,11 @@ def test_views_move_as_targets_do_before_cameras() -> None:
     times = np.array([s.stamp_s for s in of.recording.samples])
     seen = [(along(times + shift) @ MOUNT).inverse() @ TAG for shift in (-1e-4, 1e-4)]
     np.testing.assert_allclose(group.motion, (seen[0].inverse() @ seen[1]).log() / 2e-4, atol=2e-3)
-    np.testing.assert_array_equal(problem.shake(group), 2e-3 * group.motion)
+    np.testing.assert_array_equal(problem.jitter_motion(group), 2e-3 * group.motion)
     assert problem.open_jitter == frozenset()
     free = with_jitter(problem, known, of.robots, {**streams.clocks, "wrist": Clock(offset_s=0.03)})
     assert free.open_jitter == {"wrist"}
-    assert free.shake(group) is None
+    assert free.jitter_motion(group) is None
 
 
 @pytest.mark.parametrize("stated", [True, False])

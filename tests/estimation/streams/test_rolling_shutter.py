@@ -23,7 +23,7 @@ from basecal.cell.targets.points import points_target
 from basecal.estimation.streams.rolling_shutter import Known, Moving, correct_rolling_shutter, line_time_name, mean_row
 from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous
 from basecal.geometry import SE3, Camera, PoseEstimate
-from stream_cells import BOARD, MOUNT, Streamed, along, pictured
+from stream_cells import BOARD, MOUNT, Streamed, along, imaged
 
 LINE_S = 3e-5
 TRUE = {"arm_flange_from_wrist": MOUNT, "arm_base_from_board": BOARD}
@@ -46,7 +46,7 @@ def seen_at_once(recording: Recording, made: Streamed) -> np.ndarray:
 
 def test_views_stand_at_their_mean_row_and_pixels_where_they_were_then() -> None:
     """Without noise: what rows of 30 us bend by pixels is mended to some hundredths."""
-    made = pictured(LINE_S, RollingShutter("fixed", LINE_S), noise_px=0.0)
+    made = imaged(LINE_S, RollingShutter("fixed", LINE_S), noise_px=0.0)
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     at_mean = synchronise(streams, streams.stated_offsets)
@@ -58,14 +58,14 @@ def test_views_stand_at_their_mean_row_and_pixels_where_they_were_then() -> None
 
 
 def test_a_calibration_mends_what_is_read_with_it() -> None:
-    made = pictured(LINE_S, RollingShutter("free"), noise_px=0.0)
+    made = imaged(LINE_S, RollingShutter("free"), noise_px=0.0)
     transforms = {name: PoseEstimate(mean, np.zeros((6, 6))) for name, mean in TRUE.items()}
     found = Calibration("good", transforms=transforms, line_times={"wrist": LineTime(LINE_S, 1e-7)})
     assert np.abs(seen_at_once(synchronous(made.cell, made.recording, found), made)).max() < 0.03
 
 
 def test_the_velocity_of_a_target_is_that_of_differences() -> None:
-    made = pictured(LINE_S, None)
+    made = imaged(LINE_S, None)
     step = 1e-6
     here, later = along(np.array([2.0, 2.0 + step]))
     moving = {"arm": Moving(here, (here.inverse() @ later).log() / step)}
@@ -77,7 +77,7 @@ def test_the_velocity_of_a_target_is_that_of_differences() -> None:
 
 
 def test_what_is_not_known_yet_mends_nothing() -> None:
-    made = pictured(LINE_S, RollingShutter("fixed", LINE_S))
+    made = imaged(LINE_S, RollingShutter("fixed", LINE_S))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     at_mean = synchronise(streams, streams.stated_offsets)
@@ -89,7 +89,7 @@ def test_what_is_not_known_yet_mends_nothing() -> None:
 
 def test_arms_that_stand_have_no_rows() -> None:
     """Samples a second apart and samples without stamps are by one clock, whatever the shutter."""
-    made = pictured(LINE_S, RollingShutter("fixed", LINE_S))
+    made = imaged(LINE_S, RollingShutter("fixed", LINE_S))
     together = synchronous(replace(made.cell, cameras={}), Recording(made.recording.samples[:0]))
     assert together.samples == ()
     slow = tuple(replace(s, stamp_s=float(k)) for k, s in enumerate(_beside(made)))
@@ -151,7 +151,7 @@ def test_poses_and_velocities_of_any_pair_are_those_of_differences(camera_on: st
 
 def test_each_pixel_is_mended_by_the_rows_since_the_mean_one() -> None:
     """Written out for corners and for candidates of a light; other cameras, and lines without time, stay."""
-    made = pictured(LINE_S, RollingShutter("fixed", LINE_S))
+    made = imaged(LINE_S, RollingShutter("fixed", LINE_S))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     at_mean = synchronise(streams, streams.stated_offsets)

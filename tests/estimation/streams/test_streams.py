@@ -29,7 +29,7 @@ from basecal.estimation.streams.rolling_shutter import line_time_name
 from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous
 from basecal.geometry import SE3
 from planar_arm import planar
-from stream_cells import MOUNT, along, pictured, streamed
+from stream_cells import MOUNT, along, imaged, streamed
 
 
 def test_samples_by_one_clock_are_no_streams() -> None:
@@ -51,11 +51,11 @@ def test_the_clock_of_a_camera_whose_views_stand_alone_is_free() -> None:
 
 def test_rows_of_streams_may_be_seen_one_after_another() -> None:
     """If nothing is stated, and pixels were seen; a stated shutter holds, as does one clock for all."""
-    made, name = pictured(0.0, None), line_time_name("wrist")
+    made, name = imaged(0.0, None), line_time_name("wrist")
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     assert streams.clocks[name] == Clock("prior", 0.0, 3e-5)
-    stated = pictured(0.0, RollingShutter("fixed", 0.0))
+    stated = imaged(0.0, RollingShutter("fixed", 0.0))
     streams = recording_streams(stated.cell, stated.recording)
     assert streams is not None
     assert streams.clocks[name] == Clock("fixed", 0.0)

@@ -30,7 +30,7 @@ def test_a_lens(kind: Kind, tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.camera.parameters, [500, 510, 320, 240, *D])
 
 
-def test_rectified_pictures_have_no_distortion(tmp_path: Path) -> None:
+def test_rectified_images_have_no_distortion(tmp_path: Path) -> None:
     found = bag_lens(info(tmp_path), "x", "/eye/image_rect")
     assert found is not None
     np.testing.assert_array_equal(found.camera.parameters, [500, 510, 320, 240])

@@ -64,6 +64,18 @@ def test_a_cut_bag_is_read_up_to_its_damage(tmp_path: Path, kind: str, count: in
     assert bag.damage
 
 
+def test_a_damaged_index_is_reported(tmp_path: Path) -> None:
+    """The messages are all there, and the bag says why its index was not used, also if that has no words."""
+    path = storage(written(tmp_path, "mcap"))
+    content = bytearray(path.read_bytes())
+    index = int.from_bytes(content[-28:-20], "little")
+    content[index + 1 : index + 9] = (2**40).to_bytes(8, "little")  # length of its first record [bytes]
+    path.write_bytes(content)
+    bag = opened(path)
+    assert len(list(bag.read(["/joint_states"]))) == COUNT
+    assert bag.damage == ["MemoryError"]
+
+
 def test_a_bag_beyond_the_limits_is_not_called_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its repair would not help."""
     path = written(tmp_path, "ros1")

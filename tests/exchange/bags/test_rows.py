@@ -11,7 +11,7 @@ from tests.bag_of_cell import BEGIN_S, new_bag
 from basecal.cell import PoseObservation
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import open_bag
-from basecal.exchange.bags.rows import make_rows, still_instants, stream_instants, write_pictures
+from basecal.exchange.bags.rows import make_rows, still_instants, stream_instants, write_images
 from basecal.exchange.bags.sources import CameraSource, Taken
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.geometry import SE3
@@ -31,7 +31,7 @@ def test_a_row_for_each_record_and_look(tmp_path: Path) -> None:
     assert not any(row.robots and row.observations for row in rows)
 
 
-def test_pictures_of_stops_only(tmp_path: Path) -> None:
+def test_images_of_stops_only(tmp_path: Path) -> None:
     """Of three images of one stop the middle one is written, beside the pose of a target; under its time."""
     writer, seen = new_bag(tmp_path, "mcap"), BEGIN_S + np.array([0.3, 0.5, 0.7])
     for k, time in enumerate(seen):
@@ -42,10 +42,10 @@ def test_pictures_of_stops_only(tmp_path: Path) -> None:
     folder.mkdir()
     with open_bag(writer.close()) as bag:
         taken = Taken(cameras={"eye": CameraSource("/eye/image_raw", None, "arm")})
-        write_pictures(bag, taken, instants, folder)
+        write_images(bag, taken, instants, folder)
     (row,) = make_rows(tracks, instants, folder)
     assert [path.name for path in folder.rglob("*.*")] == [f"{seen[1]:.6f}.pgm"]
-    assert row.pictures["eye"].read_bytes().endswith(bytes([1] * 12))
+    assert row.images["eye"].read_bytes().endswith(bytes([1] * 12))
     assert isinstance(row.observations[0], PoseObservation)
 
 

@@ -18,9 +18,9 @@ def path(times: np.ndarray, noise: float = 0.0, seed: int = 0) -> np.ndarray:
     return np.stack([at, -at], axis=1) + noise * np.random.default_rng(seed).standard_normal((len(times), 2))
 
 
-def tracks(noise: float = 0.0, pictures: np.ndarray | None = None, rate: float = RATE) -> Tracks:
+def tracks(noise: float = 0.0, images: np.ndarray | None = None, rate: float = RATE) -> Tracks:
     times = np.arange(0, 7, 1 / rate)
-    seen = np.arange(0.0, 7, 0.1) if pictures is None else pictures
+    seen = np.arange(0.0, 7, 0.1) if images is None else images
     return Tracks({"arm": Track(times, joints=path(times, noise))}, {}, {"eye": seen})
 
 
@@ -55,10 +55,10 @@ def test_all_robots_must_stand() -> None:
     assert find_stops(Tracks(both, {}, {"eye": np.arange(0, 7, 0.1)})) == ()
 
 
-def test_places_are_told_apart_without_a_picture_between() -> None:
+def test_places_are_told_apart_without_a_image_between() -> None:
     """One image at each stop; and two at one stop are one sample."""
-    assert len(find_stops(tracks(pictures=np.array([0.5, 2.5, 4.5])))) == 3
-    assert len(find_stops(tracks(pictures=np.array([0.4, 0.6])))) == 1
+    assert len(find_stops(tracks(images=np.array([0.5, 2.5, 4.5])))) == 3
+    assert len(find_stops(tracks(images=np.array([0.4, 0.6])))) == 1
 
 
 def test_poses_are_averaged_on_their_manifold() -> None:
@@ -72,12 +72,12 @@ def test_poses_are_averaged_on_their_manifold() -> None:
 
 def test_why_there_is_none() -> None:
     assert "recorded every 1 s" in explain_no_stop(tracks(rate=1.0))
-    assert "no image" in explain_no_stop(tracks(pictures=np.array([])))
-    assert "no robot is at rest" in explain_no_stop(tracks(pictures=np.array([1.5])))
+    assert "no image" in explain_no_stop(tracks(images=np.array([])))
+    assert "no robot is at rest" in explain_no_stop(tracks(images=np.array([1.5])))
 
 
 def test_looks_are_in_order_and_of_different_times() -> None:
-    found = collect_looks(tracks(pictures=np.array([2.0, 1.0, 2.0])))
+    found = collect_looks(tracks(images=np.array([2.0, 1.0, 2.0])))
     assert [(look.stamp_s, look.place) for look in found] == [(1.0, 1), (2.0, 0)]
 
 

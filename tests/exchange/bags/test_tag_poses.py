@@ -83,12 +83,12 @@ def detection(bag: Wrote, package: str, numbers: list[int], pose: SE3) -> Any:
     )
 
 
-def written(folder: Path, package: str, *pictures: list[tuple[list[int], SE3]]) -> Path:
+def written(folder: Path, package: str, *images: list[tuple[list[int], SE3]]) -> Path:
     bag = new_bag(folder, "ros1")
     for name, text in POSE_DEFINITIONS.items():
         bag.store.register(get_types_from_msg(text, name))
     kind = f"{package}/msg/AprilTagDetectionArray"
-    for k, found in enumerate(pictures):
+    for k, found in enumerate(images):
         time = BEGIN_S + k / 10
         bag.pose("/arm/pose", time, SE3(np.eye(3), np.array([0.01 * k, 0.0, 0.5])))
         made = [detection(bag, package, numbers, pose) for numbers, pose in found]
@@ -112,13 +112,13 @@ def test_poses_of_tags_become_poses_of_their_target(package: str, tmp_path: Path
     """As the node finds them, by either tag; of both the nearer is taken, strangers and bundles are not."""
     by_three, by_seven = as_published(SEEN, 3, 0.04), as_published(SEEN, 7, 0.02)
     off = SE3.exp(np.array([0.0, 0, 0.3, 0, 0, 0]))
-    pictures = [
+    images = [
         [([3], by_three)],
         [([7], by_seven)],
         [([3], off @ by_three), ([7], by_seven)],
         [([5], off), ([3, 7], off)],
     ]
-    found = views(written(tmp_path, package, *pictures), "cube", tmp_path)
+    found = views(written(tmp_path, package, *images), "cube", tmp_path)
     assert len(found) == 3
     for pose in found:
         np.testing.assert_allclose(pose.matrix, SEEN.matrix, atol=1e-5)

@@ -64,7 +64,7 @@ def test_more_than_is_needed_is_thinned(tmp_path: Path) -> None:
     found = read(writer.close(), taken)
     assert np.diff(found.robots["arm"].times).min() >= LEAST_APART_S - 1e-6
     assert len(found.robots["arm"].times) == 25
-    np.testing.assert_allclose(found.pictures["eye"] - BEGIN_S, [0, 0.05, 0.1, 0.15], atol=1e-6)
+    np.testing.assert_allclose(found.images["eye"] - BEGIN_S, [0, 0.05, 0.1, 0.15], atol=1e-6)
 
 
 def test_what_is_no_pose(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def test_one_file_of_all(tmp_path: Path) -> None:
     assert not record.camera_on_robot
     np.testing.assert_allclose(record.base_from_flange.translation, [[0.1, 0.2, 0.3], [0.2, 0.2, 0.3]])
     np.testing.assert_allclose(record.base_from_flange.rotation[0], np.diag([1, -1, -1]), atol=1e-12)
-    assert [path.name for path in record.pictures] == ["0.png", "1.png"]
+    assert [path.name for path in record.images] == ["0.png", "1.png"]
     assert record.camera_mount is not None
     assert record.target_mount is not None
     np.testing.assert_allclose(record.camera_mount.translation, [0.1, 0.2, 0.3])
@@ -92,7 +92,7 @@ def test_dictionaries_count_as_opencv_does() -> None:
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the project's shared data are not here")
-def test_a_real_set_without_its_pictures() -> None:
+def test_a_real_set_without_its_images() -> None:
     """robot_cal_tools' ChArUco set as kept here: poses are read, the first missing image is named with its line."""
     with pytest.raises(DatasetError, match=r"cal_data.yaml:1: \[0\].image: there is no image .*images/0.png: put the"):
         read_data_set(DATA / "rct_charuco" / "cal_data.yaml", False)

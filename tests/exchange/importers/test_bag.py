@@ -235,7 +235,7 @@ def test_two_cameras_of_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str
             assert not (tmp_path / "c").exists()
 
 
-def test_a_picture_between_stops_is_left_out(tmp_path: Path) -> None:
+def test_a_image_between_stops_is_left_out(tmp_path: Path) -> None:
     """Images all the time: one for each stop, and it is from its middle."""
     where = SE3.exp(np.random.default_rng(2).normal(0, 0.3, (3, 6)))
     bag = new_bag(tmp_path, "ros1")

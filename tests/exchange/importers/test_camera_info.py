@@ -18,7 +18,7 @@ def test_the_lens(tmp_path: Path) -> None:
     assert tells_the_lens(tmp_path, "camera-info", "a.yaml", CAMERA_INFO.format(width=640))
 
 
-def test_camera_info_into_a_cell_with_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_camera_info_into_a_cell_with_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It stands in cell.yaml, where what is written by hand stays; one of other images is told with both sizes."""
     cell = tmp_path / "cell"
     (cell / "recording" / "images" / "wrist").mkdir(parents=True)

@@ -93,7 +93,7 @@ def test_two_cameras_and_links(tmp_path: Path) -> None:
     assert {name: c.size_px for name, c in read_cell(cell).cameras.items()} == {"cam": (64, 48), "door": (32, 24)}
 
 
-def test_a_new_cell_takes_the_size_of_its_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_new_cell_takes_the_size_of_its_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The size that `basecal new` wrote gives way while nothing rests on it; then another size is an error."""
     cell = str(tmp_path / "c")
     main(["new", cell, "--robots", "1"])
@@ -108,7 +108,7 @@ def test_a_new_cell_takes_the_size_of_its_pictures(tmp_path: Path, capsys: pytes
     assert "cameras.camera.size_px: states [64, 48], imported data say [32, 24]" in capsys.readouterr().err
 
 
-def test_poor_pictures_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_poor_images_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Damaged ones, another size and other kinds are told and leave the rest in order."""
     folder = Path(photos(tmp_path / "p", ["1.png", "2.png", "3.png"]))
     photos(folder, ["4.png"], (32, 24))

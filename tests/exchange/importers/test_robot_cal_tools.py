@@ -27,9 +27,9 @@ def test_a_data_set_of_robot_cal_tools(tmp_path: Path) -> None:
         assert pose is not None
         values = zip(("x", "y", "z", "qx", "qy", "qz", "qw"), [*pose.translation, *pose.quaternion], strict=True)
         (tmp_path / "poses" / f"{sample.sample}.yaml").write_text("".join(f"{k}: {float(v)!r}\n" for k, v in values))
-        picture = DATA / "rct_10x10" / sample.images["cam"]
-        shutil.copy(picture, tmp_path / picture.name)
-        listing += f"- image: {picture.name}\n  pose: poses/{sample.sample}.yaml\n"
+        image = DATA / "rct_10x10" / sample.images["cam"]
+        shutil.copy(image, tmp_path / image.name)
+        listing += f"- image: {image.name}\n  pose: poses/{sample.sample}.yaml\n"
     (tmp_path / "cal_data.yaml").write_text(listing)
     (tmp_path / "target.yaml").write_text(
         "target_finder: {type: ModifiedCircleGridTargetFinder, rows: 10, cols: 10, spacing: 0.0254}\n"

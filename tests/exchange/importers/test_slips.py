@@ -11,9 +11,9 @@ import pytest
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
 from basecal.errors import DatasetError, InputError
+from basecal.exchange.images import missing_numbers
 from basecal.exchange.importers.opencv import read_opencv
 from basecal.exchange.importers.poses import read_poses
-from basecal.exchange.pictures import missing_numbers
 from basecal.geometry import SE3
 
 POSES = SE3.exp(np.random.default_rng(0).normal(size=(5, 6)) * 0.4)
@@ -59,7 +59,7 @@ def test_transposed_matrices(tmp_path: Path, image: str) -> None:
         read_poses(tmp_path, table(tmp_path, text), robot="arm", format="matrix")
 
 
-def test_matrices_beside_pictures(tmp_path: Path) -> None:
+def test_matrices_beside_images(tmp_path: Path) -> None:
     """A column `image` beside m00 ... m23 says where each row belongs."""
     text = "image," + ",".join(f"m{i}{j}" for i in range(3) for j in range(4)) + "\n"
     text += "".join(f"{k:04}.png,{row}\n" for k, row in enumerate(rows_of([m[:3] for m in MATRICES]).splitlines()))
@@ -69,7 +69,7 @@ def test_matrices_beside_pictures(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("header", ["Bild", "anything"])
-def test_a_column_of_pictures_says_where_rows_belong(tmp_path: Path, header: str) -> None:
+def test_a_column_of_images_says_where_rows_belong(tmp_path: Path, header: str) -> None:
     """By any name."""
     text = f"{header},x,y,z,rx,ry,rz\n" + "".join(f"p{k}.png,{row}\n" for k, row in enumerate(UR.splitlines()))
     found = read_poses(tmp_path, table(tmp_path, text), robot="arm", format="ur")
@@ -110,7 +110,7 @@ def test_a_few_rows_in_millimetres(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "another length unit? Correct line 3; nothing is imported" in said
 
 
-def test_numbers_that_pictures_leave_out() -> None:
+def test_numbers_that_images_leave_out() -> None:
     """The one that is missing among numbered images; names without numbers have none."""
     assert missing_numbers([f"{k:02}.png" for k in range(12) if k != 7]) == ("07",)
     assert missing_numbers(["a.png", "b.png", "c.png"]) == ()
@@ -143,7 +143,7 @@ def test_detections_of_one_stop_are_all_used(tmp_path: Path) -> None:
     np.testing.assert_allclose(stands[5:], np.repeat(POSES.matrix, 2, axis=0), atol=1e-12)
 
 
-def test_a_picture_that_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_image_that_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """By its number, where images are fewer than rows."""
     cell, photos = str(tmp_path / "cell"), tmp_path / "photos"
     photos.mkdir()

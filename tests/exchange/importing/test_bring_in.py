@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from basecal.cell import Cell, Recording, RobotState
+from basecal.cell import Cell, PoseObservation, Recording, RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.importing.bring_in import add_to_cell
@@ -31,11 +32,11 @@ def fine(cell: Cell, recording: Recording) -> tuple[str, ...]:
     return ()
 
 
-def pictures(folder: Path, names: list[str]) -> Imported:
+def images(folder: Path, names: list[str]) -> Imported:
     folder.mkdir()
     for name in names:
         (folder / name).write_bytes(b"\x89PNG" + name.encode())
-    rows = tuple(Row(pictures={"cam": folder / name}, image=name) for name in names)
+    rows = tuple(Row(images={"cam": folder / name}, image=name) for name in names)
     return Imported(str(folder), "pictures", rows, {"cameras": {"cam": {"on": "left"}}})
 
 
@@ -53,11 +54,25 @@ def test_a_cell_is_made_and_completed(tmp_path: Path) -> None:
     assert [sorted(s.robots) for s in read_recording(tmp_path / "c").samples] == [["left", "right"]] * 3
 
 
+def test_further_views_of_a_sample_are_samples_of_their_own(tmp_path: Path) -> None:
+    """The first completes the sample; the robots of each other one stand as in it."""
+    add_to_cell(tmp_path / "c", poses("left", 3), fine)
+    views = [PoseObservation("cam", "board", SE3.from_rotvec([0, 0, 0], [0, 0, 1.0 + i])) for i in range(3)]
+    rows = tuple(Row(observations=(view,), sample=sample) for view, sample in zip(views, (1, 1, 2), strict=True))
+    cell = {"cameras": {"cam": {"on": "left"}}, "targets": {"board": {"on": "world"}}}
+    done = add_to_cell(tmp_path / "c", Imported("views.csv", "poses", rows, cell), fine)
+    assert done.made == 1
+    samples = read_recording(tmp_path / "c").samples
+    assert [(each.sample, len(each.observations)) for each in samples] == [(0, 0), (1, 1), (2, 1), (3, 1)]
+    stands = [each.robots["left"].base_from_flange for each in samples]
+    np.testing.assert_allclose(stands[3].translation, stands[1].translation)
+
+
 @pytest.mark.parametrize("first", ["poses", "pictures"])
 def test_names_pair_in_either_order(tmp_path: Path, first: str) -> None:
     """Images and a table that names them belong together whichever comes first, however they are sorted."""
     table = poses("left", 3, True)
-    folder = pictures(tmp_path / "photos", ["IMG_2.png", "IMG_0.png", "IMG_1.png"])
+    folder = images(tmp_path / "photos", ["IMG_2.png", "IMG_0.png", "IMG_1.png"])
     begin = Imported("", "", (), {"robots": {"left": {}}})
     for each in [begin, table, folder] if first == "poses" else [begin, folder, table]:
         add_to_cell(tmp_path / "c", each, fine)
@@ -82,7 +97,7 @@ def test_what_fails_leaves_everything(tmp_path: Path) -> None:
         add_to_cell(tmp_path, poses("right", 2), fine)
     with pytest.raises(InputError, match="cannot be"):
         add_to_cell(tmp_path, poses("right", 3), refuse)
-    photos = pictures(tmp_path.with_suffix(".photos"), ["a.png", "b.png"])
+    photos = images(tmp_path.with_suffix(".photos"), ["a.png", "b.png"])
     with pytest.raises(InputError, match=r"holds 2, the recording has 3"):
         add_to_cell(tmp_path, photos, fine)
     assert content(tmp_path) == before
@@ -102,13 +117,13 @@ def test_sessions_and_arms_that_stand_still(tmp_path: Path) -> None:
         add_to_cell(tmp_path, replace(poses("left", 1), is_still=True), fine)
 
 
-def test_pictures_of_two_days_have_one_name(tmp_path: Path) -> None:
+def test_images_of_two_days_have_one_name(tmp_path: Path) -> None:
     """Those of the second session are kept under other names, and its table finds them by the names they had."""
     place = tmp_path / "c"
     add_to_cell(place, poses("left", 2, names=True), fine)
-    add_to_cell(place, pictures(tmp_path / "one", ["IMG_0.png", "IMG_1.png"]), fine)
+    add_to_cell(place, images(tmp_path / "one", ["IMG_0.png", "IMG_1.png"]), fine)
     (tmp_path / "two").mkdir()
-    again = pictures(tmp_path / "two" / "x", ["IMG_1.png", "IMG_0.png"])
+    again = images(tmp_path / "two" / "x", ["IMG_1.png", "IMG_0.png"])
     (tmp_path / "two" / "x" / "IMG_0.png").write_bytes(b"\x89PNGsecond")
     add_to_cell(place, replace(again, is_session=True), fine)
     add_to_cell(place, poses("left", 2, names=True), fine)
@@ -131,7 +146,7 @@ def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ['{"samples_by_image": {"a": Infinity}}', '{"samples_by_image": 1}', "[" * 100_000, ""]
 )
-def test_damaged_names_of_pictures_are_said(text: str, tmp_path: Path) -> None:
+def test_damaged_names_of_images_are_said(text: str, tmp_path: Path) -> None:
     """Names of an earlier table that are not as they were written are an error that says what to remove."""
     add_to_cell(tmp_path, poses("left", 2, names=True), fine)
     path = tmp_path / "recording" / "image_names.json"

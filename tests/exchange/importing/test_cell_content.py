@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import pytest
+
 from basecal.cli import main
-from basecal.exchange.importing.cell_content import known_cell, recorded_samples
+from basecal.exchange.importing.cell_content import known_cell, open_size, recorded_samples
 
 
 def test_a_cell_that_may_be_there(tmp_path: Path) -> None:
@@ -26,3 +29,22 @@ def test_samples_that_are_recorded(tmp_path: Path) -> None:
     cell = known_cell(tmp_path / "c")
     assert cell is not None
     assert [sample.sample for sample in recorded_samples(tmp_path / "c", cell)] == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("seen", "is_open"),
+    [
+        ({}, True),
+        ({"images": {"camera": "a.png"}}, False),
+        ({"observations": [{"camera": "camera", "target": "target", "ids": [0], "pixels": [[1, 2]]}]}, False),
+    ],
+)
+def test_a_size_is_open_until_something_was_seen(tmp_path: Path, seen: dict[str, object], is_open: bool) -> None:
+    """An image and an observation of the camera both rest on it."""
+    main(["new", str(tmp_path), "--names", "left"])
+    cell = known_cell(tmp_path)
+    assert cell is not None
+    (tmp_path / "recording" / "samples.jsonl").write_text(json.dumps({"sample": 0, **seen}) + "\n", encoding="utf-8")
+    (name,) = cell.cameras
+    found = open_size(tmp_path, cell, name, None)
+    assert found == (frozenset({("cameras", name, "size_px")}) if is_open else frozenset())

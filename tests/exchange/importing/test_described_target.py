@@ -101,7 +101,7 @@ def test_what_contradicts_itself_makes_no_cell(tmp_path: Path, words: list[str])
         (["left"], "left", ["--target-on", "right"], "right"),
     ],
 )
-def test_pictures_bring_their_target(
+def test_images_bring_their_target(
     tmp_path: Path, robots: list[str], on: str, words: list[str], carrier: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It is on the one robot without the camera, or on the world, if nothing else is said; and it is told where."""
@@ -135,7 +135,7 @@ def test_a_target_half_described_leaves_nothing(
     assert not (tmp_path / "c").exists()
 
 
-def test_boards_that_no_picture_tells_apart_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_boards_that_no_image_tells_apart_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A second one of the same dictionary: it may be the same board, or its dictionary is to be said."""
     cell = str(tmp_path / "c")
     places = ["--on", "arm", "--target-on", "world", *BOARD]

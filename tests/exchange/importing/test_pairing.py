@@ -14,7 +14,7 @@ from basecal.exchange.importing.pairing import pair
 from basecal.geometry import SE3
 
 TIMED = [Sample(n, 10.0 + n) for n in (0, 1, 2)]
-PICTURES = [Sample(n, None, {}, (), {"cam": f"recording/images/cam/IMG_{n}.png"}) for n in (0, 1, 2)]
+IMAGES = [Sample(n, None, {}, (), {"cam": f"recording/images/cam/IMG_{n}.png"}) for n in (0, 1, 2)]
 
 
 def rows(*each: Row, by: By | None = None) -> Imported:
@@ -29,14 +29,14 @@ def test_first_rows_make_samples() -> None:
 
 def test_by_order() -> None:
     """As many rows as samples belong together in order; other counts are an error that names both."""
-    assert pair(rows(Row(), Row(), Row()), PICTURES, {}).numbers == (0, 1, 2)
+    assert pair(rows(Row(), Row(), Row()), IMAGES, {}).numbers == (0, 1, 2)
     with pytest.raises(InputError, match=r"table.csv holds 2, the recording has 3 samples"):
-        pair(rows(Row(), Row()), PICTURES, {})
+        pair(rows(Row(), Row()), IMAGES, {})
 
 
 def test_by_name() -> None:
     """The name of an image says which, with or without folder and ending; what belongs to none is told."""
-    paired = pair(rows(Row(image="IMG_2.png"), Row(image="x/IMG_0"), Row(image="IMG_7.png")), PICTURES, {})
+    paired = pair(rows(Row(image="IMG_2.png"), Row(image="x/IMG_0"), Row(image="IMG_7.png")), IMAGES, {})
     assert (paired.by, paired.numbers) == ("image", (2, 0, None))
     assert paired.unpaired_rows == ("IMG_7.png",)
     assert paired.unpaired_samples == (1,)
@@ -45,10 +45,10 @@ def test_by_name() -> None:
 def test_names_of_which_none_is_known_make_samples() -> None:
     """A table, or a folder asked to go by name, tells of other images; a folder by itself goes in order."""
     others = [Row(image="a.png"), Row(image="b.png"), Row(image="c.png")]
-    assert pair(rows(*others), PICTURES, {}).numbers == (3, 4, 5)
-    folder = [Row(pictures={"two": Path(row.image or "")}, image=row.image) for row in others]
-    assert pair(rows(*folder, by="image"), PICTURES, {}).numbers == (3, 4, 5)
-    assert pair(rows(*folder), PICTURES, {}).numbers == (0, 1, 2)
+    assert pair(rows(*others), IMAGES, {}).numbers == (3, 4, 5)
+    folder = [Row(images={"two": Path(row.image or "")}, image=row.image) for row in others]
+    assert pair(rows(*folder, by="image"), IMAGES, {}).numbers == (3, 4, 5)
+    assert pair(rows(*folder), IMAGES, {}).numbers == (0, 1, 2)
     with pytest.raises(InputError, match=r"the recording names no images to pair by\. Leave `--by name` away"):
         pair(rows(*folder, by="image"), [Sample(0), Sample(1), Sample(2)], {})
 
@@ -71,12 +71,12 @@ def test_by_time() -> None:
 def test_a_sample_twice_is_an_error() -> None:
     """Two rows of one sample are named."""
     with pytest.raises(InputError, match=r"two rows belong to sample 1 \(IMG_1.png, IMG_1\)"):
-        pair(rows(Row(image="IMG_1.png"), Row(image="IMG_1")), PICTURES, {})
+        pair(rows(Row(image="IMG_1.png"), Row(image="IMG_1")), IMAGES, {})
 
 
 def test_asked_for() -> None:
     """What is asked for wins over what the rows would say."""
-    assert pair(rows(*[Row(image="IMG_2")] * 3, by="order"), PICTURES, {}).numbers == (0, 1, 2)
+    assert pair(rows(*[Row(image="IMG_2")] * 3, by="order"), IMAGES, {}).numbers == (0, 1, 2)
 
 
 def test_streams_get_lines_of_their_own() -> None:
@@ -136,7 +136,7 @@ def test_images_of_a_new_camera_are_of_the_samples_of_its_robot() -> None:
 
     def folder(count: int) -> Imported:
         """So many images of a camera on the right arm."""
-        of_folder = tuple(Row(pictures={"eye": Path(f"{n}.png")}, image=f"{n}.png") for n in range(1, count + 1))
+        of_folder = tuple(Row(images={"eye": Path(f"{n}.png")}, image=f"{n}.png") for n in range(1, count + 1))
         return Imported("photos", "", of_folder, cell={"cameras": {"eye": {"on": "right"}}})
 
     paired = pair(folder(2), apart, {})

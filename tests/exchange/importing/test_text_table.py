@@ -8,7 +8,7 @@ from basecal.errors import DatasetError
 from basecal.exchange.importing.text_table import (
     TextTable,
     as_name,
-    is_picture,
+    is_image,
     parse_number,
     parse_time,
     read_text_table,
@@ -51,14 +51,14 @@ def test_one_row_however_it_is_written(text: str) -> None:
     assert values(text) == [[0.1, 2, -30]]
 
 
-def test_a_picture_in_front_needs_no_header() -> None:
+def test_a_image_in_front_needs_no_header() -> None:
     """A first cell that ends as an image does names it, before a pose in brackets too."""
     for line in ("a.png,1,2,3\n", "a.png;1;2;3\n", "a.png, p[1,2,3]\n", "a.png [1, 2, 3]\n"):
         (row,) = read_text_table(line, "t.csv", NAMES).rows
         assert row.cells["image"] == "a.png"
         assert [float(row.cells[name]) for name in NAMES] == [1, 2, 3]
-    assert is_picture("x/IMG.JPG")
-    assert not is_picture("p10")
+    assert is_image("x/IMG.JPG")
+    assert not is_image("p10")
 
 
 @pytest.mark.parametrize(

@@ -74,12 +74,14 @@ def test_backlash_depends_on_the_side_it_comes_from():
 
 
 def test_ringing_ends_after_half_a_second():
-    """The flange swings by millimetres after it arrives, and rests when half a second is over; encoders see nothing."""
+    """The flange swings by millimetres after it arrives, less and less, until it rests; encoders see nothing."""
     one = arm("ringing=5")
     one.move(THERE, 1.0, 0.0)
     arrival = next(t for t in np.arange(0, 5, 1e-3) if np.array_equal(one.commanded_joints(t), THERE))
     swings = [away_m(one, THERE, arrival + t) for t in np.linspace(0.002, 0.49, 200)]
     assert max(swings) > 2e-3
+    assert max(swings[100:]) < 0.6 * max(swings)
+    assert max(swings[-10:]) < 0.1 * max(swings)
     assert away_m(one, THERE, arrival + 0.501) < STILL_M
     assert np.array_equal(one.reported_joints(arrival + 0.01), THERE)
 

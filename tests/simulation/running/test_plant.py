@@ -24,7 +24,7 @@ def plant(*faults, target="led"):
 def spot(cell):
     """Where the light is seen [px]."""
     world, running = cell
-    return find(running.picture("wrist").image, world.cell.targets["light"].target).pixels[0]
+    return find(running.shot("wrist").image, world.cell.targets["light"].target).pixels[0]
 
 
 def arrive(running, robot, joints):
@@ -33,10 +33,10 @@ def arrive(running, robot, joints):
         pass
 
 
-def test_states_and_pictures_share_a_clock():
+def test_states_and_images_share_a_clock():
     """Stamps rise through states of both arms and images, by what each takes."""
     _, running = plant()
-    stamps = [running.state("eye")[0], running.picture("wrist").stamp_s, running.state("hand")[0]]
+    stamps = [running.state("eye")[0], running.shot("wrist").stamp_s, running.state("hand")[0]]
     assert stamps == sorted(stamps)
     assert stamps[2] - stamps[0] == pytest.approx(1 / 30 + 1 / 125)
 
@@ -46,7 +46,7 @@ def test_stamps_of_the_camera(fault, ahead_s):
     """A clock that is ahead stamps so; a late trigger does not show in the stamp."""
     _, running = plant(fault)
     _, sound = plant()
-    assert running.picture("wrist").stamp_s - sound.picture("wrist").stamp_s == pytest.approx(ahead_s)
+    assert running.shot("wrist").stamp_s - sound.shot("wrist").stamp_s == pytest.approx(ahead_s)
 
 
 def test_a_late_trigger_takes_what_is_there_later():
@@ -69,13 +69,13 @@ def test_a_camera_without_a_target_is_refused(targets, message):
     light = replace(world.cell.targets["light"], on=world.cell.cameras["wrist"].on)
     world = replace(world, cell=replace(world.cell, targets={"light": light} if targets is None else targets))
     with pytest.raises(InputError, match=message):
-        Plant(world, Clock(0)).picture("wrist")
+        Plant(world, Clock(0)).shot("wrist")
 
 
 def test_frames_are_lost():
     """Of many images the share asked for never comes: the others take as much longer, and are none the worse."""
     _, running = plant("dropped-frames=0.5")
-    stamps = [running.picture("wrist").stamp_s for _ in range(16)]
+    stamps = [running.shot("wrist").stamp_s for _ in range(16)]
     frames = np.rint(np.diff(stamps) * 30)
     assert 1.4 < frames.mean() < 2.9  # 2 +- 0.36
     assert frames.min() == 1
@@ -107,16 +107,16 @@ def test_mounts_give_way_to_gravity(fault, is_turn):
 
 def test_what_it_does_follows_from_what_it_is_asked():
     """Two cells that are asked the same give the same images, to the last bit; a new arrival begins them anew."""
-    pictures = []
+    images = []
     for _ in range(2):
         world, running = plant()
         arrive(running, "eye", world.home["eye"] + 0.01)
-        pictures += [running.picture("wrist").image, running.picture("wrist").image]
+        images += [running.shot("wrist").image, running.shot("wrist").image]
         arrive(running, "eye", world.home["eye"] + 0.01)
-        pictures.append(running.picture("wrist").image)
-    assert np.array_equal(pictures[0], pictures[3])
-    assert np.array_equal(pictures[0], pictures[2])
-    assert not np.array_equal(pictures[0], pictures[1])
+        images.append(running.shot("wrist").image)
+    assert np.array_equal(images[0], images[3])
+    assert np.array_equal(images[0], images[2])
+    assert not np.array_equal(images[0], images[1])
 
 
 def test_a_tray_shows_a_light_again():
@@ -126,7 +126,7 @@ def test_a_tray_shows_a_light_again():
     scene = running._carrier("eye", 0.0) @ running._mount("wrist", "eye")
     light, again = scene @ (seen.camera_from_target @ seen.shape.points), scene @ seen.reflected
     assert np.allclose((light - again)[0], [0, 0, 0.24])
-    spots = find(running.picture("wrist").image, seen.shape).pixels
+    spots = find(running.shot("wrist").image, seen.shape).pixels
     true = world.lenses["wrist"].project(np.vstack([seen.camera_from_target @ seen.shape.points, seen.reflected]))
     assert np.allclose(spots, true, atol=0.3)
     assert len(plant()[1]._camera_scene("wrist", 0.0).reflected) == 0
@@ -140,7 +140,7 @@ def test_unknown_names():
     with pytest.raises(InputError, match="no robot 'foot'; there are: eye, hand"):
         running.state("foot")
     with pytest.raises(InputError, match="no camera 'hall'; there are: wrist"):
-        running.picture("hall")
+        running.shot("hall")
 
 
 def test_when_arms_arrive():

@@ -55,7 +55,7 @@ def test_arms_of_a_user_run_as_an_mjcf_says(tmp_path):
     pytest.importorskip("mujoco", reason="pip install 'basecal[sim]'")
     world = facing_arms(seed=2)
     write_world(world, tmp_path)
-    before = Plant(read_world(tmp_path), Clock(0)).picture("wrist").image
+    before = Plant(read_world(tmp_path), Clock(0)).shot("wrist").image
     chain = world.cell.robots["hand"].chain
     (tmp_path / "hand.urdf").unlink()
     (tmp_path / "hand.xml").write_text(_mjcf(chain, "base_link", "tool0"), encoding="utf-8")
@@ -63,7 +63,7 @@ def test_arms_of_a_user_run_as_an_mjcf_says(tmp_path):
     (tmp_path / "cell.yaml").write_text(text.replace("hand.urdf", "hand.xml"), encoding="utf-8")
     again = read_world(tmp_path)
     np.testing.assert_allclose(again.cell.robots["hand"].chain.upper, chain.upper)
-    after = Plant(again, Clock(0)).picture("wrist").image
+    after = Plant(again, Clock(0)).shot("wrist").image
     # Places differ by rounding, on which a level in a thousand turns.
     assert np.mean(before != after) < 1e-3
 

@@ -48,7 +48,7 @@ def test_corners_are_where_they_project(world):
     running = Plant(world, Clock(0), surroundings=True)
     try:
         shape = world.cell.targets["board"].target
-        found = find(running.picture("wrist").image, shape)
+        found = find(running.shot("wrist").image, shape)
         seen = running._camera_scene("wrist", 0.0)
         true = world.lenses["wrist"].project(seen.camera_from_target @ shape.points)
         assert len(found.ids) == len(shape.ids)
@@ -114,7 +114,7 @@ def test_a_light_is_hidden_and_mirrored():
         view.close()
 
 
-def test_a_picture_follows_from_where_things_are(board):
+def test_a_image_follows_from_where_things_are(board):
     """The same scene gives the same image again, after another one."""
     view = around(board)
     scene, other = looking_down(board), looking_down(board, 1.1)

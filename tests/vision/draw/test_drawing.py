@@ -34,12 +34,12 @@ def test_charuco_as_opencv_draws_it(squares: tuple[int, int], legacy: bool) -> N
     """A ChArUco board is black where OpenCV's own image of it is, legacy pattern or not."""
     board = charuco_target(squares, 0.04, 0.02, "DICT_4X4_50", legacy)
     pitch = 120  # a cell of a marker is ten pixels
-    picture = charuco_board(board).generateImage((squares[0] * pitch, squares[1] * pitch))
+    image = charuco_board(board).generateImage((squares[0] * pitch, squares[1] * pitch))
     at = np.arange(5, max(squares) * pitch, 10)
     column, row = (grid.ravel() for grid in np.meshgrid(at[at < squares[0] * pitch], at[at < squares[1] * pitch]))
     places = np.stack([column + 0.5, row + 0.5], -1) * 0.04 / pitch
     (sheet,) = target_drawing(board)
-    np.testing.assert_array_equal(is_black(sheet, places), picture[row, column] == 0)
+    np.testing.assert_array_equal(is_black(sheet, places), image[row, column] == 0)
 
 
 @pytest.mark.parametrize(
@@ -49,11 +49,11 @@ def test_charuco_as_opencv_draws_it(squares: tuple[int, int], legacy: bool) -> N
 def test_tag_as_opencv_draws_it(family: str, number: int, dictionary: int) -> None:
     """A tag is drawn about its origin as OpenCV draws it, x right and y down."""
     tag = apriltag_target(family, [(number, 0.08, SE3.identity())])
-    picture = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(dictionary), number, 80)
+    image = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(dictionary), number, 80)
     row, column = (each.ravel() for each in np.mgrid[0:80:2, 0:80:2])
     (sheet,) = target_drawing(tag)
     black = is_black(sheet, (np.stack([column, row], -1) + 0.5) * 0.001 - 0.04)
-    np.testing.assert_array_equal(black, picture[row, column] == 0)
+    np.testing.assert_array_equal(black, image[row, column] == 0)
 
 
 @pytest.mark.parametrize("kind", ["charuco", "legacy", "chessboard"])

@@ -23,7 +23,7 @@ POOR = {
 
 
 @pytest.mark.parametrize("how", list(POOR))
-def test_poor_pictures(how: str) -> None:
+def test_poor_images(how: str) -> None:
     """A board is found that is dark, blurred or small, with sigmas true within a factor of two and a half."""
     settings, block, count = POOR[how]
     found = detect(shrunk(scene(BOARD, settings), block), BOARD)

@@ -10,7 +10,7 @@ from basecal.geometry import SE3
 from basecal.vision.draw.render import RenderSettings
 from basecal.vision.kinds import chessboard
 from basecal.vision.kinds.chessboard import detect
-from vision_scenes import DARK, TARGETS, check_poor_picture, scene
+from vision_scenes import DARK, TARGETS, check_poor_image, scene
 
 SHAPE = TARGETS["chessboard"]
 POOR = {
@@ -22,9 +22,9 @@ POOR = {
 
 
 @pytest.mark.parametrize("how", list(POOR))
-def test_poor_pictures(how: str) -> None:
+def test_poor_images(how: str) -> None:
     """Found where dark, blurred or small, with sigmas true within a factor of two and a half."""
-    check_poor_picture(detect, SHAPE, *POOR[how])
+    check_poor_image(detect, SHAPE, *POOR[how])
 
 
 def test_less_than_a_board() -> None:

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from basecal.cell.targets.circles import circles_target
 from basecal.vision.draw.render import RenderSettings
 from basecal.vision.kinds.circles import detect
-from vision_scenes import DARK, TARGETS, check_poor_picture, scene
+from vision_scenes import DARK, TARGETS, check_poor_image, scene
 
 SHAPE = TARGETS["circles"]
 POOR = {
@@ -23,9 +23,9 @@ POOR = {
 
 
 @pytest.mark.parametrize("how", list(POOR))
-def test_poor_pictures(how: str) -> None:
+def test_poor_images(how: str) -> None:
     """Found where dark, blurred or small, with sigmas true within a factor of two and a half."""
-    check_poor_picture(detect, SHAPE, *POOR[how])
+    check_poor_image(detect, SHAPE, *POOR[how])
 
 
 @pytest.mark.parametrize("bits", [8, 16])

@@ -51,7 +51,7 @@ def test_names_and_numbers_that_are_none() -> None:
         dictionary("tagCircle21h7")
     with pytest.raises(InputError, match="DICT_4X4_50 has markers 0 to 49, not 50"):
         black_cells("DICT_4X4_50", 50)
-    with pytest.raises(InputError, match="a 10x14 board needs 70: write dictionary: DICT_4X4_100"):
+    with pytest.raises(InputError, match="a 10x14 board needs 70: write `dictionary: DICT_4X4_100`"):
         charuco_board(charuco_target((10, 14), 0.04, 0.03, "DICT_4X4_50"))
     with pytest.raises(InputError, match=r"a 10x14 board needs 70$"):
         charuco_board(charuco_target((10, 14), 0.04, 0.03, "DICT_APRILTAG_25h9"))

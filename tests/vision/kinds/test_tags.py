@@ -6,7 +6,7 @@ import pytest
 
 from basecal.vision.draw.render import RenderSettings
 from basecal.vision.kinds.tags import detect
-from vision_scenes import DARK, TARGETS, check_poor_picture, scene
+from vision_scenes import DARK, TARGETS, check_poor_image, scene
 
 SHAPE = TARGETS["tags"]
 POOR = {
@@ -18,9 +18,9 @@ POOR = {
 
 
 @pytest.mark.parametrize("how", list(POOR))
-def test_poor_pictures(how: str) -> None:
+def test_poor_images(how: str) -> None:
     """Found where dark, blurred or small, with sigmas true within a factor of two and a half."""
-    check_poor_picture(detect, SHAPE, *POOR[how])
+    check_poor_image(detect, SHAPE, *POOR[how])
 
 
 def test_tags_of_another_family() -> None:

@@ -35,7 +35,7 @@ def test_short_tracks_are_left_out() -> None:
     assert len(tracks_of(chain_matches([2, 2, 2], given, 2))) == 2
 
 
-def test_a_picture_in_which_a_track_stands_twice_is_left_out() -> None:
+def test_a_image_in_which_a_track_stands_twice_is_left_out() -> None:
     """Two features of image 2 end in one track: it keeps the images 0, 1 and 3, and neither of the two."""
     given = {(0, 1): matches((0, 0)), (0, 2): matches((0, 0)), (1, 2): matches((0, 1)), (0, 3): matches((0, 0))}
     assert tracks_of(chain_matches([1, 1, 2, 1], given, 3)) == {frozenset({(0, 0), (1, 0), (3, 0)})}

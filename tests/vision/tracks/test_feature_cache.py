@@ -35,7 +35,7 @@ def test_kept_features_equal_those_found(tmp_path: Path, monkeypatch: pytest.Mon
     np.testing.assert_allclose(np.linalg.norm(again.descriptors, axis=1), 1.0, atol=1e-5)
 
 
-def test_another_picture_or_mask_is_another_file(tmp_path: Path) -> None:
+def test_another_image_or_mask_is_another_file(tmp_path: Path) -> None:
     """The name holds the hash of the image and of what covers it."""
     for key, covered in (("key", []), ("other", []), ("key", [SQUARE]), ("key", [])):
         kept_features(tmp_path, key, IMAGE, covered)

@@ -30,7 +30,7 @@ def test_descriptors_are_of_unit_length() -> None:
     assert (found.pixels < [399.5, 299.5]).all()
 
 
-def test_features_move_with_the_picture() -> None:
+def test_features_move_with_the_image() -> None:
     """Two crops of one image have features at the same places, to 0.1 px in the median, without bias."""
     large = blots(2)
     right, down = SHIFT
@@ -84,7 +84,7 @@ def test_many_features_are_thinned_evenly() -> None:
     assert quarters.min() > 0.2 * MAX_FEATURES
 
 
-def test_a_blank_picture_has_none() -> None:
+def test_a_blank_image_has_none() -> None:
     """No texture, no features, and still arrays of the right shape."""
     found = find_features(np.full((120, 160), 90, dtype=np.uint8))
     assert found.pixels.shape == (0, 2)

@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.vision.tracks.features import Features
 from basecal.vision.tracks.guided_matching import match_predictions
-from scene_pictures import random_looks, unit_rows
+from scene_images import random_looks, unit_rows
 
 RADIUS_PX = 5.0
 
@@ -49,7 +49,7 @@ def test_each_feature_is_found_once() -> None:
     assert (found.point >= len(looks)).all()
 
 
-def test_a_picture_that_looks_alike_everywhere_is_chance() -> None:
+def test_a_image_that_looks_alike_everywhere_is_chance() -> None:
     """If all features look alike as many are found beside the predictions as at them."""
     rng = np.random.default_rng(3)
     looks = unit_rows(np.ones((4000, 128)) + 0.1 * rng.standard_normal((4000, 128)))

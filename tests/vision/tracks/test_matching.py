@@ -7,13 +7,13 @@ import numpy as np
 from basecal.geometry import SE3
 from basecal.vision.tracks.features import Features
 from basecal.vision.tracks.matching import MIN_MATCHES, match, match_rigid
-from scene_pictures import random_looks, unit_rows
+from scene_images import random_looks, unit_rows
 
 FOCAL_PX = 800.0
 SECOND_FROM_FIRST = SE3.from_rpy((0.02, -0.1, 0.3), (0.2, -0.05, 0.04))
 
 
-def two_pictures(count: int, wrong: int = 0, seed: int = 1) -> tuple[Features, Features, tuple, np.ndarray]:
+def two_images(count: int, wrong: int = 0, seed: int = 1) -> tuple[Features, Features, tuple, np.ndarray]:
     """Points before two cameras, the last so many elsewhere in the second; planes; which feature shows which point."""
     rng = np.random.default_rng(seed)
     points = rng.uniform([-0.4, -0.3, 0.8], [0.4, 0.3, 1.4], (count, 3))
@@ -29,7 +29,7 @@ def two_pictures(count: int, wrong: int = 0, seed: int = 1) -> tuple[Features, F
 
 def test_each_finds_its_own() -> None:
     """Noisy copies in another order are matched one to one."""
-    first, second, _, of_point = two_pictures(80)
+    first, second, _, of_point = two_images(80)
     found = match(first.descriptors, second.descriptors)
     np.testing.assert_array_equal(found.first, np.arange(80))
     np.testing.assert_array_equal(found.second, of_point)
@@ -55,7 +55,7 @@ def test_unlike_features_are_not_matched() -> None:
 
 def test_matches_off_the_epipolar_geometry_go() -> None:
     """Of 120 matches 30 are elsewhere: nearly all of these are left out, and nearly all others kept."""
-    first, second, planes, of_point = two_pictures(120, wrong=30)
+    first, second, planes, of_point = two_images(120, wrong=30)
     found = match_rigid(first, second, planes, FOCAL_PX)
     assert found is not None
     np.testing.assert_array_equal(found.second, of_point[found.first])
@@ -65,7 +65,7 @@ def test_matches_off_the_epipolar_geometry_go() -> None:
 
 def test_what_rides_with_the_camera_is_left_out() -> None:
     """Features that stay at their place in the image, as a gripper's do, are no matches."""
-    first, second, planes, of_point = two_pictures(100)
+    first, second, planes, of_point = two_images(100)
     for pixels in (second.pixels, planes[1]):
         scale = FOCAL_PX if pixels is second.pixels else 1.0
         pixels[of_point[:20]] = scale * planes[0][:20] + scale / FOCAL_PX
@@ -77,7 +77,7 @@ def test_what_rides_with_the_camera_is_left_out() -> None:
 
 def test_few_matches_are_none() -> None:
     """Below `MIN_MATCHES`, or if no geometry explains them, a pair of images shares nothing."""
-    first, second, planes, _ = two_pictures(MIN_MATCHES - 1)
+    first, second, planes, _ = two_images(MIN_MATCHES - 1)
     assert match_rigid(first, second, planes, FOCAL_PX) is None
-    first, second, planes, _ = two_pictures(2 * MIN_MATCHES, wrong=2 * MIN_MATCHES - 6)
+    first, second, planes, _ = two_images(2 * MIN_MATCHES, wrong=2 * MIN_MATCHES - 6)
     assert match_rigid(first, second, planes, FOCAL_PX) is None

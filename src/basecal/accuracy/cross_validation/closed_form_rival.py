@@ -21,7 +21,8 @@ from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_tr
 from basecal.geometry import SE3, Array, BoolArray
 
 _MIN_VIEWS = 6  # held-out views that are compared
-_FEWEST_FITTED = 3  # views, of which a closed form has two motions
+FEWEST_FITTED = 3
+"""Views of a part that is fitted, of which a closed form has two motions."""
 _SMALLEST = np.array([1e-5, 1e-5])  # [m, rad] of held-out errors: no arm and no camera tells smaller ones apart
 
 Triple = tuple[SE3, SE3, SE3]
@@ -73,7 +74,7 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
 def _closed_form(problem: Problem, group: ViewGroup, poses: SE3, mask: BoolArray) -> Triple | None:
     """X, Y and Z by the views of a mask; None where their rotations are not determined."""
     rows = np.flatnonzero(mask)
-    if len(rows) < _FEWEST_FITTED:
+    if len(rows) < FEWEST_FITTED:
         return None
     bases = [SE3.identity() if end.base is None else _fixed_mean(problem, end.base) for end in group.ends]
     y = None if bases[0] is None or bases[1] is None else bases[0].inverse() @ bases[1]

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from basecal.accuracy.cross_validation.closed_form_rival import FEWEST_FITTED
 from basecal.accuracy.cross_validation.refit import Refit, with_known_stops
 from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.cell import Rival
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3, Array, BoolArray, IntArray
-
-_FEWEST_FITTED = 3  # views of a part that a method is given, of which it has two motions
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +47,7 @@ def opencv_rivals(solution: Solution, refits: Sequence[Refit]) -> tuple[Rival, .
         for refit in refits:
             held = np.isin(part.group.sample, list(refit.held))
             rows, train = np.flatnonzero(held), np.flatnonzero(~held)
-            if not len(rows) or len(train) < _FEWEST_FITTED:
+            if not len(rows) or len(train) < FEWEST_FITTED:
                 continue
             state = with_known_stops(refit.optimum.state, refit.known)
             predicted: list[SE3 | None] = [state.camera_from_target(part.group.take(rows), solution.problem.stops)]
@@ -78,7 +77,7 @@ def _still_views(group: ViewGroup, moving: int, still: int, free: BoolArray) -> 
     where, stops = group.ends[still].stand, group.ends[moving].stand
     for place in np.unique(where[free]):
         rows = np.flatnonzero(free & (where == place))
-        if len(np.unique(stops[rows])) > _FEWEST_FITTED:
+        if len(np.unique(stops[rows])) > FEWEST_FITTED:
             yield rows
 
 

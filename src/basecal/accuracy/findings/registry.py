@@ -12,7 +12,7 @@ from basecal.accuracy.findings.identical_robots import identical_robots
 from basecal.accuracy.findings.identity_poses import identity_poses
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
 from basecal.accuracy.findings.joint_parameters import unobserved_joint_parameters
-from basecal.accuracy.findings.late_pictures import late_pictures
+from basecal.accuracy.findings.late_images import late_images
 from basecal.accuracy.findings.lens_model import lens_model
 from basecal.accuracy.findings.likely_kinematics import likely_kinematics
 from basecal.accuracy.findings.long_mount import long_mount
@@ -59,7 +59,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     prior_dominated,
     not_converged,
     outlier_samples,
-    late_pictures,
+    late_images,
     outlier_points,
     reflection,
     board_shape,

@@ -39,10 +39,10 @@ def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
     if chosen.kind == "none" and choice.better is None:
         return []
     if chosen.kind == "none" and choice.better is not None:
-        what = f"Freeing {_parameter_phrase(choice.better)} may lower {_from_to(none, choice.better)}."
+        what = f"Freeing {_parameter_phrase(choice.better)} may lower {_error_change(none, choice.better)}."
         why, do = "There are too few samples to decide.", ("Record more samples.",)
         return [Finding("robot-model", "info", choice.better.robots, what, do, why)]
-    what, why = f"Freeing {_parameter_phrase(chosen)} lowers {_from_to(none, chosen)}.", _largest_deviation(choice)
+    what, why = f"Freeing {_parameter_phrase(chosen)} lowers {_error_change(none, chosen)}.", _largest_deviation(choice)
     if choice.better is not None:
         why += f" Whether freeing {_parameter_phrase(choice.better)} helps more is undecided."
     offsets = robot_parameters(choice.solution).get(OFFSETS, {})
@@ -61,7 +61,7 @@ def _parameter_phrase(candidate: Candidate) -> str:
     return f"the {'joint offsets' if candidate.kind == 'offsets' else 'joint offsets and links'} of {robots}"
 
 
-def _from_to(baseline: Candidate, candidate: Candidate) -> str:
+def _error_change(baseline: Candidate, candidate: Candidate) -> str:
     if baseline.error_m is not None and candidate.error_m is not None:
         return f"the cross-validation error from {1e3 * baseline.error_m:.2g} to {1e3 * candidate.error_m:.2g} mm rms"
     return f"the cross-validation error from {baseline.rms:.2g} to {candidate.rms:.2g} sigmas rms"

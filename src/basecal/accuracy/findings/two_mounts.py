@@ -70,7 +70,7 @@ def two_mounts(evidence: Evidence) -> list[Finding]:
         return []
     best = min(splits, key=lambda split: split.comparison.log_chance)
     minority, majority = sorted(best.sides, key=lambda side: len(side.samples))
-    if not _gains(evidence.solution, best.mount, minority, majority):
+    if not _is_explained(evidence.solution, best.mount, minority, majority):
         return []
     apart_mm = 1e3 * float(np.linalg.norm(minority.mean() - majority.mean()))
     what = f"{best.mount} is {apart_mm:.2g} mm elsewhere at {list_samples(sorted(minority.samples.tolist()))}."
@@ -78,7 +78,7 @@ def two_mounts(evidence: Evidence) -> list[Finding]:
     return [Finding("two-mounts", "warning", (best.mount,), what, do, "The estimated noise contains the difference.")]
 
 
-def _gains(solution: Solution, mount: str, minority: _Shifts, majority: _Shifts) -> bool:
+def _is_explained(solution: Solution, mount: str, minority: _Shifts, majority: _Shifts) -> bool:
     """Whether two places explain what errors that stops share do not, the noise estimated anew; as far as it is."""
     situation = timeless_situation(solution)
     moves = tuple(

@@ -10,8 +10,8 @@ from basecal.cell.format.yaml_text import parse_yaml
 from basecal.errors import BasecalError
 from basecal.fields.problems import Loc
 
-_OFFER = re.compile(r"\b[Ww]rite (?P<offer>`?[a-z_]+: .+)")
-_QUOTED = re.compile(r"`([a-z_]+: [^`]+)`")
+_OFFER = re.compile(r"\b[Ww]rite (`[a-z_]+: .+)")
+_LINE = re.compile(r"`([a-z_]+: [^`]+)`")
 _COMMAND = "`basecal fix "
 
 
@@ -37,14 +37,11 @@ def offered_places(cell: Cell, finding: Finding) -> dict[Loc, Any]:
 
 
 def _offered_lines(text: str) -> dict[str, Any]:
-    """Lines of `cell.yaml` that a sentence says to write, by field: those in backquotes, or all up to its end."""
+    """Lines of `cell.yaml` in backquotes that a sentence says to write, by field."""
     found = _OFFER.search(text)
-    if found is None:
-        return {}
-    lines = ", ".join(_QUOTED.findall(found["offer"])) or found["offer"].removesuffix(".")
+    lines = ", ".join(_LINE.findall(found[1])) if found else ""
     try:
-        data = parse_yaml(f"{{{lines}}}", "finding").data
+        data: dict[str, Any] = parse_yaml(f"{{{lines}}}", "finding").data
     except BasecalError:
         return {}
-    is_whole = isinstance(data, dict) and None not in data.values()  # a choice of several is none
-    return data if is_whole else {}
+    return data

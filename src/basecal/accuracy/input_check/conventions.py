@@ -6,7 +6,7 @@ Nothing is ever applied. docs/conventions_test.md lists which data distinguish w
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -47,6 +47,7 @@ from basecal.estimation.start.metric_points import has_metric_start
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Camera
+from basecal.numerics.steps import run_in_step
 
 _SCREENED = 25  # samples of the quick look, of which a closed form of poses needs three
 _SOLVED = 40  # samples of a fit in earnest: enough to tell hypotheses apart; bounds the time
@@ -115,18 +116,13 @@ def check_conventions(
 
 def _run_checks(checks: Sequence[_Check[T]]) -> list[T]:
     """Where several checks end; the pairs of camera and target that they want fitted at a time go side by side."""
-    answers: dict[int, list[LoopFit | None] | None] = dict.fromkeys(range(len(checks)))
-    ended: dict[int, T] = {}
-    while answers:
-        wanted: dict[int, _Pairs] = {}
-        for number, answer in answers.items():
-            try:
-                wanted[number] = next(checks[number]) if answer is None else checks[number].send(answer)
-            except StopIteration as end:
-                ended[number] = end.value
-        fits = iter(fit_loops([pair for of in wanted.values() for pair in of]))
-        answers = {number: [next(fits) for _ in of] for number, of in wanted.items()}
-    return [ended[number] for number in range(len(checks))]
+
+    def fit_pairs(requests: Sequence[_Pairs]) -> Iterator[list[LoopFit | None]]:
+        """The fits of the pairs of each check."""
+        fits = iter(fit_loops([pair for of in requests for pair in of]))
+        return ([next(fits) for _ in of] for of in requests)
+
+    return run_in_step(checks, fit_pairs)
 
 
 def _check_reading(

@@ -264,15 +264,24 @@ def streams(robots: list[str]) -> list[str | None]:
 
 def shift(stream: str | None, count: int, start: int = 0, first: int | None = None) -> ConventionHypothesis:
     """One stream paired with other samples; `first` is the number of the sample at position `start`."""
-    who = "what the cameras saw" if stream is None else f"what {stream} recorded"
     late = f"{abs(count)} sample{'s' if abs(count) > 1 else ''} {'later' if count > 0 else 'earlier'}"
+    return pair_differently(
+        stream,
+        f"{'' if first is None else f'from sample {first} on '}belongs {late}",
+        f"pair it so{' (was a detection missed or given twice there?)' if start else ''}",
+        lambda reading: reading.shift(stream, count, start),
+    )
+
+
+def pair_differently(stream: str | None, fault: str, fix: str, reread: Reread) -> ConventionHypothesis:
+    """One stream in another order: what cameras saw if it is None, or what a robot recorded."""
     return ConventionHypothesis(
         "pairing-shifted",
         () if stream is None else (stream,),
-        f"{who}{'' if first is None else f' from sample {first} on'} belongs {late}",
-        f"pair it so{' (was a detection missed or given twice there?)' if start else ''}",
+        f"{'what the cameras saw' if stream is None else f'what {stream} recorded'} {fault}",
+        fix,
         "let the arms stand in clearly different poses from one sample to the next",
-        lambda reading: reading.shift(stream, count, start),
+        reread,
         by_order=True,
     )
 

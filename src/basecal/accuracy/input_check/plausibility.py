@@ -20,6 +20,7 @@ from basecal.estimation.view.points import PointMeasurement, is_touch
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths
+from basecal.kinematics.chain import LIMIT_EXCESS_RAD, TURN_RAD
 
 # Wide enough for any arm, cell and target that people calibrate, and a factor of 1000 beyond which none is.
 _REACH_M = 0.02, 5.0  # [m] of the farthest flange from its base
@@ -27,8 +28,6 @@ _BASES_M = 0.02, 20.0  # [m] between bases
 _MOUNT_M = 2.0  # [m] of a camera or target from the flange that carries it
 _DISTANCE_M = 0.02, 20.0  # [m] from camera to target, the median
 _TARGET_M = 2e-3, 5.0  # [m] of a target's longest side
-_TURNS_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; degrees are 57 times as many
-_BEYOND_LIMIT_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
 _UNITS_M = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254}
 FARTHEST_M = 2.5
 """[m] of a flange from its base, or a target from its camera, in most cells: one farther is not in centimetres."""
@@ -102,10 +101,10 @@ def likely_unit(length: float, most_m: float) -> tuple[str, str]:
 
 
 def _joint_faults(name: str, joints: Array, lower: Array, upper: Array) -> list[str]:
-    if float(np.abs(joints).max()) > _TURNS_RAD:
+    if float(np.abs(joints).max()) > TURN_RAD:
         return [f"a joint of {name} at {np.abs(joints).max():.3g} rad"]
     beyond = float(np.maximum(lower - joints, joints - upper).max())
-    return [f"a joint of {name} {beyond:.2g} rad beyond its limit"] if beyond > _BEYOND_LIMIT_RAD else []
+    return [f"a joint of {name} {beyond:.2g} rad beyond its limit"] if beyond > LIMIT_EXCESS_RAD else []
 
 
 def _size_faults(cell: Cell, targets: set[str]) -> list[str]:

@@ -21,6 +21,7 @@ from basecal.accuracy.input_check.hypotheses import (
     join_names,
     map_robot_poses,
     map_target_poses,
+    pair_differently,
     scale_translations,
     shift,
     streams,
@@ -180,7 +181,7 @@ def _carrier_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
                     "wrong-carrier",
                     (target,),
                     f"{target} is on {carrier}, not on {stated}",
-                    f"write on: {carrier} of {target} in cell.yaml",
+                    f"write {carrier} as `on` of {target} in cell.yaml",
                     "turn every arm further about two axes between samples",
                     partial(Reading.with_carrier, target=target, carrier=carrier),
                 )
@@ -241,7 +242,7 @@ def _pixel_hypotheses() -> Iterator[ConventionHypothesis]:
 
 def _order_hypotheses(streams: list[str | None], count: int) -> Iterator[ConventionHypothesis]:
     for stream in streams:
-        yield _turned_round(stream)
+        yield _reverse_order(stream)
         yield from (_sort_by_number(stream, first) for first in (0, 1) if count > 10)
         for by in _FAR_SHIFTS:
             if abs(by) < count // 3:
@@ -250,33 +251,18 @@ def _order_hypotheses(streams: list[str | None], count: int) -> Iterator[Convent
 
 def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
     """Rows that were sorted as text by their numbers from `first`: 1, 10, 11, 2."""
-    who = "what the cameras saw" if stream is None else f"what {stream} recorded"
 
     def reread(reading: Reading) -> Reading:
         """Each row where its number belongs."""
         return reading.pair_stream(stream, np.argsort(sorted(range(first, first + len(reading.order)), key=str)))
 
-    return ConventionHypothesis(
-        "pairing-shifted",
-        () if stream is None else (stream,),
-        f"{who} is sorted as text: {', '.join(sorted(map(str, range(first, first + 12)))[:4])}",
-        "sort it by number",
-        "let the arms stand in clearly different poses from one sample to the next",
-        reread,
-        by_order=True,
-    )
+    order = ", ".join(sorted(map(str, range(first, first + 12)))[:4])
+    return pair_differently(stream, f"is sorted as text: {order}", "sort it by number", reread)
 
 
-def _turned_round(stream: str | None) -> ConventionHypothesis:
-    who = "what the cameras saw" if stream is None else f"what {stream} recorded"
-    return ConventionHypothesis(
-        "pairing-shifted",
-        () if stream is None else (stream,),
-        f"{who} stands in reverse order",
-        "turn its order round",
-        "let the arms stand in clearly different poses from one sample to the next",
-        lambda reading: reading.reverse(stream),
-        by_order=True,
+def _reverse_order(stream: str | None) -> ConventionHypothesis:
+    return pair_differently(
+        stream, "stands in reverse order", "turn its order round", lambda reading: reading.reverse(stream)
     )
 
 
@@ -308,7 +294,7 @@ def _rotation_hypotheses(
             if not _LISTINGS[read]
             else (_first,)
             if of_three_axes
-            else (_first, _second, _shorter)
+            else (_first, _second_column, _shorter_vectors)
         )
         for choose in choices:
             yield ConventionHypothesis(
@@ -354,7 +340,7 @@ def _first(numbers: Array) -> Array:
     return numbers[:, 0]
 
 
-def _second(numbers: Array) -> Array:
+def _second_column(numbers: Array) -> Array:
     return numbers[:, 1]
 
 
@@ -367,7 +353,7 @@ def _nearest_lists(numbers: Array) -> Array:
     return chosen
 
 
-def _shorter(numbers: Array) -> Array:
+def _shorter_vectors(numbers: Array) -> Array:
     chosen: Array = numbers[np.arange(len(numbers)), np.argmin(lengths(numbers), axis=1)]
     return chosen
 

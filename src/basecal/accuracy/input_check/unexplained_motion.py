@@ -6,6 +6,7 @@ import numpy as np
 
 from basecal.accuracy.input_check.loop_fit import trimmed_rms
 from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, moved_views, view_errors
+from basecal.accuracy.phrases.recorded_robots import advise_check
 from basecal.cell import Finding
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.problem import Problem, State
@@ -46,14 +47,13 @@ def _instants_advice(problem: Problem) -> str:
     if not clocks:
         return "Check that poses and images of a sample are of one instant."
     entry = "`clock: {status: free, offset_s: ...}`"
-    return f"If the clock of {' or '.join(clocks)} is off by more than 1 s, write {entry} there, to a second."
+    return f"If the clock of {' or '.join(clocks)} is off by more than 1 s, state {entry} there, to a second."
 
 
 def _robots_advice(problem: Problem) -> str:
     """Advice on what robots recorded: joints, or poses where one has no joints."""
-    if not problem.robots or not all(recorded_by_joints(problem, robot) for robot in problem.robots):
-        return "Check that poses are base_from_flange in metres, of the named robot."
-    return f"Check the URDF of {' and '.join(problem.robots)}, and the unit, signs and order of the joints."
+    are_joints = all(recorded_by_joints(problem, robot) for robot in problem.robots)
+    return advise_check(problem.robots if are_joints else ())
 
 
 def unexplained_motion(problem: Problem, state: State) -> float:

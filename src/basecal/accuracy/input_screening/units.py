@@ -11,13 +11,12 @@ from basecal.accuracy.input_check.plausibility import FARTHEST_M, likely_unit
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Cell, Finding, PixelObservation, PointObservation, PoseObservation, Recording, Robot
 from basecal.geometry import Array
+from basecal.kinematics.chain import LIMIT_EXCESS_RAD, TURN_RAD
 from basecal.numerics.spectral import ROUNDING
 
 # Beyond what any arm reaches and any target spans, and within a thousand times of it: it is told by its size alone.
 _LARGEST_DISTANCE_M = 50.0  # [m] of flanges from their base, or targets from their camera, the median
 _LARGEST_TARGET_M = 20.0  # [m] of a target's longest side
-_LARGEST_JOINT_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; some wrists turn without end, but not two joints
-_LIMIT_EXCESS_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
 _WIDEST_M = 1.0  # [m] of a target in most cells
 
 
@@ -53,10 +52,10 @@ def _is_in_degrees(robot: Robot, recording: Recording) -> bool:
     if robot.chain is None or not len(joints):
         return False
     most = np.abs(joints).max(axis=0)
-    beyond = int(np.sum(most > _LARGEST_JOINT_RAD))
+    beyond = int(np.sum(most > TURN_RAD))
     in_radians = np.radians(joints)
-    within = np.all(in_radians >= robot.chain.lower - _LIMIT_EXCESS_RAD) and np.all(
-        in_radians <= robot.chain.upper + _LIMIT_EXCESS_RAD
+    within = np.all(in_radians >= robot.chain.lower - LIMIT_EXCESS_RAD) and np.all(
+        in_radians <= robot.chain.upper + LIMIT_EXCESS_RAD
     )
     return bool(beyond >= min(2, joints.shape[1]) and within)
 

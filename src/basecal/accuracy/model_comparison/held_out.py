@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from basecal.accuracy.model_comparison.comparison import Comparison, Decision, decide
-from basecal.accuracy.model_comparison.nested_models import CONFIRMED, SUSPECTED
+from basecal.accuracy.model_comparison.nested_models import CONFIRMED, LEAST_CHANCE, SUSPECTED
 from basecal.geometry import Array
 
 CLEARLY = 1.1
@@ -19,7 +19,6 @@ CLEARLY = 1.1
 Estimators that weigh the same views otherwise differ by a few hundredths, models by more.
 """
 
-_LEAST_CHANCE = 1e-300  # a chance, and a standard error, that is no number any more
 _CORE = 0.7  # share of the parts that sets the scale of errors: three in ten may be outliers
 
 
@@ -44,7 +43,7 @@ def compare_predictions(rival: str, squares: Array, in_use: Array, clearly: floa
         in_use: (n,) likewise by the model in use.
         clearly: Ratio of likelihoods of a part beyond which the rival predicts clearly better, by their geometric mean.
     """
-    scale = max(min(_core(squares), _core(in_use)), _LEAST_CHANCE)
+    scale = max(min(_trimmed_mean(squares), _trimmed_mean(in_use)), LEAST_CHANCE)
     gains = np.log1p(in_use / scale) - np.log1p(squares / scale)
     chance, ratio = _log_chance(gains), float(np.exp(np.mean(gains))) if len(gains) else 1.0
     if chance < np.log(CONFIRMED) and ratio > clearly:
@@ -56,7 +55,7 @@ def compare_predictions(rival: str, squares: Array, in_use: Array, clearly: floa
     return Comparison(rival, 2 * float(np.sum(gains)), chance, decision)
 
 
-def _core(squares: Array) -> float:
+def _trimmed_mean(squares: Array) -> float:
     """Mean of the share of squares that are least."""
     return float(np.mean(np.sort(squares)[: max(1, int(np.ceil(_CORE * len(squares))))])) if len(squares) else np.inf
 
@@ -64,5 +63,5 @@ def _core(squares: Array) -> float:
 def _log_chance(gains: Array) -> float:
     count, total = len(gains), float(np.sum(gains))
     spread = float(np.std(gains, ddof=1)) * np.sqrt(count) if count > 1 else 0.0
-    chance = float(stdtr(count - 1, -total / max(spread, _LEAST_CHANCE))) if count > 1 and total else 0.5
-    return float(np.log(max(chance, _LEAST_CHANCE)))
+    chance = float(stdtr(count - 1, -total / max(spread, LEAST_CHANCE))) if count > 1 and total else 0.5
+    return float(np.log(max(chance, LEAST_CHANCE)))

@@ -43,7 +43,8 @@ SUSPECTED = 0.02
 
 _EQUAL = 6.0  # twice the log ratio of likelihoods: what is e^3 times less likely than the best is told from it
 _VERY_STRONG = 10.0  # of twice the log ratio of evidences (Kass & Raftery 1995)
-_LEAST_CHANCE = 1e-300  # a chance that is no number any more
+LEAST_CHANCE = 1e-300
+"""A smaller chance is hardly a number any more: doubles end at 2e-308."""
 
 
 def compare_nested_models(
@@ -70,7 +71,7 @@ def log_chance(statistic: float, freedoms: float, noise_freedoms: float = np.inf
         return 0.0
     known = np.isinf(noise_freedoms)
     chance = chdtrc(freedoms, statistic) if known else fdtrc(freedoms, noise_freedoms, statistic / freedoms)
-    if chance > _LEAST_CHANCE:
+    if chance > LEAST_CHANCE:
         return float(np.log(chance))
     # The first term of the tail far out: Abramowitz & Stegun 6.5.32.
     return float(-0.5 * statistic + (0.5 * freedoms - 1) * np.log(0.5 * statistic) - gammaln(0.5 * freedoms))

@@ -36,7 +36,7 @@ def describe_gravity(cell: Cell, solution: Solution, robots: Sequence[str]) -> s
     if apart < _LEVEL_DEG:
         return taken
     entry = "`deflection: {down: [x, y, z]}`"
-    return f"{taken} By the answer, it differs by {apart:.0f} deg between the arms: if it is wrong, write {entry}."
+    return f"{taken} By the answer, it differs by {apart:.0f} deg between the arms: if it is wrong, state {entry}."
 
 
 def _axis_name(direction: Array) -> str:

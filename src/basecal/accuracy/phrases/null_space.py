@@ -19,10 +19,10 @@ def describe_null_space(direction: NullDirection) -> str:
     return describe_direction(direction) + coupled
 
 
-def is_unobservable(whats: Sequence[str], names: Sequence[str]) -> str:
+def is_unobservable(phrases: Sequence[str], names: Sequence[str]) -> str:
     """A clause that says so of several directions that move the same unknowns."""
-    verb = "is" if len(whats) == 1 else "are"
-    return f"{' and '.join(whats)} {verb} unobservable{f' (coupled with {_join_names(names)})' if names else ''}"
+    verb = "is" if len(phrases) == 1 else "are"
+    return f"{' and '.join(phrases)} {verb} unobservable{f' (coupled with {_join_names(names)})' if names else ''}"
 
 
 def _join_names(names: Sequence[str]) -> str:

@@ -19,9 +19,9 @@ from basecal.accuracy.scene.checks import (
 )
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
+from basecal.accuracy.scene.images import read_images
 from basecal.accuracy.scene.meeting import scene_meeting
 from basecal.accuracy.scene.motion import scene_motion
-from basecal.accuracy.scene.pictures import read_pictures
 from basecal.accuracy.scene.shared_errors import shared_covariance
 from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual, Unknown
@@ -49,20 +49,20 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
     """
     settings = replace(settings, method="scene")  # also if the cell requests it, or has tracks alone
     with settings.stage("features"):
-        pictures = read_pictures(cell, recording, settings)
-    if not len(pictures.views):
-        lost = " ".join(finding.what for finding in pictures.lost[:1])
+        images = read_images(cell, recording, settings)
+    if not len(images.views):
+        lost = " ".join(finding.what for finding in images.lost[:1])
         raise InputError(lost or "no camera on a robot has images or tracks with poses, which a scene needs")
-    if cell.reference not in pictures.views.robots:
+    if cell.reference not in images.views.robots:
         what = f"robot {cell.reference!r}, the reference, has no camera with images"
         raise InputError(f"{what}: state another as `reference:` in cell.yaml")
-    report = Report([*drop_target_findings(recording.findings), *pictures.lost])
-    stated = [cell.robots[name].noise for name in pictures.views.robots]
-    fit = find_scene(pictures, stated, cell.reference, report, settings)
+    report = Report([*drop_target_findings(recording.findings), *images.lost])
+    stated = [cell.robots[name].noise for name in images.views.robots]
+    fit = find_scene(images, stated, cell.reference, report, settings)
     if fit is None:
         return _refuse(report, settings)
     found = _conclude(cell, fit, report, settings)
-    return replace(found, scene=scene_fingerprint(pictures, fit, fit.state.points)) if found.transforms else found
+    return replace(found, scene=scene_fingerprint(images, fit, fit.state.points)) if found.transforms else found
 
 
 def _refuse(report: Report, settings: Settings) -> Calibration:

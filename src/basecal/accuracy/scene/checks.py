@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from basecal.accuracy.model_comparison.independent import compare_contradiction, compare_places
+from basecal.accuracy.phrases.recorded_robots import advise_check
 from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import MOST_PX, OneCamera
@@ -55,8 +56,14 @@ def drop_target_findings(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     return tuple(each for each in findings if each.code != "few-images")
 
 
-def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
-    """Findings about deficits of one camera's images."""
+def camera_findings(name: str, one: OneCamera, joint_robots: Sequence[str] = ()) -> Iterator[Finding]:
+    """Findings about deficits of one camera's images.
+
+    Args:
+        name: Of the camera.
+        one: Its scene.
+        joint_robots: The robot that carries it, if its joints were recorded.
+    """
     about = (name,)
     if len(one.rows) < FEWEST_VIEWS:
         what = f"{len(one.rows)} images of {name} with a pose are too few: a scene needs {FEWEST_VIEWS}."
@@ -70,10 +77,8 @@ def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
     if one.start.misfit > (False, MOST_PX):
         off = "it would see all behind it" if one.start.is_behind else f"features are {one.start.median_px:.2g} px off"
         what = f"The poses of {name} do not explain its images: {off}."
-        do = (
-            "Check that poses and images are of one instant, in one order.",
-            "Check that poses are base_from_flange in metres, of the named robot.",
-        )
+        recorded = "joints" if joint_robots else "poses"
+        do = f"Check that {recorded} and images are of one instant, in one order.", advise_check(joint_robots)
         yield Finding("poor-fit", "error", about, what, do)
         return
     if points < _FEWEST_POINTS:

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from basecal.accuracy.scene.checks import SAME_SPOT, camera_findings, join_findings, kept_findings
+from basecal.accuracy.scene.images import Images
 from basecal.accuracy.scene.joining import Join, join
 from basecal.accuracy.scene.merging import merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera, solve_camera
-from basecal.accuracy.scene.pictures import Pictures
 from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Finding
 from basecal.estimation.scene.adjust import SceneFit
@@ -37,59 +37,60 @@ class Report:
 
 
 def find_scene(
-    pictures: Pictures, robot_noise: Sequence[Array | None], reference: str, report: Report, settings: Settings
+    images: Images, robot_noise: Sequence[Array | None], reference: str, report: Report, settings: Settings
 ) -> SceneFit | None:
     """The scene that all images show; None if it is refused, for which findings of the report say why.
 
     Args:
-        pictures: Of all cameras.
+        images: Of all cameras.
         robot_noise: (6,) noise of each robot [m, rad]; None if it is to be estimated.
         reference: The robot whose base is the world.
         report: To which findings are added.
         settings: How to go about it.
     """
-    every, pictures = pictures, pictures.select_moving()
+    every, images = images, images.select_moving()
     with settings.stage("tracks"):
-        ones = [_solve_one(pictures, camera, robot_noise, settings) for camera in range(len(pictures.views.cameras))]
-    for camera, one in zip(pictures.views.cameras, ones, strict=True):
-        report.findings += camera_findings(camera.name, one)
+        ones = [_solve_one(images, camera, robot_noise, settings) for camera in range(len(images.views.cameras))]
+    for camera, one in zip(images.views.cameras, ones, strict=True):
+        joint_robots = [robot for robot in images.joint_robots if robot == camera.robot]
+        report.findings += camera_findings(camera.name, one, joint_robots)
     if report.is_refused:
         return None
     with settings.stage("joining"):
-        joins = _joins(pictures, ones, report)
+        joins = _joins(images, ones, report)
     if report.is_refused:
         return None
     with settings.stage("descent"):
-        fit = _fit(pictures, ones, joins, robot_noise, reference, report)
+        fit = _fit(images, ones, joins, robot_noise, reference, report)
         return fit if fit is None else _add_fixed_cameras(every, fit, robot_noise, report)
 
 
-def _solve_one(pictures: Pictures, camera: int, robot_noise: Sequence[Array | None], settings: Settings) -> OneCamera:
-    settings.part(camera + 1, len(pictures.views.cameras))
-    return solve_camera(pictures, camera, robot_noise[_carrier(pictures, camera)])
+def _solve_one(images: Images, camera: int, robot_noise: Sequence[Array | None], settings: Settings) -> OneCamera:
+    settings.part(camera + 1, len(images.views.cameras))
+    return solve_camera(images, camera, robot_noise[_carrier(images, camera)])
 
 
-def _carrier(pictures: Pictures, camera: int) -> int:
+def _carrier(images: Images, camera: int) -> int:
     """Index of the robot that carries a camera."""
-    return int(pictures.views.robot[pictures.views.camera == camera][0])
+    return int(images.views.robot[images.views.camera == camera][0])
 
 
-def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: Report) -> dict[int, Join]:
+def _joins(images: Images, ones: Sequence[OneCamera], report: Report) -> dict[int, Join]:
     """How the scene of each camera joins that of the first, by index."""
     joins = {}
     for index in range(1, len(ones)):
-        found = join(pictures, ones[0], ones[index])
-        names = (pictures.views.cameras[0].name, pictures.views.cameras[index].name)
+        found = join(images, ones[0], ones[index])
+        names = (images.views.cameras[0].name, images.views.cameras[index].name)
         shared, of_each = 0, (0, 0)
         if found is not None:
             joins[index] = found
-            shared, of_each = shared_points(pictures.views, merged_tracks(ones, {index: found}), index)
+            shared, of_each = shared_points(images.views, merged_tracks(ones, {index: found}), index)
         report.findings += join_findings(names, found, shared, of_each)
     return joins
 
 
 def _fit(
-    pictures: Pictures,
+    images: Images,
     ones: Sequence[OneCamera],
     joins: Mapping[int, Join],
     robot_noise: Sequence[Array | None],
@@ -97,10 +98,10 @@ def _fit(
     report: Report,
 ) -> SceneFit | None:
     """All images adjusted together."""
-    views = pictures.views
+    views = images.views
     bases = [SE3.identity() for _ in views.robots]
     for index, found in joins.items():
-        bases[_carrier(pictures, index)] = found.second_from_first.inverse()
+        bases[_carrier(images, index)] = found.second_from_first.inverse()
     home = bases[views.robots.index(reference)]
     bases = [
         known.mean if known.status == "fixed" and known.mean is not None else home.inverse() @ base
@@ -122,24 +123,22 @@ def _fit(
     return None if report.is_refused else fit
 
 
-def _add_fixed_cameras(
-    pictures: Pictures, fit: SceneFit, robot_noise: Sequence[Array | None], report: Report
-) -> SceneFit:
+def _add_fixed_cameras(images: Images, fit: SceneFit, robot_noise: Sequence[Array | None], report: Report) -> SceneFit:
     """The scene with the cameras on `world` that its points locate."""
-    views, count = pictures.views, len(fit.views)
+    views, count = images.views, len(fit.views)
     if count == len(views):
         return fit
-    descriptors = pictures.descriptors(fit.tracks)
+    descriptors = images.descriptors(fit.tracks)
     state, tracks, kept, cameras = fit.state, fit.tracks, list(range(count)), list(fit.views.cameras)
     for row in range(count, len(views)):
         number = int(views.camera[row])
-        camera, lens = views.cameras[number], pictures.lenses[number]
-        guessed = pictures.is_guessed[number]
-        found = None if guessed else locate_camera(pictures.features[row], descriptors, state.points, lens)
+        camera, lens = views.cameras[number], images.lenses[number]
+        guessed = images.is_guessed[number]
+        found = None if guessed else locate_camera(images.features[row], descriptors, state.points, lens)
         if found is None:
             report.findings.append(_missing_camera(camera.name, guessed))
             continue
-        seen = pictures.features[row].pixels[found.feature]
+        seen = images.features[row].pixels[found.feature]
         tracks = concatenate([tracks, Tracks(np.full(len(seen), len(kept)), found.point, seen, found.feature)])
         state = state.with_camera(found.camera_from_world.inverse(), lens)
         kept, cameras = [*kept, row], [*cameras, camera]

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.scene.pictures import Pictures, read_pictures
+from basecal.accuracy.scene.images import Images, read_images
 from basecal.cell import WORLD, Calibration, Cell, CellTarget, PixelObservation, Recording, Unknown
 from basecal.cell.fingerprint import Fingerprint
 from basecal.cell.targets.points import points_target
@@ -24,10 +24,10 @@ _NORMAL_MAD = 1.4826  # sigma over median absolute value, of a normal
 _WIDENING = 1.5  # of sigmas of image points about their image's own pose: points are off, too; assumed
 
 
-def scene_fingerprint(pictures: Pictures, fit: SceneFit, points: Array) -> Fingerprint:
+def scene_fingerprint(images: Images, fit: SceneFit, points: Array) -> Fingerprint:
     """The points of a scene, (p, 3) in the world [m], with what they look like."""
     moving = fit.views.robot[fit.tracks.view] >= 0
-    return Fingerprint(points, descriptor_levels(pictures.descriptors(take(fit.tracks, moving))))
+    return Fingerprint(points, descriptor_levels(images.descriptors(take(fit.tracks, moving))))
 
 
 def with_scene_as_target(
@@ -45,13 +45,13 @@ def with_scene_as_target(
         _free_name(cell), WORLD, Unknown("fixed", SE3.identity()), points_target(fingerprint.points), 0.0
     )
     described = replace(cell, targets={**cell.targets, target.name: target})
-    pictures = read_pictures(cell, recording)
+    images = read_images(cell, recording)
     looks = unit_descriptors(fingerprint.descriptors)
     seen: dict[int, list[PixelObservation]] = {}
-    for row, (number, index) in enumerate(zip(pictures.views.sample, pictures.views.camera, strict=True)):
-        name = pictures.views.cameras[index].name
-        lens = calibration.cameras[name][0] if name in calibration.cameras else pictures.lenses[index]
-        found = _observe_scene(pictures, row, lens, looks, target)
+    for row, (number, index) in enumerate(zip(images.views.sample, images.views.camera, strict=True)):
+        name = images.views.cameras[index].name
+        lens = calibration.cameras[name][0] if name in calibration.cameras else images.lenses[index]
+        found = _observe_scene(images, row, lens, looks, target)
         if found is not None:
             seen.setdefault(int(number), []).append(found)
     samples = (
@@ -66,17 +66,17 @@ def _free_name(cell: Cell) -> str:
 
 
 def _observe_scene(
-    pictures: Pictures, row: int, lens: Camera, looks: Descriptors, target: CellTarget
+    images: Images, row: int, lens: Camera, looks: Descriptors, target: CellTarget
 ) -> PixelObservation | None:
     """The observation of the scene in an image; None if it shows too little."""
     assert target.target is not None
-    features, points = pictures.features[row], target.target.points
+    features, points = images.features[row], target.target.points
     found = locate_camera(features, looks, points, lens)
     if found is None:
         return None
     pixels = features.pixels[found.feature]
     off = lens.project(found.camera_from_world @ points[found.point]) - pixels
     sigma_px = _WIDENING * _NORMAL_MAD * float(np.median(np.abs(off)))
-    name = pictures.views.cameras[pictures.views.camera[row]].name
+    name = images.views.cameras[images.views.camera[row]].name
     order = np.argsort(found.point)
     return PixelObservation(name, target.name, found.point[order], pixels[order], np.full(len(order), sigma_px))

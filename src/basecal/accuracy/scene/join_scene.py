@@ -17,7 +17,7 @@ from basecal.accuracy.model_comparison.held_out import compare_predicted_gains
 from basecal.accuracy.scene.checks import base_findings, count_points
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
-from basecal.accuracy.scene.pictures import Pictures, read_pictures
+from basecal.accuracy.scene.images import Images, read_images
 from basecal.cell import Cell, Finding, Recording, Unknown
 from basecal.cell.fingerprint import Fingerprint
 from basecal.estimation.problem.build import scene_groups
@@ -49,14 +49,14 @@ def join_scene(
     report = Report()
     sound = tuple(each for each in recording.samples if each.sample not in outlier_samples)
     with settings.stage("features"):
-        pictures = read_pictures(cell, replace(recording, samples=sound), settings)
-    anchor = next((name for name in (cell.reference, *pictures.views.robots) if name in pictures.views.robots), None)
+        images = read_images(cell, replace(recording, samples=sound), settings)
+    anchor = next((name for name in (cell.reference, *images.views.robots) if name in images.views.robots), None)
     if anchor is None:
         do = ("Record images of the scene with the robots' poses, or calibrate without --scene.",)
         what = "No camera has images or tracks with poses."
         return solution, (_explain_omission([Finding("scene-left-out", "error", (), what, do)]),), None
-    stated = [_noise(solution, robot) for robot in pictures.views.robots]
-    fit = find_scene(_update_pictures(pictures, solution, cell, anchor), stated, anchor, report, settings)
+    stated = [_noise(solution, robot) for robot in images.views.robots]
+    fit = find_scene(_update_images(images, solution, cell, anchor), stated, anchor, report, settings)
     if fit is None:
         return solution, (_explain_omission(report.findings),), None
     fit = _place_in_world(fit, solution.state.transforms.get(cell.base_name(anchor)))
@@ -72,22 +72,22 @@ def join_scene(
     if not findings and not _predicts_better(joined, settings.iterations):
         return solution, (_explain_omission(()),), None
     assert joined.problem.tied is not None
-    kept = scene_fingerprint(pictures, fit, joined.problem.tied.points)
+    kept = scene_fingerprint(images, fit, joined.problem.tied.points)
     return joined, (*report.findings, *findings, count_points(fit)), kept
 
 
-def _update_pictures(pictures: Pictures, solution: Solution, cell: Cell, anchor: str) -> Pictures:
+def _update_images(images: Images, solution: Solution, cell: Cell, anchor: str) -> Images:
     """The images with what a solution has of lenses and mounts; the base of one robot is the world of the scene."""
-    views, state, open_names = pictures.views, solution.state, solution.observability.unobservable
-    lenses = [state.cameras.get(c.name, lens) for c, lens in zip(views.cameras, pictures.lenses, strict=True)]
+    views, state, open_names = images.views, solution.state, solution.observability.unobservable
+    lenses = [state.cameras.get(c.name, lens) for c, lens in zip(views.cameras, images.lenses, strict=True)]
     mounts = [cell.mount_name(camera.name) for camera in views.cameras]
     return replace(
-        pictures,
+        images,
         views=replace(views, bases=tuple(AT_WORLD if name == anchor else Unknown() for name in views.robots)),
         lenses=tuple(lenses),
         is_guessed=tuple(
             is_guessed and c.name not in state.cameras
-            for c, is_guessed in zip(views.cameras, pictures.is_guessed, strict=True)
+            for c, is_guessed in zip(views.cameras, images.is_guessed, strict=True)
         ),
         mounts=tuple(None if name in open_names else state.transforms.get(name) for name in mounts),
     )

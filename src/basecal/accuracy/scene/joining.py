@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from basecal.accuracy.scene.images import Images
 from basecal.accuracy.scene.one_camera import OneCamera
-from basecal.accuracy.scene.pictures import Pictures
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.alignment import alignments, are_one
 from basecal.estimation.scene.base import project_points, refine_transform
@@ -56,14 +56,14 @@ class Join:
         return float((len(self.sightings) - self.by_chance) / np.sqrt(max(self.by_chance, 1.0)))
 
 
-def join(pictures: Pictures, first: OneCamera, second: OneCamera) -> Join | None:
+def join(images: Images, first: OneCamera, second: OneCamera) -> Join | None:
     """The transform that images speak for most, with the score of its rival; None if no pairs of points agree."""
-    pairs, tolerance = paired_points(pictures, first, second)
+    pairs, tolerance = paired_points(images, first, second)
     points = first.adjustment.state.points
     one, other = points[pairs[:, 0]], second.adjustment.state.points[pairs[:, 1]]
-    looks = pictures.descriptors(first.tracks)
+    looks = images.descriptors(first.tracks)
     tried = [
-        _judge_transform(pictures, points, looks, second, at)
+        _judge_transform(images, points, looks, second, at)
         for at, _ in alignments(one, other, tolerance, _MOST_TRANSFORMS)
     ]
     if not tried:
@@ -82,11 +82,11 @@ def _evidence_share(rival: Join, best: Join) -> float:
     return min(by_score, rival.common / max(best.common, 1e-9))
 
 
-def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tuple[IntArray, Array]:
+def paired_points(images: Images, first: OneCamera, second: OneCamera) -> tuple[IntArray, Array]:
     """Points of both with the same look in most pairs of images, (n, 2), and how far they may be apart, (n,) [m]."""
     votes: Counter[tuple[int, int]] = Counter()
-    of_second = list(_view_points(pictures, second))
-    for points, descriptors in _view_points(pictures, first):
+    of_second = list(_view_points(images, second))
+    for points, descriptors in _view_points(images, first):
         for others, of_others in of_second:
             found = match(descriptors, of_others)
             votes.update(zip(points[found.first].tolist(), others[found.second].tolist(), strict=True))
@@ -101,12 +101,12 @@ def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tu
     )
 
 
-def _view_points(pictures: Pictures, one: OneCamera) -> Iterator[tuple[IntArray, Descriptors]]:
+def _view_points(images: Images, one: OneCamera) -> Iterator[tuple[IntArray, Descriptors]]:
     """Points that each view shows, and their descriptors there."""
     tracks = one.tracks
     for view in np.unique(tracks.view):
         mine = tracks.view == view
-        yield tracks.point[mine], pictures.features[view].descriptors[tracks.feature[mine]]
+        yield tracks.point[mine], images.features[view].descriptors[tracks.feature[mine]]
 
 
 def _distances(fit: SceneFit) -> Array:
@@ -116,7 +116,7 @@ def _distances(fit: SceneFit) -> Array:
     return np.asarray(np.bincount(fit.tracks.point, distance) / np.maximum(np.bincount(fit.tracks.point), 1))
 
 
-def _judge_transform(pictures: Pictures, points: Array, looks: Descriptors, second: OneCamera, transform: SE3) -> Join:
+def _judge_transform(images: Images, points: Array, looks: Descriptors, second: OneCamera, transform: SE3) -> Join:
     """A transform refined on what images of the second show of points of the first."""
     fit = second.adjustment
     camera_from_world, lens = fit.state.world_from_camera(fit.views).inverse(), fit.state.lenses[0]
@@ -124,7 +124,7 @@ def _judge_transform(pictures: Pictures, points: Array, looks: Descriptors, seco
         pixels = project_points(points, camera_from_world @ transform, lens)
         seen, by_chance = list[Tracks](), 0.0
         for view, row in enumerate(second.rows):
-            features = pictures.features[row]
+            features = images.features[row]
             found = match_predictions(features, pixels[view], looks, radius_px)
             at = features.pixels[found.feature]
             seen.append(Tracks(np.full(len(at), view), found.point, at, found.feature))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.scene.pictures import Pictures
+from basecal.accuracy.scene.images import Images
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.epipolar import PointPairs, point_pairs
 from basecal.estimation.scene.fit import fit_scene
@@ -55,23 +55,23 @@ class OneCamera:
         return replace(self.adjustment.tracks, view=self.rows[self.adjustment.tracks.view])
 
 
-def solve_camera(pictures: Pictures, camera: int, stop_noise: Array | None) -> OneCamera:
+def solve_camera(images: Images, camera: int, stop_noise: Array | None) -> OneCamera:
     """The mount of a camera, its lens and the points that its images show.
 
     Args:
-        pictures: Of all cameras.
+        images: Of all cameras.
         camera: Index of the camera.
         stop_noise: (6,) noise of the robot that carries it [m, rad]; None if it is to be estimated.
     """
-    views, rows = own_views(pictures.views, camera)
-    lens = pictures.lenses[camera]
-    matches = match_pictures(pictures, rows, lens, views)
-    counts = [len(pictures.features[row]) for row in rows]
+    views, rows = own_views(images.views, camera)
+    lens = images.lenses[camera]
+    matches = match_images(images, rows, lens, views)
+    counts = [len(images.features[row]) for row in rows]
     chains = longest_chains(chain_matches(counts, matches, FEWEST_VIEWS), _MOST_POINTS)
-    pixels = [pictures.features[rows[v]].pixels[f] for v, f in zip(chains.view, chains.feature, strict=True)]
+    pixels = [images.features[rows[v]].pixels[f] for v, f in zip(chains.view, chains.feature, strict=True)]
     tracks = Tracks(chains.view, chains.track, np.array(pixels).reshape(-1, 2), chains.feature)
-    guess = pictures.mounts[camera] if pictures.mounts else None
-    start = _start(point_pairs(tracks, _PAIRS), views, lens, pictures.is_guessed[camera], guess)
+    guess = images.mounts[camera] if images.mounts else None
+    start = _start(point_pairs(tracks, _PAIRS), views, lens, images.is_guessed[camera], guess)
     fit = None
     if start is not None and start.misfit <= (False, MOST_PX):
         state = start_state(views, [_first_mount(views, start)], [SE3.identity()], (start.lens,))
@@ -104,21 +104,19 @@ def own_views(views: SceneViews, camera: int) -> tuple[SceneViews, IntArray]:
     return alone, rows
 
 
-def match_pictures(
-    pictures: Pictures, rows: IntArray, lens: Camera, views: SceneViews
-) -> dict[tuple[int, int], Matches]:
+def match_images(images: Images, rows: IntArray, lens: Camera, views: SceneViews) -> dict[tuple[int, int], Matches]:
     """Matches of pairs of one camera's images that a rigid scene can have, by their indices among `rows`."""
-    features = [pictures.features[row] for row in rows]
+    features = [images.features[row] for row in rows]
     planes = [_plane(lens, each.pixels) for each in features]
     found = {}
-    for i, j in picture_pairs(views.base_from_flange):
+    for i, j in image_pairs(views.base_from_flange):
         matches = match_rigid(features[i], features[j], (planes[i], planes[j]), float(lens.focal.mean()))
         if matches is not None:
             found[i, j] = matches
     return found
 
 
-def picture_pairs(base_from_flange: SE3) -> list[tuple[int, int]]:
+def image_pairs(base_from_flange: SE3) -> list[tuple[int, int]]:
     """Pairs of images to match: all, or of many those of the most similar directions."""
     count = len(base_from_flange)
     if count <= _MOST_ALL:

@@ -2,8 +2,8 @@
 
 Errors of stops are unknowns of their own. Errors that stops share are evaluated about the optimum. g is the gradient to
 them, S their information once all else follows, and F their effect on the other columns. An error of mean zero and
-variance V moves the answer by F (S + V^-1)^-1 g. A descent ends near an optimum, and what is left of the
-other columns' gradient is taken from g. An error that they take up then has none. Sources: Rao 1948 (scores); Neyman 1959.
+variance V moves the answer by F (S + V^-1)^-1 g. A descent ends near an optimum, and what is left of the other columns'
+gradient is taken from g. An error that they take up then has none. Sources: Rao 1948 (scores); Neyman 1959.
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.faces.views import Views, robot_moves
 from basecal.effects.smooth import Modes
 from basecal.effects.smooth_by_place import kernel
+from basecal.estimation.noise.random_effects import FEWEST_STOPS
 from basecal.estimation.noise.robot_noise import count_stops, stands
 from basecal.geometry import SE3, Array
 
@@ -26,7 +27,6 @@ PRIOR_M = SigmaPrior.as_often_as_not(np.array([6e-5, 2e-4, 6e-4]))
 """Of a shift along an axis: none, that of arms accurate to 0.1 mm, or of those sold as 0.5 to 2 mm."""
 
 _LEVER_M = 0.5  # of a shift over a turn
-_FEWEST_STOPS = 4  # fewer show nothing of what changes with the pose
 
 
 class PoseField(NamedTuple):
@@ -77,7 +77,7 @@ def pose_field(situation: Situation, robot: str) -> PoseField | None:
     problem = situation.problem
     common = {} if situation.noise is None else situation.noise.common
     has_joints = any(end.joints is not None for end in problem.robot_ends(robot))
-    if has_joints or count_stops(problem, robot) < _FEWEST_STOPS or any(robot in of for of in common.values()):
+    if has_joints or count_stops(problem, robot) < FEWEST_STOPS or any(robot in of for of in common.values()):
         return None
     poses, seen = stands(problem, robot)
     return PoseField(robot, Modes.from_poses(poses[np.flatnonzero(seen)], kernel))

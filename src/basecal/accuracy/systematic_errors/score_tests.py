@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import betainc, betaln
 
-from basecal.accuracy.model_comparison.nested_models import log_chance
+from basecal.accuracy.model_comparison.nested_models import LEAST_CHANCE, log_chance
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.views import Moves
 from basecal.estimation.least_squares.normal_equations import (
@@ -33,8 +33,6 @@ from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 HIDDEN = 1e-4
 """Share of an error's information that the unknowns leave, below which it stands for one of them."""
-
-_LEAST_CHANCE = 1e-300  # a chance that is no number any more
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +76,7 @@ def log_chance_of_gain(gain: float, freedoms: int, residuals: float) -> float:
         return 0.0
     log_ratio = -max(gain, 0.0) / residuals
     chance = float(betainc(left, 0.5 * freedoms, np.exp(log_ratio)))
-    if chance > _LEAST_CHANCE:
+    if chance > LEAST_CHANCE:
         return float(np.log(chance))
     return float(left * log_ratio - np.log(left) - betaln(left, 0.5 * freedoms))
 

@@ -69,7 +69,9 @@ def systematic_error(
     if not solution.converged or not np.isfinite(solution.cost) or not solution.problem.groups:
         return None
     if as_stated is not None and not as_stated.problem.models:
-        found = _reconciling(solution, as_stated, recorded_problem, stamps, replace(settings, robot_noise="stated"))
+        found = _reconciling_effect(
+            solution, as_stated, recorded_problem, stamps, replace(settings, robot_noise="stated")
+        )
         if found is not None:
             return found
     situation = _situation(solution, recorded_problem, stamps)
@@ -150,7 +152,7 @@ def _confirm_first(solution: Solution, situation: Situation, suspects: Sequence[
     return replace(_to_first_order(situation, suspect), is_certain=bool(is_certain), alternatives=alternatives)
 
 
-def _reconciling(
+def _reconciling_effect(
     solution: Solution, as_stated: Solution, recorded_problem: Problem, stamps: Mapping[int, float], settings: Settings
 ) -> FoundEffect | None:
     """The error without which the residuals are as stated after all; None where none does that."""

@@ -23,7 +23,7 @@ from basecal.cell.files import read_cell
 from basecal.errors import DriverError, InputError, UsageError, nearest
 
 _CUT_S = 20.0  # that a person has to cut a connection and to restore it
-_PICTURES_BYTES = 2**28  # as of a file so large: time of the processor, and memory for images
+_IMAGES_BYTES = 2**28  # as of a file so large: time of the processor, and memory for images
 _SILENCE_S = 60.0  # of a driver whose library waits for ever: it measures for five, and connects in less than ten
 _STOP_S = 1.0  # that an arm has to be stopped if a person interrupts
 
@@ -98,7 +98,7 @@ def measured_promises(check: DriverCheck) -> Iterator[Promise | str]:
     """
     words = [json.dumps(asdict(check))]
     try:
-        for said, _ in frames(__name__, words, _PICTURES_BYTES, ending_s=_STOP_S, silence_s=_SILENCE_S):
+        for said, _ in frames(__name__, words, _IMAGES_BYTES, ending_s=_STOP_S, silence_s=_SILENCE_S):
             yield said if isinstance(said, str) else Promise(**said)
     except BoxError as error:
         raise DriverError(f"{check.name or check.device}: its driver {error}") from None

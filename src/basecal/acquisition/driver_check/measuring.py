@@ -94,8 +94,8 @@ def record_images(camera: Camera, duration_s: float) -> Arrivals:
     Raises:
         DriverError: if an image does not come, or fewer than three come.
     """
-    at_s, pictures = _arrivals(camera.picture, duration_s)
-    return Arrivals(at_s, np.array([picture.stamp_s for picture in pictures]))
+    at_s, images = _arrivals(camera.picture, duration_s)
+    return Arrivals(at_s, np.array([picture.stamp_s for picture in images]))
 
 
 def _arrivals(read: Callable[[], Given], duration_s: float) -> tuple[Array, list[Given]]:

@@ -55,7 +55,7 @@ class FolderCamera:
         """
         until, why = time.monotonic() + self.wait_s, ""
         while True:
-            new = sorted(self._new())
+            new = sorted(self._new_files())
             for written_ns, path in new if self.is_on_demand else new[: -1 - _HALVES : -1]:
                 data = read_bytes(path)
                 grey = data if isinstance(data, str) else grey_image(data, None)
@@ -80,7 +80,7 @@ class FolderCamera:
         if not self._has_given and time.monotonic() - since_s > _WRITING_S:
             raise DriverError(f"{path} {problem}. Have images saved whole, as PNG, JPEG or TIFF")
 
-    def _new(self) -> Iterator[tuple[int, Path]]:
+    def _new_files(self) -> Iterator[tuple[int, Path]]:
         """New files, with the times at which they were written [ns]."""
         for path in self._folder.iterdir():
             with suppress(FileNotFoundError):  # programs rename what they wrote

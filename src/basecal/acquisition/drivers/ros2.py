@@ -19,7 +19,7 @@ from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.errors import BasecalError, DatasetError, DriverError
 from basecal.exchange.bags.bag import COMPRESSED, IMAGE, Message, Topic
-from basecal.exchange.bags.pictures import picture_file
+from basecal.exchange.bags.images import image_file
 from basecal.fields.values import Entry
 from basecal.vision.image_file import grey_image
 
@@ -88,11 +88,11 @@ class Ros2Camera:
         Raises:
             DriverError: if none comes, or it is of an encoding or size that is not read.
         """
-        message = self._stream.newest(self._if_new, lambda message: True)
+        message = self._stream.newest(self._newer_message, lambda message: True)
         now_s = stamp_s(message.header)
         self._last_s = now_s
         try:
-            file = picture_file(Message(Topic(self._topic, self._stream.kind, 0), now_s, message), self._name)
+            file = image_file(Message(Topic(self._topic, self._stream.kind, 0), now_s, message), self._name)
         except BasecalError as error:
             raise DriverError(str(error)) from None
         grey = grey_image(file.content, self._size_px)
@@ -100,7 +100,7 @@ class Ros2Camera:
             raise DriverError(f"{self._name}: an image of {self._topic} {grey}")
         return Picture(now_s, grey)
 
-    def _if_new(self, message: Any) -> Any:
+    def _newer_message(self, message: Any) -> Any:
         return message if stamp_s(message.header) > max(self._last_s, 0.0) else None
 
     def close(self) -> None:

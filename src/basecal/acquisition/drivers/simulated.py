@@ -46,7 +46,7 @@ class _State(Entry):
     joints_rad: Annotated[list[Number], Field(min_length=1, max_length=MOST_JOINTS)]
 
 
-class _Picture(Entry):
+class _Image(Entry):
     """The reply with an image."""
 
     stamp_s: Number
@@ -117,7 +117,7 @@ class SimulatedCamera:
         Raises:
             DriverError: if the cell does not answer.
         """
-        answer = _parse_answer(_Picture, self._cell.ask(do="picture", camera=self._name))
+        answer = _parse_answer(_Image, self._cell.ask(do="picture", camera=self._name))
         try:
             grey = grey_image(base64.b64decode(answer.png_base64), None)
         except ValueError:

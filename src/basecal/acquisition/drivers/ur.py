@@ -81,9 +81,9 @@ class _WithProgram(UrWatched):
         self._program.close()
         self._receiver.close()
 
-    def _check(self, is_well: bool, did: str) -> None:
+    def _check(self, is_well: bool, action: str) -> None:
         if not is_well:
-            raise DriverError(f"{self._name}: the controller did not {did}; look at the pendant's log")
+            raise DriverError(f"{self._name}: the controller did not {action}; look at the pendant's log")
 
 
 class UrMoved(_WithProgram):

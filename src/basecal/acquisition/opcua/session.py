@@ -56,13 +56,9 @@ class Session:
             client.set_password(os.environ.get(options.password_in, ""))
             if not allow_plaintext:
                 _forbid_plaintext(name, client.aio_obj)
-        try:
-            _answer(self._name, client.connect)
-        except DriverError:
-            client.tloop.stop()
-            raise
         self._client = client
         try:
+            _answer(self._name, client.connect)
             self.nodes = list(_answer(self._name, lambda: self._find(self._client)))
         except BaseException:
             self.close()

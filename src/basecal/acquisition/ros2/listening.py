@@ -61,7 +61,7 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
     return Bag(f"ROS 2 in domain {domain}", topics, read)
 
 
-def survey_of_what_runs(bag: Bag) -> Survey:
+def survey_live_topics(bag: Bag) -> Survey:
     """Survey of the recorded messages; every frame of /tf counts as moving, though the arms may have stood still."""
     survey = survey_bag(bag)
     hangs = {name: hang._replace(is_fixed=not hang.is_timed) for name, hang in survey.tree.hangs.items()}

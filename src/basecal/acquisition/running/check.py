@@ -70,7 +70,7 @@ class RunningCheck:
         if alone is None or alone.chance > CONFIRMED:
             odd, self._pending = self._pending, []
             self._agreeing.append(sample)
-            return (*map(_odd, odd), *self._window())
+            return (*map(_odd_sample, odd), *self._window())
         self._pending.append(sample)
         if len(self._pending) == 1:
             return (_first(sample, alone),)
@@ -82,9 +82,9 @@ class RunningCheck:
         both = self._test(self.estimate, held)
         if both is None or both.chance_left < _EXPLAINED:
             self._pending = held[-1:]
-            return tuple(map(_odd, held[:-1]))
+            return tuple(map(_odd_sample, held[:-1]))
         self._agreeing += held
-        return self._lasting(held[0].sample, both)
+        return self._report_move(held[0].sample, both)
 
     def _window(self) -> tuple[Doubt, ...]:
         """Whether the last samples together disagree with the estimate before them."""
@@ -94,9 +94,9 @@ class RunningCheck:
         found = self._test(self._preceding_records[1 - _WINDOW_SAMPLES], recent)
         if found is None or found.chance > CONFIRMED or found.chance_left < _EXPLAINED:
             return ()
-        return self._lasting(recent[0].sample, found)
+        return self._report_move(recent[0].sample, found)
 
-    def _lasting(self, sample: int, shift: Disagreement) -> tuple[Doubt, ...]:
+    def _report_move(self, sample: int, shift: Disagreement) -> tuple[Doubt, ...]:
         return self._report_new(("moved",), Doubt(sample, cause_of_shifts(shift.causes, sample), is_lasting=True))
 
     def _systematic(self) -> tuple[Doubt, ...]:
@@ -136,7 +136,7 @@ def _first(sample: Sample, single: Disagreement) -> Doubt:
     return Doubt(sample.sample, message, is_lasting=False, repeats=True)
 
 
-def _odd(sample: Sample) -> Doubt:
+def _odd_sample(sample: Sample) -> Doubt:
     """A sample whose successors agree with its predecessors."""
     message = f"The image of sample {sample.sample} does not belong to its pose. Check the stamps of its camera."
     return Doubt(sample.sample, message, is_lasting=False)

@@ -15,12 +15,22 @@ import select
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-from basecal.acquisition.driver import ChecksGoals, Freedrives, HasWatchdog, Moves, Place, Reading, Robot
+from basecal.acquisition.driver import (
+    ChecksGoals,
+    Freedrives,
+    HasWatchdog,
+    Moves,
+    Place,
+    Reading,
+    Robot,
+    driver_failure,
+)
 from basecal.acquisition.drivers.registry import driver_kind
 from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.states import OFF_PLACE_RAD, OFF_WAY_RAD, has_arrived, joint_off_way, state_vector
@@ -120,13 +130,13 @@ class ArmProcess:
     def _open(self, payload: bytes) -> None:
         place, sys.path[:] = pickle.loads(payload)
         self._name = place.name
-        self._patience_s = REST_SILENCE_LIMIT_S + float(place.options.get("reconnect_s", RECONNECT_S))
         try:
             robot = _open_robot(place)
+            self._patience_s = REST_SILENCE_LIMIT_S + float(place.options.get("reconnect_s", RECONNECT_S))
             faces = {name: isinstance(robot, face) for name, face in _CAPABILITIES.items()}
             self._channel.send(Kind.OPENED, pickle.dumps({"is_live": robot.is_live, **faces}))
         except BaseException as error:
-            self._channel.send(Kind.FAILED, pickle.dumps(_as_data(error)))
+            self._channel.send(Kind.FAILED, pickle.dumps(_as_data(self._name, error)))
             return
         self._read_s, self._robot = time.monotonic(), robot
         _start_thread(self._answer, robot)
@@ -194,12 +204,11 @@ class ArmProcess:
     def _answer(self, robot: Robot) -> None:
         while not self._is_over:
             number, method, arguments = self._requests.get()
-            answer: tuple[int, Any, Any]
             try:
-                answer = (number, self._ask(robot, method, arguments), None)
+                answer = pickle.dumps((number, self._ask(robot, method, arguments), None))
             except BaseException as error:
-                answer = (number, None, _as_data(error))
-            self._channel.send(Kind.ANSWER, pickle.dumps(answer))
+                answer = pickle.dumps((number, None, _as_data(self._name, error)))
+            self._channel.send(Kind.ANSWER, answer)
 
     def _ask(self, robot: Robot, method: str, arguments: tuple[Any, ...]) -> Any:
         if self._must_stop:
@@ -275,25 +284,27 @@ def _address_space_bytes() -> int:
         return 2**33
 
 
-def _start_thread(do: Any, *arguments: Any) -> threading.Thread:
+def _start_thread(do: Callable[..., object], *arguments: object) -> threading.Thread:
     thread = threading.Thread(target=do, args=arguments, daemon=True)
     thread.start()
     return thread
 
 
-def _as_data(error: BaseException) -> tuple[type[BaseException], str, dict[str, Any]]:
+def _as_data(name: str, error: BaseException) -> tuple[type[BaseException], str, dict[str, Any]]:
     """An error as another process can raise it again."""
-    kind: type[BaseException] = type(error) if type(error).__module__ == "basecal.errors" else RuntimeError
-    words = str(error) if kind is not RuntimeError else f"{type(error).__name__}: {error}"
-    return kind, words, vars(error) if kind is not RuntimeError else {}
+    if not isinstance(error, BasecalError):
+        error = driver_failure(name, error)
+    elif type(error).__module__ != BasecalError.__module__:  # of a kind that only the driver knows
+        error = DriverError(str(error))
+    return type(error), str(error), vars(error)
 
 
 def _error_text(name: str, error: BaseException) -> str:
-    _, words, _ = _as_data(error)
+    words = str(error)
     if isinstance(error, OSError):
         words = f"its connection was closed ({error.strerror or error})"
     elif not isinstance(error, BasecalError):
-        words = f"its link is lost, or its driver failed ({words})"
+        words = f"its link is lost, or its driver failed ({type(error).__name__}: {error})"
     return words if words.startswith(name) else f"{name}: {words}"
 
 

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -54,6 +54,7 @@ class Arms:
         self._requests = 0
         self._reason = ""
         self._is_ending = False
+        self._untold: list[str] = []  # arms that confirmed no stop, of which nobody was told
         command = [sys.executable, "-m", _SUPERVISOR_MODULE, str(signals_fd), *self._names]
         self._process = subprocess.Popen(
             command,
@@ -65,6 +66,7 @@ class Arms:
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
+        self._pipes = self._process.stdin, self._process.stdout
         self._channel = Channel(self._process.stdout.fileno(), self._process.stdin.fileno())
         threading.Thread(target=self._listen, daemon=True).start()
         for number, place in enumerate(places.values()):
@@ -126,12 +128,18 @@ class Arms:
             raise _error(*error)
         return result
 
-    def stop(self, reason: str) -> None:
-        """Stop all arms now, and wait until they confirmed it or their time is over; nothing is sent to them after."""
+    def stop(self, arm: int, reason: str) -> None:
+        """Stop all arms now, and wait until they confirmed it or their time is over; nothing is sent to them after.
+
+        Raises:
+            DriverError: if this arm did not confirm it, unless the reason of an earlier stop says so.
+        """
         self._is_ending = True
         self._channel.send(Kind.STOP, reason.encode())
         with self._changed:
-            self._changed.wait_for(lambda: bool(self._reason), 2 * STOP_S)
+            is_known = self._changed.wait_for(lambda: bool(self._reason), 2 * STOP_S)
+        if not is_known or self._names[arm] in self._untold:
+            raise DriverError(f"{self._names[arm]} did not confirm a stop: look at the arm")
 
     def request_stop(self, reason: str) -> None:
         """Have the supervisor stop all arms; the capture ends with the reason, as after a stop of the supervisor's own.
@@ -149,11 +157,11 @@ class Arms:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
+        for pipe in self._pipes:
             with suppress(OSError):
-                pipe.close()  # type: ignore[union-attr]
+                pipe.close()
 
-    def _wait(self, is_done: Any, most_s: float, event: str) -> None:
+    def _wait(self, is_done: Callable[[], bool], most_s: float, event: str) -> None:
         until = time.monotonic() + most_s
         while not is_done():
             self._check()
@@ -212,6 +220,7 @@ class Arms:
             return
         with self._changed:
             self._reason = stop_report(reason, self._names, names)
+            self._untold = names if self._is_ending else []
             self._changed.notify_all()
         if not self._is_ending:
             interrupt_main_thread()
@@ -229,8 +238,6 @@ def stop_report(reason: str, names: list[str], missing_arms: list[str]) -> str:
 
 def _error(kind: type[BaseException], words: str, attributes: dict[str, Any]) -> BaseException:
     """An error of a driver, raised again with its words and attributes."""
-    if kind is RuntimeError:
-        return DriverError(words)
     error = kind.__new__(kind, words)
     vars(error).update(attributes)
     return error
@@ -266,7 +273,7 @@ class _Moved(RemoteRobot):
 
     def stop(self) -> None:
         """Stop this arm, and with it all others."""
-        self._arms.stop("an arm was ordered to stop")
+        self._arms.stop(self._number, "an arm was ordered to stop")
 
 
 class _Led(RemoteRobot):

@@ -99,8 +99,9 @@ class Channel:
         return frames
 
     def close(self) -> None:
-        """Close both directions."""
-        self.is_broken = True
-        for fd in {self.read_fd, self._write_fd}:
-            with suppress(OSError):
-                os.close(fd)
+        """Close both directions; a thread that sends meanwhile must not reach what opens by the same number next."""
+        with self._lock:
+            self.is_broken = True
+            for fd in {self.read_fd, self._write_fd}:
+                with suppress(OSError):
+                    os.close(fd)

@@ -25,8 +25,3 @@ class UrOptions(Entry):
     rate_hz: Annotated[float, Field(ge=10, le=500)] = 125.0
     acceleration_rad_s2: Annotated[float, Field(gt=0, le=10)] = 0.5
     reconnect_s: Annotated[float, Field(ge=0, le=3600)] = 10.0
-
-
-def join_lines(error: Exception) -> str:
-    """A message of ur-rtde without its line breaks."""
-    return " ".join(str(error).split()) or type(error).__name__

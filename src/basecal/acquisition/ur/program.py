@@ -9,8 +9,8 @@ from contextlib import suppress
 from typing import Any, TypeVar
 
 from basecal.acquisition.links.reach import connect
-from basecal.acquisition.ur.options import UrOptions, join_lines
-from basecal.errors import DriverError
+from basecal.acquisition.ur.options import UrOptions
+from basecal.errors import DriverError, error_words
 
 _DASHBOARD_PORT = 29999
 _PORT_PHRASES = {_DASHBOARD_PORT: "the dashboard of a UR", 30003: "a UR that takes programs"}
@@ -55,7 +55,7 @@ class Program:
                     )
                 return question(self._line)
             except (RuntimeError, ValueError) as error:
-                said = join_lines(error)
+                said = error_words(error)
                 if "remote control" in said:
                     said = "no permission to move: choose remote control on the pendant, then start again"
                 raise DriverError(f"{self._name}: {said}") from None
@@ -81,7 +81,7 @@ class Program:
             try:
                 self._line.kickWatchdog()
             except (RuntimeError, ValueError) as error:
-                raise DriverError(f"{self._name}: its connection was closed ({join_lines(error)})") from None
+                raise DriverError(f"{self._name}: its connection was closed ({error_words(error)})") from None
             finally:
                 self._lock.release()
 
@@ -97,7 +97,7 @@ class Program:
             try:
                 self._line.stopJ(_STOP_RAD_S2, True)
             except (RuntimeError, ValueError) as error:
-                raise DriverError(f"{self._name}: {join_lines(error)}") from None
+                raise DriverError(f"{self._name}: {error_words(error)}") from None
             finally:
                 self._lock.release()
         else:

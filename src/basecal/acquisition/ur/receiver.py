@@ -12,9 +12,9 @@ import numpy as np
 from basecal.acquisition.driver import Reading
 from basecal.acquisition.freshness import STALE_S, Stale, Waits, wait_for_newer
 from basecal.acquisition.links.reach import connect
-from basecal.acquisition.ur.options import UrOptions, join_lines
+from basecal.acquisition.ur.options import UrOptions
 from basecal.cell import RobotState
-from basecal.errors import DriverError, MissingExtra
+from basecal.errors import DriverError, MissingExtra, error_words
 from basecal.exchange.controllers.registry import CONTROLLERS
 
 _RTDE_PORT = 30004
@@ -135,7 +135,7 @@ def _open_receiver(name: str, options: UrOptions) -> Any:
     try:
         return RTDEReceiveInterface(options.host, options.rate_hz, _VARIABLES)
     except (RuntimeError, ValueError) as error:
-        raise DriverError(f"{name}: {join_lines(error)}") from None
+        raise DriverError(f"{name}: {error_words(error)}") from None
 
 
 def _check_protocol(name: str, host: str) -> None:

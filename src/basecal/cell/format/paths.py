@@ -41,7 +41,7 @@ def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
             raise InputError(f"{text!r} leaves the cell; copy the file into it")
         parent, _, name = path.rpartition("/")
         if parent not in links:
-            links[parent] = _leaving(os.path.join(root, parent), root)
+            links[parent] = _outward_links(os.path.join(root, parent), root)
         if name in links[parent] or "" in links[parent]:
             raise InputError(f"{text!r} leaves the cell by a link; copy the file into it")
         return path
@@ -49,7 +49,7 @@ def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
     return path_in_cell
 
 
-def _leaving(folder: str, root: str) -> frozenset[str]:
+def _outward_links(folder: str, root: str) -> frozenset[str]:
     """Names of a folder's links that lead out of the cell; an empty one where the folder itself does."""
     if not _is_within(folder, root):
         return frozenset({""})

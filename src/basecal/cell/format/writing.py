@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import IO, BinaryIO
 
 from basecal.errors import InputError
 
@@ -132,7 +132,7 @@ def stage_folder(folder: Path) -> Iterator[Path]:
         part.mkdir()
         yield part
         _sync_all(part)
-        _appear(part, folder)
+        _move_into_place(part, folder)
         sync_folder(part.parent)
     except OSError as error:
         raise InputError(f"{error.filename or folder} cannot be written: {error.strerror}") from None
@@ -195,13 +195,13 @@ def open_new(path: Path, mode: int = 0o666) -> BinaryIO:
     return os.fdopen(os.open(path, _NEW, mode), "wb")
 
 
-def open_own(path: Path, mode: str) -> BinaryIO:
+def open_own(path: Path, mode: str) -> IO[bytes]:
     """A file opened as by `open`, but for a link, which is an error.
 
     Raises:
         OSError: if it cannot be opened.
     """
-    return cast(BinaryIO, open(path, mode, opener=lambda name, flags: os.open(name, flags | _NO_FOLLOW, 0o666)))
+    return open(path, mode, opener=lambda name, flags: os.open(name, flags | _NO_FOLLOW, 0o666))
 
 
 def temporary_path(path: Path) -> Path:
@@ -233,7 +233,7 @@ def _sync_all(folder: Path) -> None:
             sync_folder(path)
 
 
-def _appear(part: Path, folder: Path) -> None:
+def _move_into_place(part: Path, folder: Path) -> None:
     with suppress(OSError):
         part.rename(folder)  # also onto an empty one
         return

@@ -16,7 +16,7 @@ from ruamel.yaml.parser import Parser
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.format.yaml_faults import yaml_fault
-from basecal.errors import DatasetError
+from basecal.errors import DatasetError, error_words
 from basecal.fields.problems import CAUSE_LENGTH, Loc, Problem, dataset_error, shorten
 
 LARGEST_BYTES = 2**19
@@ -116,7 +116,7 @@ def parse_yaml(text: str, path: str) -> Document:
         fault = yaml_fault(text, error)
         raise DatasetError(path, f"not {_format(path)}: {fault.reason}", fault.line) from None
     except (YAMLError, ValueError) as error:
-        raise DatasetError(path, f"not {_format(path)}: {' '.join(str(error).split())[:CAUSE_LENGTH]}") from None
+        raise DatasetError(path, f"not {_format(path)}: {error_words(error)[:CAUSE_LENGTH]}") from None
     notes = _Notes(_yaml().constructor)
     data = None if node is None else _plain(node, (), notes)
     if notes.problems:

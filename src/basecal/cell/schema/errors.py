@@ -107,9 +107,9 @@ def _is_tag(part: str | int) -> bool:
 def _field_names(schema: Any, loc: Loc) -> list[str]:
     """Names of the fields of the entry at a place, by what pydantic made of its model."""
     shared = {each["ref"]: each for each in schema.get("definitions", ())}
-    here = _bare(schema, shared)
+    here = _unwrap_schema(schema, shared)
     for part in loc:
-        here = _bare(_inner(here, part), shared)
+        here = _unwrap_schema(_inner(here, part), shared)
     return list(_fields(here))
 
 
@@ -134,7 +134,7 @@ def _fields(schema: Any) -> dict[str, Any]:
     return {field.get("validation_alias", name): field["schema"] for name, field in named}
 
 
-def _bare(schema: Any, definitions: Mapping[str, Any]) -> Any:
+def _unwrap_schema(schema: Any, definitions: Mapping[str, Any]) -> Any:
     """A schema without what is wrapped around it: defaults, checks, `| None`."""
     while "schema" in schema or schema["type"] == "definition-ref":
         schema = definitions[schema["schema_ref"]] if schema["type"] == "definition-ref" else schema["schema"]

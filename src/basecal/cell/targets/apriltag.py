@@ -84,7 +84,7 @@ class ApriltagEntry(TargetEntry):
         return apriltag_target(self.family, posed)
 
 
-def _another(fields: Fields, place: int) -> Fields:
+def _renumber_tags(fields: Fields, place: int) -> Fields:
     """A copy with the tags' numbers after those of all before it."""
     numbers = [tag["id"] for tag in fields["tags"]]
     step = max(numbers) - min(numbers) + 1
@@ -108,6 +108,6 @@ KIND = TargetKind(
         "tags": [{"id": sizes.tag, "size_m": sizes.square_m, "t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}],
     },
     marks=lambda fields: frozenset(f"{fields['family']} {tag['id']}" for tag in fields["tags"]),
-    another=_another,
+    another=_renumber_tags,
     figures={"apriltag": apriltag_target("tag36h11", [(0, 0.16, SE3.identity())])},
 )

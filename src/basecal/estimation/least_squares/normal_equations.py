@@ -187,7 +187,7 @@ def _linearise_group(
     links = chain(group, state, problem.stops)
     lens = group.camera in problem.columns
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
-    shake = problem.shake(group)
+    shake = problem.jitter_motion(group)
     if shake is not None:
         view = ViewInformation(*without_motion(*view, shake))
     rows = view.gradient.shape[-1]

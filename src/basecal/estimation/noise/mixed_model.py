@@ -234,7 +234,7 @@ def _jitter_layout(
     for group in problem.groups:
         own, row = (np.full(len(group), -1, dtype=np.int64) for _ in range(2))
         stops = [end.stop for end in group.ends]
-        is_shaken = group.camera in problem.open_jitter or problem.shake(group) is not None
+        is_shaken = group.camera in problem.open_jitter or problem.jitter_motion(group) is not None
         for view in range(len(group)) if is_shaken and group.motion is not None else ():
             of_stops = [int(block[s[view]]) for s in stops if s[view] >= 0]
             here = max(of_stops, default=-1)
@@ -302,7 +302,7 @@ def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int,
     group, (own, row) = problem.groups[number], layout.jitter_rows[number]
     here = np.flatnonzero(own >= 0)
     if len(here):
-        unit = group.motion if group.camera in problem.open_jitter else problem.shake(group)
+        unit = group.motion if group.camera in problem.open_jitter else problem.jitter_motion(group)
         assert unit is not None
         errors[here, :6, row[here]] = unit[here]
         block[here] = own[here]

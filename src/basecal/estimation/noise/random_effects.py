@@ -17,7 +17,8 @@ from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import Array
 
-_FEWEST_STOPS = 4  # fewer show nothing of what changes with the pose
+FEWEST_STOPS = 4
+"""Fewer stops show nothing of what changes with the pose."""
 _SUGGESTED = 2.0  # standard deviations, above which a model is tried: one in forty by chance
 
 
@@ -30,10 +31,10 @@ def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedE
         return None
     if effect.by_times is not None:
         passed_s = passed_times(problem, robot)
-        return None if np.isfinite(passed_s).sum() < _FEWEST_STOPS else effect.by_times(passed_s)
+        return None if np.isfinite(passed_s).sum() < FEWEST_STOPS else effect.by_times(passed_s)
     if effect.by_poses is not None:
         poses, seen = stands(problem, robot)
-        few = count_stops(problem, robot) < _FEWEST_STOPS
+        few = count_stops(problem, robot) < FEWEST_STOPS
         return None if few else effect.by_poses(poses[np.flatnonzero(seen)], poses)
     at = posture_at_stops(problem, robot)
     return None if at is None or effect.by_joints is None else effect.by_joints(at)
@@ -108,7 +109,7 @@ def posture_at_stops(problem: Problem, robot: str) -> Posture | None:
     Stops at which nothing was seen, and that nothing requests, have the mean of the others' joints.
     """
     chain = problem.chains.get(robot)
-    if chain is None or not recorded_by_joints(problem, robot) or count_stops(problem, robot) < _FEWEST_STOPS:
+    if chain is None or not recorded_by_joints(problem, robot) or count_stops(problem, robot) < FEWEST_STOPS:
         return None
     seen = stands(problem, robot)[1]
     joints = np.zeros((len(seen), chain.n))

@@ -126,7 +126,7 @@ class Posterior:
         k, own = len(self.logs), np.einsum("bqq->bq", self.blocks.own)
         sums = np.zeros((k + 1, *self.spread.shape))
         for here in chunks(len(own), own.shape[1], len(self.spread)):
-            back, which = self._back(here), self.model.of_errors[here]
+            back, which = self._error_coefficients(here), self.model.of_errors[here]
             for sigma in np.unique(which):
                 rows = back[which == sigma]
                 sums[sigma] += rows.T @ rows
@@ -142,7 +142,7 @@ class Posterior:
         squares, of_errors = np.zeros(len(keys)), self.mean_errors**2
         x = scales(self.logs, self.model.of_columns)
         for here in chunks(len(of_errors), of_errors.shape[1], len(self.spread)):
-            back = self._back(here) * x
+            back = self._error_coefficients(here) * x
             across = (back.reshape(-1, back.shape[-1]) @ self.spread).reshape(back.shape)
             covariance = self.blocks.own[here] + across @ back.mT
             of_errors[here] += np.diagonal(covariance, axis1=-2, axis2=-1)
@@ -151,7 +151,7 @@ class Posterior:
         scaled = self.model.of_errors >= 0
         return np.bincount(self.model.of_errors[scaled], of_errors[scaled], len(self.logs)).astype(np.float64), squares
 
-    def _back(self, here: slice) -> Array:
+    def _error_coefficients(self, here: slice) -> Array:
         """How errors of some blocks follow from the columns in units of the model, negative, (b, q, m)."""
         scaled = self.blocks.own[here] * scales(self.logs, self.model.of_errors[here])[:, None, :]
         of_parts = (

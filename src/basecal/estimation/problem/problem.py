@@ -114,7 +114,7 @@ class Problem:
             several[self.tied.stops] = True
         return np.where(several, np.cumsum(several) - 1, -1)
 
-    def shake(self, group: ViewGroup) -> Array | None:
+    def jitter_motion(self, group: ViewGroup) -> Array | None:
         """Motion of views by one sigma of their stamps' jitter, (n, 6) [m, rad]; None if there is none."""
         jitter_s = self.jitter_s.get(group.camera, 0.0)
         return group.motion * jitter_s if jitter_s and group.motion is not None else None

@@ -32,6 +32,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Camera, IntArray
 from basecal.numerics.batch import take
+from basecal.numerics.steps import run_in_step
 
 T = TypeVar("T")
 _Search = Generator[Refinement, Triple, T]
@@ -98,20 +99,14 @@ def first_states(problems: Sequence[Problem], cell: Cell, thorough: bool) -> lis
 
     Their searches go in step: what they want refined at a time is refined side by side.
     """
-    searches = [_search(problem, cell, thorough) for problem in problems]
-    answers: dict[int, Triple | None] = dict.fromkeys(range(len(searches)))
-    ended: dict[int, State | Failure] = {}
-    while answers:
-        wanted: dict[int, Refinement] = {}
-        for number, answer in answers.items():
-            try:
-                wanted[number] = next(searches[number]) if answer is None else searches[number].send(answer)
-            except StopIteration as end:
-                ended[number] = end.value
-            except (BasecalError, np.linalg.LinAlgError) as error:
-                ended[number] = error
-        answers = dict(zip(wanted, refine_jointly(list(wanted.values())), strict=True))
-    return [ended[number] for number in range(len(searches))]
+    return run_in_step([_try_search(problem, cell, thorough) for problem in problems], refine_jointly)
+
+
+def _try_search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State | Failure]:
+    try:
+        return (yield from _search(problem, cell, thorough))
+    except (BasecalError, np.linalg.LinAlgError) as error:
+        return error
 
 
 def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:

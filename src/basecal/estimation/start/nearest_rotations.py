@@ -49,7 +49,7 @@ def nearest_rotations(matrix: Array) -> Array:
 
 def cross_rows(rows: Array) -> list[Array]:
     """Rows of the cofactor matrix of rows (3, 3, ...)."""
-    return [_cross(rows[i - 2], rows[i - 1]) for i in range(3)]
+    return [_cross_product(rows[i - 2], rows[i - 1]) for i in range(3)]
 
 
 def dot(first: Array, second: Array) -> Array:
@@ -58,5 +58,5 @@ def dot(first: Array, second: Array) -> Array:
     return total
 
 
-def _cross(first: Array, second: Array) -> Array:
+def _cross_product(first: Array, second: Array) -> Array:
     return np.stack([first[i - 2] * second[i - 1] - first[i - 1] * second[i - 2] for i in range(3)])

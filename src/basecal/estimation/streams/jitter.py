@@ -26,14 +26,14 @@ def with_jitter(
     """
     stated = {camera: clocks[camera].jitter_s for camera in {g.camera for g in problem.groups}}
     sigmas = {camera: sigma for camera, sigma in stated.items() if sigma is not None}
-    moving = problem.with_groups(_moving(group, motion, robots) for group in problem.groups)
+    moving = problem.with_groups(_with_motion(group, motion, robots) for group in problem.groups)
     open_clocks = frozenset(name for name, clock in clocks.items() if clock.status != "fixed")
     return replace(
         moving, jitter_s=sigmas, open_jitter=frozenset(stated.keys() - sigmas.keys()), open_clocks=open_clocks
     )
 
 
-def _moving(group: ViewGroup, known_motion: Known, robots: Mapping[str, Mapping[int, Moving]]) -> ViewGroup:
+def _with_motion(group: ViewGroup, known_motion: Known, robots: Mapping[str, Mapping[int, Moving]]) -> ViewGroup:
     motion = np.zeros((len(group), 6))
     for view, sample in enumerate(group.sample.tolist()):
         here = {name: of[sample] for name, of in robots.items() if sample in of}

@@ -74,7 +74,7 @@ class Path:
     def evaluate(self, times: Array) -> PathPoints:
         """The robot at instants at which that is known, (m,)."""
         record, stood = self._nearest_rest(times)
-        points = self._moving(np.where(stood, self.times[record], times))
+        points = self._interpolate(np.where(stood, self.times[record], times))
         return replace(points, velocity=np.where(stood[:, None], 0.0, points.velocity))
 
     def _nearest_rest(self, times: Array) -> tuple[IntArray, BoolArray]:
@@ -84,7 +84,7 @@ class Path:
         near = np.abs(times - self.times[nearest]) <= LARGEST_GAP_S
         return nearest, np.asarray(near & self.isolated_records[nearest])
 
-    def _moving(self, times: Array) -> PathPoints:
+    def _interpolate(self, times: Array) -> PathPoints:
         """Between records, at instants (m,)."""
         first = self._preceding_records(times)
         if self.joints is not None and self.chain is not None:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from basecal.bounded_file import check_regular, read_bounded
 from basecal.box import Frame, LibraryError, frames, is_own_fault
-from basecal.errors import DatasetError, InputError, MissingExtra
+from basecal.errors import DatasetError, InputError, MissingExtra, error_words
 from basecal.exchange.bags.tag_poses import POSE_DEFINITIONS
 from basecal.exchange.bags.tags import DEFINITIONS
 
@@ -173,8 +173,8 @@ def _name_errors(path: Path) -> Iterator[None]:
 
 
 def _damage_error(path: Path, error: Exception) -> DatasetError:
-    why = " ".join(str(error).split()) or type(error).__name__
-    return DatasetError(str(path), f"is damaged or was cut off ({why}); {repair_command(path)} may save it")
+    cause = f"is damaged or was cut off ({error_words(error)})"
+    return DatasetError(str(path), f"{cause}; {repair_command(path)} may save it")
 
 
 def repair_command(path: Path) -> str:

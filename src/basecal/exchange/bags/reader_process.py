@@ -20,7 +20,7 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from basecal.box import Frame, is_own_fault
-from basecal.errors import InputError
+from basecal.errors import InputError, error_words
 
 _MOST_MESSAGES = 5_000_000  # of a recording of hours
 _LONGEST = 2**28  # bytes of a value in a database
@@ -53,7 +53,7 @@ def _messages(reader: Any, connections: Collection[Connection]) -> Iterator[Fram
         except Exception as error:
             if is_own_fault(error):
                 raise
-            yield {"damage": " ".join(f"{error}".split()) or type(error).__name__}, b""
+            yield {"damage": error_words(error)}, b""
             return
         yield [connection.topic, recorded_ns], raw
     raise InputError(f"has more than {_MOST_MESSAGES} messages of these topics; cut it")
@@ -76,7 +76,7 @@ class _Mcap(McapReader):
         except Exception as error:
             if not self.data_start or is_own_fault(error):
                 raise
-            self.damage = str(error)
+            self.damage = error_words(error)
             self._scan()
 
     def _scan(self) -> None:

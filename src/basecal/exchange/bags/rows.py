@@ -9,7 +9,7 @@ from pathlib import Path
 from basecal.cell import PixelObservation, PoseObservation, RobotState
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.bags.bag import Bag, message_time
-from basecal.exchange.bags.pictures import picture_file
+from basecal.exchange.bags.images import image_file
 from basecal.exchange.bags.sources import Taken
 from basecal.exchange.bags.stops import Look, collect_looks, explain_no_stop, find_stops
 from basecal.exchange.bags.tracks import Track, Tracks
@@ -59,7 +59,7 @@ def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
     return tuple(sorted(found, key=lambda instant: instant.stamp_s))
 
 
-def write_pictures(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: Path) -> None:
+def write_images(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: Path) -> None:
     """The images of instants are in a folder, each written as it is read.
 
     Raises:
@@ -76,27 +76,27 @@ def write_pictures(bag: Bag, sources: Taken, instants: Sequence[Instant], folder
             continue
         if message_time(message.data.header, message.recorded_s) != look.stamp_s:
             raise DatasetError(bag.path, f"{message.topic.name} was read in another order than before")
-        picture = picture_file(message, bag.path)
-        target = _with_ending(_file(folder, look), picture.ending)
+        image = image_file(message, bag.path)
+        target = _with_ending(_file(folder, look), image.ending)
         target.parent.mkdir(exist_ok=True)
-        target.write_bytes(picture.content)
+        target.write_bytes(image.content)
 
 
 def make_rows(tracks: Tracks, instants: Sequence[Instant], folder: Path) -> Iterator[Row]:
     """A row for each instant, with its images where they were written."""
     for instant in instants:
-        pictures: dict[str, Path] = {}
+        images: dict[str, Path] = {}
         views: list[PoseObservation | PixelObservation] = []
         for look in instant.looks:
             if isinstance(look.channel, str):
-                pictures[look.channel] = _written_path(_file(folder, look))
+                images[look.channel] = _written_path(_file(folder, look))
                 continue
             view = tracks.views[look.channel]
             if view.tags is not None:
                 views.append(PixelObservation(*look.channel, *view.tags[look.place]))
             elif view.poses is not None:
                 views.append(PoseObservation(*look.channel, view.poses[look.place]))
-        yield Row(instant.robots, tuple(views), pictures, stamp_s=instant.stamp_s)
+        yield Row(instant.robots, tuple(views), images, stamp_s=instant.stamp_s)
 
 
 def _file(folder: Path, look: Look) -> Path:

@@ -43,7 +43,7 @@ class Stop:
 def collect_looks(tracks: Tracks) -> list[Look]:
     """All images and views, by time; of two images of one camera at one time the first."""
     times: dict[Channel, Array] = {key: view.times for key, view in tracks.views.items()}
-    times.update(tracks.pictures)
+    times.update(tracks.images)
     found = []
     for channel, stamps in times.items():
         _, first = np.unique(stamps, return_index=True)

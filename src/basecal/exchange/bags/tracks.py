@@ -49,12 +49,12 @@ class Tracks:
     Attributes:
         robots: By name.
         views: Of targets by cameras, by their names.
-        pictures: Of each camera, by name, the times [s] of its images in the order in which they were recorded.
+        images: Of each camera, by name, the times [s] of its images in the order in which they were recorded.
     """
 
     robots: Mapping[str, Track]
     views: Mapping[tuple[str, str], Track]
-    pictures: Mapping[str, Array]
+    images: Mapping[str, Array]
 
 
 @dataclass(eq=False)
@@ -90,11 +90,11 @@ def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
     for key, view in selection.views.items():
         if isinstance(view, ByTags):
             seen[key] = []
-            listeners.setdefault(view.topic, []).append(_detecting(seen[key], view.tags))
-    gathered = {key: _listening(bag, survey.tree, source, listeners) for key, source in sources.items()}
-    pictures = {name: array("d") for name in selection.cameras}
+            listeners.setdefault(view.topic, []).append(_tag_listener(seen[key], view.tags))
+    gathered = {key: _collector(bag, survey.tree, source, listeners) for key, source in sources.items()}
+    images = {name: array("d") for name in selection.cameras}
     for name, camera in selection.cameras.items():
-        listeners.setdefault(camera.topic, []).append(_noting(pictures[name]))
+        listeners.setdefault(camera.topic, []).append(_time_listener(images[name]))
     for message in bag.read(listeners):
         for listener in listeners[message.topic.name]:
             listener(message)
@@ -103,11 +103,11 @@ def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
     return Tracks(
         {name: tracks[name] for name in selection.robots},
         {key: tags[key] if key in tags else tracks[key] for key in selection.views},
-        {name: np.array(times) for name, times in pictures.items()},
+        {name: np.array(times) for name, times in images.items()},
     )
 
 
-def _listening(
+def _collector(
     bag: Bag,
     tree: Tree,
     source: _Source,
@@ -115,23 +115,23 @@ def _listening(
 ) -> _Gathered:
     """The collector of a source's messages."""
     if isinstance(source, ByFrames):
-        moving = _moving(tree, source)
+        moving = _moving_frames(tree, source)
         found = _Gathered(7 * len(moving))
         for topic in bag.topics_of_type(TF):
-            listeners.setdefault(topic.name, []).append(_following(found, moving))
+            listeners.setdefault(topic.name, []).append(_frame_listener(found, moving))
     elif isinstance(source, ByPoses):
         found = _Gathered(7)
-        listeners.setdefault(source.topic, []).append(_posing(found))
+        listeners.setdefault(source.topic, []).append(_pose_listener(found))
     elif isinstance(source, ByTagPoses):
         found = _Gathered(8)
-        listeners.setdefault(source.topic, []).append(_tagging(found, source))
+        listeners.setdefault(source.topic, []).append(_tag_pose_listener(found, source))
     else:
         found = _Gathered(len(source.chain.joint_names))
-        listeners.setdefault(source.topic, []).append(_joining(found, source.chain.joint_names))
+        listeners.setdefault(source.topic, []).append(_joint_listener(found, source.chain.joint_names))
     return found
 
 
-def _moving(tree: Tree, source: ByFrames) -> list[str]:
+def _moving_frames(tree: Tree, source: ByFrames) -> list[str]:
     """The frames of a way that move, or where none does one that /tf reports again and again."""
     children = [step.child for step in tree.way(source.parent, source.child)]
     moving = [child for child in children if not tree.hangs[child].is_fixed]
@@ -141,7 +141,7 @@ def _moving(tree: Tree, source: ByFrames) -> list[str]:
     return moving or timed[:1]
 
 
-def _following(collection: _Gathered, moving: list[str]) -> Callable[[Message], None]:
+def _frame_listener(collection: _Gathered, moving: list[str]) -> Callable[[Message], None]:
     """A listener to /tf, which keeps instants that all frames that move have."""
     latest: dict[str, tuple[int, Array]] = {}
 
@@ -160,7 +160,7 @@ def _following(collection: _Gathered, moving: list[str]) -> Callable[[Message], 
     return listen
 
 
-def _posing(collection: _Gathered) -> Callable[[Message], None]:
+def _pose_listener(collection: _Gathered) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep a pose at its time."""
         pose = message.data.pose
@@ -171,7 +171,7 @@ def _posing(collection: _Gathered) -> Callable[[Message], None]:
     return listen
 
 
-def _tagging(collection: _Gathered, source: ByTagPoses) -> Callable[[Message], None]:
+def _tag_pose_listener(collection: _Gathered, source: ByTagPoses) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep the pose of the nearest tag that is looked for, at its time."""
         values = source.frames.nearest_tag(message.data)
@@ -181,7 +181,7 @@ def _tagging(collection: _Gathered, source: ByTagPoses) -> Callable[[Message], N
     return listen
 
 
-def _joining(collection: _Gathered, names: tuple[str, ...]) -> Callable[[Message], None]:
+def _joint_listener(collection: _Gathered, names: tuple[str, ...]) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep the joints at their time, in the order of `names`."""
         place = {name: k for k, name in enumerate(message.data.name)}
@@ -192,7 +192,7 @@ def _joining(collection: _Gathered, names: tuple[str, ...]) -> Callable[[Message
     return listen
 
 
-def _noting(times: array[float]) -> Callable[[Message], None]:
+def _time_listener(times: array[float]) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep the time of an image."""
         times.append(message_time(message.data.header, message.recorded_s))
@@ -200,7 +200,7 @@ def _noting(times: array[float]) -> Callable[[Message], None]:
     return listen
 
 
-def _detecting(collection: list[tuple[float, SeenTags]], tags: Tags) -> Callable[[Message], None]:
+def _tag_listener(collection: list[tuple[float, SeenTags]], tags: Tags) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep what is seen of the tags at its time."""
         corners = tag_corners(message.data, tags)
@@ -232,6 +232,6 @@ def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, c
         return Track(times, pose_from_values(values, about))
     if isinstance(source, ByTagPoses):
         return Track(times, source.frames.target_poses(pose_from_values(values[:, :7], about), values[:, 7]))
-    moving = _moving(tree, source)
+    moving = _moving_frames(tree, source)
     moved = {child: values[:, 7 * k : 7 * k + 7] for k, child in enumerate(moving)}
     return Track(times, compose_path(tree, tree.way(source.parent, source.child), moved, about))

@@ -29,14 +29,14 @@ def export_text(request: Wanted) -> str:
 def _add(parent: Element, place: Place) -> None:
     body = SubElement(parent, "body", name=place.name)
     if place.parent_from_frame is not None:
-        body.set("pos", _exactly(place.parent_from_frame.translation.tolist()))
+        body.set("pos", _number_words(place.parent_from_frame.translation.tolist()))
         x, y, z, w = place.parent_from_frame.quaternion.tolist()
-        body.set("quat", _exactly([w, x, y, z]))
+        body.set("quat", _number_words([w, x, y, z]))
     for child in place.children:
         _add(body, child)
 
 
-def _exactly(values: list[float]) -> str:
+def _number_words(values: list[float]) -> str:
     return " ".join(repr(value + 0.0) for value in values)
 
 

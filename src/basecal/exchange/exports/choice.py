@@ -45,7 +45,7 @@ def both_directions(calibration: Calibration, cell: Cell | None = None) -> tuple
     """Every transform of a calibration that can be exported, each followed by its inverse."""
     known = {name for name, estimate in calibration.transforms.items() if _is_covariance(estimate)}
     names = [name for name in calibration.transforms if name in known and name not in calibration.points]
-    return tuple(_find_transform(calibration, cell, each) for name in names for each in (name, _turned_round(name)))
+    return tuple(_find_transform(calibration, cell, each) for name in names for each in (name, _reverse_name(name)))
 
 
 def frame_names(cell: Cell, name: str) -> tuple[str, str]:
@@ -61,7 +61,7 @@ def frame_names(cell: Cell, name: str) -> tuple[str, str]:
 
 
 def _find_transform(calibration: Calibration, cell: Cell | None, name: str) -> NamedTransform:
-    inverse = _turned_round(name)
+    inverse = _reverse_name(name)
     found = name if name in calibration.transforms else inverse
     if found not in calibration.transforms:
         parent, named, child = name.partition("_from_")
@@ -93,5 +93,5 @@ def _is_covariance(estimate: PoseEstimate) -> bool:
     return all(np.all(np.diag(each.covariance) >= 0) for each in (estimate, estimate.inverse()))
 
 
-def _turned_round(name: str) -> str:
+def _reverse_name(name: str) -> str:
     return "_from_".join(reversed(name.split("_from_")))

@@ -101,7 +101,7 @@ def _stated_arrangement(root: Field) -> _Arrangement | None:
             raise kind.error(f"is {kind.data!r}, expected one of {list_names(list(_ON_ROBOT))}")
         return _Arrangement(_ON_ROBOT[kind.data], f"calibration_type is {kind.data}")
     if (on_hand := place.first("eye_on_hand")) is not None:
-        return _Arrangement(on_hand.yes(), f"eye_on_hand is {str(on_hand.yes()).lower()}")
+        return _Arrangement(on_hand.boolean(), f"eye_on_hand is {str(on_hand.boolean()).lower()}")
     return None
 
 

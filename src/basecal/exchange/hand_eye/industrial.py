@@ -45,11 +45,11 @@ def read_data_set(
     folder = Path(path).parent
     entries = listing.items("`image: FILE` and `pose: FILE`")
     poses = SE3.stack([read_fields(_file(entry.find("pose"), folder)).pose() for entry in entries])
-    pictures = tuple(_picture(entry.find("image"), folder) for entry in entries)
+    images = tuple(_image(entry.find("image"), folder) for entry in entries)
     static = root.first("static_camera")
-    if static is not None and camera_on_robot is not None and static.yes() == camera_on_robot:
+    if static is not None and camera_on_robot is not None and static.boolean() == camera_on_robot:
         raise static.error("is the opposite of what --camera-on, or cell.yaml, says")
-    on_robot = camera_on_robot if static is None else not static.yes()
+    on_robot = camera_on_robot if static is None else not static.boolean()
     if on_robot is None:
         raise root.error(
             "does not say whether the camera is on the robot or beside it (static_camera): "
@@ -60,11 +60,11 @@ def read_data_set(
     known = [name for name, found in (("lens", camera), ("target", seen)) if found]
     return HandEyeRecord(
         str(path),
-        f"{len(pictures)} images, each with base_from_flange (m, quaternion), the {carried} on the flange; "
+        f"{len(images)} images, each with base_from_flange (m, quaternion), the {carried} on the flange; "
         f"{' and '.join(known) if known else 'neither lens nor target'} described",
         on_robot,
         poses,
-        pictures=pictures,
+        images=images,
         camera_mount=_guess(root, "camera_mount_to_camera_guess"),
         target_mount=_guess(root, "target_mount_to_target_guess"),
         lens=camera_entry(camera.camera, "free") if camera else {},
@@ -72,7 +72,7 @@ def read_data_set(
     )
 
 
-def _picture(entry: Field, folder: Path) -> Path:
+def _image(entry: Field, folder: Path) -> Path:
     path = _file(entry, folder)
     if not os.path.isfile(path):  # a name longer than any file's is none, too
         raise entry.error(f"there is no image {path}: put the images beside the file, or correct the path")

@@ -20,7 +20,7 @@ class HandEyeRecord:
         camera_on_robot: Whether the robot carries the camera, and not the target.
         base_from_flange: (n,) poses of the robot; none if the file has only a result.
         camera_from_target: (n,) poses of the target; None if there are images instead.
-        pictures: One for each pose; none if there are poses.
+        images: One for each pose; none if there are poses.
         frames: What the file calls the robot's `base` and `flange`.
         camera_frame: What it calls the camera's frame; empty if it does not say.
         camera_mount: Where the camera was found to be, in the flange or the base; None if the file does not say.
@@ -35,7 +35,7 @@ class HandEyeRecord:
     camera_on_robot: bool
     base_from_flange: SE3 = field(default_factory=lambda: SE3.identity((0,)))
     camera_from_target: SE3 | None = None
-    pictures: tuple[Path, ...] = ()
+    images: tuple[Path, ...] = ()
     frames: Mapping[str, str] = field(default_factory=dict)
     camera_frame: str = ""
     camera_mount: SE3 | None = None

@@ -13,15 +13,15 @@ from basecal.errors import InputError, UsageError
 from basecal.exchange.bags.bag import Bag, Message, open_bag, repair_command
 from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.entry import bag_entry, urdf_name
-from basecal.exchange.bags.rows import make_rows, still_instants, stream_instants, write_pictures
+from basecal.exchange.bags.rows import make_rows, still_instants, stream_instants, write_images
 from basecal.exchange.bags.sources import Asked, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey, survey_bag
 from basecal.exchange.bags.tracks import read_tracks
+from basecal.exchange.images import image_size
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.name_options import parse_name_options
-from basecal.exchange.pictures import picture_size
 
 Progress = Callable[[int, int], None]
 
@@ -147,10 +147,10 @@ def _import_bag(
     """Rows and entries for the cell, images and URDFs being in a folder."""
     tracks = read_tracks(bag, survey, selection)
     instants = (stream_instants if streams else still_instants)(tracks, bag.path)
-    write_pictures(bag, selection, instants, folder)
+    write_images(bag, selection, instants, folder)
     rows = tuple(make_rows(tracks, instants, folder))
-    first = {name: path for row in reversed(rows) for name, path in row.pictures.items()}
-    sizes = {name: size for name, path in first.items() if (size := picture_size(path)) is not None}
+    first = {name: path for row in reversed(rows) for name, path in row.images.items()}
+    sizes = {name: size for name, path in first.items() if (size := image_size(path)) is not None}
     files = {}
     for name, source in selection.robots.items():
         if isinstance(source, ByJoints) and source.urdf is not None:

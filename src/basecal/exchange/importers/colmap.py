@@ -8,13 +8,13 @@ from pathlib import Path
 
 from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.colmap_images import ReconstructedImage, read_colmap_images
+from basecal.exchange.images import read_time
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.lens import LensStatus, lens_of_file
 from basecal.exchange.importing.pairing import plain_name
 from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.lens_files import colmap
-from basecal.exchange.pictures import read_time
 from basecal.geometry import SE3
 
 

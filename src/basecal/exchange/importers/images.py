@@ -11,10 +11,10 @@ from typing import Any, Literal
 from basecal.cell import Cell
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError, list_names, nearest
+from basecal.exchange.images import list_images, missing_numbers, read_time, unreadable_images, usual_size
 from basecal.exchange.importing.cell_content import known_cell, open_size
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
-from basecal.exchange.pictures import list_pictures, missing_numbers, read_time, unreadable_pictures, usual_size
 from basecal.fields.problems import Loc
 
 _PAIRING_HELP: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
@@ -68,11 +68,11 @@ def read_images(
     """
     if by is not None and by not in _PAIRING_HELP:
         raise UsageError(f"by {by!r}: expected one of {list_names(list(_PAIRING_HELP))}")
-    files = list_pictures(Path(folder))
+    files = list_images(Path(folder))
     new, replaced = _camera_entry(cell, camera, on)
     carrier = new["cameras"][camera].get("on")
     shown = target_entry(cell, target, shape, {target_name: target_on}, {camera: carrier})
-    looked = _look(Path(folder), files, progress)
+    looked = _read_images(Path(folder), files, progress)
     rows = tuple(_row(camera, path, by == "time") for path in files)
     entry = {
         "robots": {name: {} for name in (*new.get("robots", {}), *shown.get("robots", {}))},
@@ -94,7 +94,7 @@ def read_images(
 
 def _row(camera: str, path: Path, is_timed: bool) -> Row:
     """An image, with the time that its name is if it `is_timed`."""
-    return Row(pictures={camera: path}, image=path.name, stamp_s=read_time(path) if is_timed else None)
+    return Row(images={camera: path}, image=path.name, stamp_s=read_time(path) if is_timed else None)
 
 
 def _describe(
@@ -115,7 +115,7 @@ class _Look:
     warnings: tuple[str, ...]
 
 
-def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], None] | None) -> _Look:
+def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], None] | None) -> _Look:
     """Read all images once.
 
     Raises:
@@ -138,7 +138,7 @@ def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], 
         raise InputError(f"{folder}: none of {len(files)} images can be read: {list_names(damaged)}")
     size_px = usual_size(list(sizes.values()))
     odd = [f"{name} ({size[0]} x {size[1]})" for name, size in sizes.items() if size != size_px]
-    others = unreadable_pictures(folder)
+    others = unreadable_images(folder)
     of_all = f"{len(damaged)} of {len(files)} images cannot be read, and will not be used: {list_names(damaged)}"
     of_sizes = f"{len(odd)} images have another size than the rest, and will not be used: {list_names(odd)}"
     gaps = missing_numbers([path.name for path in files])

@@ -10,6 +10,7 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import UsageError
+from basecal.exchange.images import image_size
 from basecal.exchange.importing.cell_content import known_cell, open_size, recorded_samples
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.joint_model import joint_model
@@ -25,7 +26,6 @@ from basecal.exchange.lerobot import (
     still_frames,
 )
 from basecal.exchange.lerobot_films import Film, find_film, write_images
-from basecal.exchange.pictures import picture_size
 from basecal.geometry import IntArray
 from basecal.kinematics import SerialChain
 
@@ -149,8 +149,8 @@ def _with_images(source: Imported, cell: Path, camera: str, film: Film) -> Impor
     except BaseException:
         scratch.cleanup()
         raise
-    size_px = picture_size(paths[0])
-    rows = tuple(replace(row, pictures={camera: path}) for row, path in zip(source.rows, paths, strict=True))
+    size_px = image_size(paths[0])
+    rows = tuple(replace(row, images={camera: path}) for row, path in zip(source.rows, paths, strict=True))
     entry = {} if size_px is None else {"size_px": list(size_px)}
     cameras = {camera: entry | source.cell.get("cameras", {}).get(camera, {})}
     what = f"{source.what}, with what {camera!r} saw"

@@ -92,11 +92,11 @@ def add_to_cell(
         names = _names(folder)
         pairing = pair(imports, recorded.samples, names, replace) if imports.rows else None
         samples_by_path = {path: sample.sample for sample in recorded.samples for path in sample.images.values()}
-        samples, pictures = _samples(imports.rows, pairing, samples_by_path)
+        samples, image_files = _samples(imports.rows, pairing, samples_by_path)
         journal = completed_recording_text(folder, samples, replace) if samples else ""
         recording = recording_from_text(journal.encode(), folder, cell) if samples else recorded
         doubts = check(cell, Recording(tuple(samples)))
-        with place_files(pictures, folder, imports.is_linked):
+        with place_files(image_files, folder, imports.is_linked):
             if replace and old is not None:
                 keep_originals(folder, (path, journal_path), {"done": f"import --replace of {imports.source}"})
             if text != old:
@@ -150,12 +150,13 @@ def _give_samples(imports: Imported, recording: Recording) -> Imported:
     """A copy with further views of one sample as samples of their own, in which its robots stand as in it."""
     if not all(row.sample is not None and row.observations and not row.robots for row in imports.rows):
         return imports
-    known = {sample.sample: sample for sample in recording.samples}
-    free = count(max((*known, *(row.sample or 0 for row in imports.rows)), default=-1) + 1)
+    known: dict[int | None, Sample] = {sample.sample: sample for sample in recording.samples}
+    numbers = (*(sample.sample for sample in recording.samples), *(row.sample or 0 for row in imports.rows))
+    free = count(max(numbers, default=-1) + 1)
     taken: set[int | None] = set()
     rows = []
     for row in imports.rows:
-        first = known.get(-1 if row.sample is None else row.sample) if row.sample in taken else None
+        first = known.get(row.sample) if row.sample in taken else None
         taken.add(row.sample)
         rows.append(row if first is None else dataclass_replace(row, sample=next(free), robots=first.robots))
     return dataclass_replace(imports, rows=tuple(rows))
@@ -213,14 +214,14 @@ def _samples(
     rows: tuple[Row, ...], pairing: Pairing | None, samples_by_path: Mapping[str, int]
 ) -> tuple[list[Sample], dict[str, Path]]:
     """Additions to each sample, and new images by their path in the cell, which no other sample has."""
-    samples, pictures = [], {}
+    samples, image_files = [], {}
     for row, number in zip(rows, () if pairing is None else pairing.numbers, strict=False):
         if number is None:
             continue
         images: dict[str, Any] = {}
-        for camera, source in row.pictures.items():
+        for camera, source in row.images.items():
             path = f"{_FOLDER}/images/{camera}/{source.name}"
             images[camera] = numbered_path(path, number) if samples_by_path.get(path, number) != number else path
-            pictures[images[camera]] = source
+            image_files[images[camera]] = source
         samples.append(Sample(number, row.stamp_s, row.robots, row.observations, images))
-    return samples, pictures
+    return samples, image_files

@@ -12,7 +12,7 @@ from basecal.bounded_file import read_bounded
 from basecal.cell.format.paths import inside
 from basecal.cell.format.writing import make_folder, write_atomically
 from basecal.errors import InputError
-from basecal.exchange.pictures import check_picture, is_picture
+from basecal.exchange.images import check_image, is_image
 
 _LARGEST_BYTES = 2**28  # 256 MiB, as much as an image that is read may have
 
@@ -38,8 +38,8 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
         path_in_cell = inside(str(folder))
         for name, source in files.items():
             target = folder / path_in_cell(name)
-            if is_picture(target):
-                check_picture(source)
+            if is_image(target):
+                check_image(source)
             if not os.path.lexists(target):
                 make_folder(target.parent, folder)
                 made.append(target)

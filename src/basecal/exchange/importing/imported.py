@@ -30,7 +30,7 @@ class Row:
     Attributes:
         robots: Where robots were, by name.
         observations: What cameras saw.
-        pictures: Files to be copied, by camera.
+        images: Files to be copied, by camera.
         image: Name of the image it belongs to; None if the file does not say.
         sample: Number of the sample it belongs to; likewise.
         stamp_s: Its time [s]; likewise.
@@ -39,7 +39,7 @@ class Row:
 
     robots: Mapping[str, RobotState] = field(default_factory=dict)
     observations: tuple[Observation, ...] = ()
-    pictures: Mapping[str, Path] = field(default_factory=dict)
+    images: Mapping[str, Path] = field(default_factory=dict)
     image: str | None = None
     sample: int | None = None
     stamp_s: float | None = None

@@ -9,10 +9,10 @@ from typing import Any, Literal
 from basecal.cell import WORLD, Cell
 from basecal.cell.format.plain import pose_dict
 from basecal.errors import InputError, list_names
+from basecal.exchange.images import image_size
 from basecal.exchange.importing.cell_content import known_cell, recorded_samples
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.lens_files.stated_lens import StatedLens, camera_entry
-from basecal.exchange.pictures import picture_size
 from basecal.geometry import SE3
 
 LensStatus = Literal["fixed", "free"]
@@ -34,15 +34,15 @@ def lens_of_file(
     """
     cell = known_cell(folder)
     if cell is not None and lens.camera.size_px is not None:
-        _check_pictures(Path(folder), cell, chosen_camera(cell, camera), lens.camera.size_px, str(file))
+        _check_images(Path(folder), cell, chosen_camera(cell, camera), lens.camera.size_px, str(file))
     return imported_lens(cell, lens, str(file), camera, carrier, status, mount)
 
 
-def _check_pictures(folder: Path, cell: Cell, camera: str, size_px: tuple[int, int], source: str) -> None:
+def _check_images(folder: Path, cell: Cell, camera: str, size_px: tuple[int, int], source: str) -> None:
     """Raise an InputError if the first image of the camera has another size."""
     samples = recorded_samples(folder, cell)
     image = next((sample.images[camera] for sample in samples if camera in sample.images), None)
-    size = None if image is None else picture_size(folder / image)
+    size = None if image is None else image_size(folder / image)
     if size is not None and size != tuple(size_px):
         sizes = f"{source} is of {size_px[0]} x {size_px[1]} px, {image} has {size[0]} x {size[1]}"
         raise InputError(f"{sizes}: import the calibration of images of this size; a lens cannot be carried over")

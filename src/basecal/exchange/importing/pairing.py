@@ -10,8 +10,8 @@ import numpy as np
 
 from basecal.cell import RobotState, Sample
 from basecal.errors import InputError, list_names
+from basecal.exchange.images import missing_numbers
 from basecal.exchange.importing.imported import By, Imported, Row
-from basecal.exchange.pictures import missing_numbers
 from basecal.geometry import Array
 
 _ROBOT = "robot"
@@ -59,7 +59,7 @@ def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int],
     if imports.is_stream or imports.is_session or (samples and not waiting and not is_numbered):
         return _own_samples(imports, samples)
     known = dict(names)
-    if by == "image" or not any(row.pictures for row in rows):
+    if by == "image" or not any(row.images for row in rows):
         # Images of one camera are named by chance as those of another.
         known = {**{name: s.sample for s in samples for name in map(plain_name, s.images.values())}, **names}
     chosen = _pairing_method(rows, waiting, known) if by is None else by
@@ -109,7 +109,7 @@ def _own_samples(imports: Imported, samples: Sequence[Sample]) -> Pairing:
         InputError: if rows are recorded already, or may be.
     """
     again = sorted(_content_names(imports.rows) & _content_names(samples))
-    is_whole = all(row.robots and (row.observations or row.pictures) for row in imports.rows)
+    is_whole = all(row.robots and (row.observations or row.images) for row in imports.rows)
     is_apart = imports.is_session or (is_whole and not imports.is_stream)
     if again and (not is_apart or _holds_copies(imports.rows, samples)):
         do = "add --session for other samples, or --replace for better ones"
@@ -162,14 +162,13 @@ def _content_names(lines: Sequence[Row | Sample]) -> set[str]:
     """Names of the lines' content."""
     found = {f"{_ROBOT} {name!r}" for line in lines for name in line.robots}
     found |= {f"target {o.target!r} seen by {o.camera!r}" for line in lines for o in line.observations}
-    pictures = (line.pictures if isinstance(line, Row) else line.images for line in lines)
-    return found | {f"camera {name!r}" for each in pictures for name in each}
+    return found | {f"camera {name!r}" for line in lines for name in line.images}
 
 
 def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], numbers: Mapping[str, int]) -> By:
     names = {plain_name(row.image) for row in rows if row.image is not None}
     # A table that names other images tells of other samples; a folder may hold another camera's in the same order.
-    of_others = numbers and not any(row.pictures for row in rows)
+    of_others = numbers and not any(row.images for row in rows)
     if rows and all(row.image is not None for row in rows) and (of_others or names & numbers.keys()):
         return "image"
     if rows and all(row.sample is not None for row in rows):

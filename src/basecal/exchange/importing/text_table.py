@@ -21,7 +21,7 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _WITH_UNIT = re.compile(rf"(?:{_NUMBER.pattern}|{_DECIMAL_COMMA.pattern}) *(?:mm|cm|m|inch|in|deg|rad|°)")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:[,.' ]\d{3})+[.,]\d+")
 _NAMED_NUMBER = re.compile(r"([A-Za-z]\w*)(?:\s*[:=]\s*|\s+)([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
-_PICTURE = re.compile(r"\.(?:png|jpe?g|tiff?|bmp|webp|pgm|ppm)$", re.IGNORECASE)
+_IMAGE = re.compile(r"\.(?:png|jpe?g|tiff?|bmp|webp|pgm|ppm)$", re.IGNORECASE)
 _LISTED_NUMBER = re.compile(rf"(?<![\w.]){_NUMBER.pattern}")
 # Lines of programs that hold numbers as of a pose, and state another thing: a tool, a work object, a load.
 _SETTING = re.compile(r"^\$?(?:BASE|TOOL|LOAD)(?:_DATA)?\b.*=|:=\s*\[\s*(?:TRUE|FALSE)\b|^set_tcp\b", re.IGNORECASE)
@@ -205,9 +205,9 @@ def parse_time(cell: str, path: str, line: int, name: str) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def is_picture(name: str) -> bool:
+def is_image(name: str) -> bool:
     """Whether a name is that of an image."""
-    return bool(_PICTURE.search(name.strip()))
+    return bool(_IMAGE.search(name.strip()))
 
 
 def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path: str) -> Iterator[TextRow]:
@@ -227,7 +227,7 @@ def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path
             raise DatasetError(path, "several poses in one line: write each in a line of its own", number)
         values = _named_values(bracketed, names) or _listed_values(bracketed, names)
         if values is not None:
-            yield TextRow(number, _leading_picture(line, bracketed) | dict(zip(names, values, strict=True)))
+            yield TextRow(number, _leading_image(line, bracketed) | dict(zip(names, values, strict=True)))
         elif _POSE_CLAIM.search(line):
             count = len(_LISTED_NUMBER.findall(bracketed))
             raise DatasetError(path, f"{count} numbers in brackets, expected {', '.join(names)}", number)
@@ -278,7 +278,7 @@ def _header(line: str) -> tuple[str | None, tuple[str, ...]] | None:
     plain = line.lstrip("#%!").strip()
     separator = _separator(plain)
     cells = _split(plain, separator)
-    if any(_is_number(cell) for cell in cells) or any(map(is_picture, cells)):
+    if any(_is_number(cell) for cell in cells) or any(map(is_image, cells)):
         return None
     return separator, tuple(cells)
 
@@ -309,7 +309,7 @@ def _cells(
     expected = names if header is None else header
     while len(cells) > len(expected) and not cells[-1]:
         cells.pop()
-    if header is None and len(cells) == len(names) + 1 and is_picture(cells[0]):
+    if header is None and len(cells) == len(names) + 1 and is_image(cells[0]):
         return dict(zip(("image", *names), cells, strict=True))
     if header is not None:
         cells += [""] * (len(header) - len(cells))
@@ -318,10 +318,10 @@ def _cells(
     return dict(zip(expected, cells, strict=True))
 
 
-def _leading_picture(line: str, pose_text: str) -> dict[str, str]:
+def _leading_image(line: str, pose_text: str) -> dict[str, str]:
     """The image whose name stands before a pose in brackets; nothing if none does."""
     before = re.split(r"[,;\t ]", line[: len(line) - len(pose_text)].strip())[0].strip("\"'")
-    return {"image": before} if is_picture(before) else {}
+    return {"image": before} if is_image(before) else {}
 
 
 def _count_message(cells: Sequence[str], columns: Sequence[str], separator: str | None, is_bare: bool) -> str:

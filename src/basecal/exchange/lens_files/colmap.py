@@ -82,18 +82,27 @@ def read_colmap(path: str | Path) -> dict[int, StatedLens]:
     Raises:
         DatasetError: if it is neither, or a lens has no equal here.
     """
-    file = Path(path)
-    if file.is_dir():
-        found = [file / name for name in ("cameras.bin", "cameras.txt") if (file / name).exists()]
-        if not found:
-            raise DatasetError(
-                str(path), "cannot be read: holds neither cameras.bin nor cameras.txt; give a reconstruction's folder"
-            )
-        file = found[0]
+    file = reconstruction_file(path, "cameras")
     entries = list(_binary(file) if file.suffix.lower() == ".bin" else _text(file))
     if not entries:
         raise DatasetError(str(file), "holds no camera, expected lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`")
     return {entry.number: _lens(entry) for entry in entries}
+
+
+def reconstruction_file(path: str | Path, name: str) -> Path:
+    """A file of a reconstruction, or that of a name in its folder: the binary before the text.
+
+    Raises:
+        DatasetError: if the folder holds neither.
+    """
+    file = Path(path)
+    if not file.is_dir():
+        return file
+    for each in (file / f"{name}.bin", file / f"{name}.txt"):
+        if each.exists():
+            return each
+    why = f"cannot be read: holds neither {name}.bin nor {name}.txt; give a reconstruction's folder"
+    raise DatasetError(str(path), why)
 
 
 def _text(path: Path) -> Iterator[_Entry]:

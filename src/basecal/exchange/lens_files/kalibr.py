@@ -111,7 +111,7 @@ def _circlegrid(root: Field) -> dict[str, Any]:
         "kind": "circles",
         "circles": [root.find("targetCols").integer(2), root.find("targetRows").integer(2)],
         "spacing_m": root.find("spacingMeters").number(),
-        "asymmetric": asymmetric is not None and asymmetric.yes(),
+        "asymmetric": asymmetric is not None and asymmetric.boolean(),
     }
 
 

@@ -61,7 +61,7 @@ def read_opencv(path: str | Path, model: str | None = None, number: int | None =
     terms = _first_matrix(named, (f"{each}{suffix}" for each in _TERMS))
     values = [] if terms is None else _data(terms).numbers()
     said = next((named[each] for each in _FISHEYE if each in named), None)
-    lens = model or ("fisheye" if said is not None and said.yes() else "pinhole")
+    lens = model or ("fisheye" if said is not None and said.boolean() else "pinhole")
     parameters = matrix_parameters(matrix, _data(matrix).numbers(_MATRIX_SIZE))
     size = _size(named)
     usual = values if len(values) in term_counts(lens) else opencv_terms(terms or root, values)

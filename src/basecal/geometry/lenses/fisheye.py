@@ -52,7 +52,7 @@ def _distance(angle: Array, distortion: Sequence[Number]) -> Array:
     return distance
 
 
-def _growth(angle: Array, distortion: Sequence[Number]) -> Array:
+def _radius_derivative(angle: Array, distortion: Sequence[Number]) -> Array:
     """Derivative of the distance from the centre to the angle."""
     k1, k2, k3, k4 = distortion
     s = angle * angle
@@ -72,7 +72,7 @@ def project_with_derivatives(
 ) -> Projection:
     """See `Lens`."""
     r, cosine, sine, angle = _polar(points)
-    distance, growth = _distance(angle, distortion), _growth(angle, distortion)
+    distance, growth = _distance(angle, distortion), _radius_derivative(angle, distortion)
     z = points[..., 2]
     square = r * r + z * z
     outward = growth * z / square
@@ -114,7 +114,7 @@ def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolA
     for _ in range(_MOST_STEPS):
         miss = wanted - _distance(angle, distortion)
         low, high = np.where(miss > 0, angle, low), np.where(miss > 0, high, angle)
-        newton = angle + miss / _growth(angle, distortion)
+        newton = angle + miss / _radius_derivative(angle, distortion)
         moved = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
         settled = np.abs(moved - angle) <= _TOLERANCE
         angle = moved

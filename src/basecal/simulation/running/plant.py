@@ -12,7 +12,7 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.simulation.running.arm import RunningArm
 from basecal.simulation.running.clock import Clock
-from basecal.simulation.running.pictures import CameraView, Seen
+from basecal.simulation.running.images import CameraView, Seen
 from basecal.simulation.running.world import World
 from basecal.simulation.surroundings.drawing import Scene, Surroundings
 from basecal.simulation.surroundings.model import Stage
@@ -96,7 +96,7 @@ class Plant:
         """Switch the light."""
         self._lit = carrier
 
-    def picture(self, camera: str) -> Shot:
+    def shot(self, camera: str) -> Shot:
         """The next image of a camera, after those that were lost."""
         if camera not in self._views:
             raise InputError(f"no camera {camera!r}; there are: {', '.join(self._views)}")
@@ -106,7 +106,7 @@ class Plant:
             now = self._clock.wait(_FRAME_PERIOD_S)
             self._shots += 1
         begin, noise = now + faults.size("late-trigger"), int(self._render(camera, 2).integers(2**62))
-        image = self._views[camera].picture(
+        image = self._views[camera].image(
             lambda at: self._camera_scene(camera, at), begin, _EXPOSURE_S, self._lit, noise
         )
         return Shot(now + 0.5 * _EXPOSURE_S + faults.size("clock-offset"), image)

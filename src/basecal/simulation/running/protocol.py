@@ -32,7 +32,7 @@ LONGEST_LINE = 2**24
 MOST_JOINTS = 100
 """Of an arm, which bounds what is asked and answered."""
 
-_PICTURE_TIMEOUT_S = 60.0  # for an image that is drawn on a busy machine
+_IMAGE_TIMEOUT_S = 60.0  # for an image that is drawn on a busy machine
 _ANSWER_TIMEOUT_S = 10.0  # for any other answer, and to connect
 _LEAST_TIMEOUT_S = 1e-3  # a socket without any would wait for ever
 _RECEIVED_BYTES = 2**16  # at once
@@ -123,7 +123,7 @@ class Connection:
         Raises:
             DriverError: if the cell refuses, or does not answer any more.
         """
-        wait_s = _PICTURE_TIMEOUT_S if request.get("do") == "picture" else _ANSWER_TIMEOUT_S
+        wait_s = _IMAGE_TIMEOUT_S if request.get("do") == "picture" else _ANSWER_TIMEOUT_S
         try:
             answer = decode(self._exchange_lines(encode({"token": self.token, **request}), time.monotonic() + wait_s))
         except (OSError, InputError) as error:

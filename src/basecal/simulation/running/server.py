@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -52,8 +52,8 @@ def _stop(plant: Plant, request: Request) -> dict[str, Any]:
     return {}
 
 
-def _picture(plant: Plant, request: Request) -> dict[str, Any]:
-    shot = plant.picture(request.camera)
+def _image(plant: Plant, request: Request) -> dict[str, Any]:
+    shot = plant.shot(request.camera)
     return {"stamp_s": shot.stamp_s, "png_base64": base64.b64encode(png_bytes(shot.image)).decode()}
 
 
@@ -66,7 +66,7 @@ _ACTIONS: dict[str, Callable[[Plant, Request], dict[str, Any]]] = {
     "state": _state,
     "move": _move,
     "stop": _stop,
-    "picture": _picture,
+    "picture": _image,
     "light": _light,
 }
 
@@ -140,15 +140,15 @@ class CellServer(socketserver.ThreadingTCPServer):
 
 
 class _Handler(socketserver.StreamRequestHandler):
+    server: CellServer
     disable_nagle_algorithm = True
 
     def handle(self) -> None:
         """Answer a connection line by line, until it ends or a line is longer than any request; then arms rest."""
-        server = cast(CellServer, self.server)
         with suppress(OSError), ExitStack() as ending:  # whoever asked was cut off
-            ending.callback(server.stop)
+            ending.callback(self.server.stop)
             while line := self.rfile.readline(_LONGEST_REQUEST):
-                answer = encode(server.answer(line))
+                answer = encode(self.server.answer(line))
                 self.wfile.write(answer if len(answer) < LONGEST_LINE else encode({"ok": False, "error": "too long"}))
                 if not line.endswith(b"\n"):
                     return

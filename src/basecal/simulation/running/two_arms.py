@@ -88,18 +88,18 @@ def _plate(shape: Target, rng: draw.Generator) -> SE3:
     ahead = np.array([0.0, 0.0, _PLATE_OFFSET_M]) + draw.draw_in_ball(rng, 1, 0.02)[0]
     if shape.is_point:
         return SE3(np.eye(3), ahead - shape.points[0])
-    rotation = _facing(shape, np.diag([1.0, -1.0, -1.0])) @ rotation_exp(draw.draw_in_ball(rng, 1, 0.06)[0])
+    rotation = _front_rotation(shape, np.diag([1.0, -1.0, -1.0])) @ rotation_exp(draw.draw_in_ball(rng, 1, 0.06)[0])
     return SE3(rotation, ahead - rotation @ shape.points.mean(0))
 
 
-def _facing(shape: Target, a_from_sheet: Array) -> Array:
+def _front_rotation(shape: Target, a_from_sheet: Array) -> Array:
     """The rotation of a target whose front, x right and y down as it is looked at, stands at `a_from_sheet`."""
     return a_from_sheet @ front(shape).T
 
 
 def _camera_from_target(shape: Target) -> SE3:
     """Where a target is to begin with: straight ahead, upright."""
-    rotation = np.diag([-1.0, 1.0, -1.0]) if shape.is_point else _facing(shape, np.eye(3))
+    rotation = np.diag([-1.0, 1.0, -1.0]) if shape.is_point else _front_rotation(shape, np.eye(3))
     return SE3(rotation, np.array([0.0, 0.0, _DISTANCE_M]) - rotation @ shape.points.mean(0))
 
 

@@ -69,7 +69,7 @@ def charuco_board(target: Target) -> Any:
         size = "x".join(map(str, of["squares"]))
         few = f"{of['dictionary']} has {len(known.bytesList)} markers, a {size} board needs {needed}"
         larger = smallest_dictionary(of["dictionary"], needed)
-        mend = f": write dictionary: {larger}, which begins with the same" if larger != of["dictionary"] else ""
+        mend = f": write `dictionary: {larger}`, which begins with the same" if larger != of["dictionary"] else ""
         raise InputError(f"{few}{mend}")
     board = cv2.aruco.CharucoBoard(tuple(of["squares"]), of["square_m"], of["marker_m"], known)
     board.setLegacyPattern(bool(of.get("legacy_pattern", False)))

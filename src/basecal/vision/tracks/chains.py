@@ -20,13 +20,13 @@ class Chains(NamedTuple):
     track: IntArray
 
 
-def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Matches], min_pictures: int) -> Chains:
+def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Matches], min_images: int) -> Chains:
     """Tracks that so many images show, without the images in which one would have two features.
 
     Args:
         counts: Features of each image.
         matches: By the indices of two images.
-        min_pictures: Images of a track.
+        min_images: Images of a track.
     """
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     pairs = [(first[i] + each.first, first[j] + each.second) for (i, j), each in matches.items()]
@@ -36,7 +36,7 @@ def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Match
     view = np.repeat(np.arange(len(counts)), counts)
     _, which, times = np.unique(track * len(counts) + view, return_inverse=True, return_counts=True)
     is_single = times[which] == 1
-    enough = np.bincount(track[is_single], minlength=len(track) + 1)[track] >= min_pictures
+    enough = np.bincount(track[is_single], minlength=len(track) + 1)[track] >= min_images
     kept = np.flatnonzero(is_single & enough)
     numbered = np.unique(track[kept], return_inverse=True)[1]
     return Chains(view[kept], kept - first[view[kept]], numbered.astype(np.int64))
@@ -44,7 +44,7 @@ def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Match
 
 def longest_chains(chains: Chains, max_count: int) -> Chains:
     """The longest tracks, so many, by the number of images that show them."""
-    pictures = np.bincount(chains.track)
-    chosen = np.sort(np.argsort(-pictures, kind="stable")[:max_count])
+    images = np.bincount(chains.track)
+    chosen = np.sort(np.argsort(-images, kind="stable")[:max_count])
     kept = np.isin(chains.track, chosen)
     return Chains(chains.view[kept], chains.feature[kept], np.searchsorted(chosen, chains.track[kept]))

@@ -103,11 +103,11 @@ def _cell(seed: int, has_dark: bool) -> tuple[int, int, int, int]:
 
 
 def _found(plant: Plant, light: Target, has_dark: bool) -> Detection | None:
-    lit = plant.picture("wrist").image
+    lit = plant.shot("wrist").image
     if not has_dark:
         return find(lit, light)
     plant.light(False)
-    dark = plant.picture("wrist").image
+    dark = plant.shot("wrist").image
     plant.light(True)
     return find(lit, light, dark)
 
@@ -146,7 +146,7 @@ def stillness(cells: int, stops: int) -> dict[str, Any]:
     }
 
 
-def speeds(pictures: int) -> dict[str, Any]:
+def speeds(images: int) -> dict[str, Any]:
     """Median time of an image [ms] by what is sought in it, and of what else the machine did."""
     rng, milliseconds = np.random.default_rng(0), {}
     boards: dict[str, Target] = {
@@ -154,9 +154,9 @@ def speeds(pictures: int) -> dict[str, Any]:
         "tags, 9": KINDS["tags"][0],
     }
     for name, shape in boards.items():
-        images = [render(CAMERA, shape, pose, RenderSettings(), k) for k, pose in enumerate(_poses(shape, pictures))]
+        images = [render(CAMERA, shape, pose, RenderSettings(), k) for k, pose in enumerate(_poses(shape, images))]
         milliseconds[name] = _median_ms(images, shape)
-    places = np.column_stack([rng.uniform(-0.4, 0.4, (pictures, 2)) * (1, 0.5), np.ones(pictures)])
+    places = np.column_stack([rng.uniform(-0.4, 0.4, (images, 2)) * (1, 0.5), np.ones(images)])
     on = [render_light(CAMERA, place, LightSettings(), 2 * k) for k, place in enumerate(places)]
     off = [
         render_light(CAMERA, place, replace(LightSettings(), photons=0.0), 2 * k + 1) for k, place in enumerate(places)
@@ -185,7 +185,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """Measure, print and write; 1 where a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--pictures", type=int, default=WANTED, help="with a reflection, each with and without a dark one"
+        "--images", type=int, default=WANTED, help="with a reflection, each with and without a dark one"
     )
     parser.add_argument("--lights", type=int, default=200, help="images for each condition")
     parser.add_argument("--cells", type=int, default=2, help="whose arms ring")
@@ -198,8 +198,8 @@ def main(words: Sequence[str] | None = None) -> int:
     parts: dict[str, Callable[[], dict[str, Any]]] = {
         "speed": lambda: speeds(10),
         "stillness": lambda: stillness(asked.cells, asked.stops),
-        "reflections, switched": lambda: reflections(asked.pictures, True, kept, asked.minutes / 2),
-        "reflections, always on": lambda: reflections(asked.pictures, False, kept, asked.minutes / 2),
+        "reflections, switched": lambda: reflections(asked.images, True, kept, asked.minutes / 2),
+        "reflections, always on": lambda: reflections(asked.images, False, kept, asked.minutes / 2),
         "lights": lambda: {
             "pictures": asked.lights,
             "of": [_over_bound(lights(*of, asked.lights)) for of in conditions],
@@ -209,7 +209,7 @@ def main(words: Sequence[str] | None = None) -> int:
     for name, part in parts.items():
         result[name] = part()
         print(name, result[name], flush=True)
-        write("capture_pictures", result)
+        write("capture_images", result)
     missed = missed_goals(result)
     print("missed: " + ("; ".join(missed) or "none"))
     return int(bool(missed))

@@ -27,9 +27,9 @@ from basecal.vision.detect import detect
 from benchmarks.common import on_one_core, table, write
 
 BASE = "eye_base_from_hand_base"
-PICTURES = (3, 4, 5, 6, 7, 8, 10, 12, 16, 20, 24)
+IMAGES = (3, 4, 5, 6, 7, 8, 10, 12, 16, 20, 24)
 NOISE = (1e-4, 2e-4)  # [m, rad] per axis and stop
-_SCENARIO = Scenario(samples=max(PICTURES), robot_noise=NOISE, state_robot_noise=False, state_pixel_noise=False)
+_SCENARIO = Scenario(samples=max(IMAGES), robot_noise=NOISE, state_robot_noise=False, state_pixel_noise=False)
 ENOUGH = 10
 # Of 40 cells: the mean of 40 chi-squares of six freedoms, over six, scatters by 0.09; upwards its tails are longer.
 BAND = (0.7, 1.4)
@@ -113,20 +113,18 @@ def row(found: dict[str, Any]) -> tuple[object, ...]:
 
 
 def main(arguments: list[str]) -> None:
-    """Render, calibrate and print; of all 40 cells write results/few_pictures.json too."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.few_pictures", description=__doc__)
-    parser.add_argument(
-        "--pictures", nargs="*", type=int, default=list(PICTURES), metavar="N", help="how many are left"
-    )
+    """Render, calibrate and print; of all 40 cells write results/few_images.json too."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.few_images", description=__doc__)
+    parser.add_argument("--images", nargs="*", type=int, default=list(IMAGES), metavar="N", help="how many are left")
     parser.add_argument("--cells", type=int, default=40)
     parser.add_argument("--first-seed", type=int, default=70000)
     asked = parser.parse_args(arguments)
     on_one_core()
-    every = [outcomes(asked.first_seed + k, asked.pictures) for k in range(asked.cells)]
-    found = [summary(count, of) for count, of in zip(asked.pictures, zip(*every, strict=True), strict=True)]
+    every = [outcomes(asked.first_seed + k, asked.images) for k in range(asked.cells)]
+    found = [summary(count, of) for count, of in zip(asked.images, zip(*every, strict=True), strict=True)]
     print(table(HEAD, map(row, found)))
-    if tuple(asked.pictures) == PICTURES and asked.cells >= 40:
-        write("few_pictures", {"rows": found, "first_seed": asked.first_seed})
+    if tuple(asked.images) == IMAGES and asked.cells >= 40:
+        write("few_images", {"rows": found, "first_seed": asked.first_seed})
 
 
 if __name__ == "__main__":

@@ -14,11 +14,11 @@ from basecal.vision.image_header import header
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
 """Of images that can be read, in small letters."""
 
-_OTHER_PICTURES = frozenset(
+_OTHER_IMAGES = frozenset(
     (".heic", ".heif", ".gif", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".dng", ".exr", ".jp2", ".avif", ".npy")
 ) | {".mp4", ".avi", ".mov", ".mkv", ".bag", ".mcap"}
 _HEADER_BYTES = 2**24  # of an image in which its size stands: metadata before it fill less
-_MOST_PICTURES = 200_000  # as many as a recording may have samples
+_MOST_IMAGES = 200_000  # as many as a recording may have samples
 _STARTS = (
     b"\x89PNG",
     b"\xff\xd8\xff",
@@ -43,7 +43,7 @@ _SINCE_1970 = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
 _FEWEST_NUMBERED = 3  # names that make a numbering
 
 
-def list_pictures(folder: Path) -> tuple[Path, ...]:
+def list_images(folder: Path) -> tuple[Path, ...]:
     """The images of a folder; 2.png stands before 10.png.
 
     Raises:
@@ -64,17 +64,17 @@ def list_pictures(folder: Path) -> tuple[Path, ...]:
         there = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
         expected = f"expected {', '.join(ENDINGS)}"
         raise DatasetError(str(folder), f"holds no images that are read, but {there}; {expected}")
-    if len(found) > _MOST_PICTURES:
-        raise DatasetError(str(folder), f"{len(found)} images, expected at most {_MOST_PICTURES}")
+    if len(found) > _MOST_IMAGES:
+        raise DatasetError(str(folder), f"{len(found)} images, expected at most {_MOST_IMAGES}")
     return tuple(sorted(found, key=natural_order))
 
 
-def is_picture(path: Path) -> bool:
+def is_image(path: Path) -> bool:
     """Whether a file is an image by its name."""
     return path.suffix.lower() in ENDINGS
 
 
-def check_picture(path: Path) -> None:
+def check_image(path: Path) -> None:
     """Check that a file begins as images do: others are never copied under the name of one.
 
     Raises:
@@ -86,9 +86,9 @@ def check_picture(path: Path) -> None:
             raise DatasetError(str(path), f"is no image, whatever its name; expected {', '.join(ENDINGS)}")
 
 
-def unreadable_pictures(folder: Path) -> tuple[str, ...]:
+def unreadable_images(folder: Path) -> tuple[str, ...]:
     """Names of files beside the images that are images, or films, of a kind that is not read."""
-    return tuple(sorted(path.name for path in folder.iterdir() if path.suffix.lower() in _OTHER_PICTURES))
+    return tuple(sorted(path.name for path in folder.iterdir() if path.suffix.lower() in _OTHER_IMAGES))
 
 
 def usual_size(sizes: Sequence[tuple[int, int]]) -> tuple[int, int]:
@@ -96,7 +96,7 @@ def usual_size(sizes: Sequence[tuple[int, int]]) -> tuple[int, int]:
     return Counter(sizes).most_common(1)[0][0]
 
 
-def picture_size(path: Path) -> tuple[int, int] | None:
+def image_size(path: Path) -> tuple[int, int] | None:
     """Width and height of an image [px]; None if they cannot be read."""
     try:
         with path.open("rb") as file:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.acquisition.pictures.sharpness import Sharpness
+from basecal.acquisition.images.sharpness import Sharpness
 from basecal.geometry import SE3
 from basecal.vision.draw.motion_blur import blur_motion
 from basecal.vision.draw.render import RenderSettings, expose, radiance
@@ -22,8 +22,8 @@ def is_blurred(before, away_m=0.65, way=(0.0, 0.0), blur_px=0.5):
     settings = RenderSettings(blur_px=blur_px)
     at = SE3(np.eye(3), np.array([0.0, 0.0, away_m]) - BOARD.points.mean(0))
     pixels = LENS.project(at @ BOARD.points)
-    picture = expose(blur_motion(radiance(LENS, [(BOARD, at)], settings), np.array(way)), settings, 0)
-    return before.is_blurred(VIEW, edge_width(picture, pixels), pixels, BOARD.points)
+    image = expose(blur_motion(radiance(LENS, [(BOARD, at)], settings), np.array(way)), settings, 0)
+    return before.is_blurred(VIEW, edge_width(image, pixels), pixels, BOARD.points)
 
 
 @pytest.mark.parametrize("blur_px", [0.5, 4.0])

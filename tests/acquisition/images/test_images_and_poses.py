@@ -13,8 +13,8 @@ from tests.shared.pose_trial import SIGMAS, Source, tried
 
 from basecal.acquisition.driver import Place
 from basecal.acquisition.drivers.opencv import open_camera
-from basecal.acquisition.pictures.feed import feed_camera
-from basecal.acquisition.pictures.latency import ArmMotion
+from basecal.acquisition.images.feed import feed_camera
+from basecal.acquisition.images.latency import ArmMotion
 from basecal.cell import Cell, Robot
 from basecal.errors import DriverError
 from basecal.vision import stream as module
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.timed
     ],
     ids=lambda source: source.name,
 )
-def test_each_picture_shows_the_pose_beside_it(source):
+def test_each_image_shows_the_pose_beside_it(source):
     """Two samples are taken, and points in their images are where the recorded poses put them."""
     outcome = tried(source, 2, seed=1)
     assert outcome["refused"] == []

@@ -16,8 +16,8 @@ from basecal.geometry import Array
 _LEAST_MOTION = 2e-3  # [rad, m] of any joint: an image shows it, and noise of encoders is smaller
 _PAUSE_S = 0.3  # shorter pauses are part of one motion
 _LAGS_S = np.arange(0.0, 6.0, 0.005)
-_LEAST_PICTURES = 3  # that have to show the motion
-_STILL_PICTURES = 2  # after it
+_LEAST_IMAGES = 3  # that have to show the motion
+_STILL_IMAGES = 2  # after it
 _LEAST_OVERLAP = 0.5  # of the arms' motion and that in the image, over both: below, something else moved
 _CHANCE_FACTOR = 1.01  # images that may disagree by chance: one
 
@@ -74,7 +74,7 @@ def estimate_latency(spans: Array, arrivals: Array) -> Latency | None:
             before, 0 for others.
     """
     moves = arrivals[:, 1] > 0
-    if moves.sum() < _LEAST_PICTURES or moves[-_STILL_PICTURES:].any():
+    if moves.sum() < _LEAST_IMAGES or moves[-_STILL_IMAGES:].any():
         return None
     moves[1:-1] |= moves[:-2] & moves[2:]  # some cameras give an image twice
     exposed = arrivals[:, :1, None] - _LAGS_S[:, None]

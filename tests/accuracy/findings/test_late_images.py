@@ -8,7 +8,7 @@ import pytest
 from tests.pose_problem import pose_problem
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.findings.late_pictures import _Late, _problem_sentence, late_pictures
+from basecal.accuracy.findings.late_images import _Late, _problem_sentence, late_images
 from basecal.cell import Finding, PoseObservation, Recording, Sample
 from basecal.estimation.outliers.left_out import LeftOut
 from basecal.estimation.problem.build import build_problem
@@ -107,7 +107,7 @@ def seen_late(*late_s: float, aside: float = 0.0, samples: int = 100) -> list[Fi
         recorded=problem.with_groups([moving, used, still]),
         solution=SimpleNamespace(state=state),
     )
-    return late_pictures(of)
+    return late_images(of)
 
 
 def test_a_delay_is_how_far_along_its_way_a_view_is() -> None:
@@ -132,7 +132,7 @@ def test_time_takes_away_nine_tenths_of_what_a_view_is_off_by(late_s: float, asi
 
 
 @pytest.mark.parametrize("status", ["fixed", "free"])
-def test_pictures_are_late_as_poses_are(status: str) -> None:
+def test_images_are_late_as_poses_are(status: str) -> None:
     """Of a board that was seen where it is a moment later, through a lens that is known or not."""
     made = simulate(Scenario(samples=3, intrinsics=status), 0)
     problem, _ = build_problem(made.cell, made.recording)
@@ -148,6 +148,6 @@ def test_pictures_are_late_as_poses_are(status: str) -> None:
         recorded=problem.with_groups([group]),
         solution=SimpleNamespace(state=state),
     )
-    (finding,) = late_pictures(of)
+    (finding,) = late_images(of)
     assert finding.about == ("wrist", "0", "2")
     assert "(20 ms late, 30 ms early)" in finding.message

@@ -49,14 +49,14 @@ _LAYOUTS = {
 }
 
 
-class PictureFile(NamedTuple):
+class ImageFile(NamedTuple):
     """A file's ending, and what it holds."""
 
     ending: str
     content: bytes
 
 
-def picture_file(message: Message, path: str) -> PictureFile:
+def image_file(message: Message, path: str) -> ImageFile:
     """An image as a file.
 
     Args:
@@ -73,10 +73,10 @@ def picture_file(message: Message, path: str) -> PictureFile:
     ending = next((end for magic, end in _MAGIC.items() if content.startswith(magic)), None)
     if ending is None:
         raise InputError(f"{where}: compressed as {message.data.format!r}, expected jpeg or png")
-    return PictureFile(ending, content)
+    return ImageFile(ending, content)
 
 
-def _netpbm(image: Any, place: str) -> PictureFile:
+def _netpbm(image: Any, place: str) -> ImageFile:
     layout = _LAYOUTS.get(image.encoding)
     if layout is None:
         raise InputError(f"{place}: images are {image.encoding!r}; expected {list_names(list(_LAYOUTS))}")
@@ -93,7 +93,7 @@ def _netpbm(image: Any, place: str) -> PictureFile:
     is_grey = len(layout.taken) == 1
     head = f"P{5 if is_grey else 6}\n{width} {height}\n{256**layout.depth - 1}\n"
     content = pixels.astype(kind.newbyteorder(">")).tobytes()
-    return PictureFile(".pgm" if is_grey else ".ppm", head.encode() + content)
+    return ImageFile(".pgm" if is_grey else ".ppm", head.encode() + content)
 
 
 def _brightness(mosaic: NDArray[np.integer[Any]]) -> NDArray[np.uint32]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.pictures import list_pictures, picture_size, read_time, unreadable_pictures, usual_size
+from basecal.exchange.images import image_size, list_images, read_time, unreadable_images, usual_size
 
 
 def filled(folder: Path, *names: str) -> Path:
@@ -23,7 +23,7 @@ def filled(folder: Path, *names: str) -> Path:
 def test_numbers_count_as_numbers(tmp_path: Path) -> None:
     """2 stands before 10, with or without zeros in front; hidden files and others are passed over."""
     filled(tmp_path, "img10.png", "img2.JPG", "img001.png", ".img0.png", "notes.txt")
-    assert [path.name for path in list_pictures(tmp_path)] == ["img001.png", "img2.JPG", "img10.png"]
+    assert [path.name for path in list_images(tmp_path)] == ["img001.png", "img2.JPG", "img10.png"]
 
 
 @pytest.mark.parametrize(
@@ -37,19 +37,19 @@ def test_numbers_count_as_numbers(tmp_path: Path) -> None:
 def test_what_is_there_instead_is_said(tmp_path: Path, names: tuple[str, ...], said: str) -> None:
     """Other endings, and folders inside."""
     with pytest.raises(DatasetError, match=said):
-        list_pictures(filled(tmp_path, *names))
+        list_images(filled(tmp_path, *names))
 
 
 def test_a_file_is_no_folder(tmp_path: Path) -> None:
     """Nor is nothing."""
     for name in ("a.png", "none"):
         with pytest.raises(DatasetError, match="is no folder"):
-            list_pictures(filled(tmp_path, "a.png") / name)
+            list_images(filled(tmp_path, "a.png") / name)
 
 
-def test_pictures_of_other_kinds_are_named(tmp_path: Path) -> None:
+def test_images_of_other_kinds_are_named(tmp_path: Path) -> None:
     """Those that people would miss; a list or a note is none."""
-    assert unreadable_pictures(filled(tmp_path, "a.png", "b.HEIC", "c.mp4", "d.txt")) == ("b.HEIC", "c.mp4")
+    assert unreadable_images(filled(tmp_path, "a.png", "b.HEIC", "c.mp4", "d.txt")) == ("b.HEIC", "c.mp4")
 
 
 @pytest.mark.parametrize(
@@ -80,10 +80,10 @@ def test_the_usual_size() -> None:
     assert usual_size([(4, 3), (8, 6), (8, 6)]) == (8, 6)
 
 
-def test_the_size_of_a_picture(tmp_path: Path) -> None:
+def test_the_size_of_a_image(tmp_path: Path) -> None:
     """By its first bytes; of what is no image, or not there, nothing is said."""
     cv2.imwrite(str(tmp_path / "a.png"), np.zeros((48, 64), np.uint8))
     (tmp_path / "b.png").write_bytes(b"no image")
-    assert picture_size(tmp_path / "a.png") == (64, 48)
-    assert picture_size(tmp_path / "b.png") is None
-    assert picture_size(tmp_path / "c.png") is None
+    assert image_size(tmp_path / "a.png") == (64, 48)
+    assert image_size(tmp_path / "b.png") is None
+    assert image_size(tmp_path / "c.png") is None

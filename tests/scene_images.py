@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from basecal.accuracy.scene.images import Images
 from basecal.accuracy.scene.one_camera import OneCamera, own_views
-from basecal.accuracy.scene.pictures import Pictures
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.mount_search import MountStart
 from basecal.estimation.scene.state import SceneState
@@ -30,7 +30,7 @@ def random_looks(rng: np.random.Generator, count: int) -> Descriptors:
     return unit_rows(rng.standard_normal((count, DESCRIPTOR)))
 
 
-def pictures_of_scene(scene: Scene, seed: int = 1, looks: tuple[Descriptors, ...] | None = None) -> Pictures:
+def images_of_scene(scene: Scene, seed: int = 1, looks: tuple[Descriptors, ...] | None = None) -> Images:
     """A feature for each image point, and clutter.
 
     Args:
@@ -52,7 +52,7 @@ def pictures_of_scene(scene: Scene, seed: int = 1, looks: tuple[Descriptors, ...
         descriptors = np.concatenate([shown, random_looks(rng, CLUTTER)])
         features.append(Features(pixels[order], descriptors[order]))
     count = len(scene.views.cameras)
-    return Pictures(scene.views, tuple(features), (LENS,) * count, (False,) * count)
+    return Images(scene.views, tuple(features), (LENS,) * count, (False,) * count)
 
 
 def with_inverted_poses(views: SceneViews, camera: int) -> SceneViews:
@@ -63,14 +63,14 @@ def with_inverted_poses(views: SceneViews, camera: int) -> SceneViews:
     return replace(views, base_from_flange=SE3.stack(poses))
 
 
-def solved_camera(scene: Scene, pictures: Pictures, camera: int) -> OneCamera:
+def solved_camera(scene: Scene, images: Images, camera: int) -> OneCamera:
     """What a camera's images say if its mount and points are the true ones, without a search."""
     views, rows = own_views(scene.views, camera)
     mine = scene.views.camera[scene.tracks.view] == camera
     local = scene.tracks.view[mine] - rows[0]
     own = Tracks(local, scene.tracks.point[mine], scene.tracks.pixels[mine], scene.tracks.feature[mine])
     tracks, old = own.take(np.ones(len(own), dtype=bool))
-    at = [pictures.features[rows[v]].pixels for v in tracks.view]
+    at = [images.features[rows[v]].pixels for v in tracks.view]
     feature = [int(np.argmin(np.sum((all_px - px) ** 2, 1))) for all_px, px in zip(at, tracks.pixels, strict=True)]
     tracks = replace(tracks, feature=np.array(feature))
     base = scene.truth.bases[camera]

@@ -9,7 +9,7 @@ import pytest
 
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
-from basecal.simulation.running.pictures import CameraView, Seen
+from basecal.simulation.running.images import CameraView, Seen
 from basecal.vision.draw.light import LightSettings
 from shared.facing_arms import facing_arms
 
@@ -24,8 +24,8 @@ def brightest(image):
 def test_a_light_is_on_or_off():
     """It stands where the lens has it while it is on, and is gone when it is off."""
     view = CameraView(LENS, 0.0)
-    lit = view.picture(lambda at: LIGHT, 0.0, 0.01, True, 1)
-    dark = view.picture(lambda at: LIGHT, 0.0, 0.01, False, 2)
+    lit = view.image(lambda at: LIGHT, 0.0, 0.01, True, 1)
+    dark = view.image(lambda at: LIGHT, 0.0, 0.01, False, 2)
     assert brightest(lit) in {(159, 119), (160, 120), (159, 120), (160, 119)}
     assert int(lit.max()) > 100 > 40 > int(dark.max())
 
@@ -33,7 +33,7 @@ def test_a_light_is_on_or_off():
 def test_the_table_shows_it_again():
     """A reflection stands where the mirrored point is, weaker by its share."""
     plain, mirrored = (
-        CameraView(LENS, share).picture(lambda at: LIGHT, 0.0, 0.01, True, 1).astype(float) for share in (0.0, 0.4)
+        CameraView(LENS, share).image(lambda at: LIGHT, 0.0, 0.01, True, 1).astype(float) for share in (0.0, 0.4)
     )
     more = (mirrored - plain)[155:185, 145:175].sum()
     light = LightSettings().photons / LightSettings().photons_per_level
@@ -46,7 +46,7 @@ def test_a_moving_light_is_smeared():
     def seen(at):
         return replace(LIGHT, camera_from_target=SE3(np.eye(3), np.array([at, 0.0, 1.0])))
 
-    image = CameraView(LENS, 0.0).picture(seen, -0.005, 0.01, True, 1).astype(float) - 10
+    image = CameraView(LENS, 0.0).image(seen, -0.005, 0.01, True, 1).astype(float) - 10
     v, u = np.mgrid[:240, :320]
     near = (np.abs(u - 159.5) < 12) & (np.abs(v - 119.5) < 12)
     weights = np.where(near, np.maximum(image, 0), 0)
@@ -58,11 +58,11 @@ def test_a_moving_light_is_smeared():
     assert spread[0] > 1.15 * spread[1]
 
 
-def test_noise_is_new_in_every_picture():
+def test_noise_is_new_in_every_image():
     """Two images of the same board differ by noise of some levels, and no more."""
     world = facing_arms()
     board = world.cell.targets["board"].target
     seen = Seen(board, SE3(np.diag([1.0, 1, 1]), np.array([-0.1, -0.1, 0.6])), np.zeros((0, 3)))
     view = CameraView(world.lenses["wrist"], 0.0)
-    first, second = (view.picture(lambda at: seen, 0.0, 0.01, True, seed).astype(float) for seed in (1, 2))
+    first, second = (view.image(lambda at: seen, 0.0, 0.01, True, seed).astype(float) for seed in (1, 2))
     assert 2.0 < np.std(first - second) < 4.0

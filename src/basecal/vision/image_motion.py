@@ -25,10 +25,10 @@ _NOISE_STRIDE = 7  # th pixel tells the noise
 _NOISE_SIGMAS = 4.5  # sigmas: of a hundred blocks none has that by chance, but once in a thousand images
 
 
-def reduce_picture(picture: Image) -> Levels:
+def reduce_image(image: Image) -> Levels:
     """An image as `shift_between` takes it: smaller and smoother."""
-    size = (picture.shape[1] // _REDUCTION, picture.shape[0] // _REDUCTION)
-    fewer = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    size = (image.shape[1] // _REDUCTION, image.shape[0] // _REDUCTION)
+    fewer = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.asarray(cv2.GaussianBlur(fewer, (0, 0), _SMOOTH_PX), dtype=np.float32)
 
 
@@ -38,7 +38,7 @@ def shift_between(first: Levels, second: Levels) -> float:
     It is 0 if nothing has structure, and infinite if the images differ in size.
 
     Args:
-        first: The image, made by `reduce_picture`.
+        first: The image, made by `reduce_image`.
         second: The next one, likewise.
     """
     if first.shape != second.shape:

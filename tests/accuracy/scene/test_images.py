@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.accuracy.scene.pictures import Pictures, read_pictures
+from basecal.accuracy.scene.images import Images, read_images
 from basecal.cell import RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import InputError
 from basecal.estimation.settings import Settings
+from planar_arm import planar
 
 CELL = """schema: basecal/cell/1
 reference: left
@@ -45,14 +46,14 @@ def write(folder: Path, samples: list[dict]) -> None:
             cv2.imwrite(str(folder / "recording" / path), levels)
 
 
-def read(folder: Path) -> Pictures:
+def read(folder: Path) -> Images:
     """Its images."""
     cell = read_cell(folder)
     recording = read_recording(folder, cell)
-    return read_pictures(cell, recording)
+    return read_images(cell, recording)
 
 
-def test_each_picture_with_a_pose_is_a_view(tmp_path: Path) -> None:
+def test_each_image_with_a_pose_is_a_view(tmp_path: Path) -> None:
     """Images without a pose of the arm that carries their camera, and samples without images, are passed over."""
     write(
         tmp_path,
@@ -103,7 +104,20 @@ def test_joints_need_a_urdf(tmp_path: Path) -> None:
     recording = read_recording(tmp_path, cell)
     by_joints = replace(recording.samples[0], robots={"left": RobotState(joints_rad=np.zeros(6))})
     with pytest.raises(InputError, match="'left' is recorded by joints and has no urdf"):
-        read_pictures(cell, replace(recording, samples=(by_joints,)))
+        read_images(cell, replace(recording, samples=(by_joints,)))
+
+
+def test_robots_that_recorded_joints_are_known(tmp_path: Path) -> None:
+    """A URDF alone does not make joints of poses; one robot may record joints, and the other poses."""
+    chain = planar(1.0, 1.0)
+    write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"left_eye": "a.png", "right_eye": "bb.png"}}])
+    cell = read_cell(tmp_path)
+    cell = replace(cell, robots={name: replace(robot, chain=chain) for name, robot in cell.robots.items()})
+    recording = read_recording(tmp_path, cell)
+    (sample,) = recording.samples
+    joints = {"left": RobotState(joints_rad=np.zeros(len(chain.joint_names)))}
+    recording = replace(recording, samples=(replace(sample, robots={**sample.robots, **joints}),))
+    assert read_images(cell, recording).joint_robots == ("left",)
 
 
 @pytest.mark.parametrize(
@@ -123,15 +137,15 @@ def test_a_guess_is_of_the_model_asked_for(tmp_path: Path, stated: str, model: s
     assert lens.distortion.tolist() == [0.0] * terms
 
 
-def test_pictures_need_a_folder(tmp_path: Path) -> None:
+def test_images_need_a_folder(tmp_path: Path) -> None:
     """A recording of images that was not read from a cell is one clear error."""
     write(tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}])
     cell = read_cell(tmp_path)
     with pytest.raises(InputError, match="read the recording from its cell's folder"):
-        read_pictures(cell, replace(read_recording(tmp_path, cell), folder=None))
+        read_images(cell, replace(read_recording(tmp_path, cell), folder=None))
 
 
-def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+def test_a_image_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     """The others are used."""
     write(
         tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}, {"robots": LEFT, "images": {"left_eye": "b.png"}}]
@@ -142,10 +156,10 @@ def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     assert [(each.code, each.about) for each in found.lost] == [("dropped-sample", ("1", "left_eye"))]
 
 
-def test_each_picture_that_is_read_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_each_image_that_is_read_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Features of an image take up to a second: how many are read is told one after another."""
     write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"left_eye": "a.png", "right_eye": "bb.png"}}])
     cell = read_cell(tmp_path)
     with caplog.at_level("INFO", logger="basecal"):
-        read_pictures(cell, read_recording(tmp_path, cell), Settings())
+        read_images(cell, read_recording(tmp_path, cell), Settings())
     assert [each.message for each in caplog.records] == ["1 of 2", "2 of 2"]

@@ -58,7 +58,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(json.dumps(rows[-1]), flush=True)
     if not asked.only:
         earlier = [] if asked.earlier is None else json.loads(asked.earlier.read_text(encoding="utf-8"))
-        write("pictures_and_poses", {"rows": rows, "earlier": earlier})
+        write("images_and_poses", {"rows": rows, "earlier": earlier})
     print(f"{sum(row['wrong'] for row in rows)} wrong of {sum(row['taken'] for row in rows)} taken")
     return int(any(row["wrong"] for row in rows))
 

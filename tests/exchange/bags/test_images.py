@@ -11,7 +11,7 @@ from tests.bag_of_cell import BEGIN_S, new_bag
 
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import Message, Topic
-from basecal.exchange.bags.pictures import picture_file
+from basecal.exchange.bags.images import image_file
 
 RNG = np.random.default_rng(0)
 GREY = RNG.integers(0, 256, (4, 6), dtype=np.uint8)
@@ -39,7 +39,7 @@ def message(tmp_path: Path, pixels: np.ndarray, encoding: str) -> Message:
     ],
 )
 def test_raw(pixels: np.ndarray, encoding: str, expected: np.ndarray, tmp_path: Path) -> None:
-    found = picture_file(message(tmp_path, pixels, encoding), "x.bag")
+    found = image_file(message(tmp_path, pixels, encoding), "x.bag")
     read = cv2.imdecode(np.frombuffer(found.content, np.uint8), cv2.IMREAD_UNCHANGED)
     assert found.ending == (".pgm" if expected.ndim == 2 else ".ppm")
     np.testing.assert_array_equal(read, expected)
@@ -61,7 +61,7 @@ def test_single_colours_side_by_side(order: str, kind: type, tmp_path: Path) -> 
     ramp = np.broadcast_to(np.arange(8)[:, None] * (most // 8), (6, 8, 3)).astype(kind)
     for bgr in (colour, ramp):
         given = message(tmp_path / str(bgr[0, -1, 0]), mosaic(bgr, order), f"bayer_{order}{8 * kind().itemsize}")
-        read = cv2.imdecode(np.frombuffer(picture_file(given, "x.bag").content, np.uint8), cv2.IMREAD_UNCHANGED)
+        read = cv2.imdecode(np.frombuffer(image_file(given, "x.bag").content, np.uint8), cv2.IMREAD_UNCHANGED)
         wanted = bgr.astype(float) @ [0.25, 0.5, 0.25]
         assert read.dtype == kind
         np.testing.assert_allclose(read[:, 1:-1], wanted[:, 1:-1], atol=0.5)
@@ -73,7 +73,7 @@ def test_rows_with_padding_and_the_other_order_of_bytes(tmp_path: Path) -> None:
     """`step` is longer than a row, and 16 bits are written big end first."""
     given = message(tmp_path, np.hstack([DEEP, DEEP[:, :2]]).astype(">u2").view(np.uint16), "mono16")
     given.data.width, given.data.is_bigendian = 6, 1
-    read = cv2.imdecode(np.frombuffer(picture_file(given, "x.bag").content, np.uint8), cv2.IMREAD_UNCHANGED)
+    read = cv2.imdecode(np.frombuffer(image_file(given, "x.bag").content, np.uint8), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(read, DEEP)
 
 
@@ -83,16 +83,16 @@ def test_compressed_ones_are_as_they_were(tmp_path: Path) -> None:
         bag = new_bag(tmp_path, "ros1")
         bag.compressed("/eye/image_raw/compressed", BEGIN_S, content)
         topic, kind, time, data = bag.messages[0]
-        assert picture_file(Message(Topic(topic, kind, 1), time, data), "x.bag") == (ending, content)
+        assert image_file(Message(Topic(topic, kind, 1), time, data), "x.bag") == (ending, content)
         data.data = data.data[4:]
         with pytest.raises(InputError, match="expected jpeg or png"):
-            picture_file(Message(Topic(topic, kind, 1), time, data), "x.bag")
+            image_file(Message(Topic(topic, kind, 1), time, data), "x.bag")
 
 
 def test_what_is_not_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="32FC1"):
-        picture_file(message(tmp_path, GREY, "32FC1"), "x.bag")
+        image_file(message(tmp_path, GREY, "32FC1"), "x.bag")
     cut = message(tmp_path, GREY, "mono8")
     cut.data.data = cut.data.data[:-1]
     with pytest.raises(InputError, match="23 bytes for 6 x 4 pixels"):
-        picture_file(cut, "x.bag")
+        image_file(cut, "x.bag")

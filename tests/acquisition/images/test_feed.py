@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Camera, Picture, Switches
-from basecal.acquisition.pictures.feed import feed_camera
-from basecal.acquisition.pictures.latency import ArmMotion
-from basecal.acquisition.stillness import Moving, wait_for_picture_after
+from basecal.acquisition.images.feed import feed_camera
+from basecal.acquisition.images.latency import ArmMotion
+from basecal.acquisition.stillness import Moving, wait_for_image_after
 from basecal.errors import DriverError
 
 pytestmark = pytest.mark.timed
@@ -56,7 +56,7 @@ def opened():
         each.close()
 
 
-def test_the_newest_picture_is_given(opened):
+def test_the_newest_image_is_given(opened):
     """After a pause none of those that came meanwhile is given, but one that is no older than some periods."""
     feed = opened(Film())
     feed.picture()
@@ -98,12 +98,12 @@ def test_the_latency_is_that_of_the_arms_motion(opened):
     assert again.note == ""
 
 
-def test_older_pictures_are_not_counted(opened):
+def test_older_images_are_not_counted(opened):
     """The image after an instant was exposed after it; one that nobody exposes in time is told."""
     feed, now_s = opened(Film()), time.monotonic()
-    assert wait_for_picture_after(feed, now_s - 1.8, 5.0).exposed_s > now_s - 1.8
+    assert wait_for_image_after(feed, now_s - 1.8, 5.0).exposed_s > now_s - 1.8
     with pytest.raises(Moving, match="image too old"):
-        wait_for_picture_after(feed, now_s + 1000, 0.1)
+        wait_for_image_after(feed, now_s + 1000, 0.1)
 
 
 def test_buffered_images_are_skipped(opened):
@@ -121,7 +121,7 @@ def test_buffered_images_are_skipped(opened):
     assert not {12, 13, 14, 15} & set(given)
 
 
-def test_late_pictures_of_stamped_cameras_are_named(opened):
+def test_late_images_of_stamped_cameras_are_named(opened):
     """One whose stamp is before that of another is not given; its file is named."""
 
     class Stamped(Film):
@@ -155,7 +155,7 @@ def test_a_clock_that_goes_back_is_told(opened, monkeypatch):
     feed.picture()
     with pytest.raises(DriverError, match=r"no image came within 0\.3 s; .*\d\.png came after a newer one; not used$"):
         feed.picture()
-    monkeypatch.setattr("basecal.acquisition.pictures.feed._LATE_S", 0.1)
+    monkeypatch.setattr("basecal.acquisition.images.feed._LATE_S", 0.1)
     with pytest.raises(DriverError, match=r"^wrist: the last \d+ images are older .* The clock of the camera went"):
         feed.picture()
 
@@ -178,6 +178,18 @@ def test_an_end_is_told_to_whoever_waits(opened):
     assert feed.picture().grey.shape == SIZE
 
 
+def test_an_error_of_a_library_names_the_camera(opened):
+    """What a maker's library raises is a failure of the driver, with its words."""
+
+    class Unplugged(Film):
+        def picture(self):
+            raise RuntimeError("Frame did not arrive")
+
+    feed = opened(Unplugged())
+    with pytest.raises(DriverError, match=r"^wrist: its driver failed \(RuntimeError: Frame did not arrive\)$"):
+        feed.picture()
+
+
 def test_a_camera_that_freezes_is_told(opened):
     """A driver that does not come back is an error in time, and is not closed while it waits."""
 
@@ -197,7 +209,7 @@ def test_a_camera_that_freezes_is_told(opened):
     assert film.closed
 
 
-def test_the_light_is_switched_between_pictures(opened):
+def test_the_light_is_switched_between_images(opened):
     """The thread that reads images switches it, so that a driver serves one thread; it is done on return."""
 
     class Lit(Film):

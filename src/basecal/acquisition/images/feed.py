@@ -10,20 +10,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.acquisition.driver import Camera, Picture, Switches
-from basecal.acquisition.pictures.latency import ArmMotion, Latency, estimate_latency
+from basecal.acquisition.driver import Camera, Picture, Switches, driver_errors
+from basecal.acquisition.images.latency import ArmMotion, Latency, estimate_latency
 from basecal.errors import DriverError
 from basecal.geometry import Array
-from basecal.vision.picture_motion import Levels, reduce_picture, shift_between
+from basecal.vision.image_motion import Levels, reduce_image, shift_between
 
-_PICTURE_TIMEOUT_S = 10.0  # for an image, unless the driver states how long it waits
+_IMAGE_TIMEOUT_S = 10.0  # for an image, unless the driver states how long it waits
 _CLOSE_TIMEOUT_S = 2.0  # for a driver that does not come back
-_UNKNOWN_S, _UNKNOWN_PICTURES = 2.0, 12  # of latency until it is measured, whichever is longer
+_UNKNOWN_S, _UNKNOWN_IMAGES = 2.0, 12  # of latency until it is measured, whichever is longer
 _MOTION_COUNT = 3  # whose latencies count: it may grow, and shrink again
 _MOVES_PX = 0.1  # between an image and the next, of about 640 px
-_PICTURE_COLUMNS = 640
+_IMAGE_COLUMNS = 640
 _UNLIKE, _QUIET, _CHANGES = 3.0, 0.2, 300  # times the change in the quietest share of so many images
-_REMEMBERED_PICTURES = 2000  # whose arrival is remembered
+_REMEMBERED_IMAGES = 2000  # whose arrival is remembered
 _STREAM, _STREAM_S = 4, 5.0  # so many images within such a time are a stream
 _WAITED, _USUAL, _WAITS = 0.5, 0.9, 50  # of the time that images usually take: so large a share of so many
 _LATE, _LATE_S = 3, 2.0  # so many images that are older, over such a time, tell of a clock that went back
@@ -38,9 +38,9 @@ class CameraFeed:
         self._changed = threading.Condition()
         self._is_stamped = getattr(camera, "is_stamped", False)
         self._arrivals: deque[tuple[float, bool]] = deque(
-            maxlen=_REMEMBERED_PICTURES
+            maxlen=_REMEMBERED_IMAGES
         )  # and whether something moved since before
-        self._delays_s: deque[float] = deque(maxlen=_REMEMBERED_PICTURES)  # arrival less stamp
+        self._delays_s: deque[float] = deque(maxlen=_REMEMBERED_IMAGES)  # arrival less stamp
         self._waits_s: deque[float] = deque(maxlen=_WAITS)
         self._changes: deque[float] = deque(maxlen=_CHANGES)  # of brightness from image to image
         self._last_s = -np.inf
@@ -94,7 +94,7 @@ class CameraFeed:
         """Wait for the thread; it begins again if it ended while nobody waited."""
         if not self._thread.is_alive():
             self._run()
-        wait_s = getattr(self._camera, "wait_s", _PICTURE_TIMEOUT_S)
+        wait_s = getattr(self._camera, "wait_s", _IMAGE_TIMEOUT_S)
         with self._changed:
             if not self._changed.wait_for(lambda: is_done() or self._error is not None, wait_s):
                 late = "".join(f". {note}" for note in self._notes[-_LATE:])
@@ -106,14 +106,15 @@ class CameraFeed:
         before: Levels | None = None
         try:
             while self._is_open:
-                self._switch()
-                began_s = time.monotonic()
-                picture = self._camera.picture()
+                with driver_errors(self._name):
+                    self._switch()
+                    began_s = time.monotonic()
+                    picture = self._camera.picture()
                 now_s = time.monotonic()
                 if self._is_outdated(picture, now_s - began_s):
                     continue
-                every = max(1, picture.grey.shape[1] // _PICTURE_COLUMNS)
-                levels = reduce_picture(picture.grey[::every, ::every])
+                every = max(1, picture.grey.shape[1] // _IMAGE_COLUMNS)
+                levels = reduce_image(picture.grey[::every, ::every])
                 self._add(picture, before is not None and self._has_moved(before, levels), now_s)
                 before = levels
         except Exception as error:  # of whatever library: who waits for an image is told
@@ -181,7 +182,7 @@ class CameraFeed:
         if found is not None or (self._latencies and not spans):
             return known_s
         interval_s = float(np.median(np.diff(arrivals[:, 0]))) if len(arrivals) > 1 else 0.0
-        return max(_UNKNOWN_S, _UNKNOWN_PICTURES * interval_s, known_s)
+        return max(_UNKNOWN_S, _UNKNOWN_IMAGES * interval_s, known_s)
 
     def _report(self, latency: Latency) -> None:
         before = self._reported

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from basecal.accuracy.scene.pictures import read_features
+from basecal.accuracy.scene.images import read_features
 from basecal.acquisition.coverage import COVERAGE_GRID, covered_cells, is_same_place
 from basecal.acquisition.stillness import Unfit
 from basecal.cell import WORLD, Cell, Sample
@@ -17,7 +17,7 @@ from basecal.planning.sketch import Sketch
 _FEWEST_FEATURES = 100  # of an image: as many points as two cameras are to share
 
 
-class ScenePictures:
+class SceneImages:
     """The features of the images of a scene, which `calibrate` then finds in `derived/`.
 
     Attributes:

@@ -51,7 +51,7 @@ class CameraView:
         self._plain: Array | None = None
         self._dim: tuple[Scene, Array] | None = None
 
-    def picture(
+    def image(
         self, scene_at: Callable[[float], Seen], start_s: float, lasts_s: float, is_lit: bool, seed: int
     ) -> Image:
         """An image, (h, w).
@@ -86,17 +86,17 @@ class CameraView:
             before, was_lit, levels = self._kept
             if was_lit == is_lit and _is_equal(before, scene):
                 return levels
-        levels = self._board_picture(scene) if scene.shape.sheets else self._light_picture(scene, is_lit)
+        levels = self._board_image(scene) if scene.shape.sheets else self._light_image(scene, is_lit)
         self._kept = (scene, is_lit, levels)
         return levels
 
-    def _board_picture(self, scene: Seen) -> Array:
+    def _board_image(self, scene: Seen) -> Array:
         view = (scene.shape, scene.camera_from_target)
         if self._neighbour_records is None or scene.scene is None:
             return radiance(self._lens, [view], _BOARD_SETTINGS)
         return print_targets(self._lens, [view], self._neighbour_records.backdrop(scene.scene), _BOARD_SETTINGS)
 
-    def _light_picture(self, scene: Seen, is_lit: bool) -> Array:
+    def _light_image(self, scene: Seen, is_lit: bool) -> Array:
         behind = self._backdrop(scene)
         if not is_lit:
             return behind

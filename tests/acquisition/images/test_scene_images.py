@@ -46,10 +46,10 @@ def cell_to_capture(made: Path, folder: Path) -> list[list[str]]:
     return lines
 
 
-def copy(picture: Path, folder: Path, number: int) -> None:
+def copy(image: Path, folder: Path, number: int) -> None:
     """Save an image as the one of that number: cameras give the oldest first."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{number}.png").write_bytes(picture.read_bytes())
+    (folder / f"{number}.png").write_bytes(image.read_bytes())
     os.utime(folder / f"{number}.png", (1e9 + number, 1e9 + number))
 
 
@@ -59,7 +59,7 @@ def capture(folder: Path, lines: list[str], monkeypatch: pytest.MonkeyPatch, *wo
     return main(["capture", str(folder), "--freedrive", *words])
 
 
-def test_each_picture_is_looked_at_once_it_is_taken(tmp_path, monkeypatch, capsys) -> None:
+def test_each_image_is_looked_at_once_it_is_taken(tmp_path, monkeypatch, capsys) -> None:
     """One that shows a bare wall is refused with what to do; an arm that stood still gives no second image."""
     made = rendered(tmp_path, 3, "320x240")
     folder = tmp_path / "mine"

@@ -27,7 +27,7 @@ _USUAL_FOCAL = 0.9  # of the image's width, of a lens of which nothing is stated
 
 
 @dataclass(frozen=True, eq=False)
-class Pictures:
+class Images:
     """Images of the scene.
 
     Attributes:
@@ -37,6 +37,7 @@ class Pictures:
         is_guessed: By camera, whether nothing of its lens is stated.
         lost: What could not be read.
         mounts: By camera where it nearly is; None if that is to be found. Empty if it is of all.
+        joint_robots: Robots whose joints were recorded.
     """
 
     views: SceneViews
@@ -45,8 +46,9 @@ class Pictures:
     is_guessed: tuple[bool, ...]
     lost: tuple[Finding, ...] = ()
     mounts: tuple[SE3 | None, ...] = ()
+    joint_robots: tuple[str, ...] = ()
 
-    def select_moving(self) -> Pictures:
+    def select_moving(self) -> Images:
         """Images of cameras that robots carry."""
         cameras = tuple(camera for camera in self.views.cameras if camera.robot is not None)
         rows = np.flatnonzero(self.views.robot >= 0)
@@ -62,7 +64,7 @@ class Pictures:
         return unit_descriptors(total)
 
 
-def read_pictures(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Pictures:
+def read_images(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Images:
     """The images of all cameras, those on robots first, then one image of each camera on `world`.
 
     Args:
@@ -105,7 +107,10 @@ def read_pictures(cell: Cell, recording: Recording, settings: Settings = DEFAULT
     )
     lenses = tuple(each.lens.camera or _guess_lens(cell.cameras[each.name], sizes[each.name]) for each in cameras)
     is_guessed = tuple(camera.lens.camera is None for camera in cameras)
-    return Pictures(views, tuple(features for _, _, features, _ in seen), lenses, is_guessed, tuple(lost))
+    states = {name: [sample.robots[name] for sample in samples if name in sample.robots] for name in robots}
+    joint_robots = tuple(name for name in robots if all(state.joints_rad is not None for state in states[name]))
+    features = tuple(found for _, _, found, _ in seen)
+    return Images(views, features, lenses, is_guessed, tuple(lost), joint_robots=joint_robots)
 
 
 def _has_pose(cell: Cell, camera: str, sample: Sample) -> bool:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.pictures import latency as module
-from basecal.acquisition.pictures.latency import ArmMotion, estimate_latency
+from basecal.acquisition.images import latency as module
+from basecal.acquisition.images.latency import ArmMotion, estimate_latency
 from basecal.cell import RobotState
 
 SPANS = np.array([[1.0, 1.6], [2.2, 2.9]])
 
 
-def pictures(lag_s, spans=SPANS, hz=30.0, end_s=8.0):
+def images(lag_s, spans=SPANS, hz=30.0, end_s=8.0):
     """Arrivals of images that show motions so much later, and whether each differs from the one before."""
     at = np.arange(1.0, end_s, 1 / hz)
     moves = ((at[:, None] - lag_s >= spans[:, 0]) & (at[:, None] - lag_s <= spans[:, 1])).any(-1)
@@ -23,7 +23,7 @@ def pictures(lag_s, spans=SPANS, hz=30.0, end_s=8.0):
 @pytest.mark.parametrize("lag_s", [0.02, 0.1, 0.35, 1.0, 2.5])
 def test_the_lag_is_between_its_bounds(lag_s):
     """A constant delay of the images is found within an image or two to either side."""
-    found = estimate_latency(SPANS, pictures(lag_s))
+    found = estimate_latency(SPANS, images(lag_s))
     assert found.low_s <= lag_s <= found.high_s
     assert found.high_s - found.low_s < 4 / 30
 
@@ -32,23 +32,23 @@ def test_the_lag_is_between_its_bounds(lag_s):
 def test_what_one_of_both_does_not_show_makes_it_larger(begin_s, end_s):
     """Slow begins and ends that images miss, or swings that joints miss, never make the upper bound too small."""
     seen = SPANS + np.array([begin_s, end_s])
-    assert estimate_latency(SPANS, pictures(0.3, seen)).high_s >= 0.3
+    assert estimate_latency(SPANS, images(0.3, seen)).high_s >= 0.3
 
 
-def test_pictures_given_twice_are_one_motion():
+def test_images_given_twice_are_one_motion():
     """A camera that repeats every image shows a motion in every other one."""
-    shown = pictures(0.3, hz=60.0)
+    shown = images(0.3, hz=60.0)
     shown[::2, 1] = 0
     assert estimate_latency(SPANS, shown).high_s == pytest.approx(0.3, abs=0.06)
 
 
 def test_other_motions_are_no_answer():
     """Somebody who walks by all the time, an image that shows nothing, and a motion that still goes on tell none."""
-    shown = pictures(0.3)
+    shown = images(0.3)
     assert estimate_latency(SPANS, np.column_stack([shown[:, 0], np.ones(len(shown))])) is None
     assert estimate_latency(SPANS, np.column_stack([shown[:, 0], shown[:, 0] > 7.0])) is None
     assert estimate_latency(SPANS, np.column_stack([shown[:, 0], np.zeros(len(shown))])) is None
-    assert estimate_latency(SPANS, pictures(0.3, end_s=1.7)) is None
+    assert estimate_latency(SPANS, images(0.3, end_s=1.7)) is None
 
 
 def test_arms_that_pause_for_long_move_twice(monkeypatch):

@@ -16,7 +16,7 @@ _FEW_SHARE = 0.03  # share of the samples, as of outliers
 # Share of what a view is off by that time takes away: of views off in any of six directions 1 in 500 has it.
 _EXPLAINED_SHARE = 0.9
 _LONGEST_S = 0.5  # that a velocity tells where a target was
-_SHOWN_PICTURES = 5  # images whose delay is told
+_SHOWN_IMAGES = 5  # images whose delay is told
 
 
 class _Late(NamedTuple):
@@ -26,7 +26,7 @@ class _Late(NamedTuple):
     by_s: float
 
 
-def late_pictures(evidence: Evidence) -> list[Finding]:
+def late_images(evidence: Evidence) -> list[Finding]:
     """Excluded images of each camera that their time explains: a warning above 3 %."""
     out = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
     found = []
@@ -63,9 +63,9 @@ def _late_samples(evidence: Evidence, camera: str, samples: set[int]) -> list[_L
 def _problem_sentence(camera: str, late: list[_Late]) -> str:
     one = len(late) == 1
     by = ", ".join(
-        f"{1e3 * abs(each.by_s):.0f} ms {'late' if each.by_s > 0 else 'early'}" for each in late[:_SHOWN_PICTURES]
+        f"{1e3 * abs(each.by_s):.0f} ms {'late' if each.by_s > 0 else 'early'}" for each in late[:_SHOWN_IMAGES]
     )
-    more = ", ..." if len(late) > _SHOWN_PICTURES else ""
+    more = ", ..." if len(late) > _SHOWN_IMAGES else ""
     images = "An image" if one else f"{len(late)} images"
     stamps = "was not taken when its stamp says" if one else "were not taken when their stamps say"
     where = f"{list_samples([each.sample for each in late])} ({by}{more})"

@@ -26,7 +26,7 @@ from basecal.acquisition.driver import Reading
 from basecal.cell import RobotState
 from basecal.geometry import SE3
 
-PICTURES_HZ = 30.0
+IMAGES_HZ = 30.0
 MOVE_S = 0.3
 NOISE_LEVELS = 1.0
 TICK_S = 1 / 125  # between states
@@ -160,7 +160,7 @@ class BufferingCapture:
 
     def _fill(self) -> None:
         delay = Delay(lambda: self.delay)
-        for exposed_s in ticks(PICTURES_HZ, self._is_over.is_set):
+        for exposed_s in ticks(IMAGES_HZ, self._is_over.is_set):
             given = delay.through((exposed_s, self.scene.picture(exposed_s)))
             if not self._filled.full():
                 self._filled.put(given)
@@ -200,7 +200,7 @@ def _serve(scene: Scene, delay: Any, port: Any) -> None:
             self.end_headers()
             held = Delay(lambda: int(delay.value))
             try:
-                for exposed_s in ticks(PICTURES_HZ, lambda: False):
+                for exposed_s in ticks(IMAGES_HZ, lambda: False):
                     file = held.through(cv2.imencode(".jpg", scene.picture(exposed_s))[1].tobytes())
                     head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(file)}\r\n\r\n"
                     self.wfile.write(head.encode() + file + b"\r\n")
