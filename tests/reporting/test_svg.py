@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.reporting.svg import nice_ceiling, three_digits, wrapped_label
+from basecal.reporting.svg import element, nice_ceiling, three_digits, wrapped_label
 
 
 @pytest.mark.parametrize(
@@ -33,3 +33,11 @@ def test_labels_are_wrapped():
 def test_round_numbers_are_not_below_a_value(value, above):
     """The next of 1, 2, 2.5 and 5 in its decade."""
     assert nice_ceiling(value) == pytest.approx(above)
+
+
+def test_words_in_an_element_are_escaped_and_elements_are_not() -> None:
+    """Nor can an attribute or a title be markup; fractions have one decimal."""
+    inside = element("b", "<i>", title="a < b")
+    assert element("g", inside, "&", class_='"', x=1.26, y=2, z=None) == (
+        '<g class="&#34;" x="1.3" y="2"><b><title>a &lt; b</title>&lt;i&gt;</b>&amp;</g>'
+    )

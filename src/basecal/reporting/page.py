@@ -26,6 +26,7 @@ from basecal.reporting.decision.tiles import remarks, tiles
 from basecal.reporting.decision.workspace import workspace
 from basecal.reporting.drift_text import history_text
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
+from basecal.reporting.figures.camera_points import points_by_camera
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.history import history_figure
 from basecal.reporting.figures.image_coverage import image_coverage
@@ -209,7 +210,7 @@ def _lengths(t: Array, r: Array) -> tuple[str, ...]:
 def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails) -> dict[str, Any]:
     """How everything fits, for the template."""
     seen = [each for each in details.points if each.used.any()]
-    by_camera = {name: [each for each in seen if each.camera == name] for name in dict.fromkeys(e.camera for e in seen)}
+    sized = [(cell.cameras[name].size_px, of) for name, of in points_by_camera(seen).items()]
     views = calibration.residuals.per_sample
     return {
         "fit": [*fit_sentences(calibration), *noise_sentences(calibration), *clock_sentences(calibration)],
@@ -218,9 +219,9 @@ def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: Fi
         "cross_validation": list(validation_sentences(calibration)),
         "why_larger": explain_held_out_error(calibration),
         "outliers": list(outlier_sentences(calibration)),
-        "maps": [residual_map(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
-        "polars": [residual_polar(name, of) for name, of in by_camera.items()],
-        "coverage": [image_coverage(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
+        "maps": [residual_map(*each) for each in sized],
+        "polars": [residual_polar(of) for _, of in sized],
+        "coverage": [image_coverage(*each) for each in sized],
         "lens_uncertainty": [
             figure for name, lens in calibration.cameras.items() if (figure := lens_uncertainty(name, *lens))
         ],

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from markupsafe import Markup
 
 from basecal.geometry import SE3, Array
 from basecal.reporting.cell_view.scene import Arm, Body, Scene, worst_words
-from basecal.reporting.svg import dots, drawing, element, segments, text
+from basecal.reporting.svg import dots, drawing, element, path, segments
 
 _WIDTH, _HEIGHT, _MARGIN_PX = 640.0, 440.0, 44.0
 _ELEVATION_RAD = 0.45
@@ -36,13 +37,13 @@ class Label:
         return bool(across < _LETTER_PX * letters and down < _LINE_PX)
 
 
-def picture(scene: Scene) -> str:
+def picture(scene: Scene) -> Markup:
     """A drawing of the scene at the sample that it opens at, seen so that the bases stand beside one another."""
     opening = scene.opening
     project = _projection(scene, opening)
     feet = [project(arm.world_from_base.translation) for arm in scene.arms]
     floor = segments(np.stack([feet[0], foot]) for foot in feet[1:])
-    parts: list[str | Label] = [element("path", class_="floor", d=floor)]
+    parts: list[Markup | Label] = [path("floor", floor)]
     for number, arm in enumerate(scene.arms):
         parts += _arm(arm, number, opening, scene, project)
     for body in scene.bodies:
@@ -52,20 +53,20 @@ def picture(scene: Scene) -> str:
         if body.ellipsoid is not None:
             parts.append(_ellipsoid(body.ellipsoid, world_from_body, project))
         lines, points = project(world_from_body @ body.lines), project(world_from_body @ body.points)
-        parts.append(element("path", class_=body.kind, d=segments(lines) + dots(points)))
+        parts.append(path(body.kind, segments(lines) + dots(points)))
         ends = np.concatenate([lines.reshape(-1, 2), points])
         parts.append(Label(body.name, np.array([ends[:, 0].mean(), ends[:, 1].min() - 7])))
     if scene.errors is not None:
         at, words = project(scene.errors.points_m[scene.errors.worst]), worst_words(scene.errors)
-        parts += [element("path", class_="worst-place", d=dots([at])), Label(words, at + np.array([0.0, 18.0]))]
+        parts += [path("worst-place", dots([at])), Label(words, at + np.array([0.0, 18.0]))]
     return drawing(_WIDTH, _HEIGHT, "the cell from the side", *_place_labels(parts))
 
 
-def _place_labels(parts: Iterable[str | Label]) -> Iterator[str]:
+def _place_labels(parts: Iterable[Markup | Label]) -> Iterator[Markup]:
     """Elements; a label stands below those that it would cover."""
     placed: list[Label] = []
     for part in parts:
-        if isinstance(part, str):
+        if isinstance(part, Markup):
             yield part
             continue
         for _ in placed:  # not until none covers it: beside coordinates beyond 1e17 a line is no step
@@ -74,8 +75,8 @@ def _place_labels(parts: Iterable[str | Label]) -> Iterator[str]:
                 break
             part = replace(part, place=np.array([part.place[0], other.place[1] + _LINE_PX]))
         placed.append(part)
-        x, y = (f"{at:.1f}" for at in part.place)
-        yield element("text", text(part.words), class_=part.kind, x=x, y=y)
+        x, y = part.place
+        yield element("text", part.words, class_=part.kind, x=x, y=y)
 
 
 def _world_from_body(scene: Scene, body: Body, sample: int) -> SE3 | None:
@@ -109,24 +110,24 @@ def _projection(scene: Scene, sample: int) -> Project:
     return lambda points: scale * (points @ axes.T) + shift
 
 
-def _frame(world_from_body: SE3, length: float, project: Project) -> Iterator[str]:
+def _frame(world_from_body: SE3, length: float, project: Project) -> Iterator[Markup]:
     origin = project(world_from_body.translation)
     for axis, tip in zip("xyz", project(world_from_body @ (length * np.eye(3))), strict=True):
-        yield element("path", class_=f"axis-{axis}", d=segments([np.stack([origin, tip])]))
+        yield path(f"axis-{axis}", segments([np.stack([origin, tip])]))
 
 
-def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> Iterator[str | Label]:
+def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> Iterator[Markup | Label]:
     colour, size = number % _COLOURS, scene.size_m
     base = project(arm.world_from_base.translation)
     flanges = (arm.world_from_base @ arm.base_from_flange).translation[arm.known]
-    yield element("path", class_=f"trail robot-{colour}", d=dots(project(flanges)))
+    yield path(f"trail robot-{colour}", dots(project(flanges)))
     if len(arm.known) and arm.known[sample]:
         world_from_flange = arm.world_from_base @ arm.base_from_flange[sample]
         joints = np.zeros((0, 3)) if arm.joints is None else arm.joints[sample].translation
         along = np.stack([np.zeros(3), *joints, arm.base_from_flange[sample].translation])
         reach = project(arm.world_from_base @ along)
         kind = "reach" if arm.joints is None else "links"
-        yield element("path", class_=f"{kind} robot-{colour}", d=segments(pairwise(reach)))
+        yield path(f"{kind} robot-{colour}", segments(pairwise(reach)))
         yield from _frame(world_from_flange, 0.4 * _AXIS_SHARE * size, project)
     yield from _frame(arm.world_from_base, _AXIS_SHARE * size, project)
     if arm.ellipsoid is not None:
@@ -134,11 +135,11 @@ def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> 
     yield Label(f"{arm.name}_base", base + np.array([0.0, 18.0]), f"label robot-{colour}")
 
 
-def _ellipsoid(ellipsoid: Array, world_from_body: SE3, project: Project) -> str:
+def _ellipsoid(ellipsoid: Array, world_from_body: SE3, project: Project) -> Markup:
     """The outline of an ellipsoid: the shadow of a ball's image under M is that of a disc under (M M')^1/2."""
     world_from_ball = world_from_body.rotation @ ellipsoid
     shadow = (project(world_from_ball.T) - project(np.zeros(3))).T
     u, lengths, _ = np.linalg.svd(shadow, full_matrices=False)
     turn = np.linspace(0, 2 * np.pi, 49)
     outline = project(world_from_body.translation) + (np.stack([np.cos(turn), np.sin(turn)], -1) * lengths) @ u.T
-    return element("path", class_="ellipsoid", d=segments(np.stack([outline[:-1], outline[1:]], 1)))
+    return path("ellipsoid", segments(np.stack([outline[:-1], outline[1:]], 1)))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations, product
 from typing import Any
 
-from basecal.reporting.figures.curves import COLOURS, Band, Line, curves
+from basecal.reporting.figures.curves import COLOURS, Band, curves
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.heat_map import heat_map
 from basecal.reporting.sweep.text import COLUMN_TITLES, row_texts
@@ -63,16 +63,19 @@ def _curves(summary: Mapping[str, Any], axis: str) -> tuple[list[Figure], list[s
     """Errors over an axis, and the lines' names: a line for each combination of the others, as many as can be
     determined.
     """
-    others = _other_combinations(summary, [axis])[:COLOURS]
+    others = {_value_text(at): at for at in _other_combinations(summary, [axis])[:COLOURS]}
     figures = []
     for key, title, unit in _QUANTITIES:
-        lines = []
-        for at in others:
-            spreads = [(point["at"][axis], point[key] or {}) for point in _points(summary, at)]
-            bands = [Band(value, s.get("p05"), s.get("median"), s.get("p95")) for value, s in spreads]
-            lines.append(Line(_value_text(at), tuple(bands)))
+        lines = {
+            name: [Band(point["at"][axis], _ends(point[key])) for point in _points(summary, at)]
+            for name, at in others.items()
+        }
         figures.append(curves(title, axis, unit, lines))
-    return figures, [_value_text(at) for at in others if at]
+    return figures, [name for name in others if name]
+
+
+def _ends(spread: Mapping[str, float] | None) -> tuple[float, float, float] | None:
+    return None if spread is None else (spread["p05"], spread["median"], spread["p95"])
 
 
 def _maps(summary: Mapping[str, Any]) -> list[Figure]:

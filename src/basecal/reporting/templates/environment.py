@@ -27,7 +27,6 @@ def environment() -> Environment:
     """Templates of this package; whatever they are given is escaped."""
     loader = FunctionLoader(lambda name: own_file(f"templates/{name}"))
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    made.filters["svg"] = Markup
     made.filters["words"] = _mark_code
     made.filters["sentence"] = _begin_sentence
     made.filters["breakable"] = lambda name: escape(name).replace("_", Markup("_<wbr>"))
