@@ -45,7 +45,7 @@ def test_what_is_given_is_escaped() -> None:
     made = environment()
     said = "{{ a }} {{ a | words }} {{ b }}"
     shown = made.from_string(said).render(a="<i> `x<y`", b=element("svg"))
-    assert shown == "&lt;i&gt; `x&lt;y` &lt;i&gt; <code>x&lt;y</code> <svg/>"
+    assert shown == "&lt;i&gt; `x&lt;y` &lt;i&gt; <code>x&lt;y</code> <svg></svg>"
     assert made.from_string("{{ a | words }}").render(a="odd ` tick") == "odd ` tick"
 
 
