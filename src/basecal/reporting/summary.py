@@ -9,6 +9,7 @@ from textwrap import wrap
 from basecal.cell import Calibration, Cell, Finding
 from basecal.reporting.statement.verdict import (
     held_out_errors,
+    requested_estimates,
     sort_by_severity,
     tolerance_sentence,
     transform_sentence,
@@ -33,7 +34,7 @@ def summary(cell: Cell, calibration: Calibration) -> str:
         cell: What was calibrated: it says which transforms are requested.
         calibration: What came out.
     """
-    asked = [name for name in cell.requested_transforms if name in calibration.transforms]
+    asked = requested_estimates(cell, calibration)
     findings = dict.fromkeys(sort_by_severity(calibration.findings))
     grave = [finding for finding in findings if finding.severity != "info"]
     first = [*_reasons(calibration, grave, asked), *(transform_sentence(name, calibration) for name in asked)]

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.phrases.outlier import name_sample
+from basecal.accuracy.sample_use import outlier_views
 from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
 from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
 from basecal.effects.registry import RANDOM_EFFECTS
@@ -16,11 +17,19 @@ from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.exports.digits import format_decimals
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
-from basecal.geometry import Array, Camera
+from basecal.geometry import Array, Camera, PoseEstimate
 from basecal.geometry.lenses.registry import find_lens
+from basecal.reporting.cell_view.sample_labels import is_measured, misfit
 from basecal.reporting.robots import robot_blocks
 from basecal.reporting.statement.digits import shown_decimals, two_digits
-from basecal.reporting.statement.verdict import error_text, gauge_clause, headline, held_out_errors, sort_by_severity
+from basecal.reporting.statement.verdict import (
+    error_text,
+    gauge_clause,
+    headline,
+    held_out_errors,
+    requested_estimates,
+    sort_by_severity,
+)
 
 _INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
 _DISPLAY_UNITS = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
@@ -40,7 +49,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     """
     check_type("cell", cell, Cell)
     check_type("calibration", calibration, Calibration)
-    asked = [name for name in cell.requested_transforms if name in calibration.transforms]
+    asked = requested_estimates(cell, calibration)
     others = [name for name in calibration.transforms if name not in asked]
     blocks = [[str(headline(cell, calibration))]]
     for name in asked:
@@ -99,11 +108,15 @@ def transform_rows(name: str, calibration: Calibration) -> Iterator[TransformRow
 
     Sigmas are along the axes of the frame on the right; what is fixed has none.
     """
-    estimate = calibration[name]
-    halves = [("t", "mm", estimate.mean.translation * 1e3, estimate.sigma_t * 1e3)]
-    if name not in calibration.points:
-        halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
     is_fixed = calibration.status.get(name) == "fixed"
+    return estimate_rows(calibration[name], name in calibration.points, is_fixed)
+
+
+def estimate_rows(estimate: PoseEstimate, is_point: bool = False, is_fixed: bool = False) -> Iterator[TransformRow]:
+    """Likewise, of any estimate."""
+    halves = [("t", "mm", estimate.mean.translation * 1e3, estimate.sigma_t * 1e3)]
+    if not is_point:
+        halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
     for what, unit, values, sigmas in halves:
         known = sigmas[:0] if is_fixed else sigmas
         decimals = shown_decimals(known)
@@ -148,9 +161,8 @@ def clock_sentences(calibration: Calibration) -> Iterator[str]:
 def fit_sentences(calibration: Calibration) -> Iterator[str]:
     """How everything fits, a line each."""
     residuals = calibration.residuals
-    left_out = {(view.sample, view.camera, view.target) for view in calibration.outliers or () if not view.ids}
-    fitted = [view for view in residuals.per_sample if view.rms_px is not None or view.loop_m is not None]
-    used = [view for view in fitted if (view.sample, view.camera, view.target) not in left_out]
+    left_out = outlier_views(calibration)
+    used = [view for view in residuals.per_sample if view not in left_out and is_measured(view)]
     if residuals.rms_px is not None:
         median = "" if residuals.median_px is None else f", median {two_digits(residuals.median_px)} px"
         yield f"reprojection error {two_digits(residuals.rms_px)} px rms per coordinate{median}"
@@ -161,10 +173,9 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
         for loop in residuals.loops:
             error = error_text(loop.rms_m, loop.rms_rad)
             yield f"pose consistency error of {' - '.join(loop.path)}: {error} over {loop.views} views"
-    in_pixels = [view for view in used if view.rms_px is not None]
-    if in_pixels:
-        worst = max(in_pixels, key=lambda view: view.rms_px or 0.0)
-        yield f"worst view: sample {worst.sample} by {worst.camera}, {two_digits(worst.rms_px or 0.0)} px rms"
+    worst = max(used, key=misfit, default=None)
+    if worst is not None and worst.rms_px is not None:
+        yield f"worst view: sample {worst.sample} by {worst.camera}, {two_digits(worst.rms_px)} px rms"
     proof = calibration.certificate
     if proof is not None and proof.is_global:
         yield f"certificate: global optimum proven; relative duality gap of the rotations {proof.gap or 0.0:.1g}"

@@ -11,7 +11,7 @@ _WIDTH, _ROW, _LEFT, _RIGHT = 420.0, 30.0, 24.0, 100.0
 _INTERVAL_SIGMAS = 1.96  # sigmas on either side, within which 95 % of normal errors are
 
 
-def component_figure(child: str, estimate: PoseEstimate, tolerance_m: float | None) -> Figure:
+def component_figure(name: str, estimate: PoseEstimate, tolerance_m: float | None) -> Figure:
     """A whisker for x, y and z, over the band of the tolerance if one is stated."""
     lengths = 1e3 * _INTERVAL_SIGMAS * estimate.sigma_t
     limit = None if tolerance_m is None else 1e3 * tolerance_m
@@ -29,6 +29,6 @@ def component_figure(child: str, estimate: PoseEstimate, tolerance_m: float | No
         for x, words in ((6, axis), (_WIDTH - _RIGHT + 12, f"± {two_digits(length)} mm")):
             parts.append(element("text", words, x=x, y=y + 4, class_="tick"))
     also = "" if limit is None else f" Shaded: the tolerance, {limit:.3g} mm."
-    caption = f"Intervals that hold 95 % of errors along each axis of {child}.{also}"
+    caption = f"Intervals that hold 95 % of errors along each axis of {name.partition('_from_')[2]}.{also}"
     svg = drawing(_WIDTH, height, "95 % intervals by axis", *parts)
     return Figure("position by axis, 95 % intervals", svg, caption)

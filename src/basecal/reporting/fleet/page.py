@@ -33,7 +33,7 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
         ("templates/table.js",),
         summary=summary,
         counts=verdict_counts(summary),
-        spreads=[(label, [number_text(value) for value in spread.values()]) for label, spread in spreads.items()],
+        spreads=[(label, *map(number_text, spread.values())) for label, spread in spreads.items()],
         head=COLUMN_TITLES,
         worst=next((row["verdict"] for row in shown), "good"),
         rows=[(_link(row), row["verdict"], row["findings"], row_texts(row)) for row in shown],
