@@ -39,23 +39,19 @@ class Label:
 
 def picture(scene: Scene) -> Markup:
     """A drawing of the scene at the sample that it opens at, seen so that the bases stand beside one another."""
-    opening = scene.opening
-    project = _projection(scene, opening)
+    placed = [(body, pose) for body in scene.bodies if (pose := _world_from_body(scene, body)) is not None]
+    ends = [pose @ np.concatenate([body.lines.reshape(-1, 3), body.points]) for body, pose in placed]
+    project = _projection(scene, ends)
     feet = [project(arm.world_from_base.translation) for arm in scene.arms]
-    floor = segments(np.stack([feet[0], foot]) for foot in feet[1:])
-    parts: list[Markup | Label] = [path("floor", floor)]
+    parts: list[Markup | Label] = [path("floor", segments((feet[0], foot) for foot in feet[1:]))]
     for number, arm in enumerate(scene.arms):
-        parts += _arm(arm, number, opening, scene, project)
-    for body in scene.bodies:
-        world_from_body = _world_from_body(scene, body, opening)
-        if world_from_body is None:
-            continue
+        parts += _arm(arm, number, scene, project)
+    for (body, world_from_body), flat in zip(placed, map(project, ends), strict=True):
         if body.ellipsoid is not None:
             parts.append(_ellipsoid(body.ellipsoid, world_from_body, project))
-        lines, points = project(world_from_body @ body.lines), project(world_from_body @ body.points)
-        parts.append(path(body.kind, segments(lines) + dots(points)))
-        ends = np.concatenate([lines.reshape(-1, 2), points])
-        parts.append(Label(body.name, np.array([ends[:, 0].mean(), ends[:, 1].min() - 7])))
+        lines, points = np.split(flat, [2 * len(body.lines)])
+        parts.append(path(body.kind, segments(lines.reshape(-1, 2, 2)) + dots(points)))
+        parts.append(Label(body.name, np.array([flat[:, 0].mean(), flat[:, 1].min() - 7])))
     if scene.errors is not None:
         at, words = project(scene.errors.points_m[scene.errors.worst]), worst_words(scene.errors)
         parts += [path("worst-place", dots([at])), Label(words, at + np.array([0.0, 18.0]))]
@@ -79,57 +75,46 @@ def _place_labels(parts: Iterable[Markup | Label]) -> Iterator[Markup]:
         yield element("text", part.words, class_=part.kind, x=x, y=y)
 
 
-def _world_from_body(scene: Scene, body: Body, sample: int) -> SE3 | None:
-    """Where a body is at a sample; None if its robot's pose was not recorded then."""
+def _world_from_body(scene: Scene, body: Body) -> SE3 | None:
+    """Where a body is at the sample that the scene opens at; None if its robot's pose was not recorded then."""
     if body.on is None:
         return body.mount
-    arm = next(arm for arm in scene.arms if arm.name == body.on)
-    if not (len(arm.known) and arm.known[sample]):
-        return None
-    return arm.world_from_base @ arm.base_from_flange[sample] @ body.mount
+    world_from_flange = next(arm for arm in scene.arms if arm.name == body.on).world_from_flange(scene.opening)
+    return None if world_from_flange is None else world_from_flange @ body.mount
 
 
-def _projection(scene: Scene, sample: int) -> Project:
-    """Projection of points, (..., 3) [m], to the drawing, (..., 2)."""
+def _projection(scene: Scene, bodies: list[Array]) -> Project:
+    """Projection of points, (..., 3) [m], to the drawing, (..., 2), which holds the arms, and bodies (k, 3) [m]."""
     right, up = scene.across, np.array([0.0, 0.0, 1.0])
-    away = np.cross(up, right)
-    axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * away)])
-    # Everything that must be in the image.
-    reach = _AXIS_SHARE * scene.size_m * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
-    places = [arm.world_from_base @ reach for arm in scene.arms]
-    places += [arm.places for arm in scene.arms]
-    for body in scene.bodies:
-        placed = _world_from_body(scene, body, sample)
-        if placed is not None:
-            places.append(placed @ np.concatenate([body.lines.reshape(-1, 3), body.points]))
-    flat = np.concatenate(places) @ axes.T
+    axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * np.cross(up, right))])
+    reach = _AXIS_SHARE * scene.size_m * np.eye(3)
+    places = [place for arm in scene.arms for place in (arm.world_from_base @ reach, arm.places)]
+    flat = np.concatenate([*places, *bodies]) @ axes.T
     low, high = flat.min(0), flat.max(0)
-    room = np.array([_WIDTH, _HEIGHT]) - 2 * _MARGIN_PX
-    scale = float(np.min(room / np.maximum(high - low, 1e-9)))
-    shift = np.array([_WIDTH, _HEIGHT]) / 2 - scale * (low + high) / 2
+    size = np.array([_WIDTH, _HEIGHT])
+    scale = float(np.min((size - 2 * _MARGIN_PX) / np.maximum(high - low, 1e-9)))
+    shift = size / 2 - scale * (low + high) / 2
     return lambda points: scale * (points @ axes.T) + shift
 
 
 def _frame(world_from_body: SE3, length: float, project: Project) -> Iterator[Markup]:
     origin = project(world_from_body.translation)
     for axis, tip in zip("xyz", project(world_from_body @ (length * np.eye(3))), strict=True):
-        yield path(f"axis-{axis}", segments([np.stack([origin, tip])]))
+        yield path(f"axis-{axis}", segments([(origin, tip)]))
 
 
-def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> Iterator[Markup | Label]:
-    colour, size = number % _COLOURS, scene.size_m
+def _arm(arm: Arm, number: int, scene: Scene, project: Project) -> Iterator[Markup | Label]:
+    colour, length = number % _COLOURS, _AXIS_SHARE * scene.size_m
     base = project(arm.world_from_base.translation)
     flanges = (arm.world_from_base @ arm.base_from_flange).translation[arm.known]
     yield path(f"trail robot-{colour}", dots(project(flanges)))
-    if len(arm.known) and arm.known[sample]:
-        world_from_flange = arm.world_from_base @ arm.base_from_flange[sample]
-        joints = np.zeros((0, 3)) if arm.joints is None else arm.joints[sample].translation
-        along = np.stack([np.zeros(3), *joints, arm.base_from_flange[sample].translation])
-        reach = project(arm.world_from_base @ along)
-        kind = "reach" if arm.joints is None else "links"
-        yield path(f"{kind} robot-{colour}", segments(pairwise(reach)))
-        yield from _frame(world_from_flange, 0.4 * _AXIS_SHARE * size, project)
-    yield from _frame(arm.world_from_base, _AXIS_SHARE * size, project)
+    world_from_flange = arm.world_from_flange(scene.opening)
+    if world_from_flange is not None:
+        joints = () if arm.joints is None else (arm.world_from_base @ arm.joints[scene.opening]).translation
+        along = pairwise([base, *map(project, joints), project(world_from_flange.translation)])
+        yield path(f"{'links' if len(joints) else 'reach'} robot-{colour}", segments(along))
+        yield from _frame(world_from_flange, 0.4 * length, project)
+    yield from _frame(arm.world_from_base, length, project)
     if arm.ellipsoid is not None:
         yield _ellipsoid(arm.ellipsoid, arm.world_from_base, project)
     yield Label(f"{arm.name}_base", base + np.array([0.0, 18.0]), f"label robot-{colour}")
@@ -142,4 +127,4 @@ def _ellipsoid(ellipsoid: Array, world_from_body: SE3, project: Project) -> Mark
     u, lengths, _ = np.linalg.svd(shadow, full_matrices=False)
     turn = np.linspace(0, 2 * np.pi, 49)
     outline = project(world_from_body.translation) + (np.stack([np.cos(turn), np.sin(turn)], -1) * lengths) @ u.T
-    return path("ellipsoid", segments(np.stack([outline[:-1], outline[1:]], 1)))
+    return path("ellipsoid", segments(pairwise(outline)))
