@@ -123,27 +123,14 @@ def estimate_rows(estimate: PoseEstimate, is_point: bool = False, is_fixed: bool
         yield TransformRow(what, unit, format_decimals(values, decimals), format_decimals(known, decimals))
 
 
-class LensParameter(NamedTuple):
-    """A number of a lens, with its sigma in the same unit, to the digits of the sigma."""
-
-    name: str
-    value: str
-    sigma: str
-    unit: str
-
-
-def lens_parameters(camera: Camera, covariance: Array) -> list[LensParameter]:
-    """Focal lengths, centre and distortion of a lens, in the order of its covariance."""
-    sigmas = np.sqrt(np.diag(covariance))
-    distortion = find_lens(camera.model, len(camera.distortion)).TERM_NAMES
-    names = [*_INTRINSIC_NAMES, *distortion][: len(sigmas)]
-    units = ["px" if name in _INTRINSIC_NAMES else "" for name in names]
-    rows = zip(names, camera.parameters.tolist(), sigmas.tolist(), units, strict=False)
-    shown = (
-        (name, *format_decimals([value, sigma], shown_decimals(np.array([sigma]))), unit)
-        for name, value, sigma, unit in rows
-    )
-    return [LensParameter(*row) for row in shown]
+def lens_parameters(camera: Camera, covariance: Array) -> Iterator[tuple[str, str, str, str]]:
+    """Focal lengths, centre and distortion of a lens, in the order of its covariance: a name, the value and its sigma
+    to the digits of the sigma, and their unit.
+    """
+    names = [*_INTRINSIC_NAMES, *find_lens(camera.model, len(camera.distortion)).TERM_NAMES]
+    for name, value, sigma in zip(names, camera.parameters, np.sqrt(np.diag(covariance)), strict=False):
+        shown = format_decimals([value, sigma], shown_decimals(sigma[None]))
+        yield name, shown[0], shown[1], "px" if name in _INTRINSIC_NAMES else ""
 
 
 def clock_sentences(calibration: Calibration) -> Iterator[str]:

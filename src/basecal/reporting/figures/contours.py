@@ -18,7 +18,7 @@ def contours(values: Array, pitch: float) -> list[Markup]:
     """Lines over a drawing whose squares of edge `pitch` have these values in their middles.
 
     Args:
-        values: (rows, columns), finite; at least two each.
+        values: (rows, columns); there are no lines unless all are finite, and at least two each.
         pitch: Edge of a square.
     """
     if min(values.shape) < 2 or not np.ptp(values) > 0:

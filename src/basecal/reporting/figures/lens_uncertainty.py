@@ -30,8 +30,7 @@ def lens_uncertainty(name: str, camera: Camera, covariance: Array) -> Figure | N
         for k, sigma in enumerate(sigmas.tolist())
         if np.isfinite(sigma)
     }
-    is_whole = len(known) == len(sigmas)
-    lines = contours(sigmas.reshape(grid.shape[::-1]), grid.pitch * grid.scale) if is_whole else []
+    lines = contours(sigmas.reshape(grid.shape[::-1]), grid.pitch * grid.scale)
     title = f"{name}, uncertainty of the lens"
     ends = two_digits(float(known.min())), f"{two_digits(float(known.max()))} px"
     caption = "1 sigma per axis of where the lens images a ray, without what a rotation of the camera absorbs."
