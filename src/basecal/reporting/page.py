@@ -34,7 +34,6 @@ from basecal.reporting.figures.residual_polar import residual_polar
 from basecal.reporting.figures.thumbnails import thumbnails
 from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
-from basecal.reporting.robots import robot_blocks
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import (
     COLOURS,
@@ -53,6 +52,7 @@ from basecal.reporting.text import (
     lens_parameters,
     noise_sentences,
     outlier_sentences,
+    robot_blocks,
     task_rows,
     validation_sentences,
 )

@@ -11,7 +11,7 @@ from basecal.accuracy.phrases.outlier import name_sample
 from basecal.accuracy.sample_use import outlier_views
 from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
 from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
-from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.effects.registry import RANDOM_EFFECTS, ROBOT_PARAMETERS
 from basecal.errors import check_type
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.exports.digits import format_decimals
@@ -20,7 +20,6 @@ from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
 from basecal.geometry.lenses.registry import find_lens
 from basecal.reporting.cell_view.sample_labels import is_measured, misfit
-from basecal.reporting.robots import robot_blocks
 from basecal.reporting.statement.digits import shown_decimals, two_digits
 from basecal.reporting.statement.verdict import (
     error_text,
@@ -62,16 +61,16 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         blocks.append([f"camera intrinsics of {name}  ({camera.model})"])
         for key, value, sigma, unit in lens_parameters(camera, covariance):
             blocks[-1].append(f"  {key:<3}{value:>13}    sigma {sigma} {unit}".rstrip())
-    blocks += [
-        *robot_blocks(calibration),
-        list(clock_sentences(calibration)),
-        list(fit_sentences(calibration)),
-        list(validation_sentences(calibration)),
-        [f"outlier: {sentence}" for sentence in outlier_sentences(calibration)],
-        list(noise_sentences(calibration)),
-        list(task_rows(calibration)),
-        list(_findings(calibration.findings)),
-    ]
+    said = (
+        clock_sentences(calibration),
+        fit_sentences(calibration),
+        validation_sentences(calibration),
+        (f"outlier: {sentence}" for sentence in outlier_sentences(calibration)),
+        noise_sentences(calibration),
+        task_rows(calibration),
+        _findings(calibration.findings),
+    )
+    blocks += [*robot_blocks(calibration), *map(list, said)]
     return "\n\n".join("\n".join(block) for block in blocks if block)
 
 
@@ -80,18 +79,34 @@ def number_row(numbers: Iterable[str]) -> str:
     return "".join(f" {number:>13}" for number in numbers)
 
 
+def robot_blocks(calibration: Calibration) -> list[list[str]]:
+    """Lines of each robot's parameters, kind by kind, a heading first."""
+    found = calibration.robot_parameters
+    return [
+        each.report(robot, values)
+        for name, each in ROBOT_PARAMETERS.items()
+        for robot, values in found.get(name, {}).items()
+    ]
+
+
+def status_words(name: str, calibration: Calibration) -> str:
+    """Whether a transform is fixed, prior or free, and a point."""
+    status = calibration.status.get(name, "free")
+    return f"{status}, a point" if name in calibration.points else status
+
+
 def _transform(name: str, calibration: Calibration) -> list[str]:
-    estimate, status = calibration[name], calibration.status.get(name, "free")
-    is_point = name in calibration.points
-    heading = f"{'fixed' if status == 'fixed' else 'estimated'} transform {name}"
-    verdict = calibration.verdicts.get(name, calibration.verdict)
-    lines = [f"{heading}  ({status}{', a point' if is_point else ''}): {verdict}"]
+    status, verdict = status_words(name, calibration), calibration.verdicts.get(name, calibration.verdict)
+    known = "fixed" if status.startswith("fixed") else "estimated"
+    lines = [f"{known} transform {name}  ({status}): {verdict}"]
     for what, unit, values, sigmas in transform_rows(name, calibration):
         lines.append(f"  {what:<6}{number_row(values)} {unit}")
         lines += [f"  sigma {number_row(sigmas)} {unit}"] if sigmas else []
     if clause := gauge_clause(name, calibration):
         lines.append(f"  sigma{clause}")
-    return lines if is_point else [*lines, f"  q_xyzw{number_row(format_decimals(estimate.mean.quaternion, 9))}"]
+    if name not in calibration.points:
+        lines.append(f"  q_xyzw{number_row(format_decimals(calibration[name].mean.quaternion, 9))}")
+    return lines
 
 
 class TransformRow(NamedTuple):

@@ -13,7 +13,7 @@ from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import numbers, origin_line
 from basecal.reporting.decision.components import component_figure
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.text import TransformRow, transform_rows
+from basecal.reporting.text import TransformRow, status_words, transform_rows
 
 Pasted = Mapping[str, Mapping[str, str]]
 """Texts by transform, and then by kind."""
@@ -57,12 +57,12 @@ class TransformView(NamedTuple):
 
 def transform_view(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -> TransformView:
     """How the page shows a transform that the calibration has, with what is pasted of all transforms."""
-    estimate, status = calibration[name], calibration.status.get(name, "free")
+    estimate, status = calibration[name], status_words(name, calibration)
     asked_m = None if calibration.tolerance is None else calibration.tolerance.asked_m
-    figure = None if status == "fixed" else component_figure(name, estimate, asked_m)
+    figure = None if status.startswith("fixed") else component_figure(name, estimate, asked_m)
     rows = list(transform_rows(name, calibration))
     if name in calibration.points:
-        return TransformView(name, f"{status}, a point", rows, "", [], figure)
+        return TransformView(name, status, rows, "", [], figure)
     drivers = {robot.driver.kind for robot in cell.robots.values() if robot.driver is not None}
     copies = sorted(_copies(name, cell, calibration, clipboard), key=lambda copy: copy.kind not in drivers)
     return TransformView(name, status, rows, numbers(estimate.mean.quaternion), copies, figure)

@@ -18,6 +18,7 @@ _ELEVATION_RAD = 0.45
 _AXIS_SHARE = 0.09
 _COLOURS = 4
 _LETTER_PX, _LINE_PX = 8.0, 17.0
+_BELOW = np.array([0.0, 18.0])  # a place, for its label
 
 Project = Callable[[Array], Array]
 
@@ -43,36 +44,35 @@ def picture(scene: Scene) -> Markup:
     ends = [pose @ np.concatenate([body.lines.reshape(-1, 3), body.points]) for body, pose in placed]
     project = _projection(scene, ends)
     feet = [project(arm.world_from_base.translation) for arm in scene.arms]
-    parts: list[Markup | Label] = [path("floor", segments((feet[0], foot) for foot in feet[1:]))]
-    for number, arm in enumerate(scene.arms):
-        parts += _arm(arm, number, scene, project)
+    parts, labels = [path("floor", segments((feet[0], foot) for foot in feet[1:]))], list[Label]()
+    for number, (arm, foot) in enumerate(zip(scene.arms, feet, strict=True)):
+        colour = f"robot-{number % _COLOURS}"
+        parts += _arm(arm, colour, scene, project)
+        labels.append(Label(f"{arm.name}_base", foot + _BELOW, f"label {colour}"))
     for (body, world_from_body), flat in zip(placed, map(project, ends), strict=True):
-        if body.ellipsoid is not None:
-            parts.append(_ellipsoid(body.ellipsoid, world_from_body, project))
+        parts += _ellipsoid(body.ellipsoid, world_from_body, project)
         lines, points = np.split(flat, [2 * len(body.lines)])
         parts.append(path(body.kind, segments(lines.reshape(-1, 2, 2)) + dots(points)))
-        parts.append(Label(body.name, np.array([flat[:, 0].mean(), flat[:, 1].min() - 7])))
+        labels.append(Label(body.name, np.array([flat[:, 0].mean(), flat[:, 1].min() - 7])))
     if scene.errors is not None:
-        at, words = project(scene.errors.points_m[scene.errors.worst]), worst_words(scene.errors)
-        parts += [path("worst-place", dots([at])), Label(words, at + np.array([0.0, 18.0]))]
-    return drawing(_WIDTH, _HEIGHT, "the cell from the side", *_place_labels(parts))
+        at = project(scene.errors.points_m[scene.errors.worst])
+        parts.append(path("worst-place", dots([at])))
+        labels.append(Label(worst_words(scene.errors), at + _BELOW))
+    return drawing(_WIDTH, _HEIGHT, "the cell from the side", *parts, *_place_labels(labels))
 
 
-def _place_labels(parts: Iterable[Markup | Label]) -> Iterator[Markup]:
-    """Elements; a label stands below those that it would cover."""
+def _place_labels(labels: Iterable[Label]) -> Iterator[Markup]:
+    """Each label below those before it that it would cover."""
     placed: list[Label] = []
-    for part in parts:
-        if isinstance(part, Markup):
-            yield part
-            continue
+    for label in labels:
         for _ in placed:  # not until none covers it: beside coordinates beyond 1e17 a line is no step
-            other = next((each for each in placed if each.covers(part)), None)
+            other = next((each for each in placed if each.covers(label)), None)
             if other is None:
                 break
-            part = replace(part, place=np.array([part.place[0], other.place[1] + _LINE_PX]))
-        placed.append(part)
-        x, y = part.place
-        yield element("text", part.words, class_=part.kind, x=x, y=y)
+            label = replace(label, place=np.array([label.place[0], other.place[1] + _LINE_PX]))
+        placed.append(label)
+        x, y = label.place
+        yield element("text", label.words, class_=label.kind, x=x, y=y)
 
 
 def _world_from_body(scene: Scene, body: Body) -> SE3 | None:
@@ -103,28 +103,27 @@ def _frame(world_from_body: SE3, length: float, project: Project) -> Iterator[Ma
         yield path(f"axis-{axis}", segments([(origin, tip)]))
 
 
-def _arm(arm: Arm, number: int, scene: Scene, project: Project) -> Iterator[Markup | Label]:
-    colour, length = number % _COLOURS, _AXIS_SHARE * scene.size_m
-    base = project(arm.world_from_base.translation)
+def _arm(arm: Arm, colour: str, scene: Scene, project: Project) -> Iterator[Markup]:
+    length = _AXIS_SHARE * scene.size_m
     flanges = (arm.world_from_base @ arm.base_from_flange).translation[arm.known]
-    yield path(f"trail robot-{colour}", dots(project(flanges)))
+    yield path(f"trail {colour}", dots(project(flanges)))
     world_from_flange = arm.world_from_flange(scene.opening)
     if world_from_flange is not None:
         joints = () if arm.joints is None else (arm.world_from_base @ arm.joints[scene.opening]).translation
-        along = pairwise([base, *map(project, joints), project(world_from_flange.translation)])
-        yield path(f"{'links' if len(joints) else 'reach'} robot-{colour}", segments(along))
+        along = np.stack([arm.world_from_base.translation, *joints, world_from_flange.translation])
+        yield path(f"{'links' if len(joints) else 'reach'} {colour}", segments(pairwise(project(along))))
         yield from _frame(world_from_flange, 0.4 * length, project)
     yield from _frame(arm.world_from_base, length, project)
-    if arm.ellipsoid is not None:
-        yield _ellipsoid(arm.ellipsoid, arm.world_from_base, project)
-    yield Label(f"{arm.name}_base", base + np.array([0.0, 18.0]), f"label robot-{colour}")
+    yield from _ellipsoid(arm.ellipsoid, arm.world_from_base, project)
 
 
-def _ellipsoid(ellipsoid: Array, world_from_body: SE3, project: Project) -> Markup:
+def _ellipsoid(ellipsoid: Array | None, world_from_body: SE3, project: Project) -> Iterator[Markup]:
     """The outline of an ellipsoid: the shadow of a ball's image under M is that of a disc under (M M')^1/2."""
+    if ellipsoid is None:
+        return
     world_from_ball = world_from_body.rotation @ ellipsoid
     shadow = (project(world_from_ball.T) - project(np.zeros(3))).T
     u, lengths, _ = np.linalg.svd(shadow, full_matrices=False)
     turn = np.linspace(0, 2 * np.pi, 49)
     outline = project(world_from_body.translation) + (np.stack([np.cos(turn), np.sin(turn)], -1) * lengths) @ u.T
-    return path("ellipsoid", segments(pairwise(outline)))
+    yield path("ellipsoid", segments(pairwise(outline)))
