@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from textwrap import wrap
 
 from markupsafe import Markup, escape
@@ -40,24 +40,24 @@ def drawing(width: float, height: float, label: str, *inside: str, stretch: bool
     return element("svg", *inside, title=label, role="img", viewBox=view, preserveAspectRatio=ratio)
 
 
-def wrapped_label(label: str, characters: int, place: tuple[float, float], anchor: str, most_lines: int = 99) -> Markup:
-    """A label as lines below one another; words are broken if they are longer than a line.
+def wrapped_label(label: str, lines: Sequence[str], place: tuple[float, float], anchor: str) -> Markup:
+    """A label as lines below one another, which are those of `label_lines`.
 
     Args:
         label: What it says; in full as its title, too.
-        characters: Of a line, at most.
+        lines: Of it.
         place: x and y of the first line.
         anchor: Where a line has its x: `start`, `middle` or `end`.
-        most_lines: Of which the last ends with an ellipsis if there were more.
     """
-    first, *others = label_lines(label, characters, most_lines)
     x, y = place
-    more = [element("tspan", line, x=x, dy="1.15em") for line in others]
-    return element("text", first, *more, title=label, class_="tick", x=x, y=y, text_anchor=anchor)
+    more = [element("tspan", line, x=x, dy="1.15em") for line in lines[1:]]
+    return element("text", lines[0], *more, title=label, class_="tick", x=x, y=y, text_anchor=anchor)
 
 
 def label_lines(label: str, characters: int, most_lines: int = 99) -> list[str]:
-    """The lines of `wrapped_label`."""
+    """Lines of so many characters at most; words are broken if they are longer. The last line that there may be ends
+    with an ellipsis if there were more.
+    """
     return wrap(label, max(characters, 2), max_lines=most_lines, placeholder="…", break_on_hyphens=False) or [""]
 
 

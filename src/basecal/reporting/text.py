@@ -10,7 +10,7 @@ import numpy as np
 from basecal.accuracy.phrases.outlier import name_sample
 from basecal.accuracy.sample_use import outlier_views
 from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
-from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
+from basecal.cell import Calibration, Cell, Finding, Validation
 from basecal.effects.registry import RANDOM_EFFECTS, ROBOT_PARAMETERS
 from basecal.errors import check_type
 from basecal.exchange.exports.choice import frame_names
@@ -269,19 +269,15 @@ def local_rows(calibration: Calibration) -> Iterator[str]:
     if calibration.local == () and calibration.settings.get("task_box") is not None:
         yield f"in the box: fewer than {FEWEST_SAMPLES} samples or none held out, too few to calibrate it separately"
     for part in calibration.local or ():
-        yield local_sentence(part)
-
-
-def local_sentence(part: LocalFit) -> str:
-    """Whether a part of the workspace is better calibrated separately."""
-    x, y, z = part.centre_m
-    where = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
-    if part.global_m is None or part.local_m is None:
-        return f"{where}: a local calibration comes to no end; use the global one"
-    local, whole = (two_digits(1e3 * length) for length in (part.local_m, part.global_m))
-    errors = f"held-out {local} mm by a local calibration, {whole} mm by the global"
-    choice = "use the local one there" if part.is_better else "use the global one"
-    return f"{where}: {errors}; noise alone makes the two differ so with p = {part.chance:.2g}; {choice}"
+        x, y, z = part.centre_m
+        where = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
+        if part.global_m is None or part.local_m is None:
+            yield f"{where}: a local calibration comes to no end; use the global one"
+            continue
+        local, whole = (two_digits(1e3 * length) for length in (part.local_m, part.global_m))
+        errors = f"held-out {local} mm by a local calibration, {whole} mm by the global"
+        choice = "use the local one there" if part.is_better else "use the global one"
+        yield f"{where}: {errors}; noise alone makes the two differ so with p = {part.chance:.2g}; {choice}"
 
 
 def _sigma(key: str, value: float | Array) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, ErrorMap, Robot, RobotState, Sample, Target
 from basecal.errors import BasecalError
 from basecal.geometry import SE3, Array, BoolArray, Camera
-from basecal.kinematics.surface import Surface, body_surface
+from basecal.kinematics.surface import body_surface
 from basecal.planning.sketch import target_points
 from basecal.reporting.cell_view.sample_labels import sample_labels, worst_sample
 from basecal.reporting.statement.digits import two_digits
@@ -47,7 +48,7 @@ class Arm:
     base_from_flange: SE3
     known: BoolArray
     joints: SE3 | None = None
-    surfaces: tuple[Surface, ...] = ()
+    surfaces: tuple[dict[str, Any], ...] = ()
     ellipsoid: Array | None = None
 
     @property
@@ -127,7 +128,8 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
     means = {**calibration.known_transforms(cell), cell.base_name(cell.reference): SE3.identity()}
     bases = {name: means.get(cell.base_name(name)) for name in cell.robots}
     arms = tuple(_arm(cell.robots[name], base, shown) for name, base in bases.items() if base is not None)
-    size = _size(arms)
+    every = np.concatenate([arm.places for arm in arms])
+    size = max(float(np.linalg.norm(np.ptp(every, axis=0))), _SMALLEST_M)
     scale, sure = _ellipsoids(cell, calibration, size)
     arms = tuple(replace(arm, ellipsoid=sure.get(cell.base_name(arm.name))) for arm in arms)
     placed = {WORLD, *(arm.name for arm in arms)}
@@ -167,7 +169,7 @@ def _arm(robot: Robot, world_from_base: SE3, samples: Sequence[Sample]) -> Arm:
     frames = chain.joint_frames(np.stack([np.zeros(chain.n) if angles is None else angles for angles in joints]))
     turned = SE3(frames.rotation.swapaxes(0, 1), frames.translation.swapaxes(0, 1))
     try:
-        surfaces = tuple(map(body_surface, chain.collisions))
+        surfaces = tuple(body_surface(body)._asdict() for body in chain.collisions)
     except BasecalError:  # such as a mesh that was not copied into the cell's folder: links are tubes
         surfaces = ()
     return replace(arm, joints=turned, surfaces=surfaces)
@@ -184,12 +186,6 @@ def _ellipsoids(cell: Cell, calibration: Calibration, size: float) -> tuple[floa
     longest = max((float(np.linalg.norm(each, axis=0).max()) for each in axes.values()), default=0.0)
     scale = 1.0 if longest <= 0 else max(1.0, nice_ceiling(_ELLIPSOID_SHARE * size / longest) / 2)
     return scale, {name: scale * each for name, each in axes.items()}
-
-
-def _size(arms: Sequence[Arm]) -> float:
-    """Diagonal of the box about all bases and flanges [m]."""
-    every = np.concatenate([arm.places for arm in arms])
-    return max(float(np.linalg.norm(every.max(0) - every.min(0))), _SMALLEST_M)
 
 
 def _view_direction(arms: Sequence[Arm]) -> Array:
@@ -240,16 +236,7 @@ def _edges(corners: Array) -> Array:
 
 def scene_data(scene: Scene) -> dict[str, Any]:
     """A scene as plain data for the script of the page; lengths to 0.01 mm."""
-    data: dict[str, Any] = _plain(scene)
-    for arm, plain in zip(scene.arms, data["arms"], strict=True):
-        if arm.joints is not None and not arm.surfaces:  # no body turns with them
-            plain["joints"] = _plain(arm.joints.translation)
-    if scene.errors is not None:
-        data["errors"] = {
-            "points": _plain(scene.errors.points_m),
-            "mm": _plain(1e3 * scene.errors.length_95_m),
-            "worst": worst_words(scene.errors),
-        }
+    data: dict[str, Any] = json.loads(json.dumps(scene, default=_plain))
     return data
 
 
@@ -259,17 +246,13 @@ def worst_words(errors: ErrorMap) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Fields, transforms and arrays as JSON holds them; of a transform its translation, then its quaternion."""
+    """What JSON has no form of: fields, transforms and arrays. A transform is its translation, then its quaternion."""
+    if isinstance(value, Arm) and value.joints is not None and not value.surfaces:  # no body turns with them
+        return {**vars(value), "joints": value.joints.translation}
+    if isinstance(value, ErrorMap):
+        return {"points": value.points_m, "mm": 1e3 * value.length_95_m, "worst": worst_words(value)}
     if isinstance(value, SE3):
-        return _plain(np.concatenate([value.translation, value.quaternion], -1))
-    if isinstance(value, np.ndarray) and value.dtype != np.float64:
-        return value.tolist()
-    if isinstance(value, np.ndarray | float):
-        return np.round(value, _DECIMALS).tolist()
-    if isinstance(value, Surface):
-        return _plain(value._asdict())
-    if isinstance(value, dict):
-        return {key: _plain(each) for key, each in value.items()}
-    if isinstance(value, tuple):
-        return [_plain(each) for each in value]
-    return _plain(vars(value)) if is_dataclass(value) else value
+        value = np.concatenate([value.translation, value.quaternion], -1)
+    if not isinstance(value, np.ndarray):
+        return vars(value)
+    return value.tolist() if value.dtype == np.bool_ else np.round(value, _DECIMALS).tolist()

@@ -58,9 +58,10 @@ def curves(
         if x - labelled < _LABEL:
             continue
         labelled, label = x, value_text(place)
-        line_count = max(line_count, len(label_lines(label, characters)))
+        words = label_lines(label, characters)
+        line_count = max(line_count, len(words))
         parts.append(path("rule", f"M{x:.1f} {_TOP}V{HEIGHT - _BOTTOM}"))
-        parts.append(wrapped_label(label, characters, (x, HEIGHT - _BOTTOM + 18), "middle"))
+        parts.append(wrapped_label(label, words, (x, HEIGHT - _BOTTOM + 18), "middle"))
     for number, (name, bands) in enumerate(lines.items()):
         line = _line(bands, along, up, f"{axis} {{}}: {{}} {unit}")
         parts.append(element("g", *line, title=name, class_=f"line-{number % COLOURS}"))

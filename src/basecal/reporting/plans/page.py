@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from typing import Any
 
 from basecal.cell import Calibration, Cell, Sample
 from basecal.errors import BasecalError
@@ -38,10 +39,12 @@ def plan_page(
         title: What the reader calls it.
         steps: What to do with it, commands between backticks.
     """
-    sketch: Sketch | None = None
+    drawn: dict[str, Any] = {"scene_json": "", "head": (), "ways": ()}
     with suppress(BasecalError):  # of a cell without cameras nothing is drawn
         sketch = sketches(with_marks(cell, plan.marks), calibration)[0]
-    drawn = {"scene_json": ""} if sketch is None else stage(stated_scene(sketch, plan.samples))
+        drawn = stage(stated_scene(sketch, plan.samples))
+        drawn["head"] = ["sample", *(f"{robot} goes" for robot in sketch.movers)]
+        drawn["ways"] = list(_ways(sketch, plan.samples))
     first = plan_headline(plan, tolerance_m)
     return fill_page(
         "plan.html",
@@ -54,8 +57,6 @@ def plan_page(
         outlook=outlook_figure(plan.steps, plan.recorded, tolerance_m) if len(plan.steps) > 1 else None,
         budget=plan.budget,
         place=PLACE_WORDS[plan.place],
-        head=["sample", *(f"{robot} goes" for robot in (() if sketch is None else sketch.movers))],
-        ways=() if sketch is None else list(_ways(sketch, plan.samples)),
         **drawn,
     )
 
