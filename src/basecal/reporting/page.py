@@ -45,17 +45,7 @@ from basecal.reporting.statement.verdict import (
     task_options,
 )
 from basecal.reporting.templates.environment import fill_page
-from basecal.reporting.text import (
-    clock_sentences,
-    estimate_rows,
-    fit_sentences,
-    lens_parameters,
-    noise_sentences,
-    outlier_sentences,
-    robot_blocks,
-    task_rows,
-    validation_sentences,
-)
+from basecal.reporting.text import estimate_rows, lens_parameters, robot_blocks, sentences
 from basecal.reporting.transforms import transform_view
 
 _MOST_ROWS = 400
@@ -109,6 +99,7 @@ def page(
         drift=history_text(verifications, drifts(verifications)).splitlines()[-_MOST_VERIFICATIONS:],
         provenance=provenance(cell, calibration),
         **stage(scene(cell, recording.samples, calibration)),
+        said=sentences(calibration),
         **_answer(cell, calibration, title, run),
         **_task(recording, calibration, outlook),
         **_fit(cell, recording, calibration, known),
@@ -142,7 +133,6 @@ def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tupl
     tolerance_m = calibration.settings.get("tolerance_m")
     recorded = sum(bool(sample.observations) for sample in recording.samples)
     return {
-        "task": list(task_rows(calibration)),
         "budget": calibration.budget or (),
         "outlook_figure": outlook_figure(outlook, recorded, tolerance_m) if outlook else None,
         # What `basecal plan` is asked for more samples.
@@ -161,11 +151,8 @@ def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: Fi
     return {
         "estimate_rows": estimate_rows,
         "tangent_text": tangent_text,
-        "fit": [*fit_sentences(calibration), *noise_sentences(calibration), *clock_sentences(calibration)],
         "thumbnails": thumbnails(cell, recording, calibration, details.points),
-        "cross_validation": list(validation_sentences(calibration)),
         "why_larger": explain_held_out_error(calibration),
-        "outliers": list(outlier_sentences(calibration)),
         "residual_figures": [(residual_map(*each), residual_polar(each[1])) for each in sized],
         "coverage": [*(image_coverage(*each) for each in sized), *filter(None, lenses)],
         "orientations": [orientation_figure(views) for views in details.views if len(views.sample)],

@@ -61,17 +61,23 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         blocks.append([f"camera intrinsics of {name}  ({camera.model})"])
         for key, value, sigma, unit in lens_parameters(camera, covariance):
             blocks[-1].append(f"  {key:<3}{value:>13}    sigma {sigma} {unit}".rstrip())
-    said = (
-        clock_sentences(calibration),
-        fit_sentences(calibration),
-        validation_sentences(calibration),
-        (f"outlier: {sentence}" for sentence in outlier_sentences(calibration)),
-        noise_sentences(calibration),
-        task_rows(calibration),
-        _findings(calibration.findings),
-    )
-    blocks += [*robot_blocks(calibration), *map(list, said)]
+    said = sentences(calibration)
+    said["outliers"] = [f"outlier: {sentence}" for sentence in said["outliers"]]
+    blocks += [*robot_blocks(calibration), *said.values(), list(_findings(calibration.findings))]
     return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def sentences(calibration: Calibration) -> dict[str, list[str]]:
+    """What there is to say of a calibration beside its transforms and findings, a line each, by subject."""
+    found = {
+        "clocks": clock_sentences(calibration),
+        "fit": fit_sentences(calibration),
+        "cross_validation": validation_sentences(calibration),
+        "outliers": outlier_sentences(calibration),
+        "noise": noise_sentences(calibration),
+        "task": task_rows(calibration),
+    }
+    return {subject: list(lines) for subject, lines in found.items()}
 
 
 def number_row(numbers: Iterable[str]) -> str:

@@ -235,7 +235,7 @@ def _edges(corners: Array) -> Array:
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
-    """A scene as plain data for the script of the page; lengths to 0.01 mm."""
+    """A scene as plain data for the script of the page; places to 0.01 mm."""
     data: dict[str, Any] = json.loads(json.dumps(scene, default=_plain))
     return data
 
