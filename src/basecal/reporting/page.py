@@ -177,6 +177,6 @@ def _views(calibration: Calibration) -> list[tuple[str, list[Figure]]]:
 
 def _row(view: SampleResidual) -> tuple[str, ...]:
     """Cells of a view in a table."""
-    values = (quantity.of(view) for quantity in QUANTITIES)
+    values = (quantity.value(view) for quantity in QUANTITIES)
     shown = ("" if value is None else two_digits(value) for value in values)
     return (str(view.sample), view.camera, view.target, *shown)

@@ -38,7 +38,7 @@ _LINE_MM = 0.15
 _TEXT_MM = 3.2  # height of its letters with what hangs below the line
 _TAKEN_MM = np.array([2 * _MARGIN_MM + _SIDE_MM, 2 * _MARGIN_MM + _FOOT_MM])  # of a page: what is left holds the target
 
-_NONE = np.zeros((0, 3))
+_NO_DISCS = np.zeros((0, 3))
 
 Text = tuple[float, float, str]
 """X and y of the baseline's left end [mm], and what it says."""
@@ -90,7 +90,7 @@ def _sheet_page(target: Target, sheet: Sheet, title: str, paper: str | None) -> 
     check = f"between the cut marks {width:g} x {height:g} mm; {part[:-2]} {1e3 * sheet.pitch:g} mm"
     axes, names = _axes(sheet)
     lines = [*_cut_marks(box), *axes]
-    return _placed_page(box, paper, (title, check), names, lines, 1e3 * sheet.rectangles, 1e3 * sheet.discs, _NONE)
+    return _placed_page(box, paper, (title, check), names, lines, 1e3 * sheet.rectangles, 1e3 * sheet.discs, _NO_DISCS)
 
 
 def _placed_page(
@@ -173,7 +173,7 @@ def _template(target: Target, title: str, paper: str | None) -> PrintedPage:
     rings = np.column_stack([at, np.full(len(at), _LIGHT_MM / 2)])
     names = [(x + 4, y - 4, str(number)) for (x, y), number in zip(at.tolist(), target.ids, strict=True)]
     return _placed_page(
-        box, paper, (title, "a cross where each point goes"), names, lines, np.zeros((0, 4)), _NONE, rings
+        box, paper, (title, "a cross where each point goes"), names, lines, np.zeros((0, 4)), _NO_DISCS, rings
     )
 
 

@@ -68,7 +68,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
 
 
 def sentences(calibration: Calibration) -> dict[str, list[str]]:
-    """What there is to say of a calibration beside its transforms and findings, a line each, by subject."""
+    """Sentences about a calibration beside its transforms and findings, a line each, by subject."""
     found = {
         "clocks": clock_sentences(calibration),
         "fit": fit_sentences(calibration),
@@ -134,7 +134,7 @@ def transform_rows(name: str, calibration: Calibration) -> Iterator[TransformRow
 
 
 def estimate_rows(estimate: PoseEstimate, is_point: bool = False, is_fixed: bool = False) -> Iterator[TransformRow]:
-    """Likewise, of any estimate."""
+    """The rows of any estimate."""
     halves = [("t", "mm", estimate.mean.translation * 1e3, estimate.sigma_t * 1e3)]
     if not is_point:
         halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
@@ -145,9 +145,7 @@ def estimate_rows(estimate: PoseEstimate, is_point: bool = False, is_fixed: bool
 
 
 def lens_parameters(camera: Camera, covariance: Array) -> Iterator[tuple[str, str, str, str]]:
-    """Focal lengths, centre and distortion of a lens, in the order of its covariance: a name, the value and its sigma
-    to the digits of the sigma, and their unit.
-    """
+    """Name, value, sigma and unit of each number of a lens, in the order of its covariance, to the digits of sigma."""
     names = [*_INTRINSIC_NAMES, *find_lens(camera.model, len(camera.distortion)).TERM_NAMES]
     for name, value, sigma in zip(names, camera.parameters, np.sqrt(np.diag(covariance)), strict=False):
         shown = format_decimals([value, sigma], shown_decimals(sigma[None]))

@@ -18,7 +18,7 @@ _ELEVATION_RAD = 0.45
 _AXIS_SHARE = 0.09
 _COLOURS = 4
 _LETTER_PX, _LINE_PX = 8.0, 17.0
-_BELOW = np.array([0.0, 18.0])  # a place, for its label
+_LABEL_SHIFT_PX = np.array([0.0, 18.0])  # from a place
 
 Project = Callable[[Array], Array]
 
@@ -48,7 +48,7 @@ def picture(scene: Scene) -> Markup:
     for number, (arm, foot) in enumerate(zip(scene.arms, feet, strict=True)):
         colour = f"robot-{number % _COLOURS}"
         parts += _arm(arm, colour, scene, project)
-        labels.append(Label(f"{arm.name}_base", foot + _BELOW, f"label {colour}"))
+        labels.append(Label(f"{arm.name}_base", foot + _LABEL_SHIFT_PX, f"label {colour}"))
     for (body, world_from_body), flat in zip(placed, map(project, ends), strict=True):
         parts += _ellipsoid(body.ellipsoid, world_from_body, project)
         lines, points = np.split(flat, [2 * len(body.lines)])
@@ -57,7 +57,7 @@ def picture(scene: Scene) -> Markup:
     if scene.errors is not None:
         at = project(scene.errors.points_m[scene.errors.worst])
         parts.append(path("worst-place", dots([at])))
-        labels.append(Label(worst_words(scene.errors), at + _BELOW))
+        labels.append(Label(worst_words(scene.errors), at + _LABEL_SHIFT_PX))
     return drawing(_WIDTH, _HEIGHT, "the cell from the side", *parts, *_place_labels(labels))
 
 

@@ -35,7 +35,7 @@ def is_measured(view: SampleResidual) -> bool:
 
 
 def misfit(view: SampleResidual) -> tuple[float, float]:
-    """By how much a view fits badly: what is larger is worse [px, m]."""
+    """How badly a view fits, to compare views by [px, m]."""
     return view.rms_px or 0.0, view.loop_m or 0.0
 
 

@@ -230,7 +230,7 @@ def outline(shape: Target | None) -> Array:
 
 
 def _edges(corners: Array) -> Array:
-    """From each corner of a loop to the next, (..., n, 2, 3) of (..., n, 3)."""
+    """Edges between corners of a loop, (..., n, 2, 3) of (..., n, 3)."""
     return np.stack([corners, np.roll(corners, -1, axis=-2)], -2)
 
 
@@ -246,7 +246,7 @@ def worst_words(errors: ErrorMap) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON has no form of: fields, transforms and arrays. A transform is its translation, then its quaternion."""
+    """A noun or an array as JSON can hold it; a transform as its translation, then its quaternion."""
     if isinstance(value, Arm) and value.joints is not None and not value.surfaces:  # no body turns with them
         return {**vars(value), "joints": value.joints.translation}
     if isinstance(value, ErrorMap):

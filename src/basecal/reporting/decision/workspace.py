@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.cell import ErrorMap
 from basecal.geometry import Array
-from basecal.reporting.figures.contours import contours
+from basecal.reporting.contours import contours
 from basecal.reporting.figures.figure import Figure, rectangle, tile
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import error_text

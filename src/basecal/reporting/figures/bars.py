@@ -22,7 +22,7 @@ class Quantity:
     factor: float
     unit: str
 
-    def of(self, view: SampleResidual) -> float | None:
+    def value(self, view: SampleResidual) -> float | None:
         """The quantity of a view in its unit; None if it is not defined."""
         value = getattr(view, self.field)
         return None if value is None else value * self.factor
@@ -42,7 +42,7 @@ def bar_figure(
 
     Those left out are marked; they are in no mean, and their bars end with the figure.
     """
-    given = [(view, value) for view in views if (value := quantity.of(view)) is not None]
+    given = [(view, value) for view in views if (value := quantity.value(view)) is not None]
     if not given:
         return None
     least = sorted(value for _, value in given)[-max_count:][0]

@@ -24,5 +24,5 @@ def points_by_camera(residuals: Sequence[PointResiduals]) -> dict[str, PointResi
 
 
 def some_points(points: PointResiduals, mask: BoolArray) -> PointResiduals:
-    """Those of some points that a mask has, (n,)."""
+    """The points that a mask has, (n,)."""
     return PointResiduals(points.camera, points.target, *(getattr(points, field)[mask] for field in _ARRAYS))

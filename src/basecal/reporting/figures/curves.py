@@ -84,13 +84,13 @@ def _axis_positions(every: Sequence[float | str], logarithmic: bool | None) -> t
     return {place: _LEFT + (k + 0.5) * column for k, place in enumerate(places)}, int(column / _CHARACTER)
 
 
-def _line(bands: Sequence[Band], along: Mapping[float | str, float], up: Scale, label: str) -> list[Markup]:
+def _line(bands: Sequence[Band], positions: Mapping[float | str, float], scale: Scale, label: str) -> list[Markup]:
     """A line and its band; broken where there is no answer."""
     parts: list[Markup] = []
     # Bands with answers that are next to one another.
     for _, group in groupby(bands, lambda band: band.errors is None):
         run = [
-            (along[b.at], [*map(up.position, b.errors)], label.format(b.at, two_digits(b.errors[1])))
+            (positions[b.at], [*map(scale.position, b.errors)], label.format(b.at, two_digits(b.errors[1])))
             for b in group
             if b.errors
         ]

@@ -7,7 +7,7 @@ import numpy as np
 from basecal.accuracy.residuals.lens_uncertainty import lens_sigmas
 from basecal.geometry import Array, Camera
 from basecal.reporting.charts import fitted_scale
-from basecal.reporting.figures.contours import contours
+from basecal.reporting.contours import contours
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.image_grid import image_grid
 from basecal.reporting.statement.digits import two_digits

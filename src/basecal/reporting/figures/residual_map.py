@@ -16,15 +16,15 @@ _FEWEST_POINTS = 3  # whose mean is drawn: of fewer it is the noise of single po
 _ARROWHEAD_PX = 4.0
 
 
-def residual_map(size_px: tuple[int, int] | None, seen: PointResiduals) -> Figure:
+def residual_map(size_px: tuple[int, int] | None, points: PointResiduals) -> Figure:
     """Squares shaded by the rms of their residuals, with arrows from where points were seen towards where predicted.
 
     Args:
-        size_px: The camera's image; where not known, as far as points were seen.
-        seen: Its points, at least one of them used; the others are not drawn.
+        size_px: The camera's image; where not known, as far as points were points.
+        points: Its points, at least one of them used; the others are not drawn.
     """
-    off = seen.off_px[seen.used]
-    grid = image_grid(size_px, seen.pixels[seen.used])
+    off = points.off_px[points.used]
+    grid = image_grid(size_px, points.pixels[points.used])
     rms = np.sqrt(grid.means(np.mean(off**2, axis=-1)))
     mean = np.stack([grid.means(axis) for axis in off.T], axis=-1)
     top = nice_ceiling(float(rms.max()))
@@ -41,7 +41,7 @@ def residual_map(size_px: tuple[int, int] | None, seen: PointResiduals) -> Figur
     bottom = grid.scale * float(grid.size[1]) - 12
     end = 12 + bar_px * longer
     svg = grid.drawing(
-        f"reprojection errors in the image of {seen.camera}",
+        f"reprojection errors in the image of {points.camera}",
         squares,
         ("0", f"{top:g} px rms"),
         path("arrows", _arrows(foot, foot + drift * longer)),
@@ -53,7 +53,7 @@ def residual_map(size_px: tuple[int, int] | None, seen: PointResiduals) -> Figur
         f"towards where they are predicted, {three_digits(longer / grid.scale)} times as long. Arrows that agree with "
         "their neighbours are a pattern that the lens model does not have."
     )
-    return Figure(f"{seen.camera}, residuals over the image", svg, caption)
+    return Figure(f"{points.camera}, residuals over the image", svg, caption)
 
 
 def _arrows(foot: Array, tip: Array) -> str:

@@ -15,20 +15,20 @@ _RANGE_RMS = 2.5  # of the length: of normal residuals one in five hundred is lo
 _HALF, _MOST_OF = 50, 95  # percent of residuals within
 
 
-def residual_polar(seen: PointResiduals) -> Figure:
+def residual_polar(points: PointResiduals) -> Figure:
     """A dot for each point of a camera, from where it was seen in the middle to where it is predicted.
 
     Args:
-        seen: Its points, at least one of them used.
+        points: Its points, at least one of them used.
     """
-    off, left_out = seen.off_px[seen.used], seen.off_px[~seen.used]
+    off, left_out = points.off_px[points.used], points.off_px[~points.used]
     length = np.linalg.norm(off, axis=-1)
     top = nice_ceiling(_RANGE_RMS * float(np.sqrt(np.mean(length**2))))
     shown = off[:: -(-len(off) // _MOST_DOTS)]
     drawn = {"cloud": shown, "left-out": left_out[:_MOST_DOTS]}
     clouds = [path(kind, dots(place_on_rings(each, top))) for kind, each in drawn.items()]
     rings = [(share, f"{share * top:.3g} px") for share in (0.5, 1.0)]
-    svg = polar_drawing(f"reprojection errors of {seen.camera} by direction", rings, *clouds)
+    svg = polar_drawing(f"reprojection errors of {points.camera} by direction", rings, *clouds)
     half, most = (two_digits(value) for value in np.percentile(length, [_HALF, _MOST_OF]))
     beyond = int(np.count_nonzero(length > top))
     outside = f" {beyond} are longer and stand on the outer ring." if beyond else ""
@@ -38,4 +38,4 @@ def residual_polar(seen: PointResiduals) -> Figure:
         f"{few}{_HALF} % are below {half} px, {_MOST_OF} % below {most} px.{outside}{also} A cloud that is not "
         "round and centred: a shared error."
     )
-    return Figure(f"{seen.camera}, residuals by direction", svg, caption)
+    return Figure(f"{points.camera}, residuals by direction", svg, caption)
