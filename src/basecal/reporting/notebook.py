@@ -27,9 +27,8 @@ def html_summary(calibration: Calibration) -> str:
         word=word,
         colour=_COLOURS[COLOURS[word]],
         why="" if tolerance is None or word == "REFUSED" else tolerance_sentence(tolerance),
-        transforms=[
-            (name, list(transform_rows(name, calibration)), status_words(name, calibration))
-            for name in calibration.transforms
-        ],
+        calibration=calibration,
+        status_words=status_words,
+        transform_rows=transform_rows,
         findings=sort_by_severity(calibration.findings),
     )

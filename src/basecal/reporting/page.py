@@ -14,10 +14,12 @@ from basecal.accuracy.phrases.held_out_error import explain_held_out_error
 from basecal.accuracy.sample_use import outlier_views
 from basecal.cell import Calibration, Cell, PastVerification, Recording, SampleResidual
 from basecal.exchange.exporters.exporter import pasteable
+from basecal.exchange.urdf import numbers
 from basecal.reporting.cell_view.sample_labels import misfit
 from basecal.reporting.cell_view.scene import scene
 from basecal.reporting.cell_view.stage import stage
 from basecal.reporting.decision.checks import check_words, passed_checks
+from basecal.reporting.decision.components import component_figure
 from basecal.reporting.decision.outlook import outlook_figure
 from basecal.reporting.decision.tiles import remarks, tiles
 from basecal.reporting.decision.workspace import workspace
@@ -45,8 +47,31 @@ from basecal.reporting.statement.verdict import (
     task_options,
 )
 from basecal.reporting.templates.environment import fill_page
-from basecal.reporting.text import estimate_rows, lens_parameters, robot_blocks, sentences
-from basecal.reporting.transforms import transform_view
+from basecal.reporting.text import (
+    estimate_rows,
+    lens_parameters,
+    robot_blocks,
+    sentences,
+    status_words,
+    transform_rows,
+)
+from basecal.reporting.transforms import copies
+
+# What the template asks of the nouns it is given.
+_VERBS: dict[str, Any] = {
+    verb.__name__: verb
+    for verb in (
+        component_figure,
+        estimate_rows,
+        lens_parameters,
+        numbers,
+        status_words,
+        tangent_text,
+        task_options,
+        transform_rows,
+        workspace,
+    )
+}
 
 _MOST_ROWS = 400
 _MOST_BARS = 600
@@ -83,6 +108,8 @@ def page(
         outlook: What so many planned samples more leave of the error at the task [m].
     """
     known = FitDetails() if details is None else details
+    tolerance_m = calibration.settings.get("tolerance_m")
+    recorded = sum(bool(sample.observations) for sample in recording.samples)
     return fill_page(
         "page.html",
         ("templates/copies.js", "templates/page.js"),
@@ -92,16 +119,17 @@ def page(
         cell=cell,
         calibration=calibration,
         closed_form=known.closed_form,
+        **_VERBS,
         overview=overview(cell, time),
         tiles=list(tiles(cell, recording, calibration, known)),
         remarks=list(remarks(calibration, outlook)),
+        outlook_figure=outlook_figure(outlook, recorded, tolerance_m) if outlook else None,
         history=history_figure(verifications),
         drift=history_text(verifications, drifts(verifications)).splitlines()[-_MOST_VERIFICATIONS:],
         provenance=provenance(cell, calibration),
         **stage(scene(cell, recording.samples, calibration)),
         said=sentences(calibration),
         **_answer(cell, calibration, title, run),
-        **_task(recording, calibration, outlook),
         **_fit(cell, recording, calibration, known),
     )
 
@@ -109,7 +137,6 @@ def page(
 def _answer(cell: Cell, calibration: Calibration, title: str, run: str | None) -> dict[str, Any]:
     """The answer, for the template."""
     pasted, asked = pasteable(calibration, cell, run), requested_estimates(cell, calibration)
-    views = {name: transform_view(name, cell, calibration, pasted) for name in calibration.transforms}
     first, tolerance = headline(cell, calibration), calibration.tolerance
     found = sort_by_severity(calibration.findings)
     is_known = tolerance is not None and tolerance.expected_95_m is not None
@@ -117,27 +144,14 @@ def _answer(cell: Cell, calibration: Calibration, title: str, run: str | None) -
         "first": first,
         "colour": COLOURS[first.word],
         "missed_step": missed_step(cell, calibration, shlex.quote(title)) if is_known else "",
-        "asked": [views.pop(name) for name in asked],
-        "others": list(views.values()),
-        "lens_parameters": lens_parameters,
+        "asked": asked,
+        "others": [name for name in calibration.transforms if name not in asked],
+        "copies": {name: copies(name, cell, calibration, pasted) for name in calibration.transforms},
         "robots": robot_blocks(calibration),
         "findings": [each for each in found if each.do or each.severity != "info"],
         "notes_found": [each for each in found if not each.do and each.severity == "info"],
         "explained": check_words(),
         "passed": list(passed_checks(calibration)),
-    }
-
-
-def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> dict[str, Any]:
-    """The error at the task, for the template."""
-    tolerance_m = calibration.settings.get("tolerance_m")
-    recorded = sum(bool(sample.observations) for sample in recording.samples)
-    return {
-        "budget": calibration.budget or (),
-        "outlook_figure": outlook_figure(outlook, recorded, tolerance_m) if outlook else None,
-        # What `basecal plan` is asked for more samples.
-        "task_options": task_options(calibration),
-        "workspace": [] if calibration.error_map is None else list(workspace(calibration.error_map)),
     }
 
 
@@ -149,8 +163,6 @@ def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: Fi
     views = calibration.residuals.per_sample
     worst = sorted(views, key=misfit, reverse=True)[:_MOST_ROWS]
     return {
-        "estimate_rows": estimate_rows,
-        "tangent_text": tangent_text,
         "thumbnails": thumbnails(cell, recording, calibration, details.points),
         "why_larger": explain_held_out_error(calibration),
         "residual_figures": [(residual_map(*each), residual_polar(each[1])) for each in sized],

@@ -1,4 +1,4 @@
-"""Each transform of a calibration as the words and numbers of the page, those of the text."""
+"""Transforms of a calibration in the forms that other programs take."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ from basecal.cell import Calibration, Cell
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
-from basecal.exchange.urdf import numbers, origin_line
-from basecal.reporting.decision.components import component_figure
-from basecal.reporting.figures.figure import Figure
-from basecal.reporting.text import TransformRow, status_words, transform_rows
+from basecal.exchange.urdf import origin_line
 
 Pasted = Mapping[str, Mapping[str, str]]
 """Texts by transform, and then by kind."""
@@ -35,37 +32,19 @@ class ToCopy(NamedTuple):
     text: str
 
 
-class TransformView(NamedTuple):
-    """A transform as the page shows it.
+def copies(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -> list[ToCopy]:
+    """A transform in forms for other programs, those of the cell's own drivers first; none of a point.
 
-    Attributes:
-        name: Such as `eye_base_from_hand_base`.
-        status: `fixed`, `prior` or `free`; and that it is a point.
-        rows: Translation, and rotation unless it is a point.
-        quaternion: (x, y, z, w); empty for a point.
-        copies: Forms for other programs, those of the cell's own drivers first; none for a point.
-        figure: How well its position is known; None if it is fixed.
+    Args:
+        name: Of a transform that the calibration has.
+        cell: What was calibrated.
+        calibration: What came out.
+        clipboard: What is pasted of all transforms.
     """
-
-    name: str
-    status: str
-    rows: list[TransformRow]
-    quaternion: str
-    copies: list[ToCopy]
-    figure: Figure | None
-
-
-def transform_view(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -> TransformView:
-    """How the page shows a transform that the calibration has, with what is pasted of all transforms."""
-    estimate, status = calibration[name], status_words(name, calibration)
-    asked_m = None if calibration.tolerance is None else calibration.tolerance.asked_m
-    figure = None if status.startswith("fixed") else component_figure(name, estimate, asked_m)
-    rows = list(transform_rows(name, calibration))
     if name in calibration.points:
-        return TransformView(name, status, rows, "", [], figure)
+        return []
     drivers = {robot.driver.kind for robot in cell.robots.values() if robot.driver is not None}
-    copies = sorted(_copies(name, cell, calibration, clipboard), key=lambda copy: copy.kind not in drivers)
-    return TransformView(name, status, rows, numbers(estimate.mean.quaternion), copies, figure)
+    return sorted(_copies(name, cell, calibration, clipboard), key=lambda copy: copy.kind not in drivers)
 
 
 def _copies(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -> Iterator[ToCopy]:

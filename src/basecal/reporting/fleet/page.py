@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
-from urllib.parse import quote
 
 from basecal.reporting.fleet.text import COLUMN_TITLES, number_text, row_texts, sort_by_verdict, verdict_counts
 from basecal.reporting.templates.environment import fill_page
@@ -36,10 +35,6 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
         spreads=[(label, *map(number_text, spread.values())) for label, spread in spreads.items()],
         head=COLUMN_TITLES,
         worst=next((row["verdict"] for row in shown), "good"),
-        rows=[(_link(row), row["verdict"], row["findings"], row_texts(row)) for row in shown],
+        rows=shown,
+        row_texts=row_texts,
     )
-
-
-def _link(row: Mapping[str, Any]) -> str:
-    """Where the page of a cell is, from that of the fleet; empty if there is none."""
-    return "" if row["verdict"] in ("failed", "unreadable") else f"cells/{quote(row['cell'])}/report.html"

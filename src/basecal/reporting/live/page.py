@@ -121,16 +121,14 @@ class LivePage:
 
     def _part_values(self, snapshot: Snapshot) -> dict[str, Any]:
         """Values of the parts that change."""
-        step, end = snapshot.step, snapshot.end
+        end = snapshot.end
         word = end.word if end else "CAPTURING"
         return {
             "now": snapshot,
             "word": word,
             "colour": COLOURS.get(word, "refused") if end else "",
-            "title": "capture" if step is None else f"{step.taken} of {step.planned} samples",
             "tiles": list(_tiles(snapshot)),
             "motions": list(self._motions(snapshot)),
-            "coverage": None if step is None else step.coverage,
             "progress": progress_figure(snapshot),
         }
 
