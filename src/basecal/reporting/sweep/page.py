@@ -9,7 +9,7 @@ from typing import Any
 from basecal.reporting.figures.curves import COLOURS, Band, curves
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.heat_map import heat_map
-from basecal.reporting.sweep.text import COLUMN_TITLES, row_texts
+from basecal.reporting.sweep.text import failure_reasons, table_rows
 from basecal.reporting.templates.environment import fill_page
 
 _QUANTITIES = (("error_mm", "error of the translation", "mm"), ("error_deg", "error of the rotation", "deg"))
@@ -25,17 +25,16 @@ def sweep_page(summary: Mapping[str, Any], file: str) -> str:
         summary: As `studies.summary` gives it.
         file: The study's own file.
     """
-    reasons = dict.fromkeys(reason for point in summary["points"] for reason in point["reasons"])
-    rows = [[*map(str, point["at"].values()), *row_texts(point)] for point in summary["points"]]
+    head, *rows = table_rows(summary)
+    varied = [axis for axis, values in summary["axes"].items() if len(values) > 1]
     return fill_page(
         "study.html",
         summary=summary,
-        groups=[(axis, _curves(summary, axis)) for axis, values in summary["axes"].items() if len(values) > 1],
+        groups=[(axis, _curves(summary, axis)) for axis in varied],
         maps=_maps(summary),
-        head=[*summary["axes"], *COLUMN_TITLES],
+        head=head,
         rows=rows[:_MOST_ROWS],
-        row_count=len(rows),
-        reasons=list(reasons),
+        reasons=failure_reasons(summary),
         file=file,
     )
 

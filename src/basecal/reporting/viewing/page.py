@@ -65,13 +65,13 @@ class ViewPage:
         run, excluded = self._run(query), _excluded_numbers(query)
         calibration = self._read(run)
         first, views = headline(self.cell, calibration), list(calibration.residuals.per_sample)
-        error, fit, rows = "", "", list[tuple[str, ...]]()
+        answer: dict[str, Any] = {"error": "", "rows": (), "fit": ""}
         try:
             found = without_samples(self.cell, self.recording, calibration, excluded)
         except BasecalError as fault:
-            error = str(fault)
+            answer["error"] = str(fault)
         else:
-            fit, rows = fit_sentence(found), list(answer_rows(self.cell, calibration, found))
+            answer |= {"fit": fit_sentence(found), "rows": list(answer_rows(self.cell, calibration, found))}
             kept = (each for each in found.residuals.per_sample if each.sample not in excluded)
             views = sorted([*kept, *(each for each in views if each.sample in excluded)], key=lambda each: each.sample)
         left_out = [each for each in views if each.sample in excluded]
@@ -83,9 +83,7 @@ class ViewPage:
             "colour": COLOURS[first.word],
             "count": f"{some if excluded else 'with all samples'}, 1 sigma",
             "figures": list(filter(None, figures)),
-            "error": error,
-            "rows": rows,
-            "fit": fit,
+            **answer,
         }
 
     def sample(self, query: Query) -> str:
