@@ -31,3 +31,10 @@ def test_a_target_seen_as_poses_beside_the_robots():
     came_out, parts = overview(cell, None)
     assert dict(parts)["Target"] == "tag, beside the robots, seen as poses"
     assert "Calibrated" not in dict(came_out)
+
+
+def test_one_of_a_thing_is_not_several():
+    """A light has one point."""
+    light = simulate(Scenario(samples=2, target="led"), 0).cell
+    _, parts = overview(light, None)
+    assert dict(parts)["Target"].endswith(", led, 1 point")

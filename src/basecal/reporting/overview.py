@@ -61,4 +61,4 @@ def _options(options: Mapping[str, Any]) -> Iterator[str]:
         elif len(value) == 2 and all(isinstance(each, int) for each in value):
             yield f"{value[0]} x {value[1]} {name}"
         else:
-            yield f"{len(value)} {name}"
+            yield f"{len(value)} {name}" if len(value) != 1 else f"1 {name.removesuffix('s')}"

@@ -72,7 +72,7 @@ class ImageGrid:
         width, height = self.scale * self.size
         corners, pitch = self.scale * (self.middles - 0.5 * self.pitch), self.scale * self.pitch
         tiles = [tile((*corners[k], *np.minimum(pitch, (width, height) - corners[k])), *squares[k]) for k in squares]
-        top, right, step = height + 10, width - 124, _BAR_WIDTH / _BAR_STEPS
+        top, right, step = height + 10, width - 140, _BAR_WIDTH / _BAR_STEPS
         shades = (
             tile((right - _BAR_WIDTH + k * step, top, step, 14), k / (_BAR_STEPS - 1), kind="tile shade")
             for k in range(_BAR_STEPS)
