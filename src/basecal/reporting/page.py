@@ -34,7 +34,7 @@ from basecal.reporting.figures.orientations import orientation_figure
 from basecal.reporting.figures.residual_map import residual_map
 from basecal.reporting.figures.residual_polar import residual_polar
 from basecal.reporting.figures.thumbnails import thumbnails
-from basecal.reporting.overview import overview
+from basecal.reporting.overview import answer_words, cell_words
 from basecal.reporting.provenance import provenance
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import (
@@ -120,7 +120,7 @@ def page(
         calibration=calibration,
         closed_form=known.closed_form,
         **_VERBS,
-        overview=overview(cell, time),
+        overview=(answer_words(cell, time), cell_words(cell)),
         tiles=list(tiles(cell, recording, calibration, known)),
         remarks=list(remarks(calibration, outlook)),
         outlook_figure=outlook_figure(outlook, recorded, tolerance_m) if outlook else None,

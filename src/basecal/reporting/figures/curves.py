@@ -10,7 +10,6 @@ from typing import NamedTuple
 from markupsafe import Markup
 
 from basecal.reporting.charts import Scale, fitted_scale, horizontal_rules, value_text
-from basecal.reporting.figures.figure import Figure
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import drawing, element, label_lines, path, wrapped_label
 
@@ -37,8 +36,8 @@ Lines = Mapping[str, Sequence[Band]]
 
 def curves(
     title: str, axis: str, unit: str, lines: Lines, limit: float | None = None, logarithmic: bool | None = None
-) -> Figure:
-    """Medians over an axis, joined, with their bands; at most `COLOURS` lines.
+) -> Markup:
+    """A drawing of medians over an axis, joined, with their bands; at most `COLOURS` lines.
 
     Args:
         title: What it is of.
@@ -66,9 +65,7 @@ def curves(
         line = _line(bands, along, up, f"{axis} {{}}: {{}} {unit}")
         parts.append(element("g", *line, title=name, class_=f"line-{number % COLOURS}"))
     parts += [path("level", f"M{_LEFT} {up.position(at):.1f}H{WIDTH - _RIGHT}") for at in limits]
-    svg = drawing(WIDTH, HEIGHT + (line_count - 1) * _LINE, f"{title} over {axis}", *parts)
-    caption = f"{axis} across, errors [{unit}] upwards: the median, and the band from 5 % to 95 % of the trials."
-    return Figure(title, svg, caption)
+    return drawing(WIDTH, HEIGHT + (line_count - 1) * _LINE, f"{title} over {axis}", *parts)
 
 
 def _axis_positions(every: Sequence[float | str], logarithmic: bool | None) -> tuple[dict[float | str, float], int]:

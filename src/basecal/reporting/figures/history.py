@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import UTC
 
 import numpy as np
@@ -32,10 +31,10 @@ def history_figure(history: Sequence[PastVerification]) -> Figure | None:
         name: [Band(at, _length_range(each.shifts.get(name))) for at, each in zip(times, mine, strict=True)]
         for name in names
     }
-    figure = curves("shift since the calibration", unit, "mm", lines)
+    title = "shift since the calibration"
     since = f"{unit} since {mine[0].when.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
     caption = f"{since} across, length of the shift [mm] upwards, with {_SIGMAS:g} sigma"
-    return replace(figure, caption=f"{caption}; {', '.join(names)}")
+    return Figure(title, curves(title, unit, "mm", lines), f"{caption}; {', '.join(names)}")
 
 
 def _length_range(shift: MeasuredShift | None) -> tuple[float, float, float] | None:

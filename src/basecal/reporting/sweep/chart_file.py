@@ -28,7 +28,7 @@ def chart_file(title: str, x_label: str, y_label: str, series: Mapping[str, Sequ
         series: The points of at most four lines as (x, y), all positive, by name.
     """
     lines = {name: [Band(x, (y, y, y)) for x, y in points] for name, points in series.items()}
-    figure = curves(title, x_label, y_label, lines, logarithmic=True)
+    chart = curves(title, x_label, y_label, lines, logarithmic=True)
     bottom = _TOP + HEIGHT
     names = [
         element("text", f"\u25cf {name}", class_=f"line-{k}", x=62, y=bottom + _LINE * (k + 1), fill="currentColor")
@@ -38,7 +38,7 @@ def chart_file(title: str, x_label: str, y_label: str, series: Mapping[str, Sequ
         element("style", Markup(_STYLE)),
         element("text", title, class_="title", x=10, y=24),
         element("text", f"{y_label} over {x_label}", x=10, y=46),
-        element("svg", figure.svg, y=_TOP, height=HEIGHT),
+        element("svg", chart, y=_TOP, height=HEIGHT),
         *names,
     ]
     page = {"xmlns": "http://www.w3.org/2000/svg", "viewBox": f"0 0 {WIDTH:g} {bottom + _LINE * (len(series) + 1):g}"}

@@ -58,7 +58,8 @@ def _curves(summary: Mapping[str, Any], axis: str) -> tuple[list[Figure], list[s
         lines = {
             name: [Band(point["at"][axis], _ends(point[key])) for point in points] for name, points in groups.items()
         }
-        figures.append(curves(title, axis, unit, lines))
+        caption = f"{axis} across, errors [{unit}] upwards: the median, and the band from 5 % to 95 % of the trials."
+        figures.append(Figure(title, curves(title, axis, unit, lines), caption))
     return figures, list(filter(None, groups))
 
 
