@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,23 +24,8 @@ _LARGE_WIDTH = 960  # [px] of one image that is looked at alone
 _LONGEST_SHARE = 0.05  # of an image's width, for a residual as long as the ruler's
 
 
-@dataclass(frozen=True)
-class Thumbnail:
-    """An image with its words.
-
-    Attributes:
-        svg: The image with points on it.
-        sample: Number of its sample.
-        camera: That took it.
-        words: By whom, and how it fits.
-        left_out: Whether the view was left out whole.
-    """
-
-    svg: Markup
-    sample: int
-    camera: str
-    words: str
-    left_out: bool
+Thumbnail = tuple[Markup, PointResiduals, str]
+"""An image with points on it, the view that they are of, and how it fits."""
 
 
 def thumbnails(
@@ -60,15 +44,14 @@ def thumbnails(
     chosen = [view for view in views if view.used.any()][:_MOST_USED]
     chosen += [view for view in views if not view.used.any()][:_MOST_LEFT_OUT]
     longest_px = nice_ceiling(2 * (calibration.residuals.rms_px or max(map(_rms_px, chosen), default=0.0)))
-    pictures, room = [], _MOST_BYTES
+    pictures, room = list[Thumbnail](), _MOST_BYTES
     for view in chosen:
-        number, left_out = int(view.sample[0]), not view.used.any()
-        svg = _picture(cell, recording, samples[number], view.camera, view, longest_px, _WIDTH)
+        svg = _picture(cell, recording, samples[int(view.sample[0])], view.camera, view, longest_px, _WIDTH)
         if svg is None or len(svg) > room:
             continue
         room -= len(svg)
-        words = f"{view.camera}, {two_digits(_rms_px(view))} px rms{', left out' if left_out else ''}"
-        pictures.append(Thumbnail(svg, number, view.camera, words, left_out))
+        state = "" if view.used.any() else ", left out"
+        pictures.append((svg, view, f"{view.camera}, {two_digits(_rms_px(view))} px rms{state}"))
     caption = (
         f"{len(pictures)} of {len(views)} views. Circles: points as they were found; orange ones were left out. Lines: "
         f"towards where they are predicted, {longest_px:g} px as long as a twentieth of the image is wide."
