@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from markupsafe import Markup
@@ -48,7 +49,7 @@ class ImageGrid:
         columns, rows = (np.arange(count) + 0.5 for count in self.shape)
         return self.pitch * np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
 
-    @property
+    @cached_property
     def count(self) -> IntArray:
         """Points in each square, (columns * rows,)."""
         return np.bincount(self.square, minlength=self.shape[0] * self.shape[1])
