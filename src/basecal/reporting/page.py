@@ -173,18 +173,16 @@ def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: Fi
     }
 
 
-def _views(calibration: Calibration) -> list[tuple[str, list[Figure]]]:
-    """The views of each target by each camera: their name, a figure for each quantity there is."""
-    views, left_out = calibration.residuals.per_sample, outlier_views(calibration)
-    pairs = dict.fromkeys((view.camera, view.target) for view in views)
+def _views(calibration: Calibration) -> dict[str, list[Figure]]:
+    """The views of each target by each camera, a figure for each quantity there is."""
+    pairs: dict[str, list[SampleResidual]] = {}
+    for view in calibration.residuals.per_sample:
+        pairs.setdefault(f"{view.target} seen by {view.camera}", []).append(view)
+    left_out = outlier_views(calibration)
     # So many in each figure that the page stays small.
     most = max(_FEWEST_BARS, min(_MOST_BARS, _MOST_BARS_IN_ALL // max(len(pairs) * len(QUANTITIES), 1)))
-    shown = []
-    for camera, target in pairs:
-        own = [view for view in views if (view.camera, view.target) == (camera, target)]
-        figures = (bar_figure(own, quantity, most, left_out) for quantity in QUANTITIES)
-        shown.append((f"{target} seen by {camera}", list(filter(None, figures))))
-    return [each for each in shown if each[1]]
+    figures = {name: [bar_figure(own, each, most, left_out) for each in QUANTITIES] for name, own in pairs.items()}
+    return {name: list(filter(None, drawn)) for name, drawn in figures.items() if any(drawn)}
 
 
 def _row(view: SampleResidual) -> tuple[str, ...]:

@@ -18,10 +18,9 @@ def component_figure(name: str, estimate: PoseEstimate, tolerance_m: float | Non
     most = 1.1 * max(float(lengths.max()), limit or 0.0, 1e-9)
     middle, half = (_LEFT + _WIDTH - _RIGHT) / 2, (_WIDTH - _RIGHT - _LEFT) / 2
     height = 3 * _ROW
-    parts = [path("rule", f"M{middle:.1f} 0V{height:g}")]
-    if limit is not None:
-        reach = half * limit / most
-        parts.insert(0, rectangle("allowed", (middle - reach, 0, 2 * reach, height)))
+    allowed = half * (limit or 0.0) / most
+    parts = [] if limit is None else [rectangle("allowed", (middle - allowed, 0, 2 * allowed, height))]
+    parts.append(path("rule", f"M{middle:.1f} 0V{height:g}"))
     for row, (axis, length) in enumerate(zip("xyz", lengths, strict=True)):
         y, reach = _ROW * (row + 0.5), half * length / most
         kind = "beyond" if limit is not None and length > limit else "within"

@@ -15,6 +15,7 @@ from basecal.reporting.statement.verdict import error_text
 from basecal.reporting.svg import drawing
 
 _TILE = 40.0  # of a point on the drawing, along each edge
+_WORDS = "({:.3f}, {:.3f}, {:.3f}) m: {}"  # of a point
 
 
 def workspace(error_map: ErrorMap) -> Iterator[Figure]:
@@ -33,7 +34,7 @@ def workspace(error_map: ErrorMap) -> Iterator[Figure]:
             tile(
                 (_TILE * columns[k], _TILE * rows[k], _TILE, _TILE),
                 shares[k],
-                _words(error_map, k),
+                _WORDS.format(*points[k], error_text(error_map.length_95_m[k], error_map.angle_95_rad[k])),
                 "tile worst" if k == error_map.worst else "tile",
             )
             for k in here
@@ -51,8 +52,3 @@ def workspace(error_map: ErrorMap) -> Iterator[Figure]:
 
 def _ends(values: Array, axis: str) -> tuple[str, ...]:
     return f"{axis} {values[0]:.2f} m", *(f"{value:.2f} m" for value in values[1:][-1:])
-
-
-def _words(error_map: ErrorMap, place: int) -> str:
-    x, y, z = error_map.points_m[place]
-    return f"({x:.3f}, {y:.3f}, {z:.3f}) m: {error_text(error_map.length_95_m[place], error_map.angle_95_rad[place])}"

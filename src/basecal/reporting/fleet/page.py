@@ -26,13 +26,13 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
         rows: Of all cells, as the table has them.
     """
     shown = sort_by_verdict(rows)[:_MOST_ROWS]
-    spreads = {label: summary[name] for name, label in _COLUMN_NAMES.items() if summary[name] is not None}
+    spreads = [(label, spread) for name, label in _COLUMN_NAMES.items() if (spread := summary[name])]
     return fill_page(
         "fleet.html",
         ("templates/table.js",),
         summary=summary,
         counts=verdict_counts(summary),
-        spreads=[(label, *map(number_text, spread.values())) for label, spread in spreads.items()],
+        spreads=[(label, *map(number_text, spread.values())) for label, spread in spreads],
         head=COLUMN_TITLES,
         worst=next((row["verdict"] for row in shown), "good"),
         rows=shown,

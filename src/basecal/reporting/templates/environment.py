@@ -19,7 +19,7 @@ _SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
 
 def own_file(name: str) -> str:
     """A file of the package `reporting` as text."""
-    return _FOLDER.joinpath(*name.split("/")).read_text(encoding="utf-8")
+    return _FOLDER.joinpath(name).read_text(encoding="utf-8")
 
 
 @lru_cache
