@@ -20,7 +20,7 @@ from tests.shared.real_recordings import EXAMPLES, data_folder
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.cell.files import latest_run, read_cell, read_recording
-from basecal.reporting.viewing.page import Viewed, serve_view
+from basecal.reporting.viewing.page import ViewPage, serve_view
 from benchmarks.common import table, write
 
 MOST_S, MOST_BYTES = 2.0, 3_000_000
@@ -83,7 +83,7 @@ def of_viewer() -> dict[str, Any]:
     cell = read_cell(folder)
     recording = read_recording(folder, cell)
     found = calibrate(cell, recording)
-    viewed = Viewed(cell, recording, folder, ("20260102T030405Z",), lambda name: found)
+    viewed = ViewPage(cell, recording, folder, ("20260102T030405Z",), lambda name: found)
     with TemporaryDirectory() as profiles, serve_view(viewed) as address:
         return _row(VIEWER, None, _visits(address, Path(profiles), "[data-part=answer] table"))
 

@@ -14,6 +14,7 @@ from basecal.cell import Cell
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import scene
 from basecal.reporting.decision.components import component_figure
+from basecal.reporting.figures.camera_points import points_by_camera
 from basecal.reporting.figures.image_coverage import image_coverage
 from basecal.reporting.figures.lens_uncertainty import lens_uncertainty
 from basecal.reporting.figures.orientations import orientation_figure
@@ -50,7 +51,7 @@ text{font:13px system-ui,sans-serif;fill:#5b6470}.frame{fill:#f0f2f5;stroke:#d9d
 def standalone(svg: str, kind: str = "plot") -> str:
     """A drawing of a page as a file: its style in it, on white."""
     head = f'<svg xmlns="http://www.w3.org/2000/svg" class="{kind}" style="background:#fff" '
-    return svg.replace("<svg ", head, 1).replace(">", f"><style>{STYLE}</style>", 1) + "\n"
+    return str(svg).replace("<svg ", head, 1).replace(">", f"><style>{STYLE}</style>", 1) + "\n"
 
 
 def with_flat_lens(cell: Cell) -> Cell:
@@ -74,11 +75,12 @@ def plots(scenario: Scenario, is_flat: bool = False) -> Iterator[tuple[str, str]
     yield "scene", picture(scene(cell, made.recording.samples, calibration))
     if BASE not in calibration.transforms or not details.points:
         return
-    yield "residual_map", residual_map("wrist", SIZE_PX, details.points).svg
-    yield "residual_polar", residual_polar("wrist", details.points).svg
-    yield "coverage", image_coverage("wrist", SIZE_PX, details.points).svg
+    points = points_by_camera(details.points)["wrist"]
+    yield "residual_map", residual_map(SIZE_PX, points).svg
+    yield "residual_polar", residual_polar(points).svg
+    yield "coverage", image_coverage(SIZE_PX, points).svg
     yield "orientations", orientation_figure(details.views[0]).svg
-    yield "components", component_figure("hand_base", calibration[BASE], 3e-3).svg
+    yield "components", component_figure(BASE, calibration[BASE], 3e-3).svg
     for name, lens in calibration.cameras.items():
         uncertain = lens_uncertainty(name, *lens)
         if uncertain is not None:

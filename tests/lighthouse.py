@@ -25,7 +25,7 @@ from typing import Any
 
 from basecal.reporting.live.page import serve_page
 from basecal.reporting.page import page
-from basecal.reporting.viewing.page import Viewed, serve_view
+from basecal.reporting.viewing.page import ViewPage, serve_view
 from basecal.simulation import Scenario
 from tests.shared.browser import CHROMIUM
 from tests.shared.watched_capture import captured, cell_with_a_board
@@ -58,7 +58,7 @@ def own_pages(stack: ExitStack, folder: Path) -> Iterator[tuple[str, str]]:
     yield "report", f"{stack.enter_context(served(folder))}/report.html"
     seen = cell_with_a_board()
     yield "live", stack.enter_context(serve_page(captured(seen), seen, print))
-    viewed = Viewed(cell, recording, folder, ("run",), lambda name: calibration)
+    viewed = ViewPage(cell, recording, folder, ("run",), lambda name: calibration)
     yield "view", stack.enter_context(serve_view(viewed))
 
 

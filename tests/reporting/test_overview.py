@@ -6,7 +6,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from basecal.cell import CellTarget, Unknown
-from basecal.reporting.overview import overview
+from basecal.reporting.overview import answer_words, cell_words
 from basecal.simulation import Scenario, simulate
 
 CELL = simulate(Scenario(samples=2, joints=True), 0).cell
@@ -14,8 +14,7 @@ CELL = simulate(Scenario(samples=2, joints=True), 0).cell
 
 def test_what_when_of_what_and_how_good():
     """In words, lengths in mm."""
-    came_out, parts = overview(CELL, datetime(2026, 11, 2, 4, 5, tzinfo=UTC))
-    answer = dict(came_out)
+    answer, parts = dict(answer_words(CELL, datetime(2026, 11, 2, 4, 5, tzinfo=UTC))), list(cell_words(CELL))
     assert answer["Calibrated"] == "Monday 2 November 2026, 04:05 UTC"
     assert answer["Requested"] == "where hand_base is, seen from eye_base"
     robots = [words for name, words in parts if name == "Robot"]
@@ -28,6 +27,11 @@ def test_what_when_of_what_and_how_good():
 def test_a_target_seen_as_poses_beside_the_robots():
     """What has no shape and stands on the world."""
     cell = replace(CELL, targets={"tag": CellTarget("tag", "world", Unknown())})
-    came_out, parts = overview(cell, None)
-    assert dict(parts)["Target"] == "tag, beside the robots, seen as poses"
-    assert "Calibrated" not in dict(came_out)
+    assert dict(cell_words(cell))["Target"] == "tag, beside the robots, seen as poses"
+    assert "Calibrated" not in dict(answer_words(cell, None))
+
+
+def test_one_of_a_thing_is_not_several():
+    """A light has one point."""
+    light = simulate(Scenario(samples=2, target="led"), 0).cell
+    assert dict(cell_words(light))["Target"].endswith(", led, 1 point")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.reporting.svg import nice_ceiling, three_digits, wrapped_label
+from basecal.reporting.svg import element, label_lines, nice_ceiling, three_digits, wrapped_label
 
 
 @pytest.mark.parametrize(
@@ -18,18 +18,30 @@ def test_numbers_are_read_without_exponents(value, shown):
 
 def test_labels_are_wrapped():
     """By words, and within one that is longer than a line; the rest of too many is cut; the whole is the title."""
-    svg = wrapped_label("board of <6> tags", 8, (3.0, 4.0), "end")
+    svg = _wrapped("board of <6> tags", 8)
     assert svg.startswith(
         '<text class="tick" x="3.0" y="4.0" text-anchor="end"><title>board of &lt;6&gt; tags</title>board of'
     )
     assert '<tspan x="3.0" dy="1.15em">&lt;6&gt; tags</tspan></text>' in svg
-    assert ">abcd<tspan" in wrapped_label("abcdef", 4, (0.0, 0.0), "middle")
+    assert ">abcd<tspan" in _wrapped("abcdef", 4)
     assert svg.count("<tspan") == 1
-    assert ">a b…</text>" in wrapped_label("a b c d e f", 4, (0.0, 0.0), "middle", 1)
-    assert "></text>" in wrapped_label("", 4, (0.0, 0.0), "middle")
+    assert ">a b…</text>" in _wrapped("a b c d e f", 4, 1)
+    assert "></text>" in _wrapped("", 4)
 
 
 @pytest.mark.parametrize(("value", "above"), [(0.3, 0.5), (1.0, 1.0), (2.1, 2.5), (70.0, 100.0), (0.0, 1.0)])
 def test_round_numbers_are_not_below_a_value(value, above):
     """The next of 1, 2, 2.5 and 5 in its decade."""
     assert nice_ceiling(value) == pytest.approx(above)
+
+
+def test_words_in_an_element_are_escaped_and_elements_are_not() -> None:
+    """Nor can an attribute or a title be markup; fractions have one decimal."""
+    inside = element("b", "<i>", title="a < b")
+    assert element("g", inside, "&", class_='"', x=1.26, y=2, z=None) == (
+        '<g class="&#34;" x="1.3" y="2"><b><title>a &lt; b</title>&lt;i&gt;</b>&amp;</g>'
+    )
+
+
+def _wrapped(label: str, *most: int) -> str:
+    return wrapped_label(label, label_lines(label, *most), (3.0, 4.0), "end")

@@ -14,15 +14,18 @@ from basecal.cell import (
     CellTarget,
     Finding,
     Outlier,
+    Recording,
     Residuals,
     Robot,
+    RobotParameters,
     SampleResidual,
     Validation,
 )
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera, PoseEstimate
+from basecal.reporting.page import page
 from basecal.reporting.statement.verdict import headline
-from basecal.reporting.text import frame_names, text_report
+from basecal.reporting.text import frame_names, robot_blocks, text_report
 
 BASE = "eye_base_from_hand_base"
 
@@ -184,3 +187,50 @@ def test_what_was_not_computed_is_not_told() -> None:
 def test_swapped_arguments_are_refused() -> None:
     with pytest.raises(InputError, match=r"^cell is of type Calibration, expected Cell$"):
         text_report(a_calibration(), a_cell())  # type: ignore[arg-type]
+
+
+JOINTS = ("pan", "lift", "elbow")
+
+
+def with_robots() -> Calibration:
+    """Joint 1 known by its prior, 2 by the data, 3 not at all."""
+    rad = np.radians([0.0, 0.31, np.nan])
+    sigma = np.radians([0.2, 0.02, np.nan])
+    seen = np.array([False, True, False])
+    compliance = RobotParameters(JOINTS, np.array([0.0, 2e-5, np.nan]), np.array([1e-4, 1e-6, np.nan]), seen)
+    links = np.zeros((4, 6))
+    links[3] = [1e-3, 0, 0, 0, np.radians(0.5), 0]
+    return Calibration(
+        "good",
+        robot_parameters={
+            "deflection": {"hand": compliance},
+            "joint_offsets": {"hand": RobotParameters(JOINTS, rad, sigma, seen)},
+            "link_parameters": {"hand": RobotParameters((), links, links, np.ones((4, 6), dtype=bool))},
+        },
+    )
+
+
+def test_every_joint_is_told_with_how_it_is_known() -> None:
+    """In degrees and urad/Nm with sigmas; what only the prior knows says so, what nothing knows has no number."""
+    offsets, links, compliances = ([" ".join(line.split()) for line in block] for block in robot_blocks(with_robots()))
+    assert offsets == [
+        "joint offsets of hand, to be added to its recorded joints",
+        "1 pan +0.0000 deg sigma 0.2000 deg prior-dominated",
+        "2 lift +0.3100 deg sigma 0.0200 deg",
+        "3 elbow unobservable",
+    ]
+    assert links[-1] == "4 t 1.0000 0.0000 0.0000 mm r 0.0000 0.5000 0.0000 deg"
+    assert len(links) == 5
+    assert compliances[1:] == [
+        "1 pan +0.00 urad/Nm sigma 100.00 urad/Nm prior-dominated",
+        "2 lift +20.00 urad/Nm sigma 1.00 urad/Nm",
+        "3 elbow unobservable",
+    ]
+
+
+def test_report_and_page_have_them() -> None:
+    """The text after the transforms, the page likewise."""
+    cell = Cell("eye", {"eye": Robot("eye"), "hand": Robot("hand")})
+    for told in (text_report(cell, with_robots()), page(cell, Recording(), with_robots())):
+        assert "joint offsets of hand" in told
+        assert "+0.3100 deg" in told

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Robot
+from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Recording, Robot
 from basecal.exchange.exporters.exporter import pasteable
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.transforms import transform_view
+from basecal.reporting.page import page
+from basecal.reporting.text import status_words, transform_rows
+from basecal.reporting.transforms import copies
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -39,29 +42,25 @@ BARE = Calibration(
 def test_every_kind_is_offered_both_ways():
     """What `export` writes, word for word, of the transform and of its inverse."""
     pasted = pasteable(CALIBRATION, CELL, "run")
-    view = transform_view(BASE, CELL, CALIBRATION, pasted)
-    assert view.ways == (BASE, "hand_base_from_eye_base")
-    offered = {(copy.way, copy.kind): copy.text for copy in view.copies}
-    for way in view.ways:
+    found = copies(BASE, CELL, CALIBRATION, pasted)
+    offered = {(copy.way, copy.kind): copy.text for copy in found}
+    for way in (BASE, "hand_base_from_eye_base"):
         for kind, text in pasted[way].items():
             assert offered[way, kind] == text.strip("\n")
     assert offered[BASE, "urdf"].startswith("<origin")
-    assert {"ur", "kuka", "abb", "ros", "matrix"} <= {copy.kind for copy in view.copies}
+    assert {"ur", "kuka", "abb", "ros", "matrix"} <= {copy.kind for copy in found}
 
 
 def test_a_point_is_not_pasted():
     """Its rotation is not defined."""
     point = Calibration("good", CALIBRATION.transforms, points=frozenset({BASE}))
-    view = transform_view(BASE, CELL, point, {BASE: {"ur": "p[0]"}})
-    assert view.copies == ()
-    assert view.quaternion == ()
+    assert copies(BASE, CELL, point, {BASE: {"ur": "p[0]"}}) == []
 
 
 def test_numbers_are_in_mm_and_deg_with_their_sigmas():
     """Each along x, y and z, with two digits of the smallest sigma."""
-    view = transform_view(BASE, BARE_CELL, BARE, {})
-    assert (view.parent, view.child, view.status) == ("eye_base", "hand_base", "free")
-    translation, rotation = view.rows
+    assert status_words(BASE, BARE) == "free"
+    translation, rotation = transform_rows(BASE, BARE)
     assert [float(v) for v in translation.values] == [1250, -500, 0]
     assert [float(v) for v in translation.sigmas] == pytest.approx([0.3, 0.4, 0])
     assert [float(v) for v in rotation.values] == pytest.approx([0, 0, 90])
@@ -71,22 +70,23 @@ def test_numbers_are_in_mm_and_deg_with_their_sigmas():
 
 def test_the_quaternion_has_its_scalar_last():
     """A quarter turn about z."""
-    view = transform_view(BASE, BARE_CELL, BARE, {})
-    assert [float(v) for v in view.quaternion] == pytest.approx([0, 0, np.sqrt(0.5), np.sqrt(0.5)])
+    first = re.findall("q_xyzw ([^<]*)<", page(BARE_CELL, Recording(), BARE))[0]
+    assert [float(v) for v in first.split()] == pytest.approx([0, 0, np.sqrt(0.5), np.sqrt(0.5)])
 
 
 def test_what_is_fixed_has_no_sigmas():
     """Its numbers alone; what has no status is free."""
-    fixed = transform_view(MOUNT, BARE_CELL, BARE, {})
-    assert fixed.status == "fixed"
-    assert not any(row.sigmas for row in fixed.rows)
-    assert transform_view(BASE, BARE_CELL, replace(BARE, status={}), {}).status == "free"
+    assert status_words(MOUNT, BARE) == "fixed"
+    assert not any(row.sigmas for row in transform_rows(MOUNT, BARE))
+    assert status_words(BASE, replace(BARE, status={})) == "free"
 
 
 def test_a_point_has_no_rotation():
-    """Nor forms for other programs, whose transforms turn."""
-    view = transform_view(LIGHT, BARE_CELL, BARE, {})
-    assert view.status == "free, a point"
-    assert [row.name for row in view.rows] == ["t"]
-    assert view.quaternion == ()
-    assert view.copies == ()
+    """Nor forms for other programs, whose transforms turn; a fixed one has no sigma."""
+    assert status_words(LIGHT, BARE) == "free, a point"
+    assert [row.name for row in transform_rows(LIGHT, BARE)] == ["t"]
+    assert copies(LIGHT, BARE_CELL, BARE, {}) == []
+    said = page(BARE_CELL, Recording(), BARE)
+    assert "t in hand_flange; ± 1 sigma per axis of led." in said
+    fixed = page(BARE_CELL, Recording(), replace(BARE, status={LIGHT: "fixed"}))
+    assert "t in hand_flange." in fixed

@@ -18,7 +18,7 @@ from basecal.acquisition.drivers import replay, typed
 from basecal.cell import CellCamera, RobotState
 from basecal.cell.files import calibration_from_dict, latest_run, read_cell, read_recording
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.reporting.viewing.page import Viewed, ViewPage
+from basecal.reporting.viewing.page import ViewPage
 from basecal.vision.image_file import png_bytes
 from torment.besides import example
 from torment.cells import KINDS, made, write
@@ -76,7 +76,7 @@ def hostile_view(chance: Random, folder: Path) -> str:
 
     def read() -> None:
         known = calibration_from_dict(data)
-        page = ViewPage(Viewed(cell, read_recording(made(kind).folder, cell), folder, (hostile,), lambda name: known))
+        page = ViewPage(cell, read_recording(made(kind).folder, cell), folder, (hostile,), lambda name: known)
         query = {key: chance.choice([hostile, "3,4", "99", "-1"]) for key in ("run", "without", "number")}
         shown.extend([page.page(), page.answer(query), page.sample(query)])
 

@@ -32,13 +32,13 @@ def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.N
     """
     from basecal.cell.files import read_calibration, read_cell, run_folder, run_names
     from basecal.estimation.streams.streams import synchronous
-    from basecal.reporting.viewing.page import Viewed, serve_view
+    from basecal.reporting.viewing.page import ViewPage, serve_view
 
     described = read_cell(cell)
     latest = read_calibration(find_run(cell))
     recording = synchronous(described, detected_recording(cell, described), latest)
-    viewed = Viewed(described, recording, cell, run_names(cell), lambda name: read_calibration(run_folder(cell, name)))
-    with serve_view(viewed, port) as address:
+    page = ViewPage(described, recording, cell, run_names(cell), lambda name: read_calibration(run_folder(cell, name)))
+    with serve_view(page, port) as address:
         say(f"{address}\nopen this in a browser; Ctrl-C ends it")
         Event().wait()
     return 0

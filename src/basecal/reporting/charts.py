@@ -6,7 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from basecal.reporting.svg import element, three_digits
+from markupsafe import Markup
+
+from basecal.reporting.svg import element, path, three_digits
 
 _WIDE = 8.0  # from the least to the greatest value: more is drawn on a logarithmic scale, if nothing else is said
 _FEWEST_TICKS = 4
@@ -54,10 +56,16 @@ def fitted_scale(values: Sequence[float], start: float, end: float, logarithmic:
     return Scale(low - room, high + room, start, end, logarithmic)
 
 
-def horizontal_rules(scale: Scale, left: float, right: float) -> list[str]:
+def horizontal_rules(scale: Scale, left: float, right: float) -> list[Markup]:
     """A rule and its number at each round value of an upward axis."""
-    return [
-        element("path", class_="rule", d=f"M{left} {y}H{right}")
-        + element("text", number, class_="tick", x=left - 6, y=y, dy="0.32em", text_anchor="end")
-        for y, number in ((f"{scale.position(tick):.1f}", three_digits(tick)) for tick in scale.ticks())
-    ]
+    parts = []
+    for tick in scale.ticks():
+        y = scale.position(tick)
+        number = element("text", three_digits(tick), class_="tick", x=left - 6, y=y, dy="0.32em", text_anchor="end")
+        parts += [path("rule", f"M{left} {y:.1f}H{right}"), number]
+    return parts
+
+
+def value_text(value: object) -> str:
+    """A value of an axis: a number as short as it is, else words."""
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -30,15 +30,19 @@ def verification_dict(verification: Verification) -> dict[str, Any]:
         "frame": shift and shift.frame,
         "transform": (shift and shift.transform) or None,
         "joint": None if shift is None or shift.joint is None else shift.joint + 1,
-        "shift_mm": shift and 1e3 * shift.shift_m,
+        "shift_mm": shift and _mm(shift.shift_m),
         "shift_deg": shift and math.degrees(shift.shift_rad),
         "alike": [_thing_name(other) for other in verification.alternatives],
         "p": verification.chance,
-        "detectable_mm": None if verification.detectable_m is None else 1e3 * verification.detectable_m,
+        "detectable_mm": _mm(verification.detectable_m),
         "power": POWER,
         "samples": list(verification.samples),
         "outliers": list(verification.outliers),
     }
+
+
+def _mm(length_m: float | None) -> float | None:
+    return None if length_m is None else 1e3 * length_m
 
 
 def verification_text(verification: Verification) -> str:
@@ -88,7 +92,7 @@ def history_dict(history: Sequence[PastVerification], drifts: Sequence[Drift]) -
                 "moved": each.moved,
                 "frame": each.frame,
                 "p": each.chance,
-                "detectable_mm": None if each.detectable_m is None else 1e3 * each.detectable_m,
+                "detectable_mm": _mm(each.detectable_m),
                 "shift_mm": {name: 1e3 * float(np.linalg.norm(shift.t_m)) for name, shift in each.shifts.items()},
             }
             for each in history
@@ -155,9 +159,8 @@ def comparison_dict(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
 
 
 def _all_agree(comparisons: Sequence[Comparison]) -> bool | None:
-    if any(each.agree is False for each in comparisons):
-        return False
-    return None if any(each.agree is None for each in comparisons) else True
+    found = {each.agree for each in comparisons}
+    return False if False in found else None if None in found else True
 
 
 def comparison_text(names: Sequence[str], comparisons: Sequence[Comparison]) -> str:

@@ -6,7 +6,7 @@ from basecal.cell import Calibration
 from basecal.errors import check_type
 from basecal.reporting.statement.verdict import COLOURS, sort_by_severity, tolerance_sentence, verdict_word
 from basecal.reporting.templates.environment import fill_part
-from basecal.reporting.text import transform_rows
+from basecal.reporting.text import status_words, transform_rows
 
 _COLOURS = {"good": "#1a7f45", "doubtful": "#9a5500", "refused": "#b3261e"}  # those of the page, in the light
 
@@ -27,9 +27,8 @@ def html_summary(calibration: Calibration) -> str:
         word=word,
         colour=_COLOURS[COLOURS[word]],
         why="" if tolerance is None or word == "REFUSED" else tolerance_sentence(tolerance),
-        transforms=[
-            (name, list(transform_rows(name, calibration)), calibration.status.get(name, "free"))
-            for name in calibration.transforms
-        ],
+        calibration=calibration,
+        status_words=status_words,
+        transform_rows=transform_rows,
         findings=sort_by_severity(calibration.findings),
     )

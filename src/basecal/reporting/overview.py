@@ -12,13 +12,8 @@ from basecal.cell import WORLD, Cell, CellCamera, CellTarget
 _LENS_PHRASES = {"fixed": "lens as stated", "prior": "lens stated and refined", "free": "lens estimated"}
 
 
-def overview(cell: Cell, time: datetime | None) -> tuple[list[tuple[str, str]], ...]:
-    """The answer of some time, UTC, and the cell: a name and a few words each."""
-    return list(_answer(cell, time)), list(_cell_parts(cell))
-
-
-def _answer(cell: Cell, time: datetime | None) -> Iterator[tuple[str, str]]:
-    """Time of the answer, and what was requested."""
+def answer_words(cell: Cell, time: datetime | None) -> Iterator[tuple[str, str]]:
+    """Time of the answer, UTC, and what was requested: a name and a few words each."""
     if time is not None:
         yield "Calibrated", f"{time:%A} {time.day} {time:%B %Y, %H:%M} UTC"
     for name in cell.requested_transforms:
@@ -26,8 +21,8 @@ def _answer(cell: Cell, time: datetime | None) -> Iterator[tuple[str, str]]:
         yield "Requested", f"where {child} is, seen from {parent}"
 
 
-def _cell_parts(cell: Cell) -> Iterator[tuple[str, str]]:
-    """Robots, cameras and targets."""
+def cell_words(cell: Cell) -> Iterator[tuple[str, str]]:
+    """Robots, cameras and targets, likewise."""
     for robot in cell.robots.values():
         recorded = "poses recorded" if robot.chain is None else "joints recorded"
         model = "" if robot.urdf is None else f", {PurePosixPath(robot.urdf).name}"
@@ -61,4 +56,4 @@ def _options(options: Mapping[str, Any]) -> Iterator[str]:
         elif len(value) == 2 and all(isinstance(each, int) for each in value):
             yield f"{value[0]} x {value[1]} {name}"
         else:
-            yield f"{len(value)} {name}"
+            yield f"{len(value)} {name}" if len(value) != 1 else f"1 {name.removesuffix('s')}"

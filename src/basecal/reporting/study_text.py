@@ -13,22 +13,18 @@ _SOLVER_NAMES = {"closed_form": "closed form", "maximum_likelihood": "maximum li
 def paper_text(study: Mapping[str, Any]) -> str:
     """The paper's tables beside ours, its noise, the two orders, and the length of the shifts."""
     paper = study["paper"]
+    names = {"camera_from_led": "camera_from_light"}
+    noiseless, table_3 = "noiseless", "table3_eye_base_from_hand_base"
     blocks = [
-        _side_by_side(
-            "noiseless camera_from_light", paper["noiseless"]["camera_from_led"], study["noiseless"]["camera_from_led"]
-        ),
-        _side_by_side(
-            "noiseless eye_base_from_hand_base",
-            paper["noiseless"]["eye_base_from_hand_base"],
-            study["noiseless"]["eye_base_from_hand_base"],
+        *(
+            _side_by_side(f"noiseless {names.get(key, key)}", paper[noiseless][key], ours)
+            for key, ours in study[noiseless].items()
         ),
         *(_table_1(level, paper, study) for level in study["table1_camera_from_led"]),
         *(_table_2(level, paper, study) for level in study["table2_orthonormalised"]),
         *(
-            _side_by_side(
-                f"table 3, {level}, from table 2 by eq. (10)", paper["table3_eye_base_from_hand_base"][level], ours
-            )
-            for level, ours in study["table3_eye_base_from_hand_base"].items()
+            _side_by_side(f"table 3, {level}, from table 2 by eq. (10)", paper[table_3][level], ours)
+            for level, ours in study[table_3].items()
         ),
         list(_orders(study)),
         list(_lengths(study)),

@@ -9,6 +9,7 @@ from textwrap import wrap
 from basecal.cell import Calibration, Cell, Finding
 from basecal.reporting.statement.verdict import (
     held_out_errors,
+    requested_estimates,
     sort_by_severity,
     tolerance_sentence,
     transform_sentence,
@@ -33,28 +34,30 @@ def summary(cell: Cell, calibration: Calibration) -> str:
         cell: What was calibrated: it says which transforms are requested.
         calibration: What came out.
     """
-    asked = [name for name in cell.requested_transforms if name in calibration.transforms]
+    asked = requested_estimates(cell, calibration)
     findings = dict.fromkeys(sort_by_severity(calibration.findings))
     grave = [finding for finding in findings if finding.severity != "info"]
-    first = [*_reasons(calibration, grave, asked), *(transform_sentence(name, calibration) for name in asked)]
-    first[:1] = [f"{verdict_word(calibration)}: {first[0] if first else _EMPTY_ANSWER}"]
-    count = len(first) - len(asked)  # before those of transforms; of a good calibration its first begins with the word
-    lines = [line for sentence in first[:count] for line in wrap_text(sentence)]
-    for place, (name, sentence) in enumerate(zip(asked, first[count:], strict=True)):
-        lines += [*wrap_text(sentence), *(_rows(name, calibration) if place < _FULL_TRANSFORMS else ())]
-    lines += wrap_text(task_sentence(calibration)) if calibration.budget else []
+    told = [(reason, list[str]()) for reason in _reasons(calibration, grave, asked)]
+    for place, name in enumerate(asked):
+        rows = list(_rows(name, calibration)) if place < _FULL_TRANSFORMS else []
+        told.append((transform_sentence(name, calibration), rows))
+    (first, rows), *others = told or [(_EMPTY_ANSWER, [])]
+    lines = [*wrap_text(f"{verdict_word(calibration)}: {first}"), *rows]
+    for sentence, rows in others:
+        lines += [*wrap_text(sentence), *rows]
+    lines += wrap_text(task_sentence(calibration))
     if calibration.settings.get("task_box") is not None:
         lines += [line for sentence in local_rows(calibration) for line in wrap_text(sentence)]
     errors = held_out_errors(calibration.validation)
     lines += wrap_text(f"cross-validation error, rms: {', '.join(errors)}") if errors else []
     lines += [] if calibration.validation is None else rival_lines(calibration.validation)
     lines += _finding_lines(grave[1:_FULL_FINDINGS])
-    others = [*grave[_FULL_FINDINGS:], *(finding for finding in findings if finding.severity == "info")]
-    in_full = _finding_lines(others)
+    less = [*grave[_FULL_FINDINGS:], *(finding for finding in findings if finding.severity == "info")]
+    in_full = _finding_lines(less)
     if len(lines) + len(in_full) <= _INFO_LINES:
         lines += in_full
-    elif others:
-        count_by_code = Counter(finding.code for finding in others)
+    elif less:
+        count_by_code = Counter(finding.code for finding in less)
         codes = ", ".join(code if times == 1 else f"{code} ({times})" for code, times in count_by_code.items())
         lines += wrap_text(f"also found, see --verbose: {codes}")
     return "\n".join(lines)

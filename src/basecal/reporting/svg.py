@@ -1,58 +1,63 @@
-"""Elements of SVG as text, everything in them escaped."""
+"""Elements of SVG, everything in them escaped."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from html import escape
+from collections.abc import Iterable, Sequence
 from textwrap import wrap
+
+from markupsafe import Markup, escape
 
 from basecal.geometry import Array
 
 
-def element(name: str, *inside: str, **attributes: object) -> str:
-    """An element; `class_` and `stroke_width` represent `class` and `stroke-width`, and None leaves one out.
+def element(name: str, *inside: str, title: object = None, **attributes: object) -> Markup:
+    """An element; words in it, and its attributes, may hold anything.
 
     Args:
         name: Such as `path`.
-        inside: What it holds: elements, or text that `text` has escaped.
-        attributes: Their values are escaped.
+        inside: What it holds: elements, or words.
+        title: What it says when it is pointed at; None for nothing.
+        attributes: `class_` and `stroke_width` represent `class` and `stroke-width`; None leaves one out. Fractions
+            have one decimal.
     """
     given = {key.rstrip("_").replace("_", "-"): value for key, value in attributes.items() if value is not None}
-    pairs = "".join(f' {key}="{escape(str(value))}"' for key, value in given.items())
-    return f"<{name}{pairs}>{''.join(inside)}</{name}>"
+    shown = ((key, f"{value:.1f}" if isinstance(value, float) else value) for key, value in given.items())
+    pairs = "".join(f' {key}="{escape(value)}"' for key, value in shown)
+    first = [] if title is None else [element("title", str(title))]
+    return Markup(f"<{name}{pairs}>{Markup().join([*first, *inside])}</{name}>")
 
 
-def text(label: str) -> str:
-    """Text that may hold anything."""
-    return escape(label)
+def path(kind: str, data: str, **attributes: object) -> Markup:
+    """A path of a class."""
+    return element("path", class_=kind, d=data, **attributes)
 
 
-def drawing(width: float, height: float, label: str, *inside: str, stretch: bool = False) -> str:
+def drawing(width: float, height: float, label: str, *inside: str, stretch: bool = False) -> Markup:
     """A drawing with a name for those who cannot see it; `stretch` lets it fill any box."""
-    view = {"viewBox": f"0 0 {width:g} {height:g}", "preserveAspectRatio": "none" if stretch else None}
-    return element("svg", element("title", text(label)), *inside, role="img", **view)
+    ratio = "none" if stretch else None
+    view = f"0 0 {width:g} {height:g}"
+    return element("svg", *inside, title=label, role="img", viewBox=view, preserveAspectRatio=ratio)
 
 
-def wrapped_label(label: str, characters: int, place: tuple[float, float], anchor: str, most_lines: int = 99) -> str:
-    """A label as lines below one another; words are broken if they are longer than a line.
+def wrapped_label(label: str, lines: Sequence[str], place: tuple[float, float], anchor: str) -> Markup:
+    """A label as lines below one another, which are those of `label_lines`.
 
     Args:
         label: What it says; in full as its title, too.
-        characters: Of a line, at most.
+        lines: Of it.
         place: x and y of the first line.
         anchor: Where a line has its x: `start`, `middle` or `end`.
-        most_lines: Of which the last ends with an ellipsis if there were more.
     """
-    lines = label_lines(label, characters, most_lines)
-    x, y = (f"{value:.1f}" for value in place)
-    more = [element("tspan", text(line), x=x, dy="1.15em") for line in lines[1:]]
-    title = element("title", text(label))
-    return element("text", title, text(lines[0]), *more, class_="tick", x=x, y=y, text_anchor=anchor)
+    x, y = place
+    more = [element("tspan", line, x=x, dy="1.15em") for line in lines[1:]]
+    return element("text", lines[0], *more, title=label, class_="tick", x=x, y=y, text_anchor=anchor)
 
 
 def label_lines(label: str, characters: int, most_lines: int = 99) -> list[str]:
-    """The lines of `wrapped_label`."""
+    """Lines of so many characters at most; words are broken if they are longer. The last line that there may be ends
+    with an ellipsis if there were more.
+    """
     return wrap(label, max(characters, 2), max_lines=most_lines, placeholder="…", break_on_hyphens=False) or [""]
 
 

@@ -36,6 +36,12 @@ _LIGHT_MM = 5.0
 _CROSS_MM = 8.0
 _LINE_MM = 0.15
 _TEXT_MM = 3.2  # height of its letters with what hangs below the line
+_TAKEN_MM = np.array([2 * _MARGIN_MM + _SIDE_MM, 2 * _MARGIN_MM + _FOOT_MM])  # of a page: what is left holds the target
+
+_NO_DISCS = np.zeros((0, 3))
+
+Text = tuple[float, float, str]
+"""X and y of the baseline's left end [mm], and what it says."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +55,7 @@ class PrintedPage:
         discs: Centre x, y and radius, (n, 3).
         rings: Likewise, drawn as thin lines.
         lines: From x, y to x, y, (n, 4), thin.
-        texts: x, y of the baseline's left end, and what it says.
+        texts: Beside them.
     """
 
     paper: str
@@ -58,7 +64,7 @@ class PrintedPage:
     discs: Array
     rings: Array
     lines: Array
-    texts: tuple[tuple[float, float, str], ...]
+    texts: list[Text]
 
 
 def printed_pages(target: Target, title: str, paper: str | None = None) -> list[PrintedPage]:
@@ -74,21 +80,49 @@ def printed_pages(target: Target, title: str, paper: str | None = None) -> list[
     """
     if not target.sheets:
         return [_template(target, title, paper)]
-    pages = []
-    for sheet in target_drawing(target):
-        left, top, right, bottom = 1e3 * sheet.paper
-        name, size = _suitable_paper(right - left, bottom - top, paper)
-        shift = np.array([(size[0] - _SIDE_MM - right - left) / 2, (size[1] - _FOOT_MM - bottom - top) / 2])
-        discs = 1e3 * sheet.discs
-        discs[:, :2] += shift
-        rectangles = 1e3 * sheet.rectangles + np.tile(shift, 2)
-        part = next((key for key, value in target.options.items() if value == sheet.pitch), "size_m")
-        check = f"between the cut marks {right - left:g} x {bottom - top:g} mm; {part[:-2]} {1e3 * sheet.pitch:g} mm"
-        rulers, texts = _rulers(size, title, check)
-        axes, names = _axes(sheet, shift)
-        lines = np.concatenate([rulers, _cut_marks(1e3 * sheet.paper + np.tile(shift, 2)), axes])
-        pages.append(PrintedPage(name, size, rectangles, discs, np.zeros((0, 3)), lines, (*texts, *names)))
-    return pages
+    return [_sheet_page(target, sheet, title, paper) for sheet in target_drawing(target)]
+
+
+def _sheet_page(target: Target, sheet: Sheet, title: str, paper: str | None) -> PrintedPage:
+    box = 1e3 * sheet.paper
+    part = next((key for key, value in target.options.items() if value == sheet.pitch), "size_m")
+    width, height = box[2:] - box[:2]
+    check = f"between the cut marks {width:g} x {height:g} mm; {part[:-2]} {1e3 * sheet.pitch:g} mm"
+    axes, names = _axes(sheet)
+    lines = [*_cut_marks(box), *axes]
+    return _placed_page(box, paper, (title, check), names, lines, 1e3 * sheet.rectangles, 1e3 * sheet.discs, _NO_DISCS)
+
+
+def _placed_page(
+    box: Array,
+    paper: str | None,
+    words: tuple[str, str],
+    texts: Sequence[Text],
+    lines: Sequence[Array],
+    rectangles: Array,
+    discs: Array,
+    rings: Array,
+) -> PrintedPage:
+    """A page with shapes in the middle of what rulers leave; `texts` and what follows in the axes of the box.
+
+    Args:
+        box: Left, top, right and bottom of what has to be on it [mm].
+        paper: As of `printed_pages`.
+        words: A title, and what to check, above the ruler.
+        texts: As of a page.
+        lines: Likewise.
+        rectangles: Likewise.
+        discs: Likewise.
+        rings: Likewise.
+    """
+    low, high = np.split(box, 2)
+    name, size = _suitable_paper(high - low, paper)
+    rulers, said = _rulers(size, *words)
+    x, y = (np.array(size) - (_SIDE_MM, _FOOT_MM) - high - low) / 2
+    ends, centre = np.array([x, y, x, y]), np.array([x, y, 0])
+    said += [(left + x, base + y, word) for left, base, word in texts]
+    every = np.array([*rulers, *(lines + ends)])
+    return PrintedPage(name, size, rectangles + ends, discs + centre, rings + centre, every, said)
 
 
 def largest_pitch_mm(target: Target, paper: str) -> float:
@@ -98,12 +132,12 @@ def largest_pitch_mm(target: Target, paper: str) -> float:
         target: Of any pitch.
         paper: Such as `A4` or `letter`.
     """
-    scales = []
-    for sheet in target.sheets:
-        width, height = 1e3 * (sheet.paper[2:] - sheet.paper[:2])
-        rooms = [(a - 2 * _MARGIN_MM - _SIDE_MM, b - 2 * _MARGIN_MM - _FOOT_MM) for a, b in _orientations(paper)]
-        scales.append(1e3 * sheet.pitch * max(min(a / width, b / height) for a, b in rooms))
-    return float(np.floor(min(scales) + 1e-9))
+    rooms_mm = [size - _TAKEN_MM for size in _orientations(paper)]
+    pitches = [
+        sheet.pitch * max(np.min(room / (sheet.paper[2:] - sheet.paper[:2])) for room in rooms_mm)
+        for sheet in target.sheets
+    ]
+    return float(np.floor(min(pitches) + 1e-9))
 
 
 def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
@@ -134,42 +168,40 @@ def _template(target: Target, title: str, paper: str | None) -> PrintedPage:
     if np.abs(target.points[:, 2]).max() > 1e-6:
         raise InputError(f"a template is flat and the points of this {target.kind} are not: z must be 0 for all")
     at = 1e3 * target.points[:, :2]
-    low, high = at.min(0) - 2 * _CROSS_MM, at.max(0) + 2 * _CROSS_MM
-    name, size = _suitable_paper(float(high[0] - low[0]), float(high[1] - low[1]), paper)
-    at = at + (np.array([size[0] - _SIDE_MM, size[1] - _FOOT_MM]) - high - low) / 2
-    lines, texts = _rulers(size, title, "a cross where each point goes")
-    arm = np.array([_CROSS_MM, 0.0])
-    crosses = [np.concatenate([p - a, p + a]) for p in at for a in (arm, arm[::-1])]
-    named = tuple((p[0] + 4, p[1] - 4, str(number)) for p, number in zip(at, target.ids, strict=True))
+    box = np.concatenate([at.min(0) - 2 * _CROSS_MM, at.max(0) + 2 * _CROSS_MM])
+    lines = [np.array([x - a, y - b, x + a, y + b]) for x, y in at for a, b in ((_CROSS_MM, 0), (0, _CROSS_MM))]
     rings = np.column_stack([at, np.full(len(at), _LIGHT_MM / 2)])
-    return PrintedPage(
-        name, size, np.zeros((0, 4)), np.zeros((0, 3)), rings, np.concatenate([lines, crosses]), texts + named
+    names = [(x + 4, y - 4, str(number)) for (x, y), number in zip(at.tolist(), target.ids, strict=True)]
+    return _placed_page(
+        box, paper, (title, "a cross where each point goes"), names, lines, np.zeros((0, 4)), _NO_DISCS, rings
     )
 
 
-def _orientations(paper: str) -> list[tuple[float, float]]:
-    short, long = (_PAPERS | LETTER)[paper]
-    return [(short, long), (long, short)]
+def _orientations(paper: str) -> Array:
+    """Width and height of a paper as it stands and as it lies, (2, 2) [mm]."""
+    size = (_PAPERS | LETTER)[paper]
+    return np.array([size, size[::-1]])
 
 
-def _suitable_paper(width: float, height: float, paper: str | None) -> tuple[str, tuple[float, float]]:
-    """A paper's name and its size as it is turned [mm].
+def _suitable_paper(extent: Array, paper: str | None) -> tuple[str, tuple[float, float]]:
+    """A paper's name and its size as it is turned [mm], for a target so wide and high, (2,) [mm].
 
     Raises:
         InputError: if the requested paper is too small.
     """
-    need = (width + 2 * _MARGIN_MM + _SIDE_MM, height + 2 * _MARGIN_MM + _FOOT_MM)
+    need = extent + _TAKEN_MM
     for name in _PAPERS if paper is None else (paper,):
-        for size in _orientations(name):
-            if need[0] <= size[0] + 1e-6 and need[1] <= size[1] + 1e-6:
-                return name, size
+        for width, height in _orientations(name).tolist():
+            if np.all(need <= (width + 1e-6, height + 1e-6)):
+                return name, (width, height)
     if paper is not None:
-        raise InputError(f"{width:g} x {height:g} mm and rulers do not fit on {paper}: print it smaller")
-    least = _RULER_MM + 40
-    return "custom", (float(np.ceil(max(need[0], least))), float(np.ceil(max(need[1], least))))
+        size = f"{extent[0]:g} x {extent[1]:g} mm"
+        raise InputError(f"{size} and rulers do not fit on {paper}: print it smaller")
+    width, height = np.ceil(np.maximum(need, _RULER_MM + 40)).tolist()
+    return "custom", (width, height)
 
 
-def _rulers(size: tuple[float, float], title: str, check: str) -> tuple[Array, tuple[tuple[float, float, str], ...]]:
+def _rulers(size: tuple[float, float], title: str, check: str) -> tuple[list[list[float]], list[Text]]:
     """Rulers below and at the right, and the words above the one below."""
     y, x = size[1] - _MARGIN_MM - 6, _MARGIN_MM + 4
     right = size[0] - _MARGIN_MM - 2
@@ -178,38 +210,38 @@ def _rulers(size: tuple[float, float], title: str, check: str) -> tuple[Array, t
         tick = 4 if t % 50 == 0 else 2.5
         lines += [[x + t, y, x + t, y - tick], [right, y - t, right - tick, y - t]]
     advice = f"both rulers are {_RULER_MM:g} mm: measure them; print at 100 %, do not fit to the page"
-    return np.array(lines), ((x, y + 4, advice), (x, y - 11.5, title), (x, y - 7, check))
+    return lines, [(x, y + 4, advice), (x, y - 11.5, title), (x, y - 7, check)]
 
 
-def _cut_marks(paper: Array) -> Array:
-    """Two lines outwards from each corner of a sheet, whose left, top, right and bottom are given, (8, 4)."""
+def _cut_marks(paper: Array) -> list[Array]:
+    """Two lines outwards from each corner of a sheet, whose left, top, right and bottom are given."""
     left, top, right, bottom = paper
-    marks = []
-    for x, outwards in ((left, -1), (right, 1)):
-        for y, down in ((top, -1), (bottom, 1)):
-            start, end = _OFF_MM, _OFF_MM + _MARK_MM
-            marks += [[x + outwards * start, y, x + outwards * end, y], [x, y + down * start, x, y + down * end]]
-    return np.array(marks)
+    near, far = _OFF_MM, _OFF_MM + _MARK_MM
+    return [
+        np.array([x + near * a, y + near * b, x + far * a, y + far * b])
+        for x, outwards in ((left, -1), (right, 1))
+        for y, down in ((top, -1), (bottom, 1))
+        for a, b in ((outwards, 0), (0, down))
+    ]
 
 
-def _axes(sheet: Sheet, shift: Array) -> tuple[Array, tuple[tuple[float, float, str], ...]]:
+def _axes(sheet: Sheet) -> tuple[list[Array], list[Text]]:
     """Arrows above and left of a sheet, which begin where the target's origin is and go along its x and y."""
     sheet_from_target = sheet.target_from_sheet.inverse()
-    origin = 1e3 * sheet_from_target.translation[:2] + shift
-    left, top = 1e3 * sheet.paper[:2] + shift - _OFF_MM - 1
-    lines, names = [], []
+    origin = 1e3 * sheet_from_target.translation[:2]
+    edge = 1e3 * sheet.paper[:2] - _OFF_MM - 1
+    lines, names = list[Array](), list[Text]()
     for axis, name in enumerate("xy"):
         along = np.round(sheet_from_target.rotation[:2, axis], 9)
         if np.count_nonzero(along) != 1:
             continue  # a sheet that is not turned by quarters
-        start = np.array([origin[0], top] if along[0] else [left, origin[1]])
+        start = np.where(along, origin, edge)
         end, across = start + _AXIS_MM * along, along[::-1]
-        lines.append([*start, *end])
-        lines += [[*end, *(end - 1.5 * along + turn * across)] for turn in (-1, 1)]
-        lines.append([*(start - across), *(start + across)])
-        place = end + 1.5 * along
-        names.append((float(place[0]), float(place[1]) + 1, name))
-    return np.array(lines).reshape(-1, 4), tuple(names)
+        barbs = [(end, end - 1.5 * along + side * across) for side in (-1, 1)]
+        lines += map(np.concatenate, [(start, end), *barbs, (start - across, start + across)])
+        x, y = (end + 1.5 * along).tolist()
+        names.append((x, y + 1, name))
+    return lines, names
 
 
 def page_svg(page: PrintedPage) -> str:

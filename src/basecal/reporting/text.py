@@ -8,19 +8,27 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.phrases.outlier import name_sample
+from basecal.accuracy.sample_use import outlier_views
 from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
-from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
-from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.cell import Calibration, Cell, Finding, Validation
+from basecal.effects.registry import RANDOM_EFFECTS, ROBOT_PARAMETERS
 from basecal.errors import check_type
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.exports.digits import format_decimals
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
-from basecal.geometry import Array, Camera
+from basecal.geometry import Array, Camera, PoseEstimate
 from basecal.geometry.lenses.registry import find_lens
-from basecal.reporting.robots import robot_blocks
+from basecal.reporting.cell_view.sample_labels import is_measured, misfit
 from basecal.reporting.statement.digits import shown_decimals, two_digits
-from basecal.reporting.statement.verdict import error_text, gauge_clause, headline, held_out_errors, sort_by_severity
+from basecal.reporting.statement.verdict import (
+    error_text,
+    gauge_clause,
+    headline,
+    held_out_errors,
+    requested_estimates,
+    sort_by_severity,
+)
 
 _INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
 _DISPLAY_UNITS = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
@@ -40,7 +48,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     """
     check_type("cell", cell, Cell)
     check_type("calibration", calibration, Calibration)
-    asked = [name for name in cell.requested_transforms if name in calibration.transforms]
+    asked = requested_estimates(cell, calibration)
     others = [name for name in calibration.transforms if name not in asked]
     blocks = [[str(headline(cell, calibration))]]
     for name in asked:
@@ -53,17 +61,23 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         blocks.append([f"camera intrinsics of {name}  ({camera.model})"])
         for key, value, sigma, unit in lens_parameters(camera, covariance):
             blocks[-1].append(f"  {key:<3}{value:>13}    sigma {sigma} {unit}".rstrip())
-    blocks += [
-        *robot_blocks(calibration),
-        list(clock_sentences(calibration)),
-        list(fit_sentences(calibration)),
-        list(validation_sentences(calibration)),
-        [f"outlier: {sentence}" for sentence in outlier_sentences(calibration)],
-        list(noise_sentences(calibration)),
-        list(task_rows(calibration)),
-        list(_findings(calibration.findings)),
-    ]
+    said = sentences(calibration)
+    said["outliers"] = [f"outlier: {sentence}" for sentence in said["outliers"]]
+    blocks += [*robot_blocks(calibration), *said.values(), list(_findings(calibration.findings))]
     return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def sentences(calibration: Calibration) -> dict[str, list[str]]:
+    """Sentences about a calibration beside its transforms and findings, a line each, by subject."""
+    found = {
+        "clocks": clock_sentences(calibration),
+        "fit": fit_sentences(calibration),
+        "cross_validation": validation_sentences(calibration),
+        "outliers": outlier_sentences(calibration),
+        "noise": noise_sentences(calibration),
+        "task": task_rows(calibration),
+    }
+    return {subject: list(lines) for subject, lines in found.items()}
 
 
 def number_row(numbers: Iterable[str]) -> str:
@@ -71,18 +85,34 @@ def number_row(numbers: Iterable[str]) -> str:
     return "".join(f" {number:>13}" for number in numbers)
 
 
+def robot_blocks(calibration: Calibration) -> list[list[str]]:
+    """Lines of each robot's parameters, kind by kind, a heading first."""
+    found = calibration.robot_parameters
+    return [
+        each.report(robot, values)
+        for name, each in ROBOT_PARAMETERS.items()
+        for robot, values in found.get(name, {}).items()
+    ]
+
+
+def status_words(name: str, calibration: Calibration) -> str:
+    """Whether a transform is fixed, prior or free, and a point."""
+    status = calibration.status.get(name, "free")
+    return f"{status}, a point" if name in calibration.points else status
+
+
 def _transform(name: str, calibration: Calibration) -> list[str]:
-    estimate, status = calibration[name], calibration.status.get(name, "free")
-    is_point = name in calibration.points
-    heading = f"{'fixed' if status == 'fixed' else 'estimated'} transform {name}"
-    verdict = calibration.verdicts.get(name, calibration.verdict)
-    lines = [f"{heading}  ({status}{', a point' if is_point else ''}): {verdict}"]
+    status, verdict = status_words(name, calibration), calibration.verdicts.get(name, calibration.verdict)
+    known = "fixed" if status.startswith("fixed") else "estimated"
+    lines = [f"{known} transform {name}  ({status}): {verdict}"]
     for what, unit, values, sigmas in transform_rows(name, calibration):
         lines.append(f"  {what:<6}{number_row(values)} {unit}")
         lines += [f"  sigma {number_row(sigmas)} {unit}"] if sigmas else []
     if clause := gauge_clause(name, calibration):
         lines.append(f"  sigma{clause}")
-    return lines if is_point else [*lines, f"  q_xyzw{number_row(format_decimals(estimate.mean.quaternion, 9))}"]
+    if name not in calibration.points:
+        lines.append(f"  q_xyzw{number_row(format_decimals(calibration[name].mean.quaternion, 9))}")
+    return lines
 
 
 class TransformRow(NamedTuple):
@@ -99,38 +129,27 @@ def transform_rows(name: str, calibration: Calibration) -> Iterator[TransformRow
 
     Sigmas are along the axes of the frame on the right; what is fixed has none.
     """
-    estimate = calibration[name]
-    halves = [("t", "mm", estimate.mean.translation * 1e3, estimate.sigma_t * 1e3)]
-    if name not in calibration.points:
-        halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
     is_fixed = calibration.status.get(name) == "fixed"
+    return estimate_rows(calibration[name], name in calibration.points, is_fixed)
+
+
+def estimate_rows(estimate: PoseEstimate, is_point: bool = False, is_fixed: bool = False) -> Iterator[TransformRow]:
+    """The rows of any estimate."""
+    halves = [("t", "mm", estimate.mean.translation * 1e3, estimate.sigma_t * 1e3)]
+    if not is_point:
+        halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
     for what, unit, values, sigmas in halves:
         known = sigmas[:0] if is_fixed else sigmas
         decimals = shown_decimals(known)
         yield TransformRow(what, unit, format_decimals(values, decimals), format_decimals(known, decimals))
 
 
-class LensParameter(NamedTuple):
-    """A number of a lens, with its sigma in the same unit, to the digits of the sigma."""
-
-    name: str
-    value: str
-    sigma: str
-    unit: str
-
-
-def lens_parameters(camera: Camera, covariance: Array) -> list[LensParameter]:
-    """Focal lengths, centre and distortion of a lens, in the order of its covariance."""
-    sigmas = np.sqrt(np.diag(covariance))
-    distortion = find_lens(camera.model, len(camera.distortion)).TERM_NAMES
-    names = [*_INTRINSIC_NAMES, *distortion][: len(sigmas)]
-    units = ["px" if name in _INTRINSIC_NAMES else "" for name in names]
-    rows = zip(names, camera.parameters.tolist(), sigmas.tolist(), units, strict=False)
-    shown = (
-        (name, *format_decimals([value, sigma], shown_decimals(np.array([sigma]))), unit)
-        for name, value, sigma, unit in rows
-    )
-    return [LensParameter(*row) for row in shown]
+def lens_parameters(camera: Camera, covariance: Array) -> Iterator[tuple[str, str, str, str]]:
+    """Name, value, sigma and unit of each number of a lens, in the order of its covariance, to the digits of sigma."""
+    names = [*_INTRINSIC_NAMES, *find_lens(camera.model, len(camera.distortion)).TERM_NAMES]
+    for name, value, sigma in zip(names, camera.parameters, np.sqrt(np.diag(covariance)), strict=False):
+        shown = format_decimals([value, sigma], shown_decimals(sigma[None]))
+        yield name, shown[0], shown[1], "px" if name in _INTRINSIC_NAMES else ""
 
 
 def clock_sentences(calibration: Calibration) -> Iterator[str]:
@@ -148,9 +167,8 @@ def clock_sentences(calibration: Calibration) -> Iterator[str]:
 def fit_sentences(calibration: Calibration) -> Iterator[str]:
     """How everything fits, a line each."""
     residuals = calibration.residuals
-    left_out = {(view.sample, view.camera, view.target) for view in calibration.outliers or () if not view.ids}
-    fitted = [view for view in residuals.per_sample if view.rms_px is not None or view.loop_m is not None]
-    used = [view for view in fitted if (view.sample, view.camera, view.target) not in left_out]
+    left_out = outlier_views(calibration)
+    used = [view for view in residuals.per_sample if view not in left_out and is_measured(view)]
     if residuals.rms_px is not None:
         median = "" if residuals.median_px is None else f", median {two_digits(residuals.median_px)} px"
         yield f"reprojection error {two_digits(residuals.rms_px)} px rms per coordinate{median}"
@@ -161,10 +179,9 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
         for loop in residuals.loops:
             error = error_text(loop.rms_m, loop.rms_rad)
             yield f"pose consistency error of {' - '.join(loop.path)}: {error} over {loop.views} views"
-    in_pixels = [view for view in used if view.rms_px is not None]
-    if in_pixels:
-        worst = max(in_pixels, key=lambda view: view.rms_px or 0.0)
-        yield f"worst view: sample {worst.sample} by {worst.camera}, {two_digits(worst.rms_px or 0.0)} px rms"
+    worst = max(used, key=misfit, default=None)
+    if worst is not None and worst.rms_px is not None:
+        yield f"worst view: sample {worst.sample} by {worst.camera}, {two_digits(worst.rms_px)} px rms"
     proof = calibration.certificate
     if proof is not None and proof.is_global:
         yield f"certificate: global optimum proven; relative duality gap of the rotations {proof.gap or 0.0:.1g}"
@@ -256,19 +273,15 @@ def local_rows(calibration: Calibration) -> Iterator[str]:
     if calibration.local == () and calibration.settings.get("task_box") is not None:
         yield f"in the box: fewer than {FEWEST_SAMPLES} samples or none held out, too few to calibrate it separately"
     for part in calibration.local or ():
-        yield local_sentence(part)
-
-
-def local_sentence(part: LocalFit) -> str:
-    """Whether a part of the workspace is better calibrated separately."""
-    x, y, z = part.centre_m
-    where = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
-    if part.global_m is None or part.local_m is None:
-        return f"{where}: a local calibration comes to no end; use the global one"
-    local, whole = (two_digits(1e3 * length) for length in (part.local_m, part.global_m))
-    errors = f"held-out {local} mm by a local calibration, {whole} mm by the global"
-    choice = "use the local one there" if part.is_better else "use the global one"
-    return f"{where}: {errors}; noise alone makes the two differ so with p = {part.chance:.2g}; {choice}"
+        x, y, z = part.centre_m
+        where = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
+        if part.global_m is None or part.local_m is None:
+            yield f"{where}: a local calibration comes to no end; use the global one"
+            continue
+        local, whole = (two_digits(1e3 * length) for length in (part.local_m, part.global_m))
+        errors = f"held-out {local} mm by a local calibration, {whole} mm by the global"
+        choice = "use the local one there" if part.is_better else "use the global one"
+        yield f"{where}: {errors}; noise alone makes the two differ so with p = {part.chance:.2g}; {choice}"
 
 
 def _sigma(key: str, value: float | Array) -> str:

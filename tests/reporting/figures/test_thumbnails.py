@@ -37,21 +37,19 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 def test_the_worst_come_first_and_what_was_left_out_last(recording):
     """By their rms, each with its number, what was left out marked."""
-    made = thumbnails(CELL, recording, CALIBRATION, [points(0.1, 0.5, 0.3, 9.0, left_out=[3])])
-    assert [one.sample for one in made.pictures] == [1, 2, 0, 3]
-    assert [one.left_out for one in made.pictures] == [False, False, False, True]
-    assert made.pictures[0].words == "wrist, 0.35 px rms"
-    assert made.pictures[3].words.endswith(", left out")
-    assert made.caption.startswith("4 of 4 views.")
+    pictures, caption = thumbnails(CELL, recording, CALIBRATION, [points(0.1, 0.5, 0.3, 9.0, left_out=[3])])
+    assert [view.sample[0] for _, view, _ in pictures] == [1, 2, 0, 3]
+    assert [words for *_, words in pictures][::3] == ["wrist, 0.35 px rms", "wrist, 6.4 px rms, left out"]
+    assert caption.startswith("4 of 4 views.")
 
 
 def test_points_and_where_they_are_predicted(recording):
     """A line from each point, as long as the caption says: 0.5 px of 0.5 px is a twentieth of 360."""
-    (only,) = thumbnails(CELL, recording, CALIBRATION, [points(0.5)]).pictures
-    x, to_x = map(float, re.search(r'class="off" d="M(\S+) \S+?L(\S+) ', only.svg).groups())
+    ((only, _, _),), _ = thumbnails(CELL, recording, CALIBRATION, [points(0.5)])
+    x, to_x = map(float, re.search(r'class="off" d="M(\S+) \S+?L(\S+) ', only).groups())
     assert to_x - x == pytest.approx(18, abs=0.11)
     assert x == pytest.approx((300.5) * 360 / 1280, abs=0.06)
-    assert re.search(r'href="data:image/jpeg;base64,[A-Za-z0-9+/=]+"', only.svg)
+    assert re.search(r'href="data:image/jpeg;base64,[A-Za-z0-9+/=]+"', only)
 
 
 def test_an_image_without_points_is_drawn_bare(recording):
@@ -64,15 +62,15 @@ def test_an_image_without_points_is_drawn_bare(recording):
 
 def test_size_is_bounded(recording):
     """Of forty views with the largest images there can be, so many are shown that they stay below a megabyte."""
-    made = thumbnails(CELL, recording, CALIBRATION, [points(*np.linspace(0.1, 0.9, 40))])
-    assert 5 < len(made.pictures) <= 18
-    assert sum(len(one.svg) for one in made.pictures) < 1e6
+    pictures, _ = thumbnails(CELL, recording, CALIBRATION, [points(*np.linspace(0.1, 0.9, 40))])
+    assert 5 < len(pictures) <= 18
+    assert sum(len(svg) for svg, *_ in pictures) < 1e6
 
 
 def test_missing_images_are_left_out(recording):
     """A file that is gone, a recording without images, or one from nowhere."""
     gone = replace(recording, samples=(Sample(0, images={"wrist": "gone.png"}), *recording.samples[1:]))
-    assert [one.sample for one in thumbnails(CELL, gone, CALIBRATION, [points(0.9, 0.1)]).pictures] == [1]
+    assert [view.sample[0] for _, view, _ in thumbnails(CELL, gone, CALIBRATION, [points(0.9, 0.1)])[0]] == [1]
     only_gone = replace(gone, samples=gone.samples[:1])
     assert thumbnails(CELL, only_gone, CALIBRATION, [points(0.9)]) is None
     assert thumbnails(CELL, Recording((Sample(0),), folder="."), CALIBRATION, [points(0.9)]) is None

@@ -11,6 +11,7 @@ from jinja2 import UndefinedError
 
 from basecal.cell import BudgetEntry
 from basecal.reporting.decision.tiles import error_tile
+from basecal.reporting.svg import element
 from basecal.reporting.templates.environment import environment, own_file, policy
 
 
@@ -42,9 +43,9 @@ def test_the_tolerance_is_a_line_beside_the_bar() -> None:
 def test_what_is_given_is_escaped() -> None:
     """Words cannot become markup; between backticks they are what to type; drawings stay drawings."""
     made = environment()
-    said = "{{ a }} {{ a | words }} {{ b | svg }}"
-    shown = made.from_string(said).render(a="<i> `x<y`", b="<svg/>")
-    assert shown == "&lt;i&gt; `x&lt;y` &lt;i&gt; <code>x&lt;y</code> <svg/>"
+    said = "{{ a }} {{ a | words }} {{ b }}"
+    shown = made.from_string(said).render(a="<i> `x<y`", b=element("svg"))
+    assert shown == "&lt;i&gt; `x&lt;y` &lt;i&gt; <code>x&lt;y</code> <svg></svg>"
     assert made.from_string("{{ a | words }}").render(a="odd ` tick") == "odd ` tick"
 
 

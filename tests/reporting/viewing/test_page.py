@@ -13,7 +13,7 @@ from basecal.accuracy.fit_details import FitDetails
 from basecal.reporting.decision.tiles import tiles
 from basecal.reporting.statement.verdict import error_text
 from basecal.reporting.summary import summary
-from basecal.reporting.viewing.page import Viewed, ViewPage, serve_view
+from basecal.reporting.viewing.page import ViewPage, serve_view
 from basecal.simulation import Scenario, simulate
 from shared.browser import CHROMIUM, visit
 
@@ -21,34 +21,34 @@ RUN = "20260102T030405Z"
 
 
 @pytest.fixture(scope="module")
-def viewed() -> Viewed:
+def viewed() -> ViewPage:
     made = simulate(Scenario(samples=12), 4)
     calibration = calibrate(made.cell, made.recording)
-    return Viewed(made.cell, made.recording, Path("mycell"), (RUN,), lambda name: calibration)
+    return ViewPage(made.cell, made.recording, Path("mycell"), (RUN,), lambda name: calibration)
 
 
-def test_the_whole_choice_is_in_each_request(viewed: Viewed) -> None:
+def test_the_whole_choice_is_in_each_request(viewed: ViewPage) -> None:
     """So that two boxes clicked at once count as two: the page keeps no visitor's choice."""
-    page = ViewPage(viewed)
+    page = viewed
     html = page.answer({"run": RUN, "without": "3,7"})
     assert "without 2 samples, 1 sigma" in html
     assert re.findall(r'class="view stranger" data-sample="(\d+)"', html) == ["3", "7"] * 3
     assert "with all samples, 1 sigma" in page.answer({})
 
 
-def test_the_sigma_is_that_of_the_report(viewed: Viewed) -> None:
+def test_the_sigma_is_that_of_the_report(viewed: ViewPage) -> None:
     """On the first screen and in the terminal, too; the page has it before anything is asked for."""
     calibration, (name,) = viewed.read(RUN), viewed.cell.requested_transforms
     sigma = error_text(*calibration[name].sigma_norms)
     assert f"{name} to {sigma} (1 sigma, 3-D norm)" in summary(viewed.cell, calibration)
     tile = next(each for each in tiles(viewed.cell, viewed.recording, calibration, FitDetails()) if name in each.name)
     assert tile.value == sigma.replace(" and ", ", ")
-    assert sigma in ViewPage(viewed).page()
+    assert sigma in viewed.page()
 
 
-def test_strange_choices_are_left_out(viewed: Viewed) -> None:
+def test_strange_choices_are_left_out(viewed: ViewPage) -> None:
     """Runs that are not there, numbers that are none; where no sample is left it is said."""
-    page = ViewPage(viewed)
+    page = viewed
     html = page.answer({"run": "../../etc", "without": "3,x,,\N{SUPERSCRIPT TWO}," + "9" * 5000})
     assert "without 1 sample, 1 sigma" in html
     assert f"run {RUN}" in html
@@ -60,7 +60,7 @@ def test_strange_choices_are_left_out(viewed: Viewed) -> None:
 
 @pytest.mark.journey
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
-def test_in_a_browser(viewed: Viewed, tmp_path: Path) -> None:
+def test_in_a_browser(viewed: ViewPage, tmp_path: Path) -> None:
     """Verdict, answer, bars and the first sample; no error in the console, nobody else is asked."""
     with serve_view(viewed) as address:
         came = visit(address, tmp_path / "profile", until=".bars .view.chosen")

@@ -7,16 +7,18 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from markupsafe import Markup
 
 from basecal.geometry import SE3, Array
 from basecal.reporting.cell_view.scene import Arm, Body, Scene, worst_words
-from basecal.reporting.svg import dots, drawing, element, segments, text
+from basecal.reporting.svg import dots, drawing, element, path, segments
 
 _WIDTH, _HEIGHT, _MARGIN_PX = 640.0, 440.0, 44.0
 _ELEVATION_RAD = 0.45
 _AXIS_SHARE = 0.09
 _COLOURS = 4
 _LETTER_PX, _LINE_PX = 8.0, 17.0
+_LABEL_SHIFT_PX = np.array([0.0, 18.0])  # from a place
 
 Project = Callable[[Array], Array]
 
@@ -36,109 +38,92 @@ class Label:
         return bool(across < _LETTER_PX * letters and down < _LINE_PX)
 
 
-def picture(scene: Scene) -> str:
+def picture(scene: Scene) -> Markup:
     """A drawing of the scene at the sample that it opens at, seen so that the bases stand beside one another."""
-    opening = scene.opening
-    project = _projection(scene, opening)
+    placed = [(body, pose) for body in scene.bodies if (pose := _world_from_body(scene, body)) is not None]
+    ends = [pose @ np.concatenate([body.lines.reshape(-1, 3), body.points]) for body, pose in placed]
+    project = _projection(scene, ends)
     feet = [project(arm.world_from_base.translation) for arm in scene.arms]
-    floor = segments(np.stack([feet[0], foot]) for foot in feet[1:])
-    parts: list[str | Label] = [element("path", class_="floor", d=floor)]
-    for number, arm in enumerate(scene.arms):
-        parts += _arm(arm, number, opening, scene, project)
-    for body in scene.bodies:
-        world_from_body = _world_from_body(scene, body, opening)
-        if world_from_body is None:
-            continue
-        if body.ellipsoid is not None:
-            parts.append(_ellipsoid(body.ellipsoid, world_from_body, project))
-        lines, points = project(world_from_body @ body.lines), project(world_from_body @ body.points)
-        parts.append(element("path", class_=body.kind, d=segments(lines) + dots(points)))
-        ends = np.concatenate([lines.reshape(-1, 2), points])
-        parts.append(Label(body.name, np.array([ends[:, 0].mean(), ends[:, 1].min() - 7])))
+    parts, labels = [path("floor", segments((feet[0], foot) for foot in feet[1:]))], list[Label]()
+    for number, (arm, foot) in enumerate(zip(scene.arms, feet, strict=True)):
+        colour = f"robot-{number % _COLOURS}"
+        parts += _arm(arm, colour, scene, project)
+        labels.append(Label(f"{arm.name}_base", foot + _LABEL_SHIFT_PX, f"label {colour}"))
+    for (body, world_from_body), flat in zip(placed, map(project, ends), strict=True):
+        parts += _ellipsoid(body.ellipsoid, world_from_body, project)
+        lines, points = np.split(flat, [2 * len(body.lines)])
+        parts.append(path(body.kind, segments(lines.reshape(-1, 2, 2)) + dots(points)))
+        labels.append(Label(body.name, np.array([flat[:, 0].mean(), flat[:, 1].min() - 7])))
     if scene.errors is not None:
-        at, words = project(scene.errors.points_m[scene.errors.worst]), worst_words(scene.errors)
-        parts += [element("path", class_="worst-place", d=dots([at])), Label(words, at + np.array([0.0, 18.0]))]
-    return drawing(_WIDTH, _HEIGHT, "the cell from the side", *_place_labels(parts))
+        at = project(scene.errors.points_m[scene.errors.worst])
+        parts.append(path("worst-place", dots([at])))
+        labels.append(Label(worst_words(scene.errors), at + _LABEL_SHIFT_PX))
+    return drawing(_WIDTH, _HEIGHT, "the cell from the side", *parts, *_place_labels(labels))
 
 
-def _place_labels(parts: Iterable[str | Label]) -> Iterator[str]:
-    """Elements; a label stands below those that it would cover."""
+def _place_labels(labels: Iterable[Label]) -> Iterator[Markup]:
+    """Each label below those before it that it would cover."""
     placed: list[Label] = []
-    for part in parts:
-        if isinstance(part, str):
-            yield part
-            continue
+    for label in labels:
         for _ in placed:  # not until none covers it: beside coordinates beyond 1e17 a line is no step
-            other = next((each for each in placed if each.covers(part)), None)
+            other = next((each for each in placed if each.covers(label)), None)
             if other is None:
                 break
-            part = replace(part, place=np.array([part.place[0], other.place[1] + _LINE_PX]))
-        placed.append(part)
-        x, y = (f"{at:.1f}" for at in part.place)
-        yield element("text", text(part.words), class_=part.kind, x=x, y=y)
+            label = replace(label, place=np.array([label.place[0], other.place[1] + _LINE_PX]))
+        placed.append(label)
+        x, y = label.place
+        yield element("text", label.words, class_=label.kind, x=x, y=y)
 
 
-def _world_from_body(scene: Scene, body: Body, sample: int) -> SE3 | None:
-    """Where a body is at a sample; None if its robot's pose was not recorded then."""
+def _world_from_body(scene: Scene, body: Body) -> SE3 | None:
+    """Where a body is at the sample that the scene opens at; None if its robot's pose was not recorded then."""
     if body.on is None:
         return body.mount
-    arm = next(arm for arm in scene.arms if arm.name == body.on)
-    if not (len(arm.known) and arm.known[sample]):
-        return None
-    return arm.world_from_base @ arm.base_from_flange[sample] @ body.mount
+    world_from_flange = next(arm for arm in scene.arms if arm.name == body.on).world_from_flange(scene.opening)
+    return None if world_from_flange is None else world_from_flange @ body.mount
 
 
-def _projection(scene: Scene, sample: int) -> Project:
-    """Projection of points, (..., 3) [m], to the drawing, (..., 2)."""
+def _projection(scene: Scene, bodies: list[Array]) -> Project:
+    """Projection of points, (..., 3) [m], to the drawing, (..., 2), which holds the arms, and bodies (k, 3) [m]."""
     right, up = scene.across, np.array([0.0, 0.0, 1.0])
-    away = np.cross(up, right)
-    axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * away)])
-    # Everything that must be in the image.
-    reach = _AXIS_SHARE * scene.size_m * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
-    places = [arm.world_from_base @ reach for arm in scene.arms]
-    places += [arm.places for arm in scene.arms]
-    for body in scene.bodies:
-        placed = _world_from_body(scene, body, sample)
-        if placed is not None:
-            places.append(placed @ np.concatenate([body.lines.reshape(-1, 3), body.points]))
-    flat = np.concatenate(places) @ axes.T
+    axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * np.cross(up, right))])
+    reach = _AXIS_SHARE * scene.size_m * np.eye(3)
+    places = [place for arm in scene.arms for place in (arm.world_from_base @ reach, arm.places)]
+    flat = np.concatenate([*places, *bodies]) @ axes.T
     low, high = flat.min(0), flat.max(0)
-    room = np.array([_WIDTH, _HEIGHT]) - 2 * _MARGIN_PX
-    scale = float(np.min(room / np.maximum(high - low, 1e-9)))
-    shift = np.array([_WIDTH, _HEIGHT]) / 2 - scale * (low + high) / 2
+    size = np.array([_WIDTH, _HEIGHT])
+    scale = float(np.min((size - 2 * _MARGIN_PX) / np.maximum(high - low, 1e-9)))
+    shift = size / 2 - scale * (low + high) / 2
     return lambda points: scale * (points @ axes.T) + shift
 
 
-def _frame(world_from_body: SE3, length: float, project: Project) -> Iterator[str]:
+def _frame(world_from_body: SE3, length: float, project: Project) -> Iterator[Markup]:
     origin = project(world_from_body.translation)
     for axis, tip in zip("xyz", project(world_from_body @ (length * np.eye(3))), strict=True):
-        yield element("path", class_=f"axis-{axis}", d=segments([np.stack([origin, tip])]))
+        yield path(f"axis-{axis}", segments([(origin, tip)]))
 
 
-def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> Iterator[str | Label]:
-    colour, size = number % _COLOURS, scene.size_m
-    base = project(arm.world_from_base.translation)
+def _arm(arm: Arm, colour: str, scene: Scene, project: Project) -> Iterator[Markup]:
+    length = _AXIS_SHARE * scene.size_m
     flanges = (arm.world_from_base @ arm.base_from_flange).translation[arm.known]
-    yield element("path", class_=f"trail robot-{colour}", d=dots(project(flanges)))
-    if len(arm.known) and arm.known[sample]:
-        world_from_flange = arm.world_from_base @ arm.base_from_flange[sample]
-        joints = np.zeros((0, 3)) if arm.joints is None else arm.joints[sample].translation
-        along = np.stack([np.zeros(3), *joints, arm.base_from_flange[sample].translation])
-        reach = project(arm.world_from_base @ along)
-        kind = "reach" if arm.joints is None else "links"
-        yield element("path", class_=f"{kind} robot-{colour}", d=segments(pairwise(reach)))
-        yield from _frame(world_from_flange, 0.4 * _AXIS_SHARE * size, project)
-    yield from _frame(arm.world_from_base, _AXIS_SHARE * size, project)
-    if arm.ellipsoid is not None:
-        yield _ellipsoid(arm.ellipsoid, arm.world_from_base, project)
-    yield Label(f"{arm.name}_base", base + np.array([0.0, 18.0]), f"label robot-{colour}")
+    yield path(f"trail {colour}", dots(project(flanges)))
+    world_from_flange = arm.world_from_flange(scene.opening)
+    if world_from_flange is not None:
+        joints = () if arm.joints is None else (arm.world_from_base @ arm.joints[scene.opening]).translation
+        along = np.stack([arm.world_from_base.translation, *joints, world_from_flange.translation])
+        yield path(f"{'links' if len(joints) else 'reach'} {colour}", segments(pairwise(project(along))))
+        yield from _frame(world_from_flange, 0.4 * length, project)
+    yield from _frame(arm.world_from_base, length, project)
+    yield from _ellipsoid(arm.ellipsoid, arm.world_from_base, project)
 
 
-def _ellipsoid(ellipsoid: Array, world_from_body: SE3, project: Project) -> str:
+def _ellipsoid(ellipsoid: Array | None, world_from_body: SE3, project: Project) -> Iterator[Markup]:
     """The outline of an ellipsoid: the shadow of a ball's image under M is that of a disc under (M M')^1/2."""
+    if ellipsoid is None:
+        return
     world_from_ball = world_from_body.rotation @ ellipsoid
     shadow = (project(world_from_ball.T) - project(np.zeros(3))).T
     u, lengths, _ = np.linalg.svd(shadow, full_matrices=False)
     turn = np.linspace(0, 2 * np.pi, 49)
     outline = project(world_from_body.translation) + (np.stack([np.cos(turn), np.sin(turn)], -1) * lengths) @ u.T
-    return element("path", class_="ellipsoid", d=segments(np.stack([outline[:-1], outline[1:]], 1)))
+    yield path("ellipsoid", segments(pairwise(outline)))

@@ -29,11 +29,18 @@ def view_words(view: SampleResidual, state: str = "") -> str:
     return f"{view.target} seen by {view.camera}{state}: {', '.join(errors) or 'no residual'}"
 
 
+def is_measured(view: SampleResidual) -> bool:
+    """Whether a view has any residual."""
+    return view.rms_px is not None or view.loop_m is not None
+
+
+def misfit(view: SampleResidual) -> tuple[float, float]:
+    """How badly a view fits, to compare views by [px, m]."""
+    return view.rms_px or 0.0, view.loop_m or 0.0
+
+
 def worst_sample(calibration: Calibration) -> int | None:
     """The sample with the view that fits worst, of those that were used; None if no view has a residual."""
     left_out = outlier_views(calibration)
-    used = [view for view in calibration.residuals.per_sample if view not in left_out]
-    measured = [view for view in used if view.rms_px is not None or view.loop_m is not None]
-    if not measured:
-        return None
-    return max(measured, key=lambda view: (view.rms_px or 0.0, view.loop_m or 0.0)).sample
+    used = [view for view in calibration.residuals.per_sample if view not in left_out and is_measured(view)]
+    return max(used, key=misfit).sample if used else None

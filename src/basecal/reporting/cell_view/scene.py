@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, ErrorMap, Robot, Sample, Target
+from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, ErrorMap, Robot, RobotState, Sample, Target
 from basecal.errors import BasecalError
 from basecal.geometry import SE3, Array, BoolArray, Camera
-from basecal.kinematics.surface import Surface, body_surface
+from basecal.kinematics.surface import body_surface
+from basecal.planning.sketch import target_points
 from basecal.reporting.cell_view.sample_labels import sample_labels, worst_sample
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import nice_ceiling
@@ -22,6 +24,7 @@ _SMALLEST_M = 0.2
 _FRUSTUM_SHARE = 0.08
 _ELLIPSOID_SHARE = 0.06
 _TURN_RAD = 0.4
+_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _DECIMALS = 5  # of metres and of parts of quaternions
 
 
@@ -45,7 +48,7 @@ class Arm:
     base_from_flange: SE3
     known: BoolArray
     joints: SE3 | None = None
-    surfaces: tuple[Surface, ...] = ()
+    surfaces: tuple[dict[str, Any], ...] = ()
     ellipsoid: Array | None = None
 
     @property
@@ -54,6 +57,11 @@ class Arm:
         flanges = self.base_from_flange.translation[self.known]
         joints = np.zeros((0, 3)) if self.joints is None else self.joints.translation.reshape(-1, 3)
         return self.world_from_base @ np.concatenate([np.zeros((1, 3)), flanges, joints])
+
+    def world_from_flange(self, place: int) -> SE3 | None:
+        """Where its flange is at a sample of the scene; None if that was not recorded."""
+        is_known = len(self.known) and self.known[place]
+        return self.world_from_base @ self.base_from_flange[place] if is_known else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,17 +126,20 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
     shown = [sample for place, sample in enumerate(samples) if place % step == 0 or sample.sample == worst]
     numbers = tuple(sample.sample for sample in shown)
     means = {**calibration.known_transforms(cell), cell.base_name(cell.reference): SE3.identity()}
-    robots = [robot for robot in cell.robots.values() if cell.base_name(robot.name) in means]
-    arms = tuple(_arm(robot, means[cell.base_name(robot.name)], shown) for robot in robots)
-    size = _size(arms)
+    bases = {name: means.get(cell.base_name(name)) for name in cell.robots}
+    arms = tuple(_arm(cell.robots[name], base, shown) for name, base in bases.items() if base is not None)
+    every = np.concatenate([arm.places for arm in arms])
+    size = max(float(np.linalg.norm(np.ptp(every, axis=0))), _SMALLEST_M)
     scale, sure = _ellipsoids(cell, calibration, size)
     arms = tuple(replace(arm, ellipsoid=sure.get(cell.base_name(arm.name))) for arm in arms)
     placed = {WORLD, *(arm.name for arm in arms)}
     things: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
-    drawn = {t.name: t for t in things if t.on in placed and cell.mount_name(t.name) in means}
-    bodies = tuple(_body(t, means[cell.mount_name(t.name)], calibration, size) for t in drawn.values())
-    bodies = tuple(replace(body, ellipsoid=sure.get(cell.mount_name(body.name))) for body in bodies)
-    missing = [name for name in (*cell.robots, *cell.cameras, *cell.targets) if name not in placed | drawn.keys()]
+    bodies = tuple(
+        _body(each, means[mount], calibration, size, sure.get(mount))
+        for each in things
+        if each.on in placed and (mount := cell.mount_name(each.name)) in means
+    )
+    placed |= {body.name for body in bodies}
     return Scene(
         arms=arms,
         bodies=bodies,
@@ -140,41 +151,28 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
         across=_view_direction(arms),
         ellipsoid_scale=scale,
         errors=calibration.error_map,
-        missing=tuple(missing),
+        missing=tuple(name for name in (*cell.robots, *cell.cameras, *cell.targets) if name not in placed),
     )
 
 
 def _arm(robot: Robot, world_from_base: SE3, samples: Sequence[Sample]) -> Arm:
-    poses: list[SE3 | None] = []
-    for sample in samples:
-        state = sample.robots.get(robot.name)
-        if state is not None and state.joints_rad is not None and robot.chain is not None:
-            poses.append(robot.chain.forward(state.joints_rad))
-        else:
-            poses.append(None if state is None else state.base_from_flange)
+    chain, states = robot.chain, [sample.robots.get(robot.name, RobotState()) for sample in samples]
+    joints = [None if chain is None else state.joints_rad for state in states]
+    poses = [
+        state.base_from_flange if angles is None or chain is None else chain.forward(angles)
+        for state, angles in zip(states, joints, strict=True)
+    ]
     known = np.array([pose is not None for pose in poses], dtype=bool)
-    flanges = SE3.stack([pose or SE3.identity() for pose in poses])
-    joints = _joints(robot, samples)
-    surfaces = () if joints is None else _surfaces(robot)
-    return Arm(robot.name, world_from_base, flanges, known, joints, surfaces)
-
-
-def _surfaces(robot: Robot) -> tuple[Surface, ...]:
+    arm = Arm(robot.name, world_from_base, SE3.stack([pose or SE3.identity() for pose in poses]), known)
+    if chain is None or all(angles is None for angles in joints):
+        return arm
+    frames = chain.joint_frames(np.stack([np.zeros(chain.n) if angles is None else angles for angles in joints]))
+    turned = SE3(frames.rotation.swapaxes(0, 1), frames.translation.swapaxes(0, 1))
     try:
-        return tuple(body_surface(body) for body in (robot.chain.collisions if robot.chain else ()))
+        surfaces = tuple(body_surface(body)._asdict() for body in chain.collisions)
     except BasecalError:  # such as a mesh that was not copied into the cell's folder: links are tubes
-        return ()
-
-
-def _joints(robot: Robot, samples: Sequence[Sample]) -> SE3 | None:
-    """Frames of an arm's joints in its base by its URDF, (n, k); at zero where a sample has no joints of it."""
-    states = [sample.robots.get(robot.name) for sample in samples]
-    if robot.chain is None or not any(state and state.joints_rad is not None for state in states):
-        return None
-    at_zero = np.zeros(robot.chain.n)
-    joints = [at_zero if state is None or state.joints_rad is None else state.joints_rad for state in states]
-    frames = robot.chain.joint_frames(np.stack(joints))
-    return SE3(frames.rotation.swapaxes(0, 1), frames.translation.swapaxes(0, 1))
+        surfaces = ()
+    return replace(arm, joints=turned, surfaces=surfaces)
 
 
 def _ellipsoids(cell: Cell, calibration: Calibration, size: float) -> tuple[float, dict[str, Array]]:
@@ -190,12 +188,6 @@ def _ellipsoids(cell: Cell, calibration: Calibration, size: float) -> tuple[floa
     return scale, {name: scale * each for name, each in axes.items()}
 
 
-def _size(arms: Sequence[Arm]) -> float:
-    """Diagonal of the box about all bases and flanges [m]."""
-    every = np.concatenate([arm.places for arm in arms])
-    return max(float(np.linalg.norm(every.max(0) - every.min(0))), _SMALLEST_M)
-
-
 def _view_direction(arms: Sequence[Arm]) -> Array:
     """The horizontal direction towards the base farthest from world, turned so that no axis is seen end on."""
     x, y = max((arm.world_from_base.translation[:2] for arm in arms), key=lambda t: float(np.linalg.norm(t)))
@@ -203,27 +195,28 @@ def _view_direction(arms: Sequence[Arm]) -> Array:
     return np.array([np.cos(angle), np.sin(angle), 0.0])
 
 
-def _body(body: CellCamera | CellTarget, mount: SE3, calibration: Calibration, size: float) -> Body:
+def _body(
+    body: CellCamera | CellTarget, mount: SE3, calibration: Calibration, size: float, ellipsoid: Array | None
+) -> Body:
     on = None if body.on == WORLD else body.on
-    if isinstance(body, CellCamera):
-        lens = body.intrinsics.camera if body.intrinsics is not None else None
-        camera = calibration.cameras[body.name][0] if body.name in calibration.cameras else lens
-        return Body(body.name, "camera", on, mount, frustum(camera, _FRUSTUM_SHARE * size), np.zeros((0, 3)))
-    shape = body.target
-    points = np.zeros((1, 3)) if shape is None else shape.points
-    return Body(body.name, "target", on, mount, outline(shape), points[:: -(-len(points) // _MOST_POINTS)])
+    if isinstance(body, CellTarget):
+        points = target_points(body.target)
+        some = points[:: -(-len(points) // _MOST_POINTS)]
+        return Body(body.name, "target", on, mount, outline(body.target), some, ellipsoid)
+    stated = None if body.intrinsics is None else body.intrinsics.camera
+    camera, _ = calibration.cameras.get(body.name, (stated, None))
+    lines = frustum(camera, _FRUSTUM_SHARE * size)
+    return Body(body.name, "camera", on, mount, lines, np.zeros((0, 3)), ellipsoid)
 
 
 def frustum(camera: Camera | None, length: float) -> Array:
     """Edges of what a camera sees, (8, 2, 3) [m]; of a usual one where its lens or image is not known."""
-    rays = np.array([[-0.4, -0.3, 1.0], [0.4, -0.3, 1.0], [0.4, 0.3, 1.0], [-0.4, 0.3, 1.0]])
+    rays = np.column_stack([(_SQUARE - 0.5) * [0.8, 0.6], np.ones(4)])
     if camera is not None and camera.size_px is not None:
-        width, height = camera.size_px
-        corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=np.float64)
-        looking, valid = camera.undistort(corners)
+        looking, valid = camera.undistort(_SQUARE * (np.array(camera.size_px) - 1))
         rays = np.where(valid.all(), looking, rays)
     ends = length * rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-    return np.concatenate([np.stack([np.zeros((4, 3)), ends], 1), np.stack([ends, np.roll(ends, -1, 0)], 1)])
+    return np.concatenate([np.stack([np.zeros((4, 3)), ends], 1), _edges(ends)])
 
 
 def outline(shape: Target | None) -> Array:
@@ -231,26 +224,19 @@ def outline(shape: Target | None) -> Array:
     if shape is None or len(shape.points) < 3:
         return np.zeros((0, 2, 3))
     if shape.tags is not None:
-        loops = shape.points[shape.rows(shape.tags.corner_ids.ravel())].reshape(-1, 4, 3)
-    else:
-        low, high = shape.points.min(0), shape.points.max(0)
-        x, y, z = np.stack([low, high], -1)
-        loops = np.array([[[x[0], y[0], z[0]], [x[1], y[0], z[0]], [x[1], y[1], z[0]], [x[0], y[1], z[0]]]])
-    return np.stack([loops, np.roll(loops, -1, axis=1)], 2).reshape(-1, 2, 3)
+        return _edges(shape.points[shape.rows(shape.tags.corner_ids.ravel())].reshape(-1, 4, 3)).reshape(-1, 2, 3)
+    low, extent = shape.points.min(0), np.ptp(shape.points, axis=0)
+    return _edges(low + extent * np.column_stack([_SQUARE, np.zeros(4)]))
+
+
+def _edges(corners: Array) -> Array:
+    """Edges between corners of a loop, (..., n, 2, 3) of (..., n, 3)."""
+    return np.stack([corners, np.roll(corners, -1, axis=-2)], -2)
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
-    """A scene as plain data for the script of the page; lengths to 0.01 mm."""
-    data: dict[str, Any] = _plain(scene)
-    for arm, plain in zip(scene.arms, data["arms"], strict=True):
-        if arm.joints is not None and not arm.surfaces:  # no body turns with them
-            plain["joints"] = _plain(arm.joints.translation)
-    if scene.errors is not None:
-        data["errors"] = {
-            "points": _plain(scene.errors.points_m),
-            "mm": _plain(1e3 * scene.errors.length_95_m),
-            "worst": worst_words(scene.errors),
-        }
+    """A scene as plain data for the script of the page; places to 0.01 mm."""
+    data: dict[str, Any] = json.loads(json.dumps(scene, default=_plain))
     return data
 
 
@@ -260,17 +246,13 @@ def worst_words(errors: ErrorMap) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Fields, transforms and arrays as JSON holds them; of a transform its translation, then its quaternion."""
+    """A noun or an array as JSON can hold it; a transform as its translation, then its quaternion."""
+    if isinstance(value, Arm) and value.joints is not None and not value.surfaces:  # no body turns with them
+        return {**vars(value), "joints": value.joints.translation}
+    if isinstance(value, ErrorMap):
+        return {"points": value.points_m, "mm": 1e3 * value.length_95_m, "worst": worst_words(value)}
     if isinstance(value, SE3):
-        return _plain(np.concatenate([value.translation, value.quaternion], -1))
-    if isinstance(value, np.ndarray) and value.dtype != np.float64:
-        return value.tolist()
-    if isinstance(value, np.ndarray | float):
-        return np.round(value, _DECIMALS).tolist()
-    if isinstance(value, Surface):
-        return _plain(value._asdict())
-    if isinstance(value, dict):
-        return {key: _plain(each) for key, each in value.items()}
-    if isinstance(value, tuple):
-        return [_plain(each) for each in value]
-    return _plain(vars(value)) if is_dataclass(value) else value
+        value = np.concatenate([value.translation, value.quaternion], -1)
+    if not isinstance(value, np.ndarray):
+        return vars(value)
+    return value.tolist() if value.dtype == np.bool_ else np.round(value, _DECIMALS).tolist()

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from basecal.acquisition.watching import Snapshot
-from basecal.reporting.figures.curves import Band, Line, curves
+from basecal.reporting.figures.curves import Band, curves
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.statement.digits import two_digits
 
@@ -28,8 +27,8 @@ def progress_figure(snapshot: Snapshot) -> Figure | None:
 def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: float | None) -> Figure:
     """A line over numbers of samples, (count, error [m]) each, with the tolerance."""
     limit = None if tolerance_m is None else 1e3 * tolerance_m
-    bands = tuple(Band(count, *[1e3 * length] * 3) for count, length in points)
-    figure = curves(title, "samples", "mm", [Line(title, bands)], limit, logarithmic=False)
+    bands = [Band(count, (1e3 * length,) * 3) for count, length in points]
+    svg = curves(title, "samples", "mm", {title: bands}, limit, logarithmic=False)
     also = "" if limit is None else f" Dashed: the tolerance, {limit:.3g} mm."
     said = ", ".join(f"{two_digits(1e3 * length)} mm with {count}" for count, length in (points[0], *points[-1:]))
-    return replace(figure, title=f"{title} [mm]", caption=f"{said} samples.{also}")
+    return Figure(f"{title} [mm]", svg, f"{said} samples.{also}")

@@ -10,7 +10,7 @@ from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.sample_use import sample_use
 from basecal.cell import Calibration, Cell, Recording
 from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.statement.verdict import error_text
+from basecal.reporting.statement.verdict import error_text, requested_estimates
 
 _SEVERITY_NAMES = {"error": "error", "warning": "warning", "info": "note"}
 _BAR_ROOM = 1.05  # times the longer of error and tolerance
@@ -40,7 +40,7 @@ def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: F
     expected_m = expected_error_m(cell, calibration, details)
     if expected_m is not None:
         yield error_tile(expected_m, None if calibration.tolerance is None else calibration.tolerance.asked_m)
-    known = [name for name in cell.requested_transforms if name in calibration.transforms]
+    known = requested_estimates(cell, calibration)
     if known:
         worst = max(known, key=lambda name: calibration[name].sigma_norms[0])
         sigma_m, sigma_rad = calibration[worst].sigma_norms

@@ -10,7 +10,7 @@ import numpy as np
 from basecal.cell import SampleResidual
 from basecal.reporting.figures.figure import BAR, HEIGHT, Figure, bar
 from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.svg import drawing, element, nice_ceiling
+from basecal.reporting.svg import drawing, nice_ceiling, path
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,11 @@ class Quantity:
     field: str
     factor: float
     unit: str
+
+    def value(self, view: SampleResidual) -> float | None:
+        """The quantity of a view in its unit; None if it is not defined."""
+        value = getattr(view, self.field)
+        return None if value is None else value * self.factor
 
 
 QUANTITIES = (
@@ -37,26 +42,24 @@ def bar_figure(
 
     Those left out are marked; they are in no mean, and their bars end with the figure.
     """
-    given = [view for view in views if getattr(view, quantity.field) is not None]
+    given = [(view, value) for view in views if (value := quantity.value(view)) is not None]
     if not given:
         return None
-    largest = sorted(range(len(given)), key=lambda k: -getattr(given[k], quantity.field))[:max_count]
-    shown = [given[k] for k in sorted(largest)]
-    value = {id(view): getattr(view, quantity.field) * quantity.factor for view in given}
-    used = [value[id(view)] for view in given if view not in left_out] or list(value.values())
+    least = sorted(value for _, value in given)[-max_count:][0]
+    shown = [each for each in given if each[1] >= least][:max_count]
+    used = [value for view, value in given if view not in left_out] or [value for _, value in given]
     rms = float(np.sqrt(np.mean(np.square(used))))
     top = nice_ceiling(max(used))
     bars = []
-    for place, view in enumerate(shown):
+    for place, (view, value) in enumerate(shown):
         state, kind = (", left out", "view stranger") if view in left_out else ("", "view")
-        label = f"sample {view.sample}: {two_digits(value[id(view)])} {quantity.unit}{state}"
-        bars.append(bar(place * BAR, BAR, value[id(view)] / top, label, view.sample, kind))
-    level = f"M0 {HEIGHT * (1 - rms / top):.2f}H{len(shown) * BAR:g}"
-    line = element("path", class_="level", d=level, vector_effect="non-scaling-stroke")
-    svg = drawing(len(shown) * BAR, HEIGHT, f"{quantity.name} by view", *bars, line, stretch=True)
+        label = f"sample {view.sample}: {two_digits(value)} {quantity.unit}{state}"
+        bars.append(bar(place * BAR, BAR, value / top, label, view.sample, kind))
+    width = len(shown) * BAR
+    level = path("level", f"M0 {HEIGHT * (1 - rms / top):.2f}H{width:g}", vector_effect="non-scaling-stroke")
+    svg = drawing(width, HEIGHT, f"{quantity.name} by view", *bars, level, stretch=True)
     worst = f"the {len(shown)} largest of {len(given)} views; " if len(shown) < len(given) else ""
-    strangers = "; orange: left out" if any(view in left_out for view in shown) else ""
+    strangers = "; orange: left out" if any(view in left_out for view, _ in shown) else ""
     caption = f"{worst}dashed: rms over the views used, {two_digits(rms)} {quantity.unit}{strangers}"
-    first, last = shown[0].sample, shown[-1].sample
-    ends = (f"sample {first}", f"{last}") if len(shown) > 1 else (f"sample {first}",)
+    ends = (f"sample {shown[0][0].sample}", *(str(view.sample) for view, _ in shown[1:][-1:]))
     return Figure(quantity.name, svg, caption, ends, (f"{top:g} {quantity.unit}", f"{top / 2:g}", "0"))

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from basecal.reporting.svg import element, text
+from markupsafe import Markup
+
+from basecal.reporting.svg import element
 
 HEIGHT = 100.0
 BAR = 10.0
@@ -26,27 +28,25 @@ class Figure:
     """
 
     title: str
-    svg: str
+    svg: Markup
     caption: str
     x: tuple[str, ...] = ()
     y: tuple[str, ...] = ()
 
 
-def rectangle(kind: str, box: Sequence[float], *inside: str, **more: object) -> str:
+def rectangle(kind: str, box: Sequence[float], **more: object) -> Markup:
     """A rectangle of a class, by its left, top, width and height."""
-    sides = (f"{side:.1f}" for side in box)
-    return element("rect", *inside, class_=kind, **dict(zip(("x", "y", "width", "height"), sides, strict=True)), **more)
+    x, y, width, height = map(float, box)
+    return element("rect", class_=kind, x=x, y=y, width=width, height=height, **more)
 
 
-def tile(box: Sequence[float], share: float, label: str = "", kind: str = "tile") -> str:
+def tile(box: Sequence[float], share: float, label: str | None = None, kind: str = "tile") -> Markup:
     """A rectangle filled as strongly as its share of the most, which says what it is when it is pointed at."""
-    title = [element("title", text(label))] if label else []
-    return rectangle(kind, box, *title, fill_opacity=f"{FAINTEST + (1 - FAINTEST) * share:.2f}")
+    return rectangle(kind, box, title=label, fill_opacity=f"{FAINTEST + (1 - FAINTEST) * share:.2f}")
 
 
-def bar(x: float, width: float, share: float, label: str, sample: int, kind: str) -> str:
+def bar(x: float, width: float, share: float, label: str, sample: int, kind: str) -> Markup:
     """A bar of a sample, which can be chosen, that fills a share of the height, at most all of it."""
     height = min(max(HEIGHT * share, 0.5), HEIGHT)
-    title = element("title", text(label))
     shown = rectangle("bar", (x + 0.05 * width, HEIGHT - height, 0.9 * width, height))
-    return element("g", title, rectangle("hit", (x, 0, width, HEIGHT)), shown, class_=kind, data_sample=sample)
+    return element("g", rectangle("hit", (x, 0, width, HEIGHT)), shown, title=label, class_=kind, data_sample=sample)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from markupsafe import Markup
+
+from basecal.reporting.charts import value_text
 from basecal.reporting.figures.figure import Figure, rectangle, tile
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import drawing, label_lines, wrapped_label
@@ -33,36 +36,30 @@ def heat_map(
     """
     logs = [math.log10(value) for row in values for value in row if value is not None and value > 0]
     shades = (min(logs), max(logs)) if logs else (0.0, 0.0)
-    tiles = [
-        _tile(_LEFT + i * _TILE_WIDTH, _TOP + k * _TILE_HEIGHT, value, shades)
-        for k, row in enumerate(values)
-        for i, value in enumerate(row)
-    ]
-    bottom = _TOP + len(rows[1]) * _TILE_HEIGHT
-    names = [_value_text(value) for value in columns[1]]
-    labels = [_row_label(_TOP + (k + 0.6) * _TILE_HEIGHT, _value_text(value)) for k, value in enumerate(rows[1])]
-    for i, name in enumerate(names):
-        labels.append(wrapped_label(name, _COLUMN_CHARACTERS, (_LEFT + (i + 0.5) * _TILE_WIDTH, bottom + 17), "middle"))
-    edge = _EDGE + _LINE * (max(len(label_lines(name, _COLUMN_CHARACTERS)) for name in names) - 1)
-    svg = drawing(_LEFT + len(names) * _TILE_WIDTH + 8, bottom + edge, title, *tiles, *labels)
+    parts, line_count = list[Markup](), 1
+    for k, (place, row) in enumerate(zip(rows[1], values, strict=True)):
+        y, name = _TOP + k * _TILE_HEIGHT, value_text(place)
+        for i, value in enumerate(row):
+            parts += _tile(_LEFT + i * _TILE_WIDTH, y, value, shades)
+        lines = label_lines(name, _ROW_CHARACTERS, _ROW_LINES)
+        raised = 0.5 * _LINE * (len(lines) - 1)
+        parts.append(wrapped_label(name, lines, (_LEFT - 8, y + 0.6 * _TILE_HEIGHT - raised), "end"))
+    bottom, width = _TOP + len(rows[1]) * _TILE_HEIGHT, len(columns[1]) * _TILE_WIDTH
+    for i, place in enumerate(columns[1]):
+        name = value_text(place)
+        lines = label_lines(name, _COLUMN_CHARACTERS)
+        line_count = max(line_count, len(lines))
+        parts.append(wrapped_label(name, lines, (_LEFT + (i + 0.5) * _TILE_WIDTH, bottom + 17), "middle"))
+    svg = drawing(_LEFT + width + 8, bottom + _EDGE + _LINE * (line_count - 1), title, *parts)
     return Figure(title, svg, f"{columns[0]} across, {rows[0]} downwards; median error of the trials [mm].")
 
 
-def _tile(x: float, y: float, value: float | None, shades: tuple[float, float]) -> str:
+def _tile(x: float, y: float, value: float | None, shades: tuple[float, float]) -> tuple[Markup, Markup]:
     low, high = shades
     box = (x, y, _TILE_WIDTH, _TILE_HEIGHT)
     number = "-" if value is None else two_digits(value)
-    shown = wrapped_label(number, _COLUMN_CHARACTERS, (x + 0.5 * _TILE_WIDTH, y + 0.6 * _TILE_HEIGHT), "middle")
+    shown = wrapped_label(number, [number], (x + 0.5 * _TILE_WIDTH, y + 0.6 * _TILE_HEIGHT), "middle")
     if value is None or value <= 0:
-        return rectangle("frame", box) + shown
+        return rectangle("frame", box), shown
     share = (math.log10(value) - low) / (high - low) if high > low else 0.0
-    return tile(box, _STRONGEST * share) + shown
-
-
-def _row_label(y: float, label: str) -> str:
-    lines = len(label_lines(label, _ROW_CHARACTERS, _ROW_LINES))
-    return wrapped_label(label, _ROW_CHARACTERS, (_LEFT - 8, y - 0.5 * (lines - 1) * _LINE), "end", _ROW_LINES)
-
-
-def _value_text(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return tile(box, _STRONGEST * share), shown

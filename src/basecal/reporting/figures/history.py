@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import UTC
 
 import numpy as np
 
 from basecal.cell import MeasuredShift, PastVerification
-from basecal.reporting.figures.curves import COLOURS, Band, Line, curves
+from basecal.reporting.figures.curves import COLOURS, Band, curves
 from basecal.reporting.figures.figure import Figure
 
 _MOST_VERIFICATIONS = 40  # verifications that are told apart on a page
@@ -28,19 +27,20 @@ def history_figure(history: Sequence[PastVerification]) -> Figure | None:
     seconds = [(each.when - mine[0].when).total_seconds() for each in mine]
     unit, size = next((each for each in _UNITS if max(seconds) >= _FEWEST_UNITS * each[1]), _UNITS[-1])
     times = [round(at / size, 1 if max(seconds) > _MANY_UNITS * size else 2) for at in seconds]
-    lines = [
-        Line(name, tuple(_band(at, each.shifts.get(name)) for at, each in zip(times, mine, strict=True)))
+    lines = {
+        name: [Band(at, _length_range(each.shifts.get(name))) for at, each in zip(times, mine, strict=True)]
         for name in names
-    ]
-    figure = curves("shift since the calibration", unit, "mm", lines)
+    }
+    title = "shift since the calibration"
     since = f"{unit} since {mine[0].when.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
     caption = f"{since} across, length of the shift [mm] upwards, with {_SIGMAS:g} sigma"
-    return replace(figure, caption=f"{caption}; {', '.join(names)}")
+    return Figure(title, curves(title, unit, "mm", lines), f"{caption}; {', '.join(names)}")
 
 
-def _band(x: float, shift: MeasuredShift | None) -> Band:
+def _length_range(shift: MeasuredShift | None) -> tuple[float, float, float] | None:
+    """The least, the estimated and the largest length of a shift [mm]."""
     if shift is None:
-        return Band(x, None, None, None)
-    length = 1e3 * float(np.linalg.norm(shift.t_m))
-    doubt = 1e3 * _SIGMAS * float(np.linalg.norm(shift.sigma_m)) / np.sqrt(3)
-    return Band(x, max(length - doubt, 0.0), length, length + doubt)
+        return None
+    length, sigma = (1e3 * float(np.linalg.norm(each)) for each in (shift.t_m, shift.sigma_m))
+    doubt = _SIGMAS * sigma / 3**0.5
+    return max(length - doubt, 0.0), length, length + doubt

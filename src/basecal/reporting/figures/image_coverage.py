@@ -1,8 +1,6 @@
-"""Where in the image of a camera points were seen."""
+"""Where in the image of a camera points were points."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,26 +9,24 @@ from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.image_grid import image_grid
 
 
-def image_coverage(camera: str, size_px: tuple[int, int] | None, views: Sequence[PointResiduals]) -> Figure:
+def image_coverage(size_px: tuple[int, int] | None, points: PointResiduals) -> Figure:
     """Squares shaded by how many points were seen in them.
 
     Args:
-        camera: Its name.
-        size_px: Its image; where not known, as far as points were seen.
-        views: Its points, at least one.
+        size_px: The camera's image; where not known, as far as points were points.
+        points: Its points, at least one.
     """
-    pixels = np.concatenate([each.pixels for each in views])
-    grid = image_grid(size_px, pixels)
-    count = grid.sums(np.ones(len(pixels))).astype(np.int64)
-    some = np.flatnonzero(count)
-    shade = np.sqrt(count[some] / count.max())
-    tiles = [
-        grid.tile(int(square), float(share), f"{number} point{'s' if number > 1 else ''}")
-        for square, share, number in zip(some, shade, count[some].tolist(), strict=True)
-    ]
-    svg = grid.drawing(f"points in the image of {camera}", "1 point", str(count.max()), *tiles)
+    grid = image_grid(size_px, points.pixels)
+    most = int(grid.count.max())
+    squares = {
+        square: (float(np.sqrt(number / most)), f"{number} point{'s' if number > 1 else ''}")
+        for square, number in enumerate(grid.count.tolist())
+        if number
+    }
+    svg = grid.drawing(f"points in the image of {points.camera}", squares, ("1 point", str(most)))
+    share = len(squares) / len(grid.count)
     caption = (
-        f"Points were seen in {len(some)} of {len(count)} squares ({100 * len(some) / len(count):.0f} %), "
-        f"at most {count.max()} in one. What the lens does in the others is not checked."
+        f"Points were seen in {len(squares)} of {len(grid.count)} squares ({100 * share:.0f} %), "
+        f"at most {most} in one. What the lens does in the others is not checked."
     )
-    return Figure(f"{camera}, where points were seen", svg, caption)
+    return Figure(f"{points.camera}, where points were seen", svg, caption)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from markupsafe import Markup
 
 from basecal.geometry import Array, IntArray
 from basecal.reporting.figures.figure import rectangle, tile
-from basecal.reporting.svg import drawing, element, text
+from basecal.reporting.svg import drawing, element
 
 IMAGE_WIDTH = 640.0
 STRIP = 30.0  # below an image, for its size and the bar of its shades
@@ -41,41 +44,45 @@ class ImageGrid:
         return IMAGE_WIDTH / float(self.size[0])
 
     @property
-    def height(self) -> float:
-        """Height of the drawing."""
-        return float(self.size[1]) * self.scale
+    def middles(self) -> Array:
+        """Middles of the squares from the top left corner, row by row, (columns * rows, 2) [px]."""
+        columns, rows = (np.arange(count) + 0.5 for count in self.shape)
+        return self.pitch * np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
 
-    def sums(self, values: Array) -> Array:
-        """Sums over the points of each square, (columns * rows,) of (n,)."""
-        columns, rows = self.shape
-        summed: Array = np.bincount(self.square, values, columns * rows).astype(np.float64)
-        return summed
+    @cached_property
+    def count(self) -> IntArray:
+        """Points in each square, (columns * rows,)."""
+        return np.bincount(self.square, minlength=self.shape[0] * self.shape[1])
 
-    def tile(self, square: int, share: float, label: str) -> str:
-        """A square filled as strongly as its share of the most, which says what it is."""
-        left, top = np.array([square % self.shape[0], square // self.shape[0]]) * self.pitch * self.scale
-        width, height = np.minimum(self.pitch * self.scale, np.array([IMAGE_WIDTH - left, self.height - top]))
-        return tile((left, top, width, height), share, label)
+    def means(self, values: Array) -> Array:
+        """Means over the points of each square that has any, (m,) of (n,)."""
+        some = self.count > 0
+        return np.asarray(np.bincount(self.square, values, len(some))[some] / self.count[some])
 
-    def drawing(self, title: str, low_label: str, high_label: str, *inside: str) -> str:
-        """The image with elements over its frame, and below it the bar of their shades."""
-        frame = rectangle("frame", (0, 0, IMAGE_WIDTH, self.height))
-        return drawing(IMAGE_WIDTH, self.height + STRIP, title, frame, *inside, *self.strip(low_label, high_label))
+    def drawing(
+        self, title: str, squares: Mapping[int, tuple[float, str]], ends: tuple[str, str], *inside: str
+    ) -> Markup:
+        """The image with elements over its shaded squares, and below it its size and a bar of the shades.
 
-    def strip(self, low_label: str, high_label: str) -> list[str]:
-        """Below the image: its size, and a bar from the shade of the least to that of the most."""
-        top, right = self.height + 10, IMAGE_WIDTH - 124
-        step = _BAR_WIDTH / _BAR_STEPS
-        starts = right - _BAR_WIDTH + step * np.arange(_BAR_STEPS)
-        bars = [tile((x, top, step, 14), k / (_BAR_STEPS - 1), kind="tile shade") for k, x in enumerate(starts)]
-        word = {"class_": "tick", "y": f"{top + 12:.1f}"}
-        width, height = (f"{side:.0f}" for side in self.size)
-        return [
-            element("text", text(f"{width} x {height} px"), x=0, **word),
-            *bars,
-            element("text", text(low_label), x=f"{right - _BAR_WIDTH - 8:.1f}", text_anchor="end", **word),
-            element("text", text(high_label), x=f"{right + 8:.1f}", **word),
-        ]
+        Args:
+            title: What it is of.
+            squares: Each filled as strongly as its share of the most, with words.
+            ends: Words of the least and of the most.
+            inside: On top.
+        """
+        width, height = self.scale * self.size
+        corners, pitch = self.scale * (self.middles - 0.5 * self.pitch), self.scale * self.pitch
+        tiles = [tile((*corners[k], *np.minimum(pitch, (width, height) - corners[k])), *squares[k]) for k in squares]
+        top, right, step = height + 10, width - 140, _BAR_WIDTH / _BAR_STEPS
+        shades = (
+            tile((right - _BAR_WIDTH + k * step, top, step, 14), k / (_BAR_STEPS - 1), kind="tile shade")
+            for k in range(_BAR_STEPS)
+        )
+        size = f"{self.size[0]:.0f} x {self.size[1]:.0f} px"
+        words = ((size, 0, "start"), (ends[0], right - _BAR_WIDTH - 8, "end"), (ends[1], right + 8, "start"))
+        said = (element("text", word, class_="tick", x=x, y=top + 12, text_anchor=at) for word, x, at in words)
+        frame = rectangle("frame", (0, 0, width, height))
+        return drawing(width, height + STRIP, title, frame, *tiles, *inside, *shades, *said)
 
 
 def image_grid(size_px: tuple[int, int] | None, pixels: Array) -> ImageGrid:

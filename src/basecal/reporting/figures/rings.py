@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from markupsafe import Markup
 
 from basecal.geometry import Array
-from basecal.reporting.svg import drawing, element, text
+from basecal.reporting.svg import drawing, element, path
 
 RADIUS = 150.0
 _MARGIN_PX = 16.0
@@ -21,16 +22,16 @@ def place_on_rings(xy: Array, top: float) -> Array:
     return shown
 
 
-def polar_drawing(label: str, rings: Sequence[tuple[float, str]], *inside: str) -> str:
+def ring(kind: str, radius: float) -> Markup:
+    """A circle about the middle."""
+    return element("circle", class_=kind, cx=MIDDLE, cy=MIDDLE, r=radius)
+
+
+def polar_drawing(label: str, rings: Sequence[tuple[float, str]], *inside: str) -> Markup:
     """A drawing of rings at shares of the radius, named beside them, with what is given on top."""
-    circles = [
-        element("circle", class_="ring", cx=f"{MIDDLE:g}", cy=f"{MIDDLE:g}", r=f"{share * RADIUS:.1f}")
-        for share, _ in rings
-    ]
+    circles = [ring("ring", share * RADIUS) for share, _ in rings]
     ends = f"M{MIDDLE - RADIUS:g} {MIDDLE:g}h{2 * RADIUS:g}M{MIDDLE:g} {MIDDLE - RADIUS:g}v{2 * RADIUS:g}"
-    cross = element("path", class_="ring", d=ends)
     named = [
-        element("text", text(name), class_="ring-label", x=f"{MIDDLE + 3:g}", y=f"{MIDDLE - share * RADIUS - 3:.1f}")
-        for share, name in rings
+        element("text", name, class_="ring-label", x=MIDDLE + 3, y=MIDDLE - share * RADIUS - 3) for share, name in rings
     ]
-    return drawing(2 * MIDDLE, 2 * MIDDLE, label, *circles, cross, *inside, *named)
+    return drawing(2 * MIDDLE, 2 * MIDDLE, label, *circles, path("ring", ends), *inside, *named)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
-from urllib.parse import quote
 
 from basecal.reporting.fleet.text import COLUMN_TITLES, number_text, row_texts, sort_by_verdict, verdict_counts
 from basecal.reporting.templates.environment import fill_page
@@ -27,19 +26,15 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
         rows: Of all cells, as the table has them.
     """
     shown = sort_by_verdict(rows)[:_MOST_ROWS]
-    spreads = {label: summary[name] for name, label in _COLUMN_NAMES.items() if summary[name] is not None}
+    spreads = [(label, spread) for name, label in _COLUMN_NAMES.items() if (spread := summary[name])]
     return fill_page(
         "fleet.html",
         ("templates/table.js",),
         summary=summary,
         counts=verdict_counts(summary),
-        spreads=[(label, [number_text(value) for value in spread.values()]) for label, spread in spreads.items()],
+        spreads=[(label, *map(number_text, spread.values())) for label, spread in spreads],
         head=COLUMN_TITLES,
         worst=next((row["verdict"] for row in shown), "good"),
-        rows=[(_link(row), row["verdict"], row["findings"], row_texts(row)) for row in shown],
+        rows=shown,
+        row_texts=row_texts,
     )
-
-
-def _link(row: Mapping[str, Any]) -> str:
-    """Where the page of a cell is, from that of the fleet; empty if there is none."""
-    return "" if row["verdict"] in ("failed", "unreadable") else f"cells/{quote(row['cell'])}/report.html"

@@ -8,16 +8,13 @@ from typing import Any
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.summary import wrap_text
 
-COLUMN_TITLES = (
-    *("cell", "verdict", "why", "transform"),
-    *("sigma mm", "sigma deg", "held out mm", "held out deg", "samples", "time s"),
-)
+_NUMBER_COLUMNS = ("sigma_mm", "sigma_deg", "held_out_mm", "held_out_deg", "samples", "time_s")
+COLUMN_TITLES = ("cell", "verdict", "why", "transform", *(name.replace("_", " ") for name in _NUMBER_COLUMNS))
 """Of the columns of a cell's row."""
 
 VERDICT_ORDER = ("failed", "unreadable", "refused", "doubtful", "good")
 """Of verdicts, those that need somebody first."""
 
-_NUMBER_COLUMNS = ("sigma_mm", "sigma_deg", "held_out_mm", "held_out_deg", "samples", "time_s")
 _MOST_CELLS = 20  # cells that are told: the table and the page have all
 
 Row = Mapping[str, Any]

@@ -6,6 +6,8 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -68,30 +70,35 @@ def serve_page(watch: Watch, cell: Cell, stop: Callable[[str], None], port: int 
                 time.sleep(2 * _REFRESH_S)  # so that who looks sees the end
 
 
+@dataclass(frozen=True, eq=False)
 class LivePage:
-    """The local page of a capture."""
+    """The local page of a capture, of what is watched and what is captured."""
 
-    def __init__(self, watch: Watch, cell: Cell) -> None:
-        self._watch, self._cell = watch, cell
-        self._sketch: Sketch | None = None
-        with suppress(BasecalError):  # of a cell of which too little is known nothing is drawn
-            self._sketch = sketch_cell(cell)
+    watch: Watch
+    cell: Cell
+
+    @cached_property
+    def _sketch(self) -> Sketch | None:
+        """The cell as far as it is known; of one of which too little is known nothing is drawn."""
+        with suppress(BasecalError):
+            return sketch_cell(self.cell)
+        return None
 
     def page(self) -> str:
         """The page as it is now; its script asks for what changes."""
-        drawn = self._scene(self._watch.snapshot)
+        drawn = self._scene(self.watch.snapshot)
         return fill_page(
             "live.html",
             _SCRIPTS,
             is_served=True,
-            **self._part_values(self._watch.snapshot),
-            cameras=list(self._cell.cameras),
+            **self._part_values(self.watch.snapshot),
+            cameras=list(self.cell.cameras),
             scene_json=json_inside_html(drawn) if drawn else "",
         )
 
     def state(self) -> dict[str, Any]:
         """The changing state: a part of the page, the number of each image, and where arms are and go."""
-        snapshot = self._watch.snapshot
+        snapshot = self.watch.snapshot
         drawn = self._scene(snapshot)
         return {
             "html": fill_part("live_state.html", **self._part_values(snapshot)),
@@ -102,11 +109,11 @@ class LivePage:
 
     def picture(self, camera: str) -> str:
         """The last image of a camera with what is found in it; empty if there is none."""
-        grey = dict(self._watch.snapshot.pictures).get(camera)
+        grey = dict(self.watch.snapshot.pictures).get(camera)
         small = None if grey is None else thumbnail(png_bytes(grey), None, _WIDTH_PX)
         if grey is None or small is None:
             return ""
-        seen = [found.pixels for target in visible_targets(self._cell, camera) if (found := find(grey, target))]
+        seen = [found.pixels for target in visible_targets(self.cell, camera) if (found := find(grey, target))]
         pixels = np.concatenate(seen) if seen else np.zeros((0, 2))
         label = f"last image of {camera}, {len(pixels)} points found"
         used = np.ones(len(pixels), dtype=bool)
@@ -114,16 +121,14 @@ class LivePage:
 
     def _part_values(self, snapshot: Snapshot) -> dict[str, Any]:
         """Values of the parts that change."""
-        taken, planned = (0, 0) if snapshot.step is None else (snapshot.step.taken, snapshot.step.planned)
-        word = snapshot.end.word if snapshot.end else "CAPTURING"
+        end = snapshot.end
+        word = end.word if end else "CAPTURING"
         return {
             "now": snapshot,
             "word": word,
-            "colour": COLOURS.get(word, "refused") if snapshot.end else "",
-            "title": "capture" if snapshot.step is None else f"{taken} of {planned} samples",
+            "colour": COLOURS.get(word, "refused") if end else "",
             "tiles": list(_tiles(snapshot)),
             "motions": list(self._motions(snapshot)),
-            "coverage": None if snapshot.step is None else snapshot.step.coverage,
             "progress": progress_figure(snapshot),
         }
 
@@ -149,14 +154,13 @@ class LivePage:
 
 
 def _tiles(snapshot: Snapshot) -> Iterator[Tile]:
-    step = snapshot.step
+    step, is_over, left_s = snapshot.step, snapshot.end is not None, snapshot.time_left_s
     if snapshot.errors and snapshot.tolerance_m is not None:
-        yield error_tile(snapshot.errors[-1][1], snapshot.tolerance_m, snapshot.end is not None)
-    if step is not None and step.sigma is not None:
-        yield Tile(error_text(*step.sigma).replace(" and ", ", "), "1 sigma (3-D norm) of the base")
+        yield error_tile(snapshot.errors[-1][1], snapshot.tolerance_m, is_over)
     if step is not None:
+        if step.sigma is not None:
+            yield Tile(error_text(*step.sigma).replace(" and ", ", "), "1 sigma (3-D norm) of the base")
         yield Tile(f"{step.taken} of {step.planned}", "samples taken")
         yield Tile(f"{100 * step.coverage.share:.0f} %", "of the image covered")
-    left_s = snapshot.time_left_s
-    if left_s is not None and snapshot.end is None:
+    if left_s is not None and not is_over:
         yield Tile(f"{left_s / 60:.0f} min" if left_s > 90 else f"{left_s:.0f} s", "left, at the pace so far")

@@ -103,12 +103,11 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer, or refuse."""
-        address, guard = urlsplit(self.path), self.server.guard
+        address = urlsplit(self.path)
         query = dict(parse_qsl(address.query))
         headers = {name.lower(): value for name, value in self.headers.items()}
-        why = guard.refusal_reason(self.command, query, headers)
         route = self.server.routes.get((self.command, address.path))
-        if why:
+        if why := self.server.guard.refusal_reason(self.command, query, headers):
             self._send(403, Answer(f"refused: {why}\n", "text/plain"))
         elif route is None:
             self._send(404, Answer("there is no such page\n", "text/plain"))
@@ -117,23 +116,24 @@ class _Handler(BaseHTTPRequestHandler):
 
     do_POST = do_GET
 
-    def _run(self, route: Route, query: Mapping[str, str]) -> tuple[int, Answer, dict[str, str]]:
-        """Status, answer and cookies of a route; a fault of the program is also one line on stderr, once."""
-        guard = self.server.guard
+    def _run(self, route: Route, query: Mapping[str, str]) -> tuple[int, Answer]:
+        """Status and answer of a route; a fault of the program is also one line on stderr, once."""
         try:
-            answer = route(query)
+            return 200, route(query)
         except BasecalError as error:
-            return 500, Answer(f"{error}\n", "text/plain"), {}
+            line = str(error)
         except Exception as error:
             line = self.server.describe(error)
-            return 500, Answer(f"{line}\n", "text/plain"), {}
-        return 200, answer, {"Set-Cookie": f"{guard.cookie}={guard.token}; HttpOnly; SameSite=Strict; Path=/"}
+        return 500, Answer(f"{line}\n", "text/plain")
 
-    def _send(self, status: int, answer: Answer, cookies: Mapping[str, str] | None = None) -> None:
-        body = answer.text.encode()
+    def _send(self, status: int, answer: Answer) -> None:
+        """Answer; with the cookie where all is well."""
+        body, guard = answer.text.encode(), self.server.guard
         self.send_response(status)
-        about = {"Content-Type": f"{answer.kind}; charset=utf-8", "Content-Length": str(len(body))}
-        for name, value in {**about, **_HEADERS, **(cookies or {})}.items():
+        about = {"Content-Type": f"{answer.kind}; charset=utf-8", "Content-Length": str(len(body)), **_HEADERS}
+        if status == 200:
+            about["Set-Cookie"] = f"{guard.cookie}={guard.token}; HttpOnly; SameSite=Strict; Path=/"
+        for name, value in about.items():
             self.send_header(name, value)
         self.end_headers()
         self.wfile.write(body)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-
-import numpy as np
+from typing import Any
 
 from basecal.cell import Calibration, Cell, Sample
 from basecal.errors import BasecalError
@@ -17,7 +16,7 @@ from basecal.reporting.cell_view.stage import stage, stated_scene
 from basecal.reporting.decision.outlook import outlook_figure
 from basecal.reporting.decision.tiles import Tile, error_tile
 from basecal.reporting.plans.words import plan_headline, touch_lines
-from basecal.reporting.statement.verdict import COLOURS, PLACE_WORDS, error_text
+from basecal.reporting.statement.verdict import COLOURS, PLACE_WORDS, tangent_text
 from basecal.reporting.templates.environment import fill_page
 
 
@@ -40,10 +39,12 @@ def plan_page(
         title: What the reader calls it.
         steps: What to do with it, commands between backticks.
     """
-    sketch: Sketch | None = None
+    drawn: dict[str, Any] = {"scene_json": "", "head": (), "ways": ()}
     with suppress(BasecalError):  # of a cell without cameras nothing is drawn
         sketch = sketches(with_marks(cell, plan.marks), calibration)[0]
-    drawn = {"scene_json": ""} if sketch is None else stage(stated_scene(sketch, plan.samples))
+        drawn = stage(stated_scene(sketch, plan.samples))
+        drawn["head"] = ["sample", *(f"{robot} goes" for robot in sketch.movers)]
+        drawn["ways"] = list(_ways(sketch, plan.samples))
     first = plan_headline(plan, tolerance_m)
     return fill_page(
         "plan.html",
@@ -56,8 +57,6 @@ def plan_page(
         outlook=outlook_figure(plan.steps, plan.recorded, tolerance_m) if len(plan.steps) > 1 else None,
         budget=plan.budget,
         place=PLACE_WORDS[plan.place],
-        movers=() if sketch is None else sketch.movers,
-        ways=() if sketch is None else list(_ways(sketch, plan.samples)),
         **drawn,
     )
 
@@ -78,6 +77,5 @@ def _ways(sketch: Sketch, samples: tuple[Sample, ...]) -> Iterator[tuple[str, ..
                 cells.append("")
                 continue
             start, end = (sketch.base_from_flange(robot, each.robots[robot]) for each in (before, after))
-            off = (start.inverse() @ end).log()
-            cells.append(error_text(*(float(np.linalg.norm(each)) for each in (off[:3], off[3:]))))
+            cells.append(tangent_text((start.inverse() @ end).log()))
         yield tuple(cells)

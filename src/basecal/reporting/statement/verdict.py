@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.cell import Calibration, Cell, Finding, Tolerance, Validation
 from basecal.cell.work_error import PlaceKind
-from basecal.geometry import PoseEstimate
+from basecal.geometry import Array, PoseEstimate
 from basecal.reporting.statement.digits import two_digits
 
 Word = Literal["PASS", "FAIL", "GOOD", "DOUBTFUL", "REFUSED"]
@@ -151,6 +151,16 @@ def error_text(length_m: float, angle_rad: float | None) -> str:
     return f"{two_digits(1e3 * length_m)} mm{angle}"
 
 
+def tangent_text(tangent: Array) -> str:
+    """The lengths of a tangent, (6,) [m, rad]."""
+    return error_text(*(float(np.linalg.norm(half)) for half in np.split(tangent, 2)))
+
+
+def requested_estimates(cell: Cell, calibration: Calibration) -> list[str]:
+    """Names of the requested transforms that were found."""
+    return [name for name in cell.requested_transforms if name in calibration.transforms]
+
+
 def held_out_errors(validation: Validation | None) -> list[str]:
     """How far off held-out samples are predicted: at the target, and in the image."""
     if validation is None:
@@ -179,9 +189,7 @@ def sort_by_severity(findings: Iterable[Finding]) -> list[Finding]:
 def _answer(cell: Cell, calibration: Calibration) -> str:
     if at_work := work_sentences(calibration):
         return at_work[0]
-    known = [
-        transform_sentence(name, calibration) for name in cell.requested_transforms if name in calibration.transforms
-    ]
+    known = (transform_sentence(name, calibration) for name in requested_estimates(cell, calibration))
     answer = "; ".join(known) or "no transform is requested, all are fixed"
     errors = held_out_errors(calibration.validation)[:1]
     return "; ".join([answer, *(f"cross-validation error, rms: {error}" for error in errors)])

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from basecal.reporting.figures.curves import HEIGHT, WIDTH, Band, Line, curves
-from basecal.reporting.svg import element, text
+from markupsafe import Markup
+
+from basecal.reporting.figures.curves import HEIGHT, WIDTH, Band, curves
+from basecal.reporting.svg import element
 
 _TOP, _LINE = 60, 20
 _COLOURS = ("#c0392b", "#1f6fb2", "#444444", "#2e8b57")
@@ -25,21 +27,19 @@ def chart_file(title: str, x_label: str, y_label: str, series: Mapping[str, Sequ
         y_label: With its unit.
         series: The points of at most four lines as (x, y), all positive, by name.
     """
-    lines = [Line(name, tuple(Band(x, y, y, y) for x, y in points)) for name, points in series.items()]
-    figure = curves(title, x_label, y_label, lines, logarithmic=True)
+    lines = {name: [Band(x, (y, y, y)) for x, y in points] for name, points in series.items()}
+    chart = curves(title, x_label, y_label, lines, logarithmic=True)
     bottom = _TOP + HEIGHT
     names = [
-        element(
-            "text", text(f"\u25cf {name}"), class_=f"line-{k}", x=62, y=bottom + _LINE * (k + 1), fill="currentColor"
-        )
+        element("text", f"\u25cf {name}", class_=f"line-{k}", x=62, y=bottom + _LINE * (k + 1), fill="currentColor")
         for k, name in enumerate(series)
     ]
     parts = [
-        element("style", _STYLE),
-        element("text", text(title), class_="title", x=10, y=24),
-        element("text", text(f"{y_label} over {x_label}"), x=10, y=46),
-        figure.svg.replace("<svg", f'<svg y="{_TOP}" preserveAspectRatio="xMidYMin"', 1),
+        element("style", Markup(_STYLE)),
+        element("text", title, class_="title", x=10, y=24),
+        element("text", f"{y_label} over {x_label}", x=10, y=46),
+        element("svg", chart, y=_TOP, height=HEIGHT),
         *names,
     ]
     page = {"xmlns": "http://www.w3.org/2000/svg", "viewBox": f"0 0 {WIDTH:g} {bottom + _LINE * (len(series) + 1):g}"}
-    return element("svg", "\n".join(parts), **page, role="img", aria_label=title) + "\n"
+    return element("svg", *parts, **page, role="img", aria_label=title) + "\n"

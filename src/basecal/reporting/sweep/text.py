@@ -42,11 +42,20 @@ def number(value: float | None) -> str:
     return "" if value is None else two_digits(value)
 
 
+def table_rows(summary: Mapping[str, Any]) -> list[list[str]]:
+    """The head of a study's table, and a row for each point."""
+    rows = [[*map(str, point["at"].values()), *row_texts(point)] for point in summary["points"]]
+    return [[*summary["axes"], *COLUMN_TITLES], *rows]
+
+
+def failure_reasons(summary: Mapping[str, Any]) -> list[str]:
+    """Why trials have no answer, each reason once."""
+    return list(dict.fromkeys(reason for point in summary["points"] for reason in point["reasons"]))
+
+
 def sweep_text(summary: Mapping[str, Any]) -> str:
     """The study's name, a row for each point, and why trials have no answer."""
-    rows = [[*summary["axes"], *COLUMN_TITLES]]
-    rows += [[*map(str, point["at"].values()), *row_texts(point)] for point in summary["points"]]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    rows = table_rows(summary)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(word.rjust(width) for word, width in zip(row, widths, strict=True)) for row in rows]
-    reasons = dict.fromkeys(reason for point in summary["points"] for reason in point["reasons"])
-    return "\n".join([summary["title"], *lines, *(f"no answer: {reason}" for reason in reasons)])
+    return "\n".join([summary["title"], *lines, *(f"no answer: {reason}" for reason in failure_reasons(summary))])

@@ -19,7 +19,7 @@ _SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
 
 def own_file(name: str) -> str:
     """A file of the package `reporting` as text."""
-    return _FOLDER.joinpath(*name.split("/")).read_text(encoding="utf-8")
+    return _FOLDER.joinpath(name).read_text(encoding="utf-8")
 
 
 @lru_cache
@@ -27,7 +27,6 @@ def environment() -> Environment:
     """Templates of this package; whatever they are given is escaped."""
     loader = FunctionLoader(lambda name: own_file(f"templates/{name}"))
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    made.filters["svg"] = Markup
     made.filters["words"] = _mark_code
     made.filters["sentence"] = _begin_sentence
     made.filters["breakable"] = lambda name: escape(name).replace("_", Markup("_<wbr>"))
@@ -48,25 +47,22 @@ def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = Fals
         is_served: Whether it asks the program that serves it for more.
         values: What the template names.
     """
-    style, sources = own_file("templates/page.css"), [own_file(script) for script in scripts]
-    own: dict[str, Any] = {"scene_json": "", "packed": ""}
-    allowed = list(sources)
-    if values.get("scene_json"):
+    style, sources = own_file("templates/page.css"), list(map(own_file, scripts))
+    scene, packed = [], ""
+    if values.setdefault("scene_json", ""):
+        source, packed = _packed_scene()
         sources.insert(0, own_file("templates/unpack.js"))
-        allowed = [*sources, _scene_source()]
-        own["packed"] = _packed_scene()
-    own |= {"style": Markup(style), "scripts": list(map(Markup, sources)), "policy": policy(style, allowed, is_served)}
-    return fill_part(template, **own | values)
-
-
-def _scene_source() -> str:
-    return "\n".join(map(own_file, _SCENE_SCRIPTS))
+        scene.append(source)
+    allowed = policy(style, sources + scene, is_served)
+    marked = list(map(Markup, sources))
+    return fill_part(template, style=Markup(style), scripts=marked, policy=allowed, packed=packed, **values)
 
 
 @lru_cache
-def _packed_scene() -> str:
-    """Script and data of a scene, compressed: a quarter of the size, read after the page has been painted."""
-    return base64.b64encode(gzip.compress(_scene_source().encode(), mtime=0)).decode()
+def _packed_scene() -> tuple[str, str]:
+    """Script and data of a scene, and the same compressed: a quarter of the size, read after the page is painted."""
+    source = "\n".join(map(own_file, _SCENE_SCRIPTS))
+    return source, base64.b64encode(gzip.compress(source.encode(), mtime=0)).decode()
 
 
 def _mark_code(text: str) -> Markup:

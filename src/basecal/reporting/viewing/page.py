@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +27,8 @@ Query = Mapping[str, str]
 
 
 @dataclass(frozen=True, eq=False)
-class Viewed:
-    """A cell to look through.
+class ViewPage:
+    """The page of a cell's runs; it keeps no visitor's choice.
 
     Attributes:
         cell: The cell.
@@ -44,44 +44,17 @@ class Viewed:
     runs: tuple[str, ...]
     read: Callable[[str], Calibration]
 
-
-@contextmanager
-def serve_view(view: Viewed, port: int = 0) -> Iterator[str]:
-    """The address of the page while this lasts, with the token it asks for.
-
-    Raises:
-        InputError: if the port is taken.
-    """
-    page = ViewPage(view)
-    routes = {
-        ("GET", "/"): lambda query: Answer(page.page()),
-        ("GET", "/answer"): lambda query: Answer(page.answer(query)),
-        ("GET", "/sample"): lambda query: Answer(page.sample(query)),
-    }
-    with serving(routes, port) as address:
-        yield address
-
-
-class ViewPage:
-    """The page of a cell's runs; it keeps no visitor's choice."""
-
-    def __init__(self, view: Viewed) -> None:
-        self._view = view
-        self._read = lru_cache(_MOST_RUNS)(view.read)
-        self._points = lru_cache(_MOST_RUNS)(self._run_points)
-
     def page(self) -> str:
         """The page; its script asks for what it shows."""
-        view = self._view
         return fill_page(
             "view.html",
             ("templates/fragments.js", "templates/view.js"),
             is_served=True,
             **self._answer_values({}),
             **self._sample_values({}),
-            name=view.folder.resolve().name,
-            runs=view.runs,
-            numbers=[sample.sample for sample in view.recording.samples],
+            name=self.folder.resolve().name,
+            runs=self.runs,
+            numbers=[sample.sample for sample in self.recording.samples],
         )
 
     def answer(self, query: Query) -> str:
@@ -89,47 +62,77 @@ class ViewPage:
         return fill_part("view_parts.html", **self._answer_values(query))
 
     def _answer_values(self, query: Query) -> dict[str, Any]:
-        view, run, excluded = self._view, self._run(query), _excluded_numbers(query)
+        run, excluded = self._run(query), _excluded_numbers(query)
         calibration = self._read(run)
-        first = headline(view.cell, calibration)
-        filled: dict[str, Any] = {"error": "", "rows": [], "fit": ""}
-        views = list(calibration.residuals.per_sample)
+        first, views = headline(self.cell, calibration), list(calibration.residuals.per_sample)
+        answer: dict[str, Any] = {"error": "", "rows": (), "fit": ""}
         try:
-            found = without_samples(view.cell, view.recording, calibration, excluded)
-        except BasecalError as error:
-            filled["error"] = str(error)
+            found = without_samples(self.cell, self.recording, calibration, excluded)
+        except BasecalError as fault:
+            answer["error"] = str(fault)
         else:
-            filled |= {"rows": list(answer_rows(view.cell, calibration, found)), "fit": fit_sentence(found)}
-            kept = [each for each in found.residuals.per_sample if each.sample not in excluded]
+            answer |= {"fit": fit_sentence(found), "rows": list(answer_rows(self.cell, calibration, found))}
+            kept = (each for each in found.residuals.per_sample if each.sample not in excluded)
             views = sorted([*kept, *(each for each in views if each.sample in excluded)], key=lambda each: each.sample)
         left_out = [each for each in views if each.sample in excluded]
         figures = [bar_figure(views, quantity, _MOST_BARS, left_out) for quantity in QUANTITIES]
-        counted = (
-            f"without {len(excluded)} sample{'s' if len(excluded) > 1 else ''}" if excluded else "with all samples"
-        )
-        shown = {"run": run, "first": first, "colour": COLOURS[first.word], "count": f"{counted}, 1 sigma"}
-        return {**shown, "figures": [each for each in figures if each is not None], **filled}
+        some = f"without {len(excluded)} sample{'s' if len(excluded) > 1 else ''}"
+        return {
+            "run": run,
+            "first": first,
+            "colour": COLOURS[first.word],
+            "count": f"{some if excluded else 'with all samples'}, 1 sigma",
+            "figures": list(filter(None, figures)),
+            **answer,
+        }
 
     def sample(self, query: Query) -> str:
         """A sample's images with its points, and how it fits."""
         return fill_part("view_sample.html", **self._sample_values(query))
 
     def _sample_values(self, query: Query) -> dict[str, Any]:
-        view, run = self._view, self._run(query)
-        calibration, numbers = self._read(run), [sample.sample for sample in view.recording.samples]
+        run = self._run(query)
+        calibration, numbers = self._read(run), [sample.sample for sample in self.recording.samples]
         number = next(iter((*_numbers(query.get("number", "")), *numbers)), 0)
         lines = sample_words(number, calibration.residuals.per_sample, _excluded_numbers(query))
-        drawn = sample_pictures(view.cell, view.recording, calibration, self._points(run), number)
-        return {"lines": lines, "drawn": drawn}
+        drawn = sample_pictures(self.cell, self.recording, calibration, self._points(run), number)
+        return {"lines": lines, "drawn": list(drawn)}
 
     def _run(self, query: Query) -> str:
         """The requested run, or the latest."""
-        return query["run"] if query.get("run") in self._view.runs else self._view.runs[0]
+        return query["run"] if query.get("run") in self.runs else self.runs[0]
 
-    def _run_points(self, run: str) -> tuple[PointResiduals, ...]:
-        with suppress(BasecalError):  # such as of a recording that has changed since
-            return point_residuals(self._view.cell, self._view.recording, self._read(run))
-        return ()
+    @cached_property
+    def _read(self) -> Callable[[str], Calibration]:
+        return lru_cache(_MOST_RUNS)(self.read)
+
+    @cached_property
+    def _points(self) -> Callable[[str], tuple[PointResiduals, ...]]:
+        """Points of a run, by its name."""
+
+        @lru_cache(_MOST_RUNS)
+        def read(run: str) -> tuple[PointResiduals, ...]:
+            with suppress(BasecalError):  # such as of a recording that has changed since
+                return point_residuals(self.cell, self.recording, self._read(run))
+            return ()
+
+        return read
+
+
+@contextmanager
+def serve_view(page: ViewPage, port: int = 0) -> Iterator[str]:
+    """The address of the page while this lasts, with the token it asks for.
+
+    Raises:
+        InputError: if the port is taken.
+    """
+    routes = {
+        ("GET", "/"): lambda query: Answer(page.page()),
+        ("GET", "/answer"): lambda query: Answer(page.answer(query)),
+        ("GET", "/sample"): lambda query: Answer(page.sample(query)),
+    }
+    with serving(routes, port) as address:
+        yield address
 
 
 def _excluded_numbers(query: Query) -> frozenset[int]:

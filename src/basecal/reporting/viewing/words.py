@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
-import numpy as np
-
 from basecal.accuracy.residuals.without_samples import WithoutSamples
 from basecal.cell import Calibration, Cell, SampleResidual
 from basecal.reporting.cell_view.sample_labels import view_words
 from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.statement.verdict import error_text
+from basecal.reporting.statement.verdict import error_text, tangent_text
 
 
 def sample_words(number: int, residuals: Sequence[SampleResidual], exclusions: Collection[int]) -> list[str]:
@@ -22,16 +20,14 @@ def sample_words(number: int, residuals: Sequence[SampleResidual], exclusions: C
 def answer_rows(cell: Cell, calibration: Calibration, result: WithoutSamples) -> Iterator[tuple[str, str, str, str]]:
     """Name of each requested transform, its sigma in the run and without some samples, and its shift."""
     for name in cell.requested_transforms:
-        run = calibration.transforms.get(name)
+        run, after = calibration.transforms.get(name), result.transforms.get(name)
         before = "unknown" if run is None else error_text(*run.sigma_norms)
-        after = result.transforms.get(name)
         if after is None:
             yield name, before, "not every direction of it is seen", ""
             continue
         moved = ""
         if run is not None and after is not run:
-            apart = (run.mean.inverse() @ after.mean).log()
-            moved = error_text(*(float(np.linalg.norm(each)) for each in (apart[:3], apart[3:])))
+            moved = tangent_text((run.mean.inverse() @ after.mean).log())
         yield name, before, error_text(*after.sigma_norms), moved
 
 

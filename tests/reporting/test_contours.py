@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from basecal.reporting.figures.contours import contours, level_segments
+from basecal.reporting.contours import contours, level_segments
 
 
 def test_a_plane_has_a_straight_line() -> None:
