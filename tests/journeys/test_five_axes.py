@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 from scipy.stats import chi2
 
 from basecal.cell.files import latest_run, read_calibration
 from basecal.cli import main
-from tests.shared.five_axes import ARM, BASE, FARTHEST_M, NEAREST_M, write_five_axis_cell
+from tests.shared.five_axes import ARM, BASE, FARTHEST_M, NEAREST_M, write_board_between, write_five_axis_cell
 
 
 def test_arms_of_five_axes_are_calibrated_and_planned_for(tmp_path, capsys):
@@ -34,3 +35,14 @@ def test_arms_of_five_axes_are_calibrated_and_planned_for(tmp_path, capsys):
         eye = ARM.forward(left) @ wrist
         camera_from_board = eye.inverse() @ base.mean @ ARM.forward(right) @ board
         assert NEAREST_M - 0.05 < camera_from_board.translation[2] < FARTHEST_M + 0.5
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_camera_on_each_wrist_and_a_board_between(tmp_path, seed):
+    """Each arm is recorded by itself, with the other one anywhere: good, and within its 99.9 % ellipsoid."""
+    place = tmp_path / "mycell"
+    true = write_board_between(place, seed)
+    assert main(["calibrate", str(place)]) == 0
+    base = read_calibration(latest_run(place) / "calibration.json")[BASE]
+    off = (true.inverse() @ base.mean).log()
+    assert off @ np.linalg.solve(base.covariance, off) < chi2.ppf(0.999, 6)

@@ -44,6 +44,35 @@ def write_five_axis_cell(folder: Path, seed: int, samples: int = 30) -> SE3:
     recorded = _looking(base, samples, rng)
     true = [q + np.radians(rng.normal(0, OFFSET_DEG, 5) + rng.normal(0, STOP_DEG, q.shape)) for q in recorded]
     seen = _pixels(base, *true) + rng.normal(0, PIXEL_PX, (samples, len(BOARD_M), 2))
+    lines = [
+        {"robots": _states(left=left, right=right), "observations": [_view("wrist", pixels)]}
+        for left, right, pixels in zip(*recorded, seen, strict=True)
+    ]
+    _write(folder, {"wrist": "left"}, "right", lines)
+    return base
+
+
+def write_board_between(folder: Path, seed: int, samples: int = 20) -> SE3:
+    """Write a cell with a camera on each wrist and the board on the table, each arm by itself; the true base."""
+    rng = np.random.default_rng([seed, 6])
+    base = SE3.from_rpy((0, 0, rng.uniform(-0.2, 0.2)), (0, -0.4, 0))
+    world_from_board = SE3.from_rpy((0, 0, 0.3), (0.25, -0.2, 0))
+    lines = list[dict[str, object]]()
+    for name, at in (("left", SE3.identity()), ("right", base)):
+        board_in_base = at.inverse() @ world_from_board
+        recorded = _over(board_in_base, samples, rng)
+        stands = recorded + np.radians(rng.normal(0, OFFSET_DEG, 5) + rng.normal(0, STOP_DEG, recorded.shape))
+        seen = _project((ARM.forward(stands) @ LEFT_FLANGE_FROM_WRIST).inverse() @ board_in_base)
+        seen += rng.normal(0, PIXEL_PX, seen.shape)
+        lines += [
+            {"robots": _states(**{name: q}), "observations": [_view(f"{name}_wrist", px)]}
+            for q, px in zip(recorded, seen, strict=True)
+        ]
+    _write(folder, {"left_wrist": "left", "right_wrist": "right"}, "world", lines)
+    return base
+
+
+def _write(folder: Path, cameras: dict[str, str], board_on: str, lines: list[dict[str, object]]) -> None:
     (folder / "recording").mkdir(parents=True)
     (folder / "arm.urdf").write_text(chain_urdf(ARM, "base_link", "gripper_link"))
     offsets = {"status": "prior", "sigma_rad": float(np.radians(2.0))}
@@ -54,19 +83,34 @@ def write_five_axis_cell(folder: Path, seed: int, samples: int = 30) -> SE3:
         "schema": "basecal/cell/1",
         "reference": "left",
         "robots": {"left": robot, "right": robot},
-        "cameras": {"wrist": {"on": "left", "size_px": SIZE_PX.tolist(), "intrinsics": lens}},
-        "targets": {"board": {"on": "right", "kind": "points", "points_m": BOARD_M.tolist()}},
+        "cameras": {n: {"on": on, "size_px": SIZE_PX.tolist(), "intrinsics": lens} for n, on in cameras.items()},
+        "targets": {"board": {"on": board_on, "kind": "points", "points_m": BOARD_M.tolist()}},
     }
     (folder / "cell.yaml").write_text(json.dumps(cell))
-    lines = [_line(k, *states) for k, states in enumerate(zip(*recorded, seen, strict=True))]
-    (folder / "recording/samples.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
-    return base
+    written = (json.dumps({"sample": number, **line}) for number, line in enumerate(lines))
+    (folder / "recording/samples.jsonl").write_text("".join(f"{line}\n" for line in written))
 
 
-def _line(number: int, left: Array, right: Array, pixels: Array) -> dict[str, object]:
-    robots = {"left": {"joints_rad": left.tolist()}, "right": {"joints_rad": right.tolist()}}
-    view = {"camera": "wrist", "target": "board", "ids": list(range(len(BOARD_M))), "pixels": pixels.tolist()}
-    return {"sample": number, "robots": robots, "observations": [view]}
+def _states(**joints: Array) -> dict[str, object]:
+    return {name: {"joints_rad": q.tolist()} for name, q in joints.items()}
+
+
+def _view(camera: str, pixels: Array) -> dict[str, object]:
+    return {"camera": camera, "target": "board", "ids": list(range(len(BOARD_M))), "pixels": pixels.tolist()}
+
+
+def _over(base_from_board: SE3, samples: int, rng: np.random.Generator) -> Array:
+    """Joints of an arm whose camera has the whole board in the image, (samples, 5)."""
+    found = np.zeros((0, 5))
+    while len(found) < samples:
+        drawn = rng.uniform(0.9 * ARM.lower, 0.9 * ARM.upper, (4000, 5))
+        eye = ARM.forward(drawn) @ LEFT_FLANGE_FROM_WRIST
+        away = np.einsum("nji,nj->ni", eye.rotation, base_from_board.translation - eye.translation)
+        drawn = drawn[(away[:, 2] > NEAREST_M) & (away[:, 2] < 2 * FARTHEST_M) & (eye.translation[:, 2] > 0.03)]
+        pixels = _project((ARM.forward(drawn) @ LEFT_FLANGE_FROM_WRIST).inverse() @ base_from_board)
+        inside = ((pixels > 5) & (pixels < SIZE_PX - 5)).all((1, 2))
+        found = np.concatenate([found, drawn[inside]])
+    return found[:samples]
 
 
 def _looking(base: SE3, samples: int, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -93,5 +137,9 @@ def _pixels(base: SE3, left: Array, right: Array) -> Array:
     """Where the board's points are in the images, (n, points, 2)."""
     eye = ARM.forward(left) @ LEFT_FLANGE_FROM_WRIST
     camera_from_board = eye.inverse() @ base @ ARM.forward(right) @ RIGHT_FLANGE_FROM_BOARD
+    return _project(camera_from_board)
+
+
+def _project(camera_from_board: SE3) -> Array:
     points = BOARD_M @ camera_from_board.rotation.mT + camera_from_board.translation[:, None]
     return np.asarray(FOCAL_PX * points[..., :2] / points[..., 2:] + SIZE_PX / 2)

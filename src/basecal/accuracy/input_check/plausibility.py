@@ -45,11 +45,13 @@ def impossible_reading(reading: Reading) -> tuple[str, ...]:
     """Implausible input of one reading of a recording."""
     found = []
     for name, track in reading.tracks.items():
-        if track.joints is None and track.seen.any():
+        if not track.seen.any():
+            continue
+        if track.joints is None:
             found += _limit_faults(
                 f"flange of {name}", float(lengths(track.pose.translation[track.seen]).max()), _REACH_M
             )
-        elif track.joints is not None:
+        else:
             chain = reading.cell.robots[name].chain
             assert chain is not None
             found += _joint_faults(name, track.joints[track.seen], chain.lower, chain.upper)
