@@ -288,18 +288,22 @@ def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: in
         InputError: if no pose is taught, or there is no candidate.
     """
     seen = {(o.camera, o.target) for sample in recording.samples for o in sample.observations}
-    taught = [sample for sample in recording.samples if set(cell_sketches[0].cell.robots) <= sample.robots.keys()]
-    if not taught:
+    taught = {sketch.view: _teaching_samples(sketch, recording) for sketch in cell_sketches}
+    cell_sketches = [sketch for sketch in cell_sketches if taught[sketch.view]]
+    if not cell_sketches:
         raise InputError(
             "a plan begins at taught poses: jog the arms so that the target is in the middle of the image. Record "
             "that once or more, by basecal capture or by lines with `robots` alone in recording/samples.jsonl"
         )
-    looked = [each for each in cell_sketches if each.view in seen or any(is_in_view(each, sample) for sample in taught)]
+    looked = [
+        each for each in cell_sketches if each.view in seen or any(is_in_view(each, s) for s in taught[each.view])
+    ]
     looked = looked or [cell_sketches[0]]
     found, why = list[Offer](), None
     for sketch in looked:
         try:
-            found.append((sketch, candidates(sketch, _taught_states(sketch, taught), -(-count // len(looked)), seed)))
+            states = _taught_states(sketch, taught[sketch.view])
+            found.append((sketch, candidates(sketch, states, -(-count // len(looked)), seed)))
         except InputError as error:
             why = error
     if why is not None and not found:
@@ -315,8 +319,12 @@ def offered_stations(cell: Cell, recording: Recording, calibration: Calibration 
     """
     known = sketches(cell, calibration)
     (sketch, _), *_ = draw_offers(known, recording, 1, seed)
-    taught = [sample for sample in recording.samples if set(cell.robots) <= sample.robots.keys()]
-    return [(sketch, stations(sketch, _taught_states(sketch, taught), seed))]
+    return [(sketch, stations(sketch, _taught_states(sketch, _teaching_samples(sketch, recording)), seed))]
+
+
+def _teaching_samples(sketch: Sketch, recording: Recording) -> list[Sample]:
+    """Samples that say where the robots of a view stood; others may be anywhere."""
+    return [sample for sample in recording.samples if set(sketch.movers) <= sample.robots.keys()]
 
 
 def _taught_states(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, RobotState]]:
