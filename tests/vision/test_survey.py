@@ -55,7 +55,7 @@ CASES = {
     "another pattern": (
         "legacy",
         charuco_target((5, 8), 0.035, 0.026, "DICT_5X5_100"),
-        "5x8 squares with legacy_pattern fit, not 5x8 squares without legacy_pattern: write legacy_pattern: true",
+        "5x8 squares with legacy_pattern fit, not 5x8 squares without legacy_pattern: write `legacy_pattern: true`",
     ),
     "corner too many": ("chessboard", chessboard_target((9, 7), 0.03), "9x6 inner corners are seen, not 9x7"),
     "squares for corners": ("chessboard", chessboard_target((10, 7), 0.03), "9x6 inner corners are seen, not 10x7"),
@@ -107,13 +107,13 @@ def test_markers_where_none_are_stated(kind: str) -> None:
     images = [shrunk(scene(TARGETS["charuco"], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
     words = describe_other_targets(images, TARGETS[kind])
     assert words is not None
-    assert words.startswith("DICT_4X4_50 has 17 markers here: write `kind` as charuco")
+    assert words.startswith("DICT_4X4_50 has 17 markers here: write kind: charuco")
 
 
 def test_markers_of_a_print_that_is_said_to_have_none():
     """They are named where the board is missed in some images, although it was found in others."""
     images = [shrunk(scene(TARGETS["charuco"]), 2)]
-    assert "write `kind` as charuco" in (unlike_print(images, TARGETS["chessboard"]) or "")
+    assert "write kind: charuco" in (unlike_print(images, TARGETS["chessboard"]) or "")
     assert unlike_print([shrunk(scene(TARGETS["chessboard"]), 2)], TARGETS["chessboard"]) is None
     assert unlike_print(images, TARGETS["charuco"]) is None
 
@@ -180,9 +180,7 @@ def test_a_charuco_board_is_no_chessboard() -> None:
     image = render(CAMERA, BOARD, print_of(BOARD, 0.0), None, 1)
     described = chessboard_target((4, 6), 0.04)
     assert find(image, described) is None
-    assert "DICT_4X4_50 has 17 markers here: write `kind` as charuco" in (
-        describe_other_targets([image], described) or ""
-    )
+    assert "DICT_4X4_50 has 17 markers here: write kind: charuco" in (describe_other_targets([image], described) or "")
 
 
 def test_a_dictionary_is_not_named_by_one_marker() -> None:

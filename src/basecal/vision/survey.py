@@ -148,7 +148,7 @@ def _layout(target: Target) -> str:
 def markers_instead(images: list[Grey]) -> str | None:
     """Markers, of a target that is said to have none."""
     other = _other_set(images, "", "marker")
-    return None if other is None else f"{other}: write `kind` as charuco, aprilgrid or apriltag, whichever it is"
+    return None if other is None else f"{other}: write kind: charuco, aprilgrid or apriltag, whichever it is"
 
 
 def other_chessboard(images: list[Grey], target: Target) -> str | None:

@@ -16,7 +16,7 @@ CELL = simulate(Scenario(samples=1), 2).cell
     [
         (("eye",), "Write `deflection: {status: free}` at eye in cell.yaml.", {("robots", "eye", "deflection")}),
         (("wrist",), "'board': 7x7 squares fit: write `squares: [7, 7]`.", {("targets", "board", "squares")}),
-        (("board",), "Other markers: write `kind` as charuco, aprilgrid or apriltag, whichever it is.", set()),
+        (("board",), "Other markers: write kind: charuco, aprilgrid or apriltag, whichever it is.", set()),
         (("board",), "Measure its print.", set()),
         (("board",), "Write on: world of board in cell.yaml.", set()),
         (("wrist",), "Write `squares: [7, 7]`.", set()),

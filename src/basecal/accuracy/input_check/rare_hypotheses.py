@@ -181,7 +181,7 @@ def _carrier_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
                     "wrong-carrier",
                     (target,),
                     f"{target} is on {carrier}, not on {stated}",
-                    f"write {carrier} as `on` of {target} in cell.yaml",
+                    f"write on: {carrier} of {target} in cell.yaml",
                     "turn every arm further about two axes between samples",
                     partial(Reading.with_carrier, target=target, carrier=carrier),
                 )
