@@ -112,6 +112,7 @@ class ViewPage:
 
         @lru_cache(_MOST_RUNS)
         def read(run: str) -> tuple[PointResiduals, ...]:
+            """Points of one run; none if they cannot be found."""
             with suppress(BasecalError):  # such as of a recording that has changed since
                 return point_residuals(self.cell, self.recording, self._read(run))
             return ()
