@@ -13,7 +13,7 @@ from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, rounded_length
 from basecal.effects.faces.views import Views, robot_moves
-from basecal.geometry import Array
+from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import cross_matrix
 
 _STRETCHES = np.concatenate([np.eye(3)[:, :, None] * np.eye(3)[:, None], np.abs(cross_matrix(np.eye(3))) / np.sqrt(2)])
@@ -27,10 +27,14 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def _moves(views: Views, k: int, robot: str) -> Array:
-    pose = views.recorded_pose(k, robot)
-    tangents = np.zeros((len(pose), 6, 6))
-    tangents[:, :3] = pose.rotation.mT @ np.einsum("kij,nj->nik", _STRETCHES, pose.translation)
-    return views.flange_jacobian(k, robot) @ tangents
+    return np.asarray(views.flange_jacobian(k, robot) @ flange_tangents(views.recorded_pose(k, robot)))
+
+
+def flange_tangents(poses: SE3) -> Array:
+    """How flanges at poses, (n,), move with each coefficient, the axes of the base first, (n, 6, 6), right tangents."""
+    tangents = np.zeros((len(poses), 6, 6))
+    tangents[:, :3] = poses.rotation.mT @ np.einsum("kij,nj->nik", _STRETCHES, poses.translation)
+    return tangents
 
 
 def words(effect: FoundEffect) -> Words:
@@ -46,9 +50,11 @@ EFFECT = Effect(
     candidates=candidates,
     words=words,
     is_by_place=True,
+    elsewhere={
+        "size": "basecal.accuracy.systematic_errors.long_axes: of one axis of each arm",
+    },
     absent={
         "statement": "links hold a robot's lengths",
-        "size": "a candidate without a prior: only a certain one is reported",
         "unknown": "its robot's links are, if joints are recorded",
         "random": "smooth errors contain it",
         "map": "fields of smooth errors contain it",

@@ -116,7 +116,7 @@ def test_which_targets_have_a_size_that_counts(monkeypatch, made, stated, found,
     monkeypatch.setattr(
         expected_sizes,
         "size_posterior",
-        lambda at, fields, each: given.extend(each) or size_posterior(at, fields, each),
+        lambda at, fields, each, axes: given.extend(each) or size_posterior(at, fields, each, axes),
     )
     with_expected_sizes(cell, solution, found)
     assert any(each.effect == "target_size" for each in given) == counts
@@ -166,17 +166,26 @@ def test_a_clean_answer_stays_nearly_as_sharp():
 
 
 def test_many_effects_count_by_mount(monkeypatch):
-    """Of more sizes than go together, those of one mount or target at a time."""
-    solution, given = solve(MADE.cell, MADE.recording, STATED), []
+    """Of more sizes than go together, those of one robot, mount or target at a time."""
+    robots = {name: replace(robot, is_total_noise=False) for name, robot in MADE.cell.robots.items()}
+    cell, solution, given = replace(MADE.cell, robots=robots), solve(MADE.cell, MADE.recording, STATED), []
     monkeypatch.setattr(expected_sizes, "_MOST_TOGETHER", 3)
     monkeypatch.setattr(
         expected_sizes,
         "size_posterior",
-        lambda at, fields, each: given.append(each) or size_posterior(at, fields, each),
+        lambda at, fields, each, axes: given.append((each, axes)) or size_posterior(at, fields, each, axes),
     )
-    after = with_expected_sizes(MADE.cell, solution, None)
-    names = [{each.candidate.about for each in group} for group in given]
-    assert names == [{("eye_flange_from_wrist",)}, {("hand_flange_from_board",)}, {("wrist",)}, {("board",)}]
+    after = with_expected_sizes(cell, solution, None)
+    assert [[each.robot for each in axes] for _, axes in given] == [["eye"], ["hand"], [], [], [], []]
+    names = [{each.candidate.about for each in group} for group, _ in given]
+    assert names == [
+        set(),
+        set(),
+        {("eye_flange_from_wrist",)},
+        {("hand_flange_from_board",)},
+        {("wrist",)},
+        {("board",)},
+    ]
     assert (np.linalg.eigvalsh(after.covariance - solution.covariance) > -1e-18).all()
 
 
@@ -210,7 +219,7 @@ def test_sizes_and_offsets_of_clocks_are_one_posterior(monkeypatch, clock):
     left = clock_step(streams, samples, offsets_s, solution)
     (bend,) = mount_bend.candidates(Situation(solution.problem, solution.state, solution.problem, {}))
     expected = Expected("mount_bend", bend, SigmaPrior.single_value(sigma))
-    monkeypatch.setattr(expected_sizes, "known_sizes", lambda *of: [((), size_posterior(of[1], (), [expected]))])
+    monkeypatch.setattr(expected_sizes, "known_sizes", lambda *of: [size_posterior(of[1], (), [expected])])
     found = contain_expected_sizes(made.cell, solution, None, left.offsets)
     (views,), p = linearise_views(solution.problem, solution.state).views, solution.problem.width
     by_all = np.concatenate([views.by_unknowns, left.offsets.moves[0], bend.moves[0][:, 0]], axis=-1)

@@ -30,12 +30,12 @@ def added(points_m, is_total=False, has_base=True):
 
 
 def test_far_from_samples_an_arm_errs_as_arms_do():
-    """A metre away all of the field's variance is there, in all directions equally."""
+    """Two metres away all of the field's variance is there, and an axis may be long by so much of the distance."""
     far = added(PLACES + np.array([0.0, 0.0, 2.0]), has_base=False)
     np.testing.assert_allclose(far, far.mT, atol=1e-18)
     assert (np.linalg.eigvalsh(far) > -1e-18).all()
-    np.testing.assert_allclose(far[:, 0, 0], far[:, 2, 2], rtol=0.05)
     assert far[:, 0, 0].min() > 1e-4**2
+    assert (far[:, 2, 2] > 2 * far[:, 0, 0]).all()
 
 
 def test_arms_whose_noise_is_total_have_none():

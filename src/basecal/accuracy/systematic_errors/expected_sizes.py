@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.pose_fields import PRIOR_M, PoseField, stated_fields
+from basecal.accuracy.systematic_errors.long_axes import LongAxes, axes_prior, long_axes
+from basecal.accuracy.systematic_errors.pose_fields import PoseField, fields_prior, stated_fields
 from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
+from basecal.accuracy.systematic_errors.sigma_mixture import given_first, mixture, posterior
 from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
 from basecal.cell import Cell
 from basecal.effects import target_size
@@ -27,7 +29,7 @@ from basecal.effects.registry import CONTAINED, EFFECTS
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
-from basecal.geometry import Array, BoolArray
+from basecal.geometry import Array
 
 _MOST_ARMS = 2  # with fields: of more, each goes alone
 _FREE_SIGMA = 0.3  # of a unit's length about what loops say: far more than is left open
@@ -43,27 +45,21 @@ class Expected(NamedTuple):
     is_contained: bool = True
 
 
-class Gaussian(NamedTuple):
-    """A normal distribution: twice its log evidence, mean, (q,), and covariance, (q, q)."""
-
-    evidence: float
-    mean: Array
-    covariance: Array
-
-
 class SizePosterior(NamedTuple):
-    """The posterior of fields of errors and of sizes of effects.
+    """The posterior of errors of arms and of sizes of effects.
 
     Attributes:
-        mean: (q,) as the answer contains them, those of fields first.
+        mean: (q,) as the answer contains them.
         covariance: (q, q) about that.
         by_sizes: (c, q) how the columns of the null model move with them.
+        of_arms: Errors of arms, and which sizes are theirs.
         field_m2: Mean of the variance of a field's shifts [m^2].
     """
 
     mean: Array
     covariance: Array
     by_sizes: Array
+    of_arms: Sequence[tuple[PoseField | LongAxes, slice]]
     field_m2: float
 
 
@@ -104,7 +100,7 @@ def contain_expected_sizes(
     situation = Situation(problem, solution.state, problem, {}, solution.noise, offsets)
     width = len(situation.null.gradient)
     moved, covariance = np.zeros(width), np.zeros((width, width))
-    for _, known in known_sizes(cell, situation, error):
+    for known in known_sizes(cell, situation, error):
         moved += known.by_sizes @ known.mean
         covariance += known.by_sizes @ known.covariance @ known.by_sizes.T
     answer, clocks = slice(problem.width), slice(width - len(unit_s), width)
@@ -113,73 +109,35 @@ def contain_expected_sizes(
     return ContainedSizes(wider, moved[clocks] * unit_s, covariance[clocks, clocks] * np.outer(unit_s, unit_s))
 
 
-def known_sizes(
-    cell: Cell, situation: Situation, error: FoundEffect | None
-) -> list[tuple[Sequence[PoseField], SizePosterior]]:
-    """The posteriors of all fields and sizes of a cell, by independent parts, each with its fields."""
-    parts = _split_effects(stated_fields(cell, situation), list(_cell_effects(cell, situation, error)))
-    return [(fields, size_posterior(situation, fields, effects)) for fields, effects in parts]
+def known_sizes(cell: Cell, situation: Situation, error: FoundEffect | None) -> list[SizePosterior]:
+    """The posteriors of all errors of arms and sizes of effects of a cell, by independent parts."""
+    arms = stated_fields(cell, situation), long_axes(cell, situation)
+    return [size_posterior(situation, *part) for part in _split(*arms, list(_cell_effects(cell, situation, error)))]
 
 
 def size_posterior(
-    situation: Situation, fields: Sequence[PoseField], effects: Sequence[Expected] = ()
+    situation: Situation, fields: Sequence[PoseField], effects: Sequence[Expected] = (), axes: Sequence[LongAxes] = ()
 ) -> SizePosterior:
-    """The posterior of fields of errors and of sizes of effects, one sigma for all of one kind."""
-    candidates = [field.candidate(situation) for field in fields] + [each.candidate for each in effects]
+    """The posterior of errors of arms and of sizes of effects, one sigma for all of one kind."""
+    of_fields, of_axes = ([each.candidate(situation) for each in errors] for errors in (fields, axes))
+    candidates = [*of_fields, *(each.candidate for each in effects), *of_axes]
     known = sums(situation.null, combine_candidates(candidates, situation))
     scores = score_from_sums(situation.null, known)
-    count = sum(each.sizes for each in candidates[: len(fields)])
-    of_fields, of_effects = PRIOR_M if fields else SigmaPrior.single_value(1.0), _joint_prior(effects)
-    given = [_with_field(scores.gradient[0], scores.information[0], count, s, of_effects) for s in of_fields.sigmas]
-    evidence, means, covariances = (np.array(each) for each in zip(*given, strict=True))
-    _, mean, covariance = _mixture(of_fields.shares, evidence, means, covariances)
-    contained = np.append(np.zeros(count), np.where(_is_stated(effects), 0.0, mean[count:]))
-    covariance += np.outer(mean - contained, mean - contained)
-    by_sizes = -situation.null.inverse @ known.across[0].T
+    places = [slice(*each) for each in pairwise(np.cumsum([0, *(each.sizes for each in candidates)]))]
+    before, after = len(fields), len(fields) + len(effects)
+    priors = [fields_prior(sum(each.width for each in fields)), _joint_prior(effects), axes_prior(len(axes))]
+    given = given_first(scores.gradient[0], scores.information[0], priors)
+    _, mean, covariance = mixture(priors[0].shares, given)
+    contained = np.zeros_like(mean)
+    for effect, place in zip(effects, places[before:after], strict=True):
+        contained[place] = mean[place] if effect.is_contained else 0.0
     return SizePosterior(
-        contained, covariance, by_sizes, float(_posterior(of_fields.shares, evidence) @ of_fields.sigmas**2)
+        contained,
+        covariance + np.outer(mean - contained, mean - contained),
+        -situation.null.inverse @ known.across[0].T,
+        list(zip([*fields, *axes], places[:before] + places[after:], strict=True)),
+        float(posterior(priors[0].shares, given.evidence) @ priors[0].sigmas[:, 0] ** 2) if fields else 0.0,
     )
-
-
-def _with_field(gradient: Array, information: Array, count: int, sigma_m: float, prior: SigmaPrior) -> Gaussian:
-    """All sizes, the first `count` of them, of fields, with one sigma, the others' integrated over their prior."""
-    u, across, p = gradient[:count], information[:count, count:], information[:count, :count]
-    inverse = np.linalg.inv(sigma_m**2 * p + np.eye(count))
-    spread = sigma_m**2 * 0.5 * (inverse + inverse.T)
-    back = -spread @ across
-    others = _with_sigmas(gradient[count:] + back.T @ u, information[count:, count:] + across.T @ back, prior)
-    evidence = others.evidence + float(np.linalg.slogdet(inverse)[1] + u @ spread @ u)
-    mean = np.append(back @ others.mean - spread @ u, others.mean)
-    both = np.concatenate([back, np.eye(len(others.mean))])
-    covariance = both @ others.covariance @ both.T
-    covariance[:count, :count] += spread
-    return Gaussian(evidence, mean, covariance)
-
-
-def _with_sigmas(gradient: Array, information: Array, prior: SigmaPrior) -> Gaussian:
-    """Sizes over a prior of sigmas, (m, q)."""
-    sigmas = prior.sigmas
-    scaled = sigmas[:, :, None] * information * sigmas[:, None, :] + np.eye(len(gradient))
-    inverse = np.linalg.inv(scaled)
-    means = -sigmas * (inverse @ (sigmas * gradient)[..., None])[..., 0]
-    evidence = -np.linalg.slogdet(scaled)[1] - means @ gradient
-    return _mixture(prior.shares, evidence, means, sigmas[:, :, None] * inverse * sigmas[:, None, :])
-
-
-def _mixture(prior: Array, evidence: Array, means: Array, covariances: Array) -> Gaussian:
-    """Mixture of such of prior probabilities, (m,), (m,), (m, q) and (m, q, q)."""
-    shares = _posterior(prior, evidence)
-    mean = shares @ means
-    off = means - mean
-    most = float(evidence.max())
-    total = most + 2 * float(np.log(prior @ np.exp(0.5 * (evidence - most))))
-    return Gaussian(total, mean, np.tensordot(shares, covariances + off[..., None] * off[:, None], 1))
-
-
-def _posterior(prior: Array, evidence: Array) -> Array:
-    """Probabilities by those before the data and twice the logs of evidences, (m,)."""
-    shares = prior * np.exp(0.5 * (evidence - evidence.max()))
-    return np.asarray(shares / shares.sum())
 
 
 def _joint_prior(effects: Sequence[Expected]) -> SigmaPrior:
@@ -193,20 +151,17 @@ def _joint_prior(effects: Sequence[Expected]) -> SigmaPrior:
     )
 
 
-def _is_stated(effects: Sequence[Expected]) -> BoolArray:
-    """Mask of the sizes whose answer is that of zero, (q,)."""
-    return np.repeat([not each.is_contained for each in effects], [each.candidate.sizes for each in effects])
-
-
-def _split_effects(
-    fields: Sequence[PoseField], effects: Sequence[Expected]
-) -> list[tuple[Sequence[PoseField], Sequence[Expected]]]:
-    """All at once, or of many those of each robot, mount and target alone."""
-    if len(fields) <= _MOST_ARMS and sum(each.candidate.sizes for each in effects) <= _MOST_TOGETHER:
-        return [(fields, effects)] if fields or effects else []
+def _split(
+    fields: Sequence[PoseField], axes: Sequence[LongAxes], effects: Sequence[Expected]
+) -> list[tuple[Sequence[PoseField], Sequence[Expected], Sequence[LongAxes]]]:
+    """All at once; or of many arms each alone, and of many effects those of each mount and target alone."""
+    robots = dict.fromkeys([*(field.robot for field in fields), *(axis.robot for axis in axes)])
+    are_few = sum(each.candidate.sizes for each in effects) <= _MOST_TOGETHER
+    if are_few and len(robots) <= _MOST_ARMS:
+        return [(fields, effects, axes)] if robots or effects else []
     names = dict.fromkeys(each.candidate.about[0] for each in effects)
-    alone = [((), [each for each in effects if each.candidate.about[0] == name]) for name in names]
-    return [*(([field], ()) for field in fields), *alone]
+    of_robots = [([f for f in fields if f.robot == r], (), [a for a in axes if a.robot == r]) for r in robots]
+    return [*of_robots, *(((), [each for each in effects if each.candidate.about[0] == name], ()) for name in names)]
 
 
 def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -> Iterator[Expected]:

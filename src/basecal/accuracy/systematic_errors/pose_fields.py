@@ -61,6 +61,12 @@ class PoseField(NamedTuple):
         return one_candidate("pose-field", self.robot, "m", robot_moves(situation, self.robot, moves))
 
 
+def fields_prior(width: int) -> SigmaPrior:
+    """The prior of all errors of fields together, one sigma, (m, width)."""
+    prior = PRIOR_M if width else SigmaPrior.single_value(0.0)
+    return SigmaPrior(np.repeat(prior.sigmas[:, None], width, axis=1), prior.shares)
+
+
 def variances(field_m2: float) -> Array:
     """Variances of a shift and a turn along an axis, (2,) [m^2, rad^2], by the variance of a field's shifts [m^2]."""
     return np.array([field_m2, field_m2 / _LEVER_M**2])

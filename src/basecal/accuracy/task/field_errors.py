@@ -11,7 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from basecal.accuracy.systematic_errors.expected_sizes import known_sizes, size_posterior
-from basecal.accuracy.systematic_errors.pose_fields import PoseField, pose_field, variances
+from basecal.accuracy.systematic_errors.long_axes import LongAxes
+from basecal.accuracy.systematic_errors.pose_fields import PoseField, pose_field, stated_fields, variances
 from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
 from basecal.accuracy.task.arms_at_points import nearest_poses, to_base_axes
 from basecal.accuracy.task.meeting import Meeting
@@ -30,23 +31,19 @@ def field_covariance(meeting: Meeting, solution: Solution, offsets: OpenOffsets 
     problem = solution.noise.hold_sigmas(solution.problem)
     situation = Situation(problem, solution.state, problem, {}, solution.noise, offsets)
     (moved, columns), points_m = meeting.moves, meeting.places_m
-    total, seen = np.zeros((len(moved), 6, 6)), set[str]()
-    for fields, sizes in known_sizes(meeting.cell, situation, None):
-        count = sum(field.width for field in fields)
-        by_fields = np.zeros((len(moved), 6, count))
-        first = 0
-        for field in fields:
-            seen.add(field.robot)
-            if field.robot in points_m:
-                poses = nearest_poses(problem, field.robot, points_m[field.robot])
-                tangents = to_base_axes(field.flange_tangents(poses), poses.rotation)
-                by_fields[..., first : first + field.width] = meeting.propagate(field.robot, tangents)
-                total += _unknown_covariance(field, poses, sizes.field_m2)
-            first += field.width
-        across = (sizes.by_sizes @ sizes.covariance)[columns, :count]
-        mixed = moved @ across @ by_fields.mT
-        total += mixed + mixed.mT + by_fields @ sizes.covariance[:count, :count] @ by_fields.mT
-    return total + _open_fields(situation, {r: at for r, at in points_m.items() if r not in seen})
+    total = np.zeros((len(moved), 6, 6))
+    for sizes in known_sizes(meeting.cell, situation, None):
+        by_sizes = np.zeros((len(moved), 6, len(sizes.mean)))
+        for error, own in sizes.of_arms:
+            if error.robot in points_m:
+                poses = nearest_poses(problem, error.robot, points_m[error.robot])
+                tangents = to_base_axes(error.flange_tangents(poses), poses.rotation)
+                by_sizes[..., own] = meeting.propagate(error.robot, tangents)
+                total += _unknown_covariance(error, poses, sizes.field_m2)
+        mixed = moved @ (sizes.by_sizes @ sizes.covariance)[columns] @ by_sizes.mT
+        total += mixed + mixed.mT + by_sizes @ sizes.covariance @ by_sizes.mT
+    stated = {field.robot for field in stated_fields(meeting.cell, situation)}
+    return total + _open_fields(situation, {r: at for r, at in points_m.items() if r not in stated})
 
 
 def _open_fields(situation: Situation, points_m: Mapping[str, Array]) -> Array | float:
@@ -60,6 +57,6 @@ def _open_fields(situation: Situation, points_m: Mapping[str, Array]) -> Array |
     return total
 
 
-def _unknown_covariance(field: PoseField, poses: SE3, field_m2: float) -> Array:
+def _unknown_covariance(error: PoseField | LongAxes, poses: SE3, field_m2: float) -> Array:
     """Covariance of a flange beyond recorded poses, (n, 6, 6)."""
-    return field.unknown_share(poses)[:, None, None] * np.diag(np.repeat(variances(field_m2), 3))
+    return error.unknown_share(poses)[:, None, None] * np.diag(np.repeat(variances(field_m2), 3))

@@ -24,8 +24,12 @@ class SigmaPrior(NamedTuple):
 
     @classmethod
     def as_often_as_not(cls, sigmas: Array) -> SigmaPrior:
-        """None in one case of two, the others equally likely. Source: Jeffreys, Theory of Probability, 1961, ch. 5."""
-        return cls(np.append(0.0, sigmas), np.append(0.5, np.full(len(sigmas), 0.5 / len(sigmas))))
+        """None in one case of two, the others, (m, ...), equally likely.
+
+        Source: Jeffreys, Theory of Probability, 1961, ch. 5.
+        """
+        shares = np.append(0.5, np.full(len(sigmas), 0.5 / len(sigmas)))
+        return cls(np.concatenate([np.zeros_like(sigmas[:1]), sigmas]), shares)
 
 
 class ExpectedSize(NamedTuple):

@@ -1,0 +1,74 @@
+"""An axis of an arm's base along which its poses are too long: of arms that record poses alone.
+
+A smooth field of errors has a curvature, which shows. A length along one axis hardly does: bases and mounts absorb it,
+most of all where arms face one another. Source: docs/mathematics.md (11.4).
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.cell import Cell
+from basecal.effects import stretch
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.expected_size import SigmaPrior
+from basecal.effects.faces.views import Views, robot_moves
+from basecal.estimation.noise.random_effects import FEWEST_STOPS
+from basecal.estimation.noise.robot_noise import count_stops
+from basecal.geometry import SE3, Array
+
+SHARES = np.array([1e-4, 3e-4, 1e-3])
+"""Of a length, one sigma: 0.1 mm on a metre of accurate arms, or the 0.3 to 1 mm of usual ones. Assumed."""
+
+_AXES = 3
+
+
+class LongAxes(NamedTuple):
+    """The lengths of a robot's poses along the axes of its base, as shares."""
+
+    robot: str
+
+    @property
+    def width(self) -> int:
+        """How many there are."""
+        return _AXES
+
+    def flange_tangents(self, poses: SE3) -> Array:
+        """How a flange at poses, (n,), moves with each, (n, 6, 3), right tangents."""
+        return stretch.flange_tangents(poses)[..., :_AXES]
+
+    def unknown_share(self, poses: SE3) -> Array:
+        """None: they are the same everywhere, (n,)."""
+        return np.zeros(len(poses))
+
+    def candidate(self, situation: Situation) -> Candidates:
+        """All as sizes of one candidate."""
+
+        def moves(views: Views, k: int, robot: str) -> Array:
+            """How views of a group move."""
+            tangents: Array = views.flange_jacobian(k, robot) @ self.flange_tangents(views.recorded_pose(k, robot))
+            return tangents
+
+        return one_candidate("long-axes", self.robot, "", robot_moves(situation, self.robot, moves))
+
+
+def long_axes(cell: Cell, situation: Situation) -> list[LongAxes]:
+    """The lengths of each arm that records poses alone, unless it states all its errors or made few stops."""
+    problem = situation.problem
+    return [
+        LongAxes(name)
+        for name, robot in cell.robots.items()
+        if not robot.is_total_noise and name not in situation.chains and count_stops(problem, name) >= FEWEST_STOPS
+    ]
+
+
+def axes_prior(arms: int) -> SigmaPrior:
+    """The prior of the lengths of so many arms, each alone: none, or one sigma along one axis, (m, 3 arms)."""
+    alone = SigmaPrior.as_often_as_not(np.concatenate([share * np.eye(_AXES) for share in SHARES]))
+    each = list(product(zip(alone.sigmas, alone.shares, strict=True), repeat=arms))
+    sigmas = [np.ravel([sigmas for sigmas, _ in of]) for of in each]
+    return SigmaPrior(np.array(sigmas), np.array([np.prod([share for _, share in of]) for of in each]))

@@ -1,0 +1,70 @@
+"""Normal posteriors of sizes whose sigmas are uncertain: mixtures over all combinations of their sigmas.
+
+The cost of sizes s is 2 g's + s'Ps beside that of their prior. Source: docs/mathematics.md (11.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.effects.faces.expected_size import SigmaPrior
+from basecal.geometry import Array
+
+
+class Gaussian(NamedTuple):
+    """Normal distributions: twice their log evidences, (...), means, (..., q), and covariances, (..., q, q)."""
+
+    evidence: Array
+    mean: Array
+    covariance: Array
+
+
+def given_first(gradient: Array, information: Array, priors: Sequence[SigmaPrior]) -> Gaussian:
+    """The posterior of all sizes by each sigma of the first, (..., m), those of the others integrated over.
+
+    Args:
+        gradient: (..., q) g.
+        information: (..., q, q) P.
+        priors: Of the sigmas of all sizes in turn, (m, q1), (n, q2), ...; independent of one another.
+    """
+    prior, *others = priors
+    sigmas = prior.sigmas
+    count = sigmas.shape[1]
+    u, v = gradient[..., None, :count, None], gradient[..., None, count:, None]
+    p, across = information[..., None, :count, :count], information[..., None, :count, count:]
+    inverse = np.linalg.inv(sigmas[:, :, None] * p * sigmas[:, None, :] + np.eye(count))
+    spread = sigmas[:, :, None] * (0.5 * (inverse + inverse.mT)) * sigmas[:, None, :]
+    mean = -spread @ u
+    evidence = np.linalg.slogdet(inverse)[1] - (u.mT @ mean)[..., 0, 0]
+    if not others:
+        return Gaussian(evidence, mean[..., 0], spread)
+    back = -spread @ across
+    left = v + back.mT @ u, information[..., None, count:, count:] + across.mT @ back
+    rest = mixture(others[0].shares, given_first(left[0][..., 0], left[1], others))
+    both = np.concatenate([back, np.broadcast_to(np.eye(back.shape[-1]), (*back.shape[:-2], *back.shape[-1:] * 2))], -2)
+    covariance = both @ rest.covariance @ both.mT
+    covariance[..., :count, :count] += spread
+    means = (both @ rest.mean[..., None])[..., 0]
+    means[..., :count] += mean[..., 0]
+    return Gaussian(rest.evidence + evidence, means, covariance)
+
+
+def mixture(prior: Array, parts: Gaussian) -> Gaussian:
+    """Mixture of such, (..., m), of prior probabilities, (m,)."""
+    evidence = parts.evidence
+    shares = posterior(prior, evidence)
+    mean = (shares[..., None, :] @ parts.mean)[..., 0, :]
+    off = parts.mean - mean[..., None, :]
+    spread = parts.covariance + off[..., None] * off[..., None, :]
+    most = evidence.max(-1)
+    total = most + 2 * np.log(np.exp(0.5 * (evidence - most[..., None])) @ prior)
+    return Gaussian(total, mean, np.einsum("...m,...mij->...ij", shares, spread))
+
+
+def posterior(prior: Array, evidence: Array) -> Array:
+    """Probabilities by those before the data, (m,), and twice the logs of evidences, (..., m)."""
+    shares = prior * np.exp(0.5 * (evidence - evidence.max(-1, keepdims=True)))
+    return np.asarray(shares / shares.sum(-1, keepdims=True))
