@@ -97,6 +97,40 @@ def test_a_thread_within_a_library_leaves_the_exit_code() -> None:
     assert (found.returncode, found.stdout, found.stderr) == (3, "answer\n", "")
 
 
+_THREAD_THAT_DECODES = """
+import sys, threading, time
+import cv2
+import basecal.cell.files
+from basecal.__main__ import run
+from basecal.vision.decoder import decode
+
+within, read_cell = threading.Event(), basecal.cell.files.read_cell
+
+def decode_forever(*_args):
+    within.set()
+    time.sleep(60)
+
+def read_beside_it(folder):
+    threading.Thread(target=decode, args=(b"image",), daemon=True).start()
+    assert within.wait(30)
+    return read_cell(folder)
+
+cv2.imdecode = decode_forever
+basecal.cell.files.read_cell = read_beside_it
+sys.argv[1:] = ["calibrate", "missing"]
+sys.exit(run())
+"""
+
+
+def test_a_thread_that_decodes_hides_no_words(tmp_path: Path) -> None:
+    """A camera's thread catches what its decoder says as the program ends: why it ended is still said."""
+    program = [sys.executable, "-c", _THREAD_THAT_DECODES]
+    found = subprocess.run(program, capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    assert found.returncode == 3
+    assert found.stderr.startswith("basecal: error: missing")
+    assert found.stderr.count("\n") == 1
+
+
 def test_an_interrupted_process(tmp_path: Path) -> None:
     """It ends with 130 and one line, and leaves nothing half written."""
     words = [sys.executable, "-m", "basecal", "simulate", str(tmp_path / "cell"), "--samples", "100000"]

@@ -124,13 +124,15 @@ def _drop_unwritten() -> None:
 
 
 def _own_process() -> None:
-    """Let nothing but this program's words reach the streams of a process of its own.
+    """Let this program's words, and no others, reach the streams of a process of its own.
 
     A stream that is closed leaves its number to the next file that is opened, into which libraries then would write.
+    While an image is decoded, what libraries write to the error stream is caught by its number: words have another.
     """
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
     os.close(number)
+    sys.stderr = open(os.dup(sys.stderr.fileno()), "w", 1, sys.stderr.encoding, sys.stderr.errors)  # noqa: SIM115
     if not sys.warnoptions:
         import warnings
 
