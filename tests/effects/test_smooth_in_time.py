@@ -40,8 +40,11 @@ def test_modes_are_as_quick_in_long_recordings():
     assert errors(two_ways).by_stop.shape[2] / 6 == pytest.approx(of_10, abs=2)
 
 
-def lagging(seed: int, size: float) -> Streamed:
-    """A stream whose recorded poses are off by errors that last for a second, of `LAG` times a size."""
+def lagging(seed: int, size: float, stated_sigma: float | None = None) -> Streamed:
+    """A stream whose recorded poses are off by errors that last for a second, of `LAG` times a size.
+
+    The arm states this sigma as its repeatability.
+    """
     made, rng = streamed(seed=seed, seconds=8.0, stated=False), np.random.default_rng(50 + seed)
     samples, last_s, off = [], -np.inf, np.zeros(6)
     for sample in sorted(made.recording.samples, key=lambda each: each.stamp_s):
@@ -52,7 +55,9 @@ def lagging(seed: int, size: float) -> Streamed:
             samples.append(replace(sample, robots={"arm": RobotState(pose)}))
         else:
             samples.append(sample)
-    return Streamed(made.cell, Recording(tuple(samples)), made.offset_s)
+    noise = None if stated_sigma is None else np.full(6, stated_sigma)
+    cell = replace(made.cell, robots={"arm": replace(made.cell.robots["arm"], noise=noise)})
+    return Streamed(cell, Recording(tuple(samples)), made.offset_s)
 
 
 def test_they_are_named_where_they_are_and_only_there():
@@ -62,6 +67,18 @@ def test_they_are_named_where_they_are_and_only_there():
     told = late.noise["robots"]["arm"]["smooth_in_time"]
     assert told["lasts_s"] == LASTS_S
     np.testing.assert_allclose(told["sigma"], LAG, rtol=0.6)
+
+
+def test_an_arm_that_states_its_repeatability_may_lag():
+    """By half a millimetre: no answer is doubtful, and sigmas are true."""
+    distances = []
+    for seed in range(4):
+        made = lagging(seed, 0.3, stated_sigma=1e-4)
+        found = calibrate(made.cell, made.recording)
+        off = (found[NAME].mean.inverse() @ MOUNT).log()
+        distances.append(off @ np.linalg.solve(found[NAME].covariance, off))
+        assert found.verdict == "good"
+    assert 1 < np.mean(distances) < 12  # 6 on average
 
 
 def test_an_arm_that_lags_is_not_taken_for_one_that_is_stretched(monkeypatch):

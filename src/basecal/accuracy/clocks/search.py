@@ -151,7 +151,7 @@ def _known_motion(streams: Streams, guess: Solution) -> Known:
 
 
 def _add_jitter(problem: Problem, streams: Streams, samples: Synchronised, guess: Solution | None) -> Problem:
-    problem = with_passing_times(problem, samples)
+    problem = with_passing_times(problem, samples, streams.cell)
     return (
         problem
         if guess is None
