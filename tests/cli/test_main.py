@@ -117,17 +117,18 @@ def read_beside_it(folder):
 
 cv2.imdecode = decode_forever
 basecal.cell.files.read_cell = read_beside_it
-sys.argv[1:] = ["calibrate", "missing"]
+sys.argv[1:] = ["calibrate", *sys.argv[1:]]
 sys.exit(run())
 """
 
 
 def test_a_thread_that_decodes_hides_no_words(tmp_path: Path) -> None:
     """A camera's thread catches what its decoder says as the program ends: why it ended is still said."""
-    program = [sys.executable, "-c", _THREAD_THAT_DECODES]
-    found = subprocess.run(program, capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    missing = str(tmp_path / "missing")
+    program = [sys.executable, "-c", _THREAD_THAT_DECODES, missing]
+    found = subprocess.run(program, capture_output=True, text=True, timeout=60)
     assert found.returncode == 3
-    assert found.stderr.startswith("basecal: error: missing")
+    assert found.stderr.startswith(f"basecal: error: {missing}")
     assert found.stderr.count("\n") == 1
 
 
