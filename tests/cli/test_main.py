@@ -55,10 +55,21 @@ def test_an_interrupt_is_one_line(
     assert capsys.readouterr().err == "basecal: error: interrupted\n"
     monkeypatch.delitem(sys.modules, "basecal.cli")
     monkeypatch.setattr("os._exit", lambda code: None)  # pytest has threads of its own
+    monkeypatch.setattr("gc.freeze", lambda: None)
     monkeypatch.setattr("builtins.__import__", interrupted)
     assert run() == 130
     monkeypatch.undo()
     assert capsys.readouterr().err == "basecal: error: interrupted\n"
+
+
+def test_the_end_looks_for_no_cycles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a verb has loaded is left to the system: to search it takes longer than to load NumPy."""
+    ended: list[str] = []
+    monkeypatch.setattr("basecal.cli.main", lambda: 3)
+    monkeypatch.setattr("os._exit", lambda code: None)
+    monkeypatch.setattr("gc.freeze", lambda: ended.append("frozen"))
+    assert run() == 3
+    assert ended == ["frozen"]
 
 
 def _cpu_s(pid: int) -> float:
