@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Collection, Iterator
@@ -418,6 +419,15 @@ def test_solving_needs_no_images() -> None:
     """Geometry, cells and estimation load without OpenCV, nor SciPy's distributions, which take as long as all else."""
     heavy = {"cv2", "mujoco", "pin", "gtsam", "pyceres", "scipy.stats"}
     assert loaded_by("import basecal\nbasecal.calibrate, basecal.read_cell, basecal.simulate").isdisjoint(heavy)
+
+
+def test_calibrate_loads_no_devices(tmp_path: Path) -> None:
+    """Nor what reads images: a recording with pixels is answered, with its report and page, without them."""
+    cell = shutil.copytree(SOURCE.parents[1] / "examples/ur5e_dual", tmp_path / "cell", ignore=lambda *_: {"runs"})
+    loaded = loaded_by(f"from basecal.cli import main\nmain(['calibrate', {str(cell)!r}])")
+    assert {"basecal.accuracy.calibrate", "basecal.reporting.page"} <= loaded
+    others = {"cv2", "mujoco", "rich", "scipy.ndimage", "scipy.optimize", "scipy.spatial", "scipy.stats"}
+    assert loaded.isdisjoint({*others, "basecal.acquisition", "basecal.simulation", "basecal.vision"})
 
 
 def test_surfaces_load_hulls_when_they_are_drawn() -> None:
