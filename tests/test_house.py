@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Collection, Iterator
@@ -414,10 +415,15 @@ def test_help_is_light() -> None:
     assert loaded_by(help_of).isdisjoint({"numpy", "scipy", "cv2", "mujoco", "pydantic", "ruamel"})
 
 
-def test_solving_needs_no_images() -> None:
-    """Geometry, cells and estimation load without OpenCV, nor SciPy's distributions, which take as long as all else."""
-    heavy = {"cv2", "mujoco", "pin", "gtsam", "pyceres", "scipy.stats"}
-    assert loaded_by("import basecal\nbasecal.calibrate, basecal.read_cell, basecal.simulate").isdisjoint(heavy)
+def test_calibrate_loads_neither_images_nor_devices(tmp_path: Path) -> None:
+    """A simulated cell, and a recording with pixels, its report and page, need no OpenCV, drivers or distributions."""
+    cell = shutil.copytree(SOURCE.parents[1] / "examples/ur5e_dual", tmp_path / "cell", ignore=lambda *_: {"runs"})
+    loaded = loaded_by(
+        f"import basecal\nbasecal.simulate\nfrom basecal.cli import main\nmain(['calibrate', {str(cell)!r}])"
+    )
+    assert {"basecal.accuracy.calibrate", "basecal.reporting.page", "basecal.simulation"} <= loaded
+    others = {"cv2", "mujoco", "pin", "gtsam", "pyceres", "rich", "scipy.ndimage", "scipy.spatial", "scipy.stats"}
+    assert loaded.isdisjoint({*others, "basecal.acquisition", "basecal.vision"})
 
 
 def test_surfaces_load_hulls_when_they_are_drawn() -> None:

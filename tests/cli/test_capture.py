@@ -143,7 +143,13 @@ def test_ctrl_c_stops_the_arms(tmp_path: Path) -> None:
     with running(tmp_path) as world:
         words = [sys.executable, "-m", "basecal", "capture", str(tmp_path), "--samples", "2", "--go"]
         with subprocess.Popen(
-            [*words, "--speed-limit-deg-s", "0.2"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [*words, "--speed-limit-deg-s", "0.2"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: signal.signal(
+                signal.SIGINT, signal.SIG_DFL
+            ),  # what runs in the background may ignore it
         ) as process:
             process.stdout.readline()
             while np.array_equal(joints(tmp_path), world.home["eye"]):

@@ -55,10 +55,39 @@ def test_an_interrupt_is_one_line(
     assert capsys.readouterr().err == "basecal: error: interrupted\n"
     monkeypatch.delitem(sys.modules, "basecal.cli")
     monkeypatch.setattr("os._exit", lambda code: None)  # pytest has threads of its own
+    monkeypatch.setattr("gc.freeze", lambda: None)
+    monkeypatch.setattr("gc.set_threshold", lambda count: None)
     monkeypatch.setattr("builtins.__import__", interrupted)
     assert run() == 130
     monkeypatch.undo()
     assert capsys.readouterr().err == "basecal: error: interrupted\n"
+
+
+_IS_SEARCHED = """
+import gc, sys
+
+searched = []
+gc.callbacks.append(lambda phase, info: searched.append(phase))
+import basecal.cli
+from basecal.__main__ import run
+
+def main():
+    kept = [[] for _ in range(100_000)]  # about as many as what a calibration loads
+    print(len(searched), "searches", gc.get_freeze_count(), "frozen")
+    return 3
+
+basecal.cli.main = main
+searched.clear()
+code = run()
+print(gc.get_freeze_count() > 1000)
+sys.exit(code)
+"""
+
+
+def test_a_command_is_not_searched_for_cycles() -> None:
+    """Neither while it loads modules nor as it ends: what they make stays, and to search it takes as long as NumPy."""
+    found = subprocess.run([sys.executable, "-c", _IS_SEARCHED], capture_output=True, text=True, timeout=60)
+    assert (found.returncode, found.stdout, found.stderr) == (3, "0 searches 0 frozen\nTrue\n", "")
 
 
 def _cpu_s(pid: int) -> float:

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from basecal.reporting.contours import contours, level_segments
+from basecal.reporting.contours import contours, level_segments, refine
 
 
 def test_a_plane_has_a_straight_line() -> None:
@@ -26,6 +26,17 @@ def test_a_cone_has_a_circle() -> None:
     assert np.linalg.norm(found[:, 1] - found[:, 0], axis=-1).sum() == pytest.approx(1.42 * np.pi, rel=2e-3)
     _, count = np.unique(np.round(found.reshape(-1, 2), 9), axis=0, return_counts=True)
     assert set(count) == {2}
+
+
+@pytest.mark.parametrize("count", [2, 3, 7])
+def test_what_is_refined_passes_through_its_values(count: int) -> None:
+    """A plane stays one up to its ends; between the ends a parabola stays one."""
+    rows = np.arange(float(count))
+    fine = np.linspace(0, count - 1, 8 * (count - 1) + 1)
+    np.testing.assert_allclose(refine(np.stack([rows, 3 - 2 * rows], axis=1)).T, [fine, 3 - 2 * fine], atol=1e-12)
+    curved = refine(np.stack([rows**2, np.cos(rows)], axis=1))
+    np.testing.assert_allclose(curved[::8].T, [rows**2, np.cos(rows)], atol=1e-12)
+    np.testing.assert_allclose(curved[8:-8, 0], fine[8:-8] ** 2, atol=1e-12)
 
 
 def test_each_line_says_its_value_once() -> None:

@@ -1,10 +1,9 @@
-"""The expected error over the number of samples, planned or taken, with the tolerance."""
+"""The expected error over the number of samples, with the tolerance."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from basecal.acquisition.watching import Snapshot
 from basecal.reporting.figures.curves import Band, curves
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.statement.digits import two_digits
@@ -14,14 +13,6 @@ def outlook_figure(outlook: Sequence[tuple[int, float]], recorded_count: int, to
     """A line over the samples recorded and so many more planned ones, (count, error [m]) each."""
     points = [(recorded_count + count, length) for count, length in outlook]
     return error_curve("expected error at the task, 95 %, with more samples", points, tolerance_m)
-
-
-def progress_figure(snapshot: Snapshot) -> Figure | None:
-    """The expected error at the task over samples with its tolerance, or else the base's sigma; None before two."""
-    if len(snapshot.errors) > 1:
-        return error_curve("expected error at the task, 95 %", snapshot.errors, snapshot.tolerance_m)
-    sigmas = [(sigma.samples, sigma.t_m) for sigma in snapshot.sigmas]
-    return error_curve("sigma of the base", sigmas, None) if len(sigmas) > 1 else None
 
 
 def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: float | None) -> Figure:

@@ -19,9 +19,9 @@ from basecal.errors import BasecalError
 from basecal.planning.sketch import Sketch, sketch_cell
 from basecal.reporting.cell_view.scene import scene_data
 from basecal.reporting.cell_view.stage import json_inside_html, stated_scene
-from basecal.reporting.decision.outlook import progress_figure
 from basecal.reporting.decision.tiles import Tile, error_tile
 from basecal.reporting.figures.thumbnails import image_drawing
+from basecal.reporting.live.progress import progress_figure
 from basecal.reporting.live.serving import Answer, serving
 from basecal.reporting.statement.verdict import COLOURS, error_text
 from basecal.reporting.templates.environment import fill_page, fill_part
