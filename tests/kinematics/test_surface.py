@@ -41,7 +41,7 @@ def sphere(radius_m, count=60):
     ],
 )
 def test_shapes_have_their_area(tmp_path, shape, area_m2, share):
-    """By polygons of at most 250 triangles, a little less; they stand where the URDF says, in the frame that carries them."""
+    """By at most 250 triangles, a little less; they stand where the URDF says, in the frame that carries them."""
     frame, points, triangles = body_surface(collision(shape, tmp_path))
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=-1).sum() / 2

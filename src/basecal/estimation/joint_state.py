@@ -19,11 +19,11 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
 from basecal.numerics.batch import take
 
-_VIEWS, _POINTS = 100, 40  # of a pair at most
+_VIEWS, _POINTS = 100, 40  # of a pair at most; assumed: bounds the time
 _STARTS = 100  # of which all miss the optimum in 0.2 % of the worst of twenty rings, where one in sixteen hits it
-_MOST_ITERATIONS = 100  # of a descent
-_SIGMAS = np.repeat([1e-2, 1e-2], 3)  # [m, rad] of loops: only their ratio counts
-_SEED = 1
+_MOST_ITERATIONS = 100  # of a descent, as of any; assumed
+_SIGMAS = np.repeat([1e-2, 1e-2], 3)  # [m, rad] of loops: only their ratio counts, and assumed equal
+_SEED = 1  # any other would do
 
 
 def joint_state(problem: Problem, cell: Cell) -> State | None:

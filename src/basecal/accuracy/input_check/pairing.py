@@ -1,4 +1,7 @@
-"""Hypotheses of which a sample is to be found: where the pairing slips, and which views are read upside down."""
+"""Hypotheses of which a sample is to be found: where the pairing slips, and which views are read upside down.
+
+`benchmarks.mutations` judges its limits.
+"""
 
 from __future__ import annotations
 

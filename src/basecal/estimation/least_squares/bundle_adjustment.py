@@ -23,7 +23,7 @@ from basecal.numerics.levenberg_marquardt import (
 )
 from basecal.numerics.sparse_hessian import SparseHessian
 
-ROUGH_SIGMAS = 1e-2  # what may be left to go where more rounds follow
+ROUGH_SIGMAS = 1e-2  # what may be left to go where more rounds follow: a hundredth of a sigma; assumed
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
 """A first value for every unknown, without a guess.
 
 Pairs of camera and target are started one after another, those with fewest unknowns first; what one finds, the next
-takes as known. A pair goes by a closed form where the data determine it, else by a grid over rotations whose best
-cells are each refined. Everything is deterministic.
+takes as known. A pair goes by a closed form where the data determine it, else by a grid over rotations whose best cells
+are each refined. Everything is deterministic. `benchmarks.starts` judges its limits.
 """
 
 from __future__ import annotations
