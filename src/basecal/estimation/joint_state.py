@@ -22,7 +22,6 @@ from basecal.numerics.batch import take
 _VIEWS, _POINTS = 100, 40  # of a pair at most; assumed: bounds the time
 _STARTS = 100  # of which all miss the optimum in 0.2 % of the worst of twenty rings, where one in sixteen hits it
 _MOST_ITERATIONS = 100  # of a descent, as of any; assumed
-_SIGMAS = np.repeat([1e-2, 1e-2], 3)  # [m, rad] of loops: only their ratio counts, and assumed equal
 _SEED = 1  # any other would do
 
 
@@ -56,7 +55,7 @@ def _pose_problem(problem: Problem, sights: list[PairViews]) -> Problem:
     groups = []
     for sight in sights:
         assert sight.candidates is not None
-        weight = sight.weight[:, None] / _SIGMAS
+        weight = np.repeat(sight.weight[:, None], 6, axis=1)
         measurement = PoseMeasurement(sight.candidates[:, 0], weight, weight)
         groups.append(replace(sight.group.without_stops(), measurement=measurement, readings=()))
     widths = {name: at.stop - at.start for name, at in problem.columns.items() if name in problem.unknowns}
