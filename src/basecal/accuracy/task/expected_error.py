@@ -22,7 +22,6 @@ _LEAST_QUANTILE = 1.95  # of a quantile in the largest sigma: that of a normal n
 _NEWTON_ROUNDS = 8  # at most: each doubles the digits, of which `_NODES` leave six
 _SECANT_ROUNDS = 60  # at most: as many halvings would reach 1e-18 of the interval
 _SETTLED_SHARE = 1e-12  # of the probability, by which a quantile is found: far below the 1e-6 of `_NODES`
-_MOST_DEVIATIONS = 1e3  # of a square, beyond which the probability is 0 or 1 to machine precision
 # [m^2] standard deviation of the square of a length that is certain: rounding of a square metre squared.
 _CERTAIN_M2 = 1e-30
 _LEAST_SHARE = 1e-8  # of the largest variance: the root of machine precision, below which it is no length
@@ -145,7 +144,7 @@ class _NonCentral(NamedTuple):
         """Probability that each is below a length, (n,)."""
         away = length**2 - self.mean
         spread = np.maximum(self.spread, _CERTAIN_M2)
-        at = np.clip(away / spread, -_MOST_DEVIATIONS, _MOST_DEVIATIONS) * self.scale + self.freedoms + self.shift
+        at = away / spread * self.scale + self.freedoms + self.shift
         return np.asarray(chndtr(np.maximum(at, 0.0), self.freedoms, self.shift))
 
 
