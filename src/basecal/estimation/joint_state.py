@@ -21,7 +21,6 @@ from basecal.numerics.batch import take
 
 _VIEWS, _POINTS = 100, 40  # of a pair at most; assumed: bounds the time
 _STARTS = 100  # of which all miss the optimum in 0.2 % of the worst of twenty rings, where one in sixteen hits it
-_MOST_ITERATIONS = 100  # of a descent, as of any; assumed
 _SEED = 1  # any other would do
 
 
@@ -45,7 +44,7 @@ def joint_state(problem: Problem, cell: Cell) -> State | None:
         name: SE3.stack([known[name]] * count) if name in known else SE3.from_quaternion(turn, np.zeros((count, 3)))
         for name, turn in zip(problem.unknowns, turns, strict=True)
     }
-    ends = bundle_adjust_batch(by_poses, State(begun, {}, np.zeros((count, 0, 6))), dof=1, iterations=_MOST_ITERATIONS)
+    ends = bundle_adjust_batch(by_poses, State(begun, {}, np.zeros((count, 0, 6))), dof=1)
     best = take(ends.state, int(np.nanargmin(ends.cost)))
     return State(dict(best.transforms), cameras, np.zeros((len(problem.stops), 6)))
 
