@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.estimation.scene import fit as module
 from basecal.estimation.scene.adjust import residuals_px
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
@@ -55,3 +57,18 @@ def test_a_scene_of_which_nothing_is_left_is_no_scene():
     tracks = replace(scene.tracks, pixels=anywhere)
     with pytest.raises(np.linalg.LinAlgError):
         fit_scene(scene.views, tracks, started(scene), (LENS,), (None,))
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_points_have_more_equations_than_there_are_unknowns(monkeypatch, more):
+    """Two of each image point, of which its point in space takes three."""
+    tracks = made_scene(1).tracks
+    count = 2 * len(tracks) - 3 * tracks.count
+    columns = SimpleNamespace(errors=slice(count - more, None))
+    monkeypatch.setattr(module, "scene_columns", lambda views, lenses: columns)
+    task, state = SimpleNamespace(views=None, tracks=tracks), SimpleNamespace(lenses=None)
+    if more:
+        module._check_points(task, state)
+    else:
+        with pytest.raises(np.linalg.LinAlgError, match="too few points"):
+            module._check_points(task, state)
