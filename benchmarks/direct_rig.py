@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from basecal.acquisition.driver import Picture, Reading
+from basecal.acquisition.driver import CameraImage, Reading
 from basecal.acquisition.rig import Rig
 from basecal.cell import RobotState
 from basecal.simulation.running.plant import Plant
@@ -40,9 +40,9 @@ class _Eye:
     def __init__(self, name: str, plant: Plant) -> None:
         self._name, self._plant = name, plant
 
-    def picture(self) -> Picture:
+    def image(self) -> CameraImage:
         shot = self._plant.shot(self._name)
-        return Picture(shot.stamp_s, shot.image)
+        return CameraImage(shot.stamp_s, shot.image)
 
     def light(self, on: bool) -> None:
         self._plant.light(on)

@@ -58,8 +58,8 @@ def state_of(robot: Any) -> tuple[float, float]:
 
 
 def image_of(camera: Any) -> tuple[float, float]:
-    picture = camera.picture()
-    return picture.stamp_s, int.from_bytes(picture.grey[0, :8].tobytes(), "big") * 1e-9
+    image = camera.image()
+    return image.stamp_s, int.from_bytes(image.grey[0, :8].tobytes(), "big") * 1e-9
 
 
 def resident_mb(pid: int) -> float:

@@ -139,7 +139,7 @@ def _render(folder: Path, room: Room, looks: Sequence[Poses], design: Design, rn
     for arm, own in enumerate(looks):
         for look in own:
             from_where = SE3(look.rotation, look.translation - number * np.array(room.drift))
-            level = EXAMPLE.picture(from_where, lens, *room.faces[arm], rng)
+            level = EXAMPLE.render_image(from_where, lens, *room.faces[arm], rng)
             if gripper is not None:
                 level[-height:, :width] = gripper
             cv2.imwrite(str(folder / f"recording/images/{number}.png"), level)

@@ -37,7 +37,7 @@ class Room:
     """What each arm sees and where from.
 
     Attributes:
-        faces: Of each arm's pictures: faces, and what is painted on them.
+        faces: Of each arm's images: faces, and what is painted on them.
         middle: (2, 3) what each arm looks at [m].
         views: Images of each arm.
         gripper: Share of each image's width and height that something covers which rides with the camera.

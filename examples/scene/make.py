@@ -59,7 +59,7 @@ def directions(lens: Camera) -> np.ndarray:
     return lens.undistort(pixels)[0]
 
 
-def picture(
+def render_image(
     world_from_camera: SE3, lens: Camera, faces: list[tuple], painted: list[np.ndarray], rng: np.random.Generator
 ) -> np.ndarray:
     """What a camera sees of faces and what is painted on them, (h, w) of grey levels."""
@@ -120,7 +120,7 @@ def make(
         (folder / f"recording/images/{name}_eye").mkdir(parents=True, exist_ok=True)
         for world_from_camera in looks(rng, views, -1.0 if arm == 0 else 1.0):
             path = f"images/{name}_eye/{sample:06d}.png"
-            cv2.imwrite(str(folder / "recording" / path), picture(world_from_camera, lens, FACES, painted, rng))
+            cv2.imwrite(str(folder / "recording" / path), render_image(world_from_camera, lens, FACES, painted, rng))
             recorded = base.inverse() @ world_from_camera @ mount.inverse()
             recorded = recorded @ SE3.exp(rng.standard_normal(6) * np.repeat([ARM_M, ARM_RAD], 3))
             robots = {name: {"base_from_flange": pose(recorded)}}

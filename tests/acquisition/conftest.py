@@ -33,10 +33,10 @@ def _ros2_process():
 @pytest.fixture
 def ros2_cell(_ros2_process):
     """What drivers of ROS 2 send: 100 joint states and 30 small images a second, tf; silent between tests."""
-    for words in (("rate", "joints", 100), ("rate", "pictures", 30), ("freeze", "off"), ("partial", "off")):
+    for words in (("rate", "joints", 100), ("rate", "images", 30), ("freeze", "off"), ("partial", "off")):
         _ros2_process.tell(*words)
     yield _ros2_process
-    for of in ("joints", "pictures"):
+    for of in ("joints", "images"):
         _ros2_process.tell("rate", of, 0)
 
 

@@ -54,7 +54,7 @@ def test_a_light_is_seen_on_and_off(tmp_path):
     with running(tmp_path, target="led") as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 7, shifts)
         assert [step.why_not for step in capture(Taker(rig, sketch, tmp_path, FAST), plan[:2])] == ["", ""]
-        assert rig.cameras["wrist"].picture().grey.max() > 100
+        assert rig.cameras["wrist"].image().grey.max() > 100
     for sample in read_recording(tmp_path).samples:
         assert sample.background["wrist"].endswith("_off.png")
         assert (tmp_path / sample.background["wrist"]).exists()

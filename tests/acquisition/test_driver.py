@@ -40,9 +40,9 @@ def test_faces_tell_what_a_driver_can():
 
 def test_options_are_checked():
     """Those known are taken; an unknown one names the file, the field and the nearest known one."""
-    assert checked_options(place(path="pictures", wait_s=2.0), FolderOptions).wait_s == 2.0
+    assert checked_options(place(path="images", wait_s=2.0), FolderOptions).wait_s == 2.0
     with pytest.raises(DatasetError, match=r"mycell/cell\.yaml: cameras\.wrist\.driver\.pth: .*did you mean 'path'"):
-        checked_options(place(pth="pictures"), FolderOptions)
+        checked_options(place(pth="images"), FolderOptions)
 
 
 @pytest.mark.parametrize(

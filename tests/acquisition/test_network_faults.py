@@ -106,13 +106,13 @@ def test_ros2_over_a_network_that_loses_packets():
     with ros2(100, 15, 640, 480, cell=watching((640, 480)), CYCLONEDDS_URI=lossy) as process:
         robot = open_joints(process.place("eye"))
         camera = open_image(process.place("wrist", topic="/wrist/image_raw"))
-        pairs = [(robot.state(), camera.picture()) for _ in range(15)]
-    for reading, picture in pairs:
+        pairs = [(robot.state(), camera.image()) for _ in range(15)]
+    for reading, image in pairs:
         joints = reading.state.joints_rad
         assert joints[:4] @ [1e8, 1e5, 100, 0.01] == pytest.approx(reading.stamp_s, abs=1e-6)
-        drawn = int.from_bytes(picture.grey[0, :8].tobytes(), "big") * 1e-9
-        assert drawn == pytest.approx(picture.stamp_s, abs=1e-6)
-        np.testing.assert_array_equal(picture.grey.ravel()[8:], (np.arange(640 * 480) % 251)[8:])
+        drawn = int.from_bytes(image.grey[0, :8].tobytes(), "big") * 1e-9
+        assert drawn == pytest.approx(image.stamp_s, abs=1e-6)
+        np.testing.assert_array_equal(image.grey.ravel()[8:], (np.arange(640 * 480) % 251)[8:])
     for each in zip(*pairs, strict=True):
         assert np.all(np.diff([one.stamp_s for one in each]) > 0)
 
@@ -132,7 +132,7 @@ def test_ros2_over_a_network_that_reorders_packets():
     except PermissionError as error:
         pytest.skip(f"no process can have a network of its own here ({error})")
     assert between.overtaken > 100
-    states, images = np.array(heard["states"]), np.array(heard["pictures"])
+    states, images = np.array(heard["states"]), np.array(heard["images"])
     np.testing.assert_allclose(states[:, 0], states[:, 1], atol=1e-6)
     np.testing.assert_allclose(images[:, 0], images[:, 1], atol=1e-6)
     assert images[:, 2].all()

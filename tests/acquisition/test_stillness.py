@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.acquisition.driver import Picture, Reading
+from basecal.acquisition.driver import CameraImage, Reading
 from basecal.acquisition.rig import open_rig
 from basecal.acquisition.stillness import Unfit, _is_still, wait_for_arms, wait_for_image, wait_until_led
 from basecal.cell import RobotState
@@ -80,12 +80,12 @@ class Film:
     def __init__(self, swing_px):
         self.t, self.swing_px, self.rng = 0.0, swing_px, np.random.default_rng(1)
 
-    def picture(self):
+    def image(self):
         self.t += 1 / 30
         at = 200 + self.swing_px * max(0.0, 1 - self.t) * np.cos(60 * self.t)
         u, v = np.meshgrid(np.arange(400.0), np.arange(300.0))
         inside = 1 / (1 + np.exp(-(40 - np.maximum(np.abs(u - at), np.abs(v - 150))) / 0.7))
-        return Picture(self.t, np.clip(60 + 120 * inside + self.rng.normal(0, 2, u.shape), 0, 255).astype(np.uint8))
+        return CameraImage(self.t, np.clip(60 + 120 * inside + self.rng.normal(0, 2, u.shape), 0, 255).astype(np.uint8))
 
 
 def test_a_image_that_swings_is_waited_for():
@@ -119,8 +119,8 @@ def test_ringing_arms_are_outwaited(tmp_path, target, places):
                 pass
             arrived = rig.robots["eye"].state().stamp_s
             wait_for_arms(rig.robots, goals, 5.0)
-            picture = wait_for_image(rig.cameras["wrist"], [shape], 5.0)
-            assert RING_S - 4 * STATE_S < picture.stamp_s - arrived < RING_S + 0.3
+            image = wait_for_image(rig.cameras["wrist"], [shape], 5.0)
+            assert RING_S - 4 * STATE_S < image.stamp_s - arrived < RING_S + 0.3
 
 
 @pytest.mark.parametrize(("sigmas", "still"), [(3.0, True), (3.9, True), (4.1, False)])

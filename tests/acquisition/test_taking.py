@@ -45,7 +45,7 @@ def test_states_images_and_goals_are_shown(tmp_path):
     glance = watch.snapshot
     assert dict(glance.goals) == {"eye": here["eye"]}
     assert {name: state.joints_rad.shape for name, state in glance.states} == {"eye": (6,), "hand": (6,)}
-    np.testing.assert_array_equal(dict(glance.pictures)["wrist"], read_grey(tmp_path / sample.images["wrist"]))
+    np.testing.assert_array_equal(dict(glance.images)["wrist"], read_grey(tmp_path / sample.images["wrist"]))
 
 
 def test_what_still_moves_is_waited_for_once_more(tmp_path, monkeypatch):
@@ -77,13 +77,13 @@ class LateEye:
         self.camera, self.waiting = camera, []
 
     def light(self, on):
-        self.waiting = [replace(self.camera.picture(), exposed_s=time.monotonic())]
+        self.waiting = [replace(self.camera.image(), exposed_s=time.monotonic())]
         self.camera.light(on)
 
-    def picture(self):
+    def image(self):
         if self.waiting:
             return self.waiting.pop()
-        return replace(self.camera.picture(), exposed_s=time.monotonic() + 60, note="late")
+        return replace(self.camera.image(), exposed_s=time.monotonic() + 60, note="late")
 
     def close(self):
         self.camera.close()
@@ -165,10 +165,10 @@ class Frozen:
 
     is_live, is_on_demand = True, True
 
-    def __init__(self, picture):
-        self._image = picture
+    def __init__(self, image):
+        self._image = image
 
-    def picture(self):
+    def image(self):
         return replace(self._image, stamp_s=time.monotonic())
 
     def close(self):
@@ -178,7 +178,7 @@ class Frozen:
 def test_a_camera_that_repeats_an_image_ends_the_capture(tmp_path):
     """The image of another sample is none of this one if an arm moved; if it did not, the sample is like that one."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
-        frozen = Rig(rig.robots, {"wrist": Frozen(rig.cameras["wrist"].picture())})
+        frozen = Rig(rig.robots, {"wrist": Frozen(rig.cameras["wrist"].image())})
         by = Taker(frozen, sketch_cell(world.cell), tmp_path, FAST)
         first = by.take(Sample(0), [])
         with pytest.raises(Unfit, match="too like sample 0"):
@@ -192,8 +192,8 @@ def test_a_camera_that_repeats_an_image_ends_the_capture(tmp_path):
 def test_an_image_of_another_size_ends_the_capture(tmp_path):
     """Its camera, its size and that of `cell.yaml` are named."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
-        picture = rig.cameras["wrist"].picture()
-        halved = Rig(rig.robots, {"wrist": Frozen(replace(picture, grey=picture.grey[::2, ::2]))})
+        image = rig.cameras["wrist"].image()
+        halved = Rig(rig.robots, {"wrist": Frozen(replace(image, grey=image.grey[::2, ::2]))})
         by = Taker(halved, sketch_cell(world.cell), tmp_path, FAST)
         with pytest.raises(DriverError, match=r"^wrist: its image has \d+ x \d+ pixels, its camera \d+ x \d+"):
             by.take(Sample(0), [])

@@ -131,7 +131,7 @@ def test_it_is_asked_once_for_each_place(
 
 def test_what_stays_in_the_cell_is_not_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A folder of the cell and typed poses are used at once."""
-    folder = write(tmp_path, {"kind": "typed"}, {"kind": "folder", "path": "pictures"})
+    folder = write(tmp_path, {"kind": "typed"}, {"kind": "folder", "path": "images"})
     main(["capture", str(folder)])
     assert "connects to" not in capsys.readouterr().err
 

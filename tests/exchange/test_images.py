@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.images import image_size, list_images, read_time, unreadable_images, usual_size
+from basecal.exchange.images import image_size, list_images, missing_numbers, read_time, unreadable_images, usual_size
 
 
 def filled(folder: Path, *names: str) -> Path:
@@ -73,6 +73,21 @@ def test_numbers_are_no_times(name: str) -> None:
     """The message has a name that is one."""
     with pytest.raises(InputError, match=re.escape(f"{name}: the name is no time, expected one such as 16825")):
         read_time(Path(name))
+
+
+@pytest.mark.parametrize(
+    ("names", "missing"),
+    [
+        (("1.png", "2.png", "4.png"), ("3",)),
+        (("left_0001.png", "left_0004.png", "left_0003.png"), ("0002",)),
+        (("1.png", "3.png"), ()),  # two make no numbering
+        (("1.png", "2.png", "last.png", "4.png"), ()),
+        (("10.png", "2.png", "4.png"), ()),  # numbers of something else
+    ],
+)
+def test_numbers_left_out_are_named(names: tuple[str, ...], missing: tuple[str, ...]) -> None:
+    """Of three and more names that all have numbers, and leave out a few."""
+    assert missing_numbers(names) == missing
 
 
 def test_the_usual_size() -> None:

@@ -114,9 +114,13 @@ def test_cells_of_other_references(tmp_path: Path) -> None:
     assert [(name, each.mount.mean) for name, each in merged.targets.items()] == [("board", None), ("tag", None)]
 
 
-def test_streams_at_one_time_are_not_mixed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_whole", [(False, False), (False, True), (True, False)])
+def test_streams_at_one_time_are_not_mixed(tmp_path: Path, is_whole: tuple[bool, bool]) -> None:
     """Lines of robots alone are joined by time with those of images: recordings must not overlap."""
-    a, b = (cell(tmp_path / n, BASE, range(3), stamps) for n, stamps in (("a", 0.0), ("b", 1.5)))
+    a, b = (cell(tmp_path / n, BASE + CAMERA, range(0)) for n in "ab")
+    robot, images = {"left": RobotState(SE3.identity())}, {"cam": "recording/images/cam/0.png"}
+    for folder, begun_s, whole in zip((a, b), (0.0, 1.5), is_whole, strict=True):
+        append_samples(folder, [Sample(k, begun_s + k, robot, (), images if whole else {}) for k in range(3)])
     with pytest.raises(InputError, match=r"overlap in time \(1.5 to 2 s\)"):
         merge_cells([a, b], tmp_path / "c")
 

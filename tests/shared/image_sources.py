@@ -72,7 +72,7 @@ class Scene:
         self._rng = np.random.default_rng(seed)
         self._noise = self._rng.normal(0, NOISE_LEVELS, (2 * board.shape[0], 2 * board.shape[1])).astype(np.float32)
 
-    def picture(self, exposed_s: float) -> Bytes:
+    def image(self, exposed_s: float) -> Bytes:
         """The image of an instant, with fresh noise."""
         u, v = -self.pixels_m * self.path.at(exposed_s)
         height, width = self.board.shape
@@ -129,9 +129,9 @@ class Delay:
     def __init__(self, frames: Callable[[], int]) -> None:
         self._frames, self._held = frames, deque[Any]()
 
-    def through(self, picture: Any) -> Any:
+    def through(self, image: Any) -> Any:
         """Put one in, and take one out."""
-        self._held.append(picture)
+        self._held.append(image)
         while len(self._held) > self._frames() + 1:
             self._held.popleft()
         return self._held[0]
@@ -161,7 +161,7 @@ class BufferingCapture:
     def _fill(self) -> None:
         delay = Delay(lambda: self.delay)
         for exposed_s in ticks(IMAGES_HZ, self._is_over.is_set):
-            given = delay.through((exposed_s, self.scene.picture(exposed_s)))
+            given = delay.through((exposed_s, self.scene.image(exposed_s)))
             if not self._filled.full():
                 self._filled.put(given)
 
@@ -182,10 +182,10 @@ class BufferingCapture:
     def read(self) -> tuple[bool, Bytes | None]:
         """The oldest image that waits."""
         try:
-            self._stamp_s, picture = self._filled.get(timeout=2.0)
+            self._stamp_s, image = self._filled.get(timeout=2.0)
         except Empty:
             return False, None
-        return True, picture
+        return True, image
 
     def release(self) -> None:
         """No more images."""
@@ -201,7 +201,7 @@ def _serve(scene: Scene, delay: Any, port: Any) -> None:
             held = Delay(lambda: int(delay.value))
             try:
                 for exposed_s in ticks(IMAGES_HZ, lambda: False):
-                    file = held.through(cv2.imencode(".jpg", scene.picture(exposed_s))[1].tobytes())
+                    file = held.through(cv2.imencode(".jpg", scene.image(exposed_s))[1].tobytes())
                     head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(file)}\r\n\r\n"
                     self.wfile.write(head.encode() + file + b"\r\n")
             except OSError:
@@ -218,7 +218,7 @@ def _serve(scene: Scene, delay: Any, port: Any) -> None:
 
 @contextmanager
 def mjpeg_server(scene: Scene, delay: Any) -> Iterator[str]:
-    """The address of an MJPEG stream from a process of its own; `delay` [pictures] may change while it runs."""
+    """The address of an MJPEG stream from a process of its own; `delay` [images] may change while it runs."""
     port = PROCESSES.Value("i", 0)
     process = PROCESSES.Process(target=_serve, args=(scene, delay, port), daemon=True)
     process.start()
@@ -238,7 +238,7 @@ def _save(scene: Scene, folder: Path, way: str, seed: int) -> None:
     wall_s = time.time() - time.monotonic()
     for number, exposed_s in enumerate(ticks(20.0, lambda: False)):
         late_s = {"at once": 0.0, "slow": 0.25, "shuffled": rng.choice([0.0, 0.12, 1.0], p=[0.8, 0.15, 0.05])}[way]
-        waiting.append((exposed_s + late_s, exposed_s, scene.picture(exposed_s)))
+        waiting.append((exposed_s + late_s, exposed_s, scene.image(exposed_s)))
         for each in sorted((each for each in waiting if each[0] <= exposed_s), key=lambda each: each[0]):
             path = folder / f"{number:06d}_{each[1]:.3f}.jpg"
             path.with_suffix(".part").write_bytes(cv2.imencode(".jpg", each[2])[1].tobytes())

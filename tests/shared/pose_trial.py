@@ -86,7 +86,7 @@ def _board(texture: float) -> tuple[Cell, np.ndarray[Any, Any]]:
     lens = Camera("pinhole", np.array([FOCAL_PX, FOCAL_PX, 319.5, 239.5]), SIZE_PX)
     shape = charuco_target((5, 4), 0.03, 0.022, "DICT_4X4_50")
     at = SE3(np.eye(3), np.array([0.0, 0.0, AWAY_M]) - shape.points.mean(0))
-    picture = render(lens, shape, at, RenderSettings(noise=0.0, texture=texture), 0)
+    image = render(lens, shape, at, RenderSettings(noise=0.0, texture=texture), 0)
     cell = Cell(
         "eye",
         {"eye": Robot("eye", driver=Driver("trial"))},
@@ -102,7 +102,7 @@ def _board(texture: float) -> tuple[Cell, np.ndarray[Any, Any]]:
         },
         targets={"board": CellTarget("board", "world", Unknown("fixed", at), shape)},
     )
-    return cell, picture
+    return cell, image
 
 
 @contextmanager
@@ -112,8 +112,8 @@ def _opened(source: Source, cell: Cell, scene: Scene, folder: Path, seed: int) -
     options: dict[str, Any] = {"source": 0}
     with ExitStack() as held:
         if source.kind == "folder":
-            held.enter_context(saving(scene, folder / "pictures", source.way, seed))
-            options = {"path": "pictures", "wait_s": 10.0}
+            held.enter_context(saving(scene, folder / "images", source.way, seed))
+            options = {"path": "images", "wait_s": 10.0}
         elif source.way:
             given = {"scene": scene, "buffers": source.held[0], "delay": source.late, "backend": source.way}
             before = cv2.VideoCapture
@@ -143,7 +143,7 @@ def sigma_px(cell: Cell, scene: Scene) -> float:
     rng, errors = np.random.default_rng(0), []
     for _ in range(STILLS):
         scene.path.go(rng.uniform(-REACH_M, REACH_M, 2), 0.0)
-        file = cv2.imencode(".jpg", scene.picture(time.monotonic()))[1]
+        file = cv2.imencode(".jpg", scene.image(time.monotonic()))[1]
         found = find(cv2.imdecode(file, cv2.IMREAD_GRAYSCALE), cell.targets["board"].target)
         errors.append(found.pixels - _expected(cell, scene.path.at(time.monotonic()), found.ids))
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))

@@ -22,11 +22,11 @@ def of_state(reading):
     return reading.stamp_s, joints[:4] @ [1e8, 1e5, 100, 0.01]
 
 
-def of_image(picture):
+def of_image(image):
     """Its stamp, the one that is drawn into it [s], and whether all other pixels are as they were sent."""
-    drawn = int.from_bytes(picture.grey[0, :8].tobytes(), "big") * 1e-9
-    ground = np.arange(picture.grey.size) % 251
-    return picture.stamp_s, drawn, bool(np.array_equal(picture.grey.ravel()[8:], ground[8:]))
+    drawn = int.from_bytes(image.grey[0, :8].tobytes(), "big") * 1e-9
+    ground = np.arange(image.grey.size) % 251
+    return image.stamp_s, drawn, bool(np.array_equal(image.grey.ravel()[8:], ground[8:]))
 
 
 def main(domain, number, width, height):
@@ -36,9 +36,9 @@ def main(domain, number, width, height):
     camera = open_camera(Place("wrist", cell, Path("."), {**options, "topic": "/wrist/image_raw"}))
     print("ready", flush=True)
     sys.stdin.readline()
-    pairs = [(of_state(robot.state()), of_image(camera.picture())) for _ in range(int(number))]
+    pairs = [(of_state(robot.state()), of_image(camera.image())) for _ in range(int(number))]
     states, images = zip(*pairs, strict=True)
-    print(json.dumps({"states": states, "pictures": images}), flush=True)
+    print(json.dumps({"states": states, "images": images}), flush=True)
 
 
 if __name__ == "__main__":

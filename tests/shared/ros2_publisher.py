@@ -45,7 +45,7 @@ def joint_state(stamp_ns, names=JOINTS):
     )
 
 
-def picture(stamp_ns, width, height, ground):
+def image(stamp_ns, width, height, ground):
     """Grey, the first eight pixels being its stamp."""
     data = ground.copy()
     data[:8] = np.frombuffer(stamp_ns.to_bytes(8, "big"), np.uint8)
@@ -77,11 +77,11 @@ def transform(stamp_ns, parent, child, x, q=(0.0, 0.0, 0.0, 1.0)):
 
 class Publisher:
     def __init__(self, domain, joints_hz, images_hz, width, height):
-        self.rates = {"joints": joints_hz, "pictures": images_hz}
+        self.rates = {"joints": joints_hz, "images": images_hz}
         self.width, self.height = width, height
         self.ground = (np.arange(width * height) % 251).astype(np.uint8)
         self.frozen, self.partial, self.running = False, False, True
-        self.sent = {"joints": 0, "pictures": 0}
+        self.sent = {"joints": 0, "images": 0}
         latched = {"is_latched": True, "depth": 10}
         plain = {"is_latched": False}
         self.joints = Speaker(domain, "/joint_states", "sensor_msgs/msg/JointState", depth=50, **plain)
@@ -106,7 +106,7 @@ class Publisher:
 
     def send_image(self):
         stamp_ns = self.time_s()
-        self.images.send(picture(stamp_ns, self.width, self.height, self.ground))
+        self.images.send(image(stamp_ns, self.width, self.height, self.ground))
         self.infos.send(camera_info(stamp_ns, self.width, self.height))
 
     def repeat(self, name, send):
@@ -123,7 +123,7 @@ class Publisher:
         """Do what a line says, and give what is to be answered."""
         word, *rest = words
         if word == "sent":
-            return f"{self.sent['joints']} {self.sent['pictures']}"
+            return f"{self.sent['joints']} {self.sent['images']}"
         if word == "rate":
             self.rates[rest[0]] = float(rest[1])
         elif word == "freeze":
@@ -135,7 +135,7 @@ class Publisher:
 
 def main(domain, joints_hz=100.0, images_hz=30.0, width=64, height=48):
     publisher = Publisher(int(domain), float(joints_hz), float(images_hz), int(width), int(height))
-    for name, send in (("joints", publisher.send_joints), ("pictures", publisher.send_image)):
+    for name, send in (("joints", publisher.send_joints), ("images", publisher.send_image)):
         threading.Thread(target=publisher.repeat, args=(name, send), daemon=True).start()
     print("ready", flush=True)
     for line in sys.stdin:

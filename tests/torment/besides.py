@@ -142,7 +142,7 @@ def hear_damaged(chance: Random, folder: Path) -> str:
 
     def hear() -> None:
         if "png_base64" in answer:
-            SimulatedCamera("wrist", line).picture()
+            SimulatedCamera("wrist", line).image()
             return
         reading = SimulatedRobot("eye", line).state()
         if not np.isfinite([reading.stamp_s, *np.ravel(reading.state.joints_rad)]).all():

@@ -155,7 +155,7 @@ def _answer_rtsp(chance: Random) -> Callable[[socket.socket], None]:
 @contextmanager
 def opencv_stage(chance: Random, folder: Path) -> Iterator[list[str]]:
     """Images by HTTP, films by HTTP, RTSP and UDP, a film that is damaged, and a pipe."""
-    kind = chance.choice(["pictures", "pictures", "film", "rtsp", "udp", "file", "pipe"])
+    kind = chance.choice(["images", "images", "film", "rtsp", "udp", "file", "pipe"])
     if kind in ("file", "pipe"):
         words = _check(folder, "wrist", {"kind": "opencv", "source": kind})
         path = folder / "cell" / kind
@@ -165,7 +165,7 @@ def opencv_stage(chance: Random, folder: Path) -> Iterator[list[str]]:
         with _sent_by_udp(chance) as port:
             yield _check(folder, "wrist", {"kind": "opencv", "source": f"udp://127.0.0.1:{port}"})
     else:
-        play = {"pictures": _stream_images, "film": _stream_film, "rtsp": _answer_rtsp}[kind](chance)
+        play = {"images": _stream_images, "film": _stream_film, "rtsp": _answer_rtsp}[kind](chance)
         with linked(choose_link(chance), [played(play)], [("127.0.0.1", 0)]) as (port,):
             scheme = "rtsp" if kind == "rtsp" else "http"
             yield _check(folder, "wrist", {"kind": "opencv", "source": f"{scheme}://127.0.0.1:{port}/a"})

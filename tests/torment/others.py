@@ -103,7 +103,7 @@ def replay_damaged(chance: Random, folder: Path) -> str:
         _check(robot.state())
         robot.move(robot.state().state, 0.1)
         _check(robot.state())
-        replay.open_camera(Place("wrist", cell, folder, place.options)).picture()
+        replay.open_camera(Place("wrist", cell, folder, place.options)).image()
 
     return of_reader(read)
 
@@ -135,7 +135,7 @@ def folder_damaged(chance: Random, folder: Path) -> str:
     options = {"path": "saved", "wait_s": _WAIT_S, "existing": chance.random() < 0.8}
 
     def read() -> None:
-        found = folder_driver.open_camera(Place(camera.name, cell, folder, options)).picture()
+        found = folder_driver.open_camera(Place(camera.name, cell, folder, options)).image()
         if not np.isfinite(found.stamp_s) or found.grey.ndim != 2:
             raise Fell(f"gives an image of shape {found.grey.shape}")
 

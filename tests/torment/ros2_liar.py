@@ -16,7 +16,7 @@ from cyclonedds.core import DDSException
 
 from basecal.acquisition.ros2.dds import Speaker
 from basecal.acquisition.ros2.types import encode
-from shared.ros2_publisher import Publisher, header, joint_state, picture, transform
+from shared.ros2_publisher import Publisher, header, image, joint_state, transform
 from torment.damage import torn_bytes
 
 _PERIOD_S = 0.01
@@ -38,7 +38,7 @@ def _topics(publisher: Publisher) -> dict[tuple[str, str], Callable[[int], Any]]
         ("/joint_states", "sensor_msgs/msg/JointState"): joint_state,
         ("/pose", "geometry_msgs/msg/PoseStamped"): _pose,
         ("/tf", "tf2_msgs/msg/TFMessage"): _frames,
-        ("/wrist/image_raw", "sensor_msgs/msg/Image"): lambda ns: picture(ns, 64, 48, publisher.ground),
+        ("/wrist/image_raw", "sensor_msgs/msg/Image"): lambda ns: image(ns, 64, 48, publisher.ground),
     }
 
 

@@ -15,7 +15,8 @@ from basecal.estimation.start.first_state import lenses
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.geometry.rotation import lengths
 
-_ASSUMED_PX = 0.3  # [px] of a light's centre where no noise is stated: that of a plain centroid
+# [px] of a light's centre where no noise is stated: that of a plain centroid; assumed, as the report says.
+_ASSUMED_PX = 0.3
 _STEP_PX = 1e-3  # [px] of the central difference, whose error is of its square
 _SYSTEMATIC_SIGMAS = 2.0  # sigmas of the noise, above which the neglected depth is worth a warning
 

@@ -9,7 +9,8 @@ from basecal.estimation.certificate.certificate import certify
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 
-_CERTIFICATE_ROUNDS = 3  # better optima to go to, one after another: each lowers the cost
+# Better optima to go to, one after another: each lowers the cost; `benchmarks.certificate` judges it.
+_CERTIFICATE_ROUNDS = 3
 
 
 def prove_solution(solution: Solution, settings: Settings) -> tuple[Solution, Certificate | None]:

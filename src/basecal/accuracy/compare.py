@@ -13,7 +13,7 @@ from basecal.cell import Calibration
 from basecal.errors import check_type
 from basecal.numerics.spectral import spectrum
 
-_ROUNDING = 1e-12  # [m, rad] between transforms that have no sigma and are equal
+_ROUNDING = 1e-12  # [m, rad] between equal transforms that have no sigma: rounding
 
 
 @dataclass(frozen=True)

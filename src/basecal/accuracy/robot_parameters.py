@@ -13,12 +13,11 @@ from basecal.cell import Calibration, Cell, RobotParameters
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.errors import InputError
 from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.observability.observability import TOUCHED_SHARE
 from basecal.estimation.problem.robot_parameters import Kinematics, RobotModel
 from basecal.estimation.solve import Solution
 from basecal.geometry import BoolArray
 from basecal.numerics.spectral import spectrum
-
-_NULL_SHARE = 1e-3  # component of a null vector, above which a column has a part in it
 
 
 def robot_parameters(solution: Solution) -> dict[str, dict[str, RobotParameters]]:
@@ -93,4 +92,4 @@ def _touched_by_null_space(solution: Solution) -> BoolArray:
         return np.zeros(solution.problem.width, dtype=bool)
     hessian = linearise(solution.problem, solution.state).hessian
     of = spectrum(hessian)
-    return np.asarray(np.abs(of.vectors[:, ~of.held]).max(axis=1, initial=0.0) > _NULL_SHARE)
+    return np.asarray(np.abs(of.vectors[:, ~of.held]).max(axis=1, initial=0.0) > TOUCHED_SHARE)

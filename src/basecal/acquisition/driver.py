@@ -1,7 +1,7 @@
 """The protocols of drivers: robots and cameras, and the values that they give.
 
 A driver is a module with `open_robot(place) -> Robot`, `open_camera(place) -> Camera`, or both. What not every robot or
-camera can do is a face of its own, which a driver has or has not. Reading waits: `state` and `picture` come back with
+camera can do is a face of its own, which a driver has or has not. Reading waits: `state` and `image` come back with
 something newer than before, so that nobody has to know how often to ask.
 """
 
@@ -50,8 +50,8 @@ class Reading:
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
-    """An image.
+class CameraImage:
+    """An image of a camera with its stamp.
 
     Attributes:
         stamp_s: When it was exposed, in the middle [s], by the camera's clock.
@@ -173,7 +173,7 @@ class Camera(Protocol):
     def is_live(self) -> bool:
         """Whether images come without a request, one after another."""
 
-    def picture(self) -> Picture:
+    def image(self) -> CameraImage:
         """Wait for an image newer than the last one given.
 
         Raises:

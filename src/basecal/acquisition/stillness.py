@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.acquisition.driver import Camera, Picture, Reading, Robot
+from basecal.acquisition.driver import Camera, CameraImage, Reading, Robot
 from basecal.acquisition.freshness import Patience
 from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.states import has_arrived, state_vector
@@ -31,7 +31,7 @@ _STILL_IMAGES = 3  # in a row: of two, a swing may happen to be at the same plac
 Note = Callable[[str, Reading], None]
 """Takes account of a state that a robot, by its name, gave just now."""
 
-Show = Callable[[Picture], None]
+Show = Callable[[CameraImage], None]
 """Receives each image."""
 
 
@@ -132,8 +132,8 @@ def _mean(readings: Sequence[Reading]) -> Reading:
 
 
 def wait_for_image_after(
-    camera: Camera, after_s: float, patience_s: float, show: Show = lambda picture: None
-) -> Picture:
+    camera: Camera, after_s: float, patience_s: float, show: Show = lambda image: None
+) -> CameraImage:
     """The next image that was exposed after an instant.
 
     Args:
@@ -147,10 +147,10 @@ def wait_for_image_after(
     """
     until = time.monotonic() + patience_s
     while True:
-        picture = camera.picture()
-        show(picture)
-        if picture.exposed_s is None or picture.exposed_s > after_s:
-            return picture
+        image = camera.image()
+        show(image)
+        if image.exposed_s is None or image.exposed_s > after_s:
+            return image
         if time.monotonic() > until:
             raise Moving("image too old: all were taken before the arms came to rest; check the camera's clock")
 
@@ -160,8 +160,8 @@ def wait_for_image(
     targets: Sequence[Target],
     patience_s: float,
     after_s: float = -np.inf,
-    show: Show = lambda picture: None,
-) -> Picture:
+    show: Show = lambda image: None,
+) -> CameraImage:
     """The last of three images that show no movement; of a camera that is not live, the next one.
 
     Args:
@@ -181,29 +181,29 @@ def wait_for_image(
 
     looks = [look()]
     if not camera.is_live:
-        return looks[0].picture
-    began, still = looks[0].picture.stamp_s, 0
+        return looks[0].image
+    began, still = looks[0].image.stamp_s, 0
     while still < _STILL_IMAGES - 1:
         looks = [*looks[1 - _STILL_IMAGES :], look()]
         moves = any(_has_moved(before, looks[-1]) for before in looks[:-1])
         still = 0 if moves else still + 1
-        if moves and looks[-1].picture.stamp_s - began > patience_s:
+        if moves and looks[-1].image.stamp_s - began > patience_s:
             raise Moving("image still moving: something shakes, or somebody walks through the image")
-    return looks[-1].picture
+    return looks[-1].image
 
 
 @dataclass(frozen=True, eq=False)
 class _Look:
     """An image, made small, and where its lights are [px]."""
 
-    picture: Picture
+    image: CameraImage
     small: Levels
     lights: tuple[Array | None, ...]
 
 
-def _find_lights(picture: Picture, targets: Sequence[Target]) -> _Look:
-    found = [find(picture.grey, target) for target in targets if target.found_by == LIGHT]
-    return _Look(picture, reduce_image(picture.grey), tuple(None if each is None else each.pixels[0] for each in found))
+def _find_lights(image: CameraImage, targets: Sequence[Target]) -> _Look:
+    found = [find(image.grey, target) for target in targets if target.found_by == LIGHT]
+    return _Look(image, reduce_image(image.grey), tuple(None if each is None else each.pixels[0] for each in found))
 
 
 def _has_moved(states: _Look, second: _Look) -> bool:

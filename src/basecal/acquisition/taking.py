@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.acquisition.coverage import Coverage, find_equal_sample, is_same_place, measure_coverage, turned_angles
-from basecal.acquisition.driver import Grey, Moves, Picture, Switches
+from basecal.acquisition.driver import CameraImage, Grey, Moves, Switches
 from basecal.acquisition.images.scene_images import SceneImages
 from basecal.acquisition.images.sharpness import Sharpness
 from basecal.acquisition.rig import Rig, goal_checks, movers
@@ -195,24 +195,24 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
         taker.settings.patience_s,
     )
 
-    def show(picture: Picture) -> None:
+    def show(image: CameraImage) -> None:
         """Show an image, and report what a person should know of it."""
-        taker.show(name, picture.grey)
-        if picture.note:
-            taker.report(picture.note)
+        taker.show(name, image.grey)
+        if image.note:
+            taker.report(image.note)
 
-    picture = wait_for_image(camera, targets, patience_s, rested_s, show)
-    height, width = picture.grey.shape
+    image = wait_for_image(camera, targets, patience_s, rested_s, show)
+    height, width = image.grey.shape
     if fault := size_fault((width, height), taker.sketch.cell.cameras[name].size_px):
-        raise DriverError(f"{name}: {picture.source or 'its image'} {fault}")
+        raise DriverError(f"{name}: {image.source or 'its image'} {fault}")
     if not (isinstance(camera, Switches) and any(target.found_by == LIGHT for target in targets)):
-        return _Shot(picture.stamp_s, picture.grey, None)
+        return _Shot(image.stamp_s, image.grey, None)
     camera.light(False)
     try:
         background = wait_for_image_after(camera, time.monotonic(), patience_s, show).grey
     finally:
         camera.light(True)
-    return _Shot(picture.stamp_s, picture.grey, background)
+    return _Shot(image.stamp_s, image.grey, background)
 
 
 def _check_repeats(taker: Taker, here: Sample, shots: Mapping[str, _Shot], samples: Sequence[Sample]) -> None:

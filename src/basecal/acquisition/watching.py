@@ -46,7 +46,7 @@ class Snapshot:
         sigmas: After each sample since all directions were seen.
         said: What has become of the last samples, a line each.
         doubts: What disagrees for the rest of the capture, a line each.
-        pictures: The last one of each camera.
+        images: The last one of each camera.
         states: The last one of each robot.
         goals: Where each robot was sent last.
         failures: Samples that were not taken, and why.
@@ -61,7 +61,7 @@ class Snapshot:
     sigmas: tuple[Sigma, ...] = ()
     said: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
-    pictures: tuple[tuple[str, Grey], ...] = ()
+    images: tuple[tuple[str, Grey], ...] = ()
     states: tuple[tuple[str, RobotState], ...] = ()
     goals: tuple[tuple[str, RobotState], ...] = ()
     failures: tuple[tuple[int, str], ...] = ()
@@ -135,7 +135,7 @@ class Watch:
 
     def note_image(self, camera: str, grey: Grey) -> None:
         """Note an image."""
-        self._keep("pictures", camera, grey)
+        self._keep("images", camera, grey)
 
     def note_state(self, robot: str, state: RobotState) -> None:
         """Note where a robot is."""
@@ -145,7 +145,7 @@ class Watch:
         """Note where a robot is sent."""
         self._keep("goals", robot, goal)
 
-    def _keep(self, kind: Literal["pictures", "states", "goals"], name: str, value: object) -> None:
+    def _keep(self, kind: Literal["images", "states", "goals"], name: str, value: object) -> None:
         """Note the last value of a camera or robot."""
         with self._lock:
             kept = {**dict(getattr(self._snapshot, kind)), name: value}

@@ -14,6 +14,9 @@ from basecal.errors import InputError, check_choice, check_integer, check_type
 from basecal.estimation.stages import StageName, Stages
 
 LOG = logging.getLogger("basecal")
+
+MOST_STEPS = 100
+"""Steps of a descent at most; assumed: one that needs more is reported as not converged."""
 Method = Literal["maximum-likelihood", "axis-shift", "scene"]
 Start = Literal["closed", "thorough", "guess", "axis-shift"]
 StationChoice = Literal["nearest", "weighted"]
@@ -57,7 +60,7 @@ class Settings:
     """
 
     method: Method = "maximum-likelihood"
-    iterations: int = 100
+    iterations: int = MOST_STEPS
     start: Start = "closed"
     task_point: tuple[float, float, float] | None = None
     task_box: tuple[float, float, float, float, float, float] | None = None

@@ -12,7 +12,15 @@ from basecal.estimation.axis_shift.stations import find_stations, fuse_bases
 from basecal.estimation.joint_state import joint_state
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
-from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
+from basecal.estimation.noise.estimate import (
+    PLAUSIBLE_PX,
+    PLAUSIBLE_SIGMAS,
+    PLAUSIBLE_TOUCH_M,
+    NoiseEstimate,
+    degrees_of_freedom,
+    estimate_noise,
+    residual_counts,
+)
 from basecal.estimation.noise.joint_estimate import estimate_jointly, integrate_sigmas
 from basecal.estimation.observability.observability import Observability, analyse_observability, sparse_observability
 from basecal.estimation.problem.build import build_problem
@@ -26,14 +34,17 @@ from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.numerics.spectral import spectrum
 from basecal.numerics.threads import limit_threads
 
-_READING_ROUNDS = 6  # rounds of choosing correspondences at most
+_READING_ROUNDS = 6  # rounds of choosing correspondences at most; assumed
 _LARGEST_FACTOR = 1e30  # keeps covariances finite where exact robots cannot explain the data at all
-_SAME_COST = 1e-6  # relative difference of costs that descents to one optimum may leave
-_PLAUSIBLE_PX = 3.0  # residual that a detector may have before another start is tried [px]
-_PLAUSIBLE_SIGMAS = 4.0  # likewise of stated sigmas
-_PLAUSIBLE_M = 0.02  # likewise of measured poses and points, which state none [m]
-_PLAUSIBLE_TOUCH_M = 3e-3  # likewise of touches [m]
-_PLAUSIBLE_RAD = 0.05  # likewise of measured poses [rad]
+# Residuals of measured poses and points [m, rad] beyond which another start is tried; assumed. Lower ones cost time,
+# higher ones hide wrong optima: `benchmarks.starts`.
+_PLAUSIBLE_M, _PLAUSIBLE_RAD = 0.02, 0.05
+
+SAME_COST = 1e-6
+"""Relative difference of costs that descents to one optimum may leave.
+
+Each ends within `CONVERGED_SIGMAS` of its optimum, 1e-5 sigmas, which leave 1e-10 of a cost.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +220,7 @@ def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, S
     others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell), joint_state(problem, cell)]
     ends = [first, *(_settle_readings(problem, state, settings) for state in others if state is not None)]
     costs = [end[2] for end in ends]
-    return *min(ends, key=lambda end: end[2])[:2], max(costs) > min(costs) * (1 + _SAME_COST)
+    return *min(ends, key=lambda end: end[2])[:2], max(costs) > min(costs) * (1 + SAME_COST)
 
 
 def _settle_readings(problem: Problem, state: State, settings: Settings) -> tuple[Problem, State, float]:
@@ -248,8 +259,8 @@ def _is_plausible(problem: Problem, cost: float) -> bool:
     dof = degrees_of_freedom(problem)
     unstated = {f: n for f, n in residual_counts(problem).items() if f != "stated" and n}
     if not unstated:
-        return cost < _PLAUSIBLE_SIGMAS**2 * max(dof, 1)
-    limits = Noise(_PLAUSIBLE_PX, _PLAUSIBLE_M, _PLAUSIBLE_RAD, _PLAUSIBLE_M, _PLAUSIBLE_TOUCH_M, _PLAUSIBLE_RAD)
+        return cost < PLAUSIBLE_SIGMAS**2 * max(dof, 1)
+    limits = Noise(PLAUSIBLE_PX, _PLAUSIBLE_M, _PLAUSIBLE_RAD, _PLAUSIBLE_M, PLAUSIBLE_TOUCH_M, _PLAUSIBLE_RAD)
     unit = Noise()
     worst = max(getattr(limits, f) / getattr(unit, f) for f in unstated)
     return cost < float(worst) ** 2 * max(dof, 1)

@@ -10,6 +10,7 @@ from basecal.errors import InputError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_batch
 from basecal.estimation.noise.estimate import degrees_of_freedom, residual_counts
 from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.settings import MOST_STEPS
 from basecal.geometry import Array, BoolArray
 
 
@@ -32,7 +33,7 @@ class SolutionBatch:
     converged: BoolArray
 
 
-def solve_batch(problem: Problem, starts: State, iterations: int = 100) -> SolutionBatch:
+def solve_batch(problem: Problem, starts: State, iterations: int = MOST_STEPS) -> SolutionBatch:
     """Maximum likelihood and covariance downhill of a batch of starts, each as `solve` gives it alone.
 
     Args:

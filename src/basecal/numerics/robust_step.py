@@ -11,6 +11,9 @@ from basecal.geometry import Array
 STEP = 1e-6
 """Of a difference that gives a slope; below it a step is none."""
 
+NORMAL_MAD = 1.4826
+"""Sigma of a normal distribution over its median absolute deviation, its upper quartile."""
+
 _DAMPING = 1e-9  # of the diagonal
 
 

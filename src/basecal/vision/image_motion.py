@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basecal.geometry import Array
+from basecal.numerics.robust_step import NORMAL_MAD
 from basecal.vision.detection import Image
 
 Levels = NDArray[np.float32]
@@ -20,7 +21,6 @@ _REDUCTION = 2  # pixels a side are one: less work, and as exact where many pixe
 _BLOCK_PX = 40  # of a block's side, of such pixels: some squares of a board, and a light with its surroundings
 _CERTAIN_PX = 0.05  # sigma of a block's shift: others have too little structure to tell
 _SMOOTH_PX = 0.8  # of such pixels, so that noise makes no edges
-_MAD_SIGMAS = 1.4826  # of a normal distribution over its median absolute deviation
 _NOISE_STRIDE = 7  # th pixel tells the noise
 _NOISE_SIGMAS = 4.5  # sigmas: of a hundred blocks none has that by chance, but once in a thousand images
 
@@ -52,7 +52,7 @@ def shift_between(first: Levels, second: Levels) -> float:
     axis = np.stack([np.cos(along), np.sin(along)], -1)
     # Smoothed noise of neighbours is alike: so many pixels count as one.
     alike = 1.0 + 4 * np.pi * _SMOOTH_PX**2
-    noise = _MAD_SIGMAS * float(np.median(np.abs(change[::_NOISE_STRIDE, ::_NOISE_STRIDE]))) * np.sqrt(alike)
+    noise = NORMAL_MAD * float(np.median(np.abs(change[::_NOISE_STRIDE, ::_NOISE_STRIDE]))) * np.sqrt(alike)
     sigma = noise / np.sqrt(strongest)
     shift = np.abs((downhill * axis).sum(-1)) / strongest
     beyond = np.where(_REDUCTION * sigma < _CERTAIN_PX, shift - _NOISE_SIGMAS * sigma, 0.0)

@@ -23,7 +23,7 @@ def test_held_out_errors_are_alike(pixel_noise: bool, monkeypatch: pytest.Monkey
     made = simulate(replace(Scenario(samples=120, robot_noise=(1e-4, 2e-4)), state_pixel_noise=pixel_noise), 3)
     whole = solve(made.cell, made.recording, STATED)
     assert thin_solution(whole, STATED) is whole
-    monkeypatch.setattr(some_views, "MOST_VIEWS", 40)
+    monkeypatch.setattr(some_views, "MANY_VIEWS", 40)
     few = thin_solution(whole, STATED)
     assert [len(group) for group in few.problem.groups] == [40]
     name = "eye_base_from_hand_base"
@@ -47,6 +47,6 @@ def test_what_has_no_optimum_by_some_is_by_all(monkeypatch: pytest.MonkeyPatch) 
     """Where some of the views do not settle, all of them are used."""
     made = simulate(Scenario(samples=30), 0)
     whole = solve(made.cell, made.recording, STATED)
-    monkeypatch.setattr(some_views, "MOST_VIEWS", 10)
+    monkeypatch.setattr(some_views, "MANY_VIEWS", 10)
     monkeypatch.setattr(some_views, "solve_at_mode", lambda *of: replace(whole, converged=False))
     assert thin_solution(whole, STATED) is whole

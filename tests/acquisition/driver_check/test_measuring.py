@@ -34,9 +34,9 @@ def test_images_that_waited_are_counted(waiting):
     """Images that come faster than exposures waited in a buffer."""
     left = [waiting]
 
-    def picture():
+    def image():
         left[0] -= 1
         if left[0] < 0:
             time.sleep(0.3)
 
-    assert stale_images(SimpleNamespace(picture=picture), 0.3, 0.0) == max(waiting - 1, 0)
+    assert stale_images(SimpleNamespace(image=image), 0.3, 0.0) == max(waiting - 1, 0)

@@ -19,24 +19,24 @@ from basecal.vision.image_file import write_png
 CELL = Cell("eye", {"eye": Robot("eye")}, cameras={"wrist": CellCamera("wrist", "eye", size_px=(32, 24))})
 
 
-def picture(level, size=(24, 32)):
+def image(level, size=(24, 32)):
     return np.full(size, level, dtype=np.uint8)
 
 
 def camera(folder, **options):
-    return open_camera(Place("wrist", CELL, folder, {"path": "pictures", "wait_s": 0.2, **options}))
+    return open_camera(Place("wrist", CELL, folder, {"path": "images", "wait_s": 0.2, **options}))
 
 
 @pytest.fixture
 def folder(tmp_path):
-    (tmp_path / "pictures").mkdir()
-    write_png(tmp_path / "pictures" / "old.png", picture(10))
+    (tmp_path / "images").mkdir()
+    write_png(tmp_path / "images" / "old.png", image(10))
     return tmp_path
 
 
 def save(folder, level, written_s=None):
-    path = folder / "pictures" / f"{level}.png"
-    write_png(path, picture(level))
+    path = folder / "images" / f"{level}.png"
+    write_png(path, image(level))
     if written_s is not None:
         os.utime(path, (written_s, written_s))
 
@@ -46,19 +46,19 @@ def test_the_newest_new_image_is_given_once(folder):
     source = camera(folder)
     save(folder, 100, 2000.0)
     save(folder, 50, 3000.0)
-    given = source.picture()
+    given = source.image()
     assert (given.grey[0, 0], given.stamp_s, given.source) == (50, pytest.approx(3000.0), "50.png")
     with pytest.raises(DriverError, match=r"no new image in .* within 0\.2 s"):
-        source.picture()
+        source.image()
 
 
 def test_a_image_that_comes_late_is_given_with_its_time(folder):
     """One that was written before the last is given as well: who asks tells by its stamp that it is older."""
     source = camera(folder)
     save(folder, 50, 3000.0)
-    assert source.picture().stamp_s == pytest.approx(3000.0)
+    assert source.image().stamp_s == pytest.approx(3000.0)
     save(folder, 100, 2000.0)
-    assert source.picture().stamp_s == pytest.approx(2000.0)
+    assert source.image().stamp_s == pytest.approx(2000.0)
 
 
 def test_a_program_that_renames_files_is_no_error(folder, monkeypatch):
@@ -67,50 +67,50 @@ def test_a_program_that_renames_files_is_no_error(folder, monkeypatch):
     monkeypatch.setattr(Path, "iterdir", lambda path: [path / "gone.part", *iterdir(path)])
     monkeypatch.setattr(Path, "is_file", lambda path: True)
     save(folder, 70)
-    assert source.picture().grey[0, 0] == 70
+    assert source.image().grey[0, 0] == 70
 
 
 def test_those_of_before_count_where_asked(folder):
     """With `existing` the folder is gone through from its start, the oldest first."""
     save(folder, 20, time.time() + 1)
     source = camera(folder, existing=True)
-    assert [source.picture().grey[0, 0] for _ in range(2)] == [10, 20]
+    assert [source.image().grey[0, 0] for _ in range(2)] == [10, 20]
 
 
 def test_a_file_that_is_being_written_is_waited_for(folder):
     """A half of a file is no image; when its end has come it is one."""
-    source, path = camera(folder, wait_s=5.0), folder / "pictures" / "late.png"
-    write_png(folder / "whole.png", picture(77))
+    source, path = camera(folder, wait_s=5.0), folder / "images" / "late.png"
+    write_png(folder / "whole.png", image(77))
     whole = (folder / "whole.png").read_bytes()
     path.write_bytes(whole[:40])
     threading.Timer(0.15, path.write_bytes, [whole]).start()
-    assert source.picture().grey[0, 0] == 77
+    assert source.image().grey[0, 0] == 77
 
 
 def test_a_file_that_is_no_image_is_named(folder):
     """It is not given, and the error that nothing came says why."""
     source = camera(folder)
-    (folder / "pictures" / "notes.png").write_text("hello", encoding="utf-8")
+    (folder / "images" / "notes.png").write_text("hello", encoding="utf-8")
     with pytest.raises(DriverError, match=r"notes\.png is not an image"):
-        source.picture()
+        source.image()
 
 
 def test_a_first_file_that_stays_no_image_is_not_waited_for(folder, monkeypatch):
     """A program that saves another format is named within seconds; after an image, and of hidden files, none is."""
     monkeypatch.setattr("basecal.acquisition.drivers.folder._WRITING_S", 0.05)
     source = camera(folder, wait_s=0.5)
-    (folder / "pictures" / ".hidden").write_text("x", encoding="utf-8")
+    (folder / "images" / ".hidden").write_text("x", encoding="utf-8")
     save(folder, 60)
-    assert source.picture().grey[0, 0] == 60
-    (folder / "pictures" / "raw.cr2").write_text("x", encoding="utf-8")
+    assert source.image().grey[0, 0] == 60
+    (folder / "images" / "raw.cr2").write_text("x", encoding="utf-8")
     with pytest.raises(DriverError, match=r"no new image in .* within 0\.5 s; raw\.cr2 is not an image"):
-        source.picture()
+        source.image()
     source = camera(folder, wait_s=10.0)
     for name in ("next.cr2", "next.txt"):
-        (folder / "pictures" / name).write_text("x", encoding="utf-8")
+        (folder / "images" / name).write_text("x", encoding="utf-8")
     began = time.monotonic()
     with pytest.raises(DriverError, match=r"next\.\w+ is not an image .*\. Have images saved whole, as PNG, JPEG"):
-        source.picture()
+        source.image()
     assert time.monotonic() - began < 5.0
 
 

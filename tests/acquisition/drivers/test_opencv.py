@@ -25,12 +25,12 @@ def test_a_film_gives_its_images(tmp_path):
         writer.write(np.full((48, 64, 3), level, dtype=np.uint8))
     writer.release()
     camera = open_camera(Place("wrist", CELL, tmp_path, {"source": path}))
-    first, second = camera.picture(), camera.picture()
+    first, second = camera.image(), camera.image()
     assert first.grey.mean() < 100 < second.grey.mean()
     assert first.stamp_s < second.stamp_s
     assert (camera.is_live, camera.is_on_demand) == (False, True)  # read on by itself, it would have ended by now
     with pytest.raises(DriverError, match="wrist: the stream has ended"):
-        camera.picture()
+        camera.image()
     camera.close()
 
 
@@ -53,9 +53,9 @@ class Device:
 def test_the_kernels_time_is_the_stamp():
     """Cameras of V4L2 have times of exposure; of what else OpenCV opens the position in the stream is none."""
     stamped, other = (OpencvCamera("wrist", Stream(Device(backend))) for backend in ("V4L2", "FFMPEG"))
-    assert (stamped.is_stamped, stamped.picture().stamp_s) == (True, 5.5)
+    assert (stamped.is_stamped, stamped.image().stamp_s) == (True, 5.5)
     assert not other.is_stamped
-    assert other.picture().stamp_s == pytest.approx(time.monotonic(), abs=1.0)
+    assert other.image().stamp_s == pytest.approx(time.monotonic(), abs=1.0)
     assert (stamped.is_live, stamped.is_on_demand) == (True, False)
 
 

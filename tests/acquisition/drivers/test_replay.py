@@ -48,11 +48,11 @@ def test_robots_go_where_they_have_been(made):
     for number in (2, 0, 1):
         for name, robot in (("eye", eye), ("hand", hand)):
             robot.move(samples[number].robots[name], 1.0)
-        reading, picture = hand.state(), wrist.picture()
+        reading, image = hand.state(), wrist.image()
         recorded = samples[number].robots["hand"].base_from_flange
         np.testing.assert_allclose(reading.state.base_from_flange.translation, recorded.translation, atol=1e-12)
-        assert picture.grey[0, 0] == 10 * (number + 1)
-        assert reading.stamp_s < picture.stamp_s < hand.state().stamp_s
+        assert image.grey[0, 0] == 10 * (number + 1)
+        assert reading.stamp_s < image.stamp_s < hand.state().stamp_s
 
 
 def test_the_light_is_off_where_that_was_recorded(made):
@@ -62,11 +62,11 @@ def test_the_light_is_off_where_that_was_recorded(made):
     for name, robot in (("eye", eye), ("hand", hand)):
         robot.move(made[1].recording.samples[1].robots[name], 1.0)
     wrist.light(False)
-    assert wrist.picture().grey[0, 0] == 10
+    assert wrist.image().grey[0, 0] == 10
     for name, robot in (("eye", eye), ("hand", hand)):
         robot.move(made[1].recording.samples[2].robots[name], 1.0)
     with pytest.raises(DriverError, match="no image without the light in sample 2"):
-        wrist.picture()
+        wrist.image()
 
 
 def test_what_was_not_recorded(made, tmp_path):

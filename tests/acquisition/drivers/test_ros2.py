@@ -33,10 +33,10 @@ def test_every_state_and_image_has_its_own_stamp(ros2_cell):
     robot, camera = open_robot(ros2_cell.place("eye")), open_camera(ros2_cell.place("wrist", topic="/wrist/image_raw"))
     assert isinstance(camera, Camera)
     assert not isinstance(robot, Moves)
-    pairs = [(robot.state(), camera.picture()) for _ in range(20)]
-    for reading, picture in pairs:
+    pairs = [(robot.state(), camera.image()) for _ in range(20)]
+    for reading, image in pairs:
         assert said(reading.state.joints_rad) == pytest.approx(reading.stamp_s, abs=1e-6)
-        assert drawn(picture.grey) == pytest.approx(picture.stamp_s, abs=1e-6)
+        assert drawn(image.grey) == pytest.approx(image.stamp_s, abs=1e-6)
     for each in zip(*pairs, strict=True):
         assert np.all(np.diff([one.stamp_s for one in each]) > 0)
 
@@ -98,7 +98,7 @@ def test_images_of_another_size_are_told(ros2_cell):
     place = ros2_cell.place("wrist", topic="/wrist/image_raw")
     camera = open_camera(Place("wrist", CELL, Path("."), place.options))
     with pytest.raises(DriverError, match="wrist: an image of /wrist/image_raw has 64 x 48 pixels"):
-        camera.picture()
+        camera.image()
 
 
 @pytest.mark.parametrize(

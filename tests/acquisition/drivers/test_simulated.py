@@ -51,9 +51,9 @@ def test_a_camera_sees_the_light_switched(place):
     camera = open_camera(place("wrist"))
     assert isinstance(camera, Camera)
     assert isinstance(camera, Switches)
-    lit = camera.picture().grey
+    lit = camera.image().grey
     camera.light(False)
-    dark = camera.picture().grey
+    dark = camera.image().grey
     assert lit.shape == (720, 1280)
     assert int(lit.max()) > 2 * int(dark.max())
     camera.close()
@@ -77,9 +77,9 @@ class Impostor(Connection):
 def test_what_else_answers_is_told(monkeypatch):
     """Whatever listens at the port: its answers are numbers and images, or an error that says so."""
     line = Impostor("token", None)
-    for ask in (SimulatedRobot("eye", line).state, SimulatedCamera("wrist", line).picture):
+    for ask in (SimulatedRobot("eye", line).state, SimulatedCamera("wrist", line).image):
         with pytest.raises(DriverError, match=r"is no simulated cell \(\w+"):
             ask()
     monkeypatch.setattr(Impostor, "ask", lambda self, **request: {"stamp_s": 0.0, "png_base64": "abc"})
     with pytest.raises(DriverError, match="wrist: an image is not written as base64"):
-        SimulatedCamera("wrist", line).picture()
+        SimulatedCamera("wrist", line).image()

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.acquisition.driver import Camera, Picture, Switches
+from basecal.acquisition.driver import Camera, CameraImage, Switches
 from basecal.acquisition.images.feed import feed_camera
 from basecal.acquisition.images.latency import ArmMotion
 from basecal.acquisition.stillness import Moving, wait_for_image_after
@@ -31,12 +31,12 @@ class Film:
     def __init__(self, period_s=0.01, slides=lambda now_s: False):
         self.period_s, self.slides, self.asked, self.closed, self.columns = period_s, slides, 0, False, 0
 
-    def picture(self):
+    def image(self):
         time.sleep(self.period_s)
         self.asked += 1
         now_s = time.monotonic()
         self.columns += 5 * self.slides(now_s)
-        return Picture(now_s, np.roll(GROUND, self.columns, axis=1) + NOISE[self.asked % len(NOISE)])
+        return CameraImage(now_s, np.roll(GROUND, self.columns, axis=1) + NOISE[self.asked % len(NOISE)])
 
     def close(self):
         self.closed = True
@@ -59,10 +59,10 @@ def opened():
 def test_the_newest_image_is_given(opened):
     """After a pause none of those that came meanwhile is given, but one that is no older than some periods."""
     feed = opened(Film())
-    feed.picture()
+    feed.image()
     time.sleep(0.3)
     began_s = time.monotonic()
-    assert feed.picture().stamp_s > began_s - 0.1
+    assert feed.image().stamp_s > began_s - 0.1
     assert isinstance(feed, Camera)
     assert not isinstance(feed, Switches)
 
@@ -77,9 +77,9 @@ def test_cameras_that_expose_when_asked_are_left_alone(opened):
 
 def test_a_latency_is_two_seconds_until_it_is_measured(opened):
     """Before any arm moved, an image counts as exposed two seconds before it came."""
-    picture = opened(Film()).picture()
-    assert picture.exposed_s == pytest.approx(picture.stamp_s - 2.0, abs=0.1)
-    assert picture.note == ""
+    image = opened(Film()).image()
+    assert image.exposed_s == pytest.approx(image.stamp_s - 2.0, abs=0.1)
+    assert image.note == ""
 
 
 def test_the_latency_is_that_of_the_arms_motion(opened):
@@ -89,11 +89,11 @@ def test_the_latency_is_that_of_the_arms_motion(opened):
     feed = opened(Film(slides=lambda now_s: begin_s < now_s - 0.2 < end_s), arms)
     time.sleep(max(0.0, end_s + 0.3 - time.monotonic()))
     arms.spans = ((begin_s, end_s),)
-    picture = feed.picture()
-    assert 0.19 <= picture.stamp_s - picture.exposed_s < 0.35  # the latency has a sigma of 0.01 s
-    assert "wrist: images arrive 0.2" in picture.note
+    image = feed.image()
+    assert 0.19 <= image.stamp_s - image.exposed_s < 0.35  # the latency has a sigma of 0.01 s
+    assert "wrist: images arrive 0.2" in image.note
     arms.forget()
-    again = feed.picture()
+    again = feed.image()
     assert again.stamp_s - again.exposed_s < 0.35
     assert again.note == ""
 
@@ -110,14 +110,14 @@ def test_buffered_images_are_skipped(opened):
     """Images that come without a wait, after others had to be waited for, are old: none of them is given."""
 
     class Buffered(Film):
-        def picture(self):
+        def image(self):
             self.period_s = 0.0 if 10 < self.asked < 15 else 0.02
-            return replace(super().picture(), source=str(self.asked))
+            return replace(super().image(), source=str(self.asked))
 
     film, given = Buffered(), []
     feed = opened(film)
     while film.asked < 30:
-        given.append(int(feed.picture().source))
+        given.append(int(feed.image().source))
     assert not {12, 13, 14, 15} & set(given)
 
 
@@ -127,18 +127,18 @@ def test_late_images_of_stamped_cameras_are_named(opened):
     class Stamped(Film):
         is_stamped = True
 
-        def picture(self):
-            came = super().picture()
+        def image(self):
+            came = super().image()
             late_s = 5.0 if self.asked == 3 else 0.0
-            return Picture(came.stamp_s - 1000.0 - late_s, came.grey, source=f"{self.asked}.png")
+            return CameraImage(came.stamp_s - 1000.0 - late_s, came.grey, source=f"{self.asked}.png")
 
     film = Stamped()
     feed = opened(film)
     while film.asked < 5:
         time.sleep(0.01)
-    picture = feed.picture()
-    assert picture.note == "camera wrist: 3.png came after a newer one; not used"
-    assert picture.exposed_s == pytest.approx(picture.stamp_s + 1000.0 - 2.0, abs=0.1)
+    image = feed.image()
+    assert image.note == "camera wrist: 3.png came after a newer one; not used"
+    assert image.exposed_s == pytest.approx(image.stamp_s + 1000.0 - 2.0, abs=0.1)
 
 
 def test_a_clock_that_goes_back_is_told(opened, monkeypatch):
@@ -147,47 +147,47 @@ def test_a_clock_that_goes_back_is_told(opened, monkeypatch):
     class SteppedBack(Film):
         is_stamped, wait_s = True, 0.3
 
-        def picture(self):
-            came = super().picture()
-            return Picture(came.stamp_s - 3600.0 * (self.asked > 1), came.grey, source=f"{self.asked}.png")
+        def image(self):
+            came = super().image()
+            return CameraImage(came.stamp_s - 3600.0 * (self.asked > 1), came.grey, source=f"{self.asked}.png")
 
     feed = opened(SteppedBack())
-    feed.picture()
+    feed.image()
     with pytest.raises(DriverError, match=r"no image came within 0\.3 s; .*\d\.png came after a newer one; not used$"):
-        feed.picture()
+        feed.image()
     monkeypatch.setattr("basecal.acquisition.images.feed._LATE_S", 0.1)
     with pytest.raises(DriverError, match=r"^wrist: the last \d+ images are older .* The clock of the camera went"):
-        feed.picture()
+        feed.image()
 
 
 def test_an_end_is_told_to_whoever_waits(opened):
     """An error of the driver is raised as it is; one while nobody waited is forgotten, and the driver asked again."""
 
     class Ends(Film):
-        def picture(self):
+        def image(self):
             if self.asked == 2 and not self.closed:
                 raise DriverError("pulled out")
-            return super().picture()
+            return super().image()
 
     film = Ends()
     feed = opened(film)
-    feed.picture()
+    feed.image()
     with pytest.raises(DriverError, match="pulled out"):
-        [feed.picture() for _ in range(3)]
+        [feed.image() for _ in range(3)]
     film.asked = 0
-    assert feed.picture().grey.shape == SIZE
+    assert feed.image().grey.shape == SIZE
 
 
 def test_an_error_of_a_library_names_the_camera(opened):
     """What a maker's library raises is a failure of the driver, with its words."""
 
     class Unplugged(Film):
-        def picture(self):
+        def image(self):
             raise RuntimeError("Frame did not arrive")
 
     feed = opened(Unplugged())
     with pytest.raises(DriverError, match=r"^wrist: its driver failed \(RuntimeError: Frame did not arrive\)$"):
-        feed.picture()
+        feed.image()
 
 
 def test_a_camera_that_freezes_is_told(opened):
@@ -196,14 +196,14 @@ def test_a_camera_that_freezes_is_told(opened):
     class Frozen(Film):
         wait_s = 0.1
 
-        def picture(self):
+        def image(self):
             thawed.wait()
-            return super().picture()
+            return super().image()
 
     thawed, film = threading.Event(), Frozen()
     feed = opened(film)
     with pytest.raises(DriverError, match=r"wrist: no image came within 0\.1 s"):
-        feed.picture()
+        feed.image()
     thawed.set()
     feed.close()
     assert film.closed
@@ -229,9 +229,9 @@ def test_a_program_that_saves_without_pause_is_told_from_a_person(opened):
     often, seldom = Film(0.02), Film(0.0)
     for film in (often, seldom):
         film.is_live, film.is_on_demand, film.is_stamped = False, False, True
-    seldom.picture = lambda: time.sleep(0.8) or Film().picture()
+    seldom.image = lambda: time.sleep(0.8) or Film().image()
     assert opened(often).is_live
     by_hand = opened(seldom)
-    picture = by_hand.picture()
+    image = by_hand.image()
     assert not by_hand.is_live
-    assert picture.exposed_s == pytest.approx(picture.stamp_s, abs=0.1)
+    assert image.exposed_s == pytest.approx(image.stamp_s, abs=0.1)

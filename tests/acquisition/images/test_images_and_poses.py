@@ -77,7 +77,7 @@ def test_a_stream_that_freezes_is_told_in_time(address, tmp_path, monkeypatch):
 
     def read_on():
         while True:
-            feed.picture()
+            feed.image()
 
     with pytest.raises(DriverError, match="wrist: the stream has ended, or the camera was pulled out"):
         read_on()

@@ -240,7 +240,7 @@ def test_certificate_is_made_where_asked_or_where_starts_differ():
 
 def test_starts_that_differ_call_for_a_certificate(monkeypatch):
     """Where no start looks plausible and guesses lead elsewhere, the certificate comes unasked; not where all agree."""
-    monkeypatch.setattr("basecal.estimation.solve._PLAUSIBLE_SIGMAS", 0.0)
+    monkeypatch.setattr("basecal.estimation.solve.PLAUSIBLE_SIGMAS", 0.0)
 
     def leads_elsewhere(seed):
         """Whether the guesses of a cell end above its best start."""

@@ -184,7 +184,7 @@ def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(mo
     s = simulate(replace(SILENT, samples=12), 0)
     problem, _ = build_problem(s.cell, s.recording)
     state = State(s.truth, s.cameras, np.zeros((len(problem.stops), 6)))
-    monkeypatch.setattr(joint_estimate, "_MANY_VIEWS", 8)
+    monkeypatch.setattr(joint_estimate, "MANY_VIEWS", 8)
     if not settled:
         monkeypatch.setattr(joint_estimate, "_ALTERNATIONS", 0)
     asked, of_all = [], joint_estimate._extend_estimate

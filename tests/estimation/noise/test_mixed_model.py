@@ -14,11 +14,12 @@ from basecal.cell import Unknown
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
-from basecal.estimation.noise.mixed_model import chunks, make_estimates, mixed_model
+from basecal.estimation.noise.mixed_model import Layout, _scene_moments, chunks, make_estimates, mixed_model
 from basecal.estimation.noise.reml import posterior
 from basecal.estimation.noise.robot_noise import count_stops, with_robot_noise, without_errors
 from basecal.estimation.problem.problem import chain
 from basecal.geometry import SE3
+from tied_scene import tracks_alone
 
 
 def test_step_leads_to_the_optimum():
@@ -196,6 +197,21 @@ def test_moments_are_sums_over_views(stops, known_s, robots_in_common, mount, rn
             (part.errors_fixed, across), (part.errors_errors, errors_errors),
         ):  # fmt: skip
             np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max(initial=1e-9))
+
+
+def test_stops_share_errors_of_a_scene():
+    """An error that all stops of an arm share moves the tracks as the same error of each of them."""
+    _, _, problem, state = tracks_alone(1)
+    assert problem.tied is not None
+    stops, first = len(problem.stops), problem.width + 6 * len(problem.stops)
+    shared = SharedErrors(np.tile(np.eye(6), (count_stops(problem, "left"), 1, 1)), np.repeat([False, True], 3))
+    nowhere, column = np.full(stops, -1), problem.width + 6 * np.arange(stops)
+    layout = Layout(nowhere, nowhere, column, 1, 6, first + 6, {"left": (first, shared)}, {}, {}, ())
+    of = _scene_moments(problem, problem.tied, state, layout)
+    own = column[np.array(problem.stops.robot) == "left"][:, None] + np.arange(6)
+    assert len(own) > 1
+    for moment in (of.fixed, of.fixed_fixed):
+        np.testing.assert_allclose(moment[first:], moment[own].sum(0), rtol=1e-6, atol=1e-6 * np.abs(moment).max())
 
 
 def test_sigmas_scale_what_they_are_of():

@@ -81,7 +81,7 @@ def test_sigmas_are_those_of_all_views(monkeypatch):
 
     whole = found()
     taken = []
-    monkeypatch.setattr(joint_estimate, "_MANY_VIEWS", 40)
+    monkeypatch.setattr(joint_estimate, "MANY_VIEWS", 40)
     monkeypatch.setattr(joint_estimate, "_SOME_VIEWS", (20, 40))
     monkeypatch.setattr(joint_estimate, "some_views", lambda *of: taken.append(of[2]) or some_views(*of))
     after = found()

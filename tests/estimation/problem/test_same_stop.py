@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from basecal.estimation.problem.same_stop import READ_BACK_M, stop_numbers
+from basecal.estimation.problem.same_stop import READ_BACK, stop_numbers
 from basecal.geometry import SE3
 
 PLACES = SE3.exp(np.random.default_rng(0).uniform(-1, 1, (5, 6)))
@@ -47,7 +47,7 @@ def test_a_stated_noise_ties_poses_in_a_row_alone():
 
 def test_a_slow_path_is_many_stops():
     """Steps below the limit do not chain: a stop ends where its first pose is too far."""
-    numbers = stop_numbers(shifted(0.6 * READ_BACK_M * np.arange(9)), None, None)
+    numbers = stop_numbers(shifted(0.6 * READ_BACK * np.arange(9)), None, None)
     assert numbers.tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4]
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from basecal.estimation.scene.adjust import residuals_px
+from basecal.estimation.scene import fit as module
+from basecal.estimation.scene.adjust import Task, adjust, residuals_px
+from basecal.estimation.scene.equations import pixel_equations, point_information
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
 from basecal.estimation.scene.state import scene_columns
@@ -55,3 +58,33 @@ def test_a_scene_of_which_nothing_is_left_is_no_scene():
     tracks = replace(scene.tracks, pixels=anywhere)
     with pytest.raises(np.linalg.LinAlgError):
         fit_scene(scene.views, tracks, started(scene), (LENS,), (None,))
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_points_have_more_equations_than_there_are_unknowns(monkeypatch, more):
+    """Two of each image point, of which its point in space takes three."""
+    tracks = made_scene(1).tracks
+    count = 2 * len(tracks) - 3 * tracks.count
+    columns = SimpleNamespace(errors=slice(count - more, None))
+    monkeypatch.setattr(module, "scene_columns", lambda views, lenses: columns)
+    task, state = SimpleNamespace(views=None, tracks=tracks), SimpleNamespace(lenses=None)
+    if more:
+        module._check_points(task, state)
+    else:
+        with pytest.raises(np.linalg.LinAlgError, match="too few points"):
+            module._check_points(task, state)
+
+
+def test_points_are_kept_if_their_depth_is_known_to_a_fifth():
+    """By sigmas of image points, at which a point's own is just below or above a fifth of its distances."""
+    scene = made_scene(1)
+    fit = adjust(Task(scene.views, scene.tracks, PIXEL, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
+    first = np.flatnonzero(fit.tracks.point == 0)
+    centres = fit.state.world_from_camera(fit.views).translation[fit.tracks.view[first]]
+    distances_m = np.linalg.norm(fit.state.points[0] - centres, axis=1)
+    equations = pixel_equations(fit.views, fit.tracks, fit.state, 1.0)
+    sigma_m = np.sqrt(np.trace(np.linalg.inv(point_information(fit.tracks, equations)[0])))  # by a pixel
+    for far_m, is_kept in ((0.199 * distances_m.min(), True), (0.201 * distances_m.max(), False)):
+        noisy = replace(fit, sigma_px=far_m / sigma_m)
+        _, state = module._without_gross(noisy, np.inf)
+        assert np.any(np.all(state.points == fit.state.points[0], axis=1)) == is_kept

@@ -91,7 +91,9 @@ def test_one_array_is_not_enough(tmp_path: Path) -> None:
 def test_two_arms() -> None:
     """The second carries the target."""
     found = record_of_arrays(_arrays("eye_gripper2base", "hand_gripper2base", "target2cam"), "test")
-    np.testing.assert_allclose(found.hand_base_from_flange.matrix, POSES[1].matrix, atol=1e-12)
+    recorded = found.base_from_flange, found.hand_base_from_flange, found.camera_from_target
+    for pose, expected in zip(recorded, POSES, strict=True):
+        np.testing.assert_allclose(pose.matrix, expected.matrix, atol=1e-12)
 
 
 @pytest.mark.parametrize(

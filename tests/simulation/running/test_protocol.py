@@ -52,7 +52,7 @@ def test_it_answers(process):
     line = connect(read_address(process[1]))
     first, second = (line.ask(do="state", robot="eye") for _ in range(2))
     assert second["stamp_s"] > first["stamp_s"]
-    assert line.ask(do="picture", camera="wrist")["png_base64"].startswith("iVBORw0KGgo")
+    assert line.ask(do="image", camera="wrist")["png_base64"].startswith("iVBORw0KGgo")
     assert line.ask(do="light", on=False) == {}
     line.close()
 

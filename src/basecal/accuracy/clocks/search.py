@@ -1,6 +1,7 @@
 """Offsets of clocks from nothing: stepped to the optimum, and tried over seconds where that explains no views.
 
 Line times of rolling shutters are stepped with them, and pixels corrected by each solution for the next.
+`benchmarks.clocks` judges its limits.
 """
 
 from __future__ import annotations

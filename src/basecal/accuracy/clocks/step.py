@@ -25,7 +25,7 @@ from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 # Sigma of an offset [s] beyond which it is not seen: arms that hardly move, or a velocity that never changes.
 _UNOBSERVABLE_SIGMA_S = 0.5
-_UNOBSERVABLE_LINE_SIGMA_S = 5e-4  # likewise of a line time: as much over the rows of an image
+_UNOBSERVABLE_LINE_SIGMA_S = _UNOBSERVABLE_SIGMA_S / 1000  # likewise of a line time: as much over the rows of an image
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,10 @@ from basecal.estimation.view.points import is_touch
 
 Samples = frozenset[int]
 
-FOLDS = 5  # the usual compromise: each fit has four fifths of the samples, at five times the work
-_FEWEST_PARTS = 3  # with two, each would be predicted from half of the recording
-_LARGEST_SHARE = 0.4  # of the samples in one part: without it three fifths are left, a fifth less than of five folds
+FOLDS = 5  # as Hastie et al. 2009 (7.10) advise: each fit has four fifths of the samples, at five times the work
+_FEWEST_PARTS = 3  # with two, each would be predicted from half of the recording; assumed
+# Of the samples in one part: without it three fifths are left, a fifth less than of five folds; assumed.
+_LARGEST_SHARE = 0.4
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-_OPEN_SIGMA = 1.0  # [m, rad] of what the other places leave open
+_OPEN_SIGMA = 1.0  # [m, rad] of what the other places leave open: as wide as an arm reaches, or 57 deg; assumed
 
 
 class PlaceError(NamedTuple):

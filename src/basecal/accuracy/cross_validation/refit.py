@@ -19,6 +19,8 @@ from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import take
 from basecal.numerics.sparse_hessian import SparseHessian
 
+_MOST_STEPS = 30  # of a fold, which starts at the fit to all; assumed: a fold that needs more is not converged
+
 
 @dataclass(frozen=True, eq=False)
 class Refit:
@@ -45,7 +47,7 @@ def refit_folds(
     problem: Problem,
     state: State,
     folds: Iterable[Samples],
-    iterations: int,
+    iterations: int = _MOST_STEPS,
     prediction_problem: Problem | None = None,
     worth: Sequence[Array] | None = None,
 ) -> list[Refit]:

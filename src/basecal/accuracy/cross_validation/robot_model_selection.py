@@ -29,9 +29,11 @@ from basecal.geometry import Array
 from basecal.kinematics import SerialChain
 from basecal.numerics.spectral import spectrum
 
-_FEWEST_VIEWS = 15  # of fewer, a fifth held out is two views
+_FEWEST_VIEWS = 15  # of fewer, a fifth held out is two views; assumed
 _MOST_SAMPLES = 200  # enough to tell models apart; bounds the time
-_JOINTS_TRIED = 3  # single joints, those that the data call for most: one that is off alone is the first of them
+# Single joints, those that the data call for most: one that is off alone is the first of them; assumed: bounds the
+# time.
+_JOINTS_TRIED = 3
 _LEAST_GAIN = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
 
 OFFSETS, LINKS = joint_offsets.NAME, link_parameters.NAME

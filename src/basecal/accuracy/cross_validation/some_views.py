@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from basecal.estimation.noise.joint_estimate import MANY_VIEWS
 from basecal.estimation.noise.some_views import some_views
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
-
-MOST_VIEWS = 2000  # of a camera and target: an error of so many is known to two in a hundred
 
 
 def thin_solution(solution: Solution, settings: Settings) -> Solution:
@@ -16,9 +15,9 @@ def thin_solution(solution: Solution, settings: Settings) -> Solution:
 
     As it is where there are no more, or where those have no optimum near that of all.
     """
-    if max(map(len, solution.problem.groups), default=0) <= MOST_VIEWS:
+    if max(map(len, solution.problem.groups), default=0) <= MANY_VIEWS:
         return solution
-    problem, state = some_views(solution.problem, solution.state, MOST_VIEWS)
+    problem, state = some_views(solution.problem, solution.state, MANY_VIEWS)
     found = solve_at_mode(replace(problem, held=True), state, settings)
     if not found.converged:
         return solution

@@ -20,8 +20,7 @@ from basecal.geometry.se3_jacobians import right_jacobian
 from basecal.numerics.batch import concatenate
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-_SAME_CHI2 = 25.0  # five sigmas: less is what the second order of noise may cost
-_REFINEMENT_STEPS = 20
+_SAME_CHI2 = 25.0  # five sigmas, a chance of 6e-7: less is what the second order of noise may cost
 
 
 class ViewTangents(NamedTuple):
@@ -87,7 +86,7 @@ def _own_poses(measurement: PixelMeasurement, chords: BearingMeasurement, predic
     """The pose that fits each view best, from its prediction and from its closed forms, (n,)."""
     closed = view_poses(measurement.points_in_target, chords.bearings_in_camera, chords.weight > 0, chords)
     starts = [prediction, closed.camera_from_target[:, 0], closed.camera_from_target[:, 1]]
-    ends = [refine_poses(measurement, start, camera, _REFINEMENT_STEPS) for start in starts]
+    ends = [refine_poses(measurement, start, camera) for start in starts]
     cost = np.stack([np.nan_to_num(end.cost, nan=np.inf, posinf=np.inf) for end in ends])
     choice = np.argmin(cost, axis=0)
     rows: IntArray = choice * len(prediction) + np.arange(len(prediction))

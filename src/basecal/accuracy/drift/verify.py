@@ -1,4 +1,7 @@
-"""Whether a cell is still as it was calibrated, what moved if it is not, and what would have been seen."""
+"""Whether a cell is still as it was calibrated, what moved if it is not, and what would have been seen.
+
+`benchmarks.verify` judges its limits.
+"""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
 
-_MANY_SHARE = 0.1  # share of the samples: whoever dropped a single one says so by an info
+_MANY_SHARE = 0.1  # share of the samples: whoever dropped a single one says so by an info; assumed
 
 
 def many_dropped_samples(inputs: Input) -> list[Finding]:

@@ -10,7 +10,7 @@ from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
 from basecal.geometry import Array
 
-_FEWEST_POSES = 3  # poses that two robots do not share by chance
+_FEWEST_POSES = 3  # poses that two robots do not share by chance: a home pose, and that again, are two; assumed
 
 
 def identical_robots(inputs: Input) -> list[Finding]:

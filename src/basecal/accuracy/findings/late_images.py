@@ -7,16 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.findings.outlier_samples import FEW_SHARE
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-_FEW_SHARE = 0.03  # share of the samples, as of outliers
-# Share of what a view is off by that time takes away: of views off in any of six directions 1 in 500 has it.
+# Share of what a view is off by that time takes away: of views off in any of six directions 1 in 900 has it, by
+# Beta(1/2, 5/2).
 _EXPLAINED_SHARE = 0.9
-_LONGEST_S = 0.5  # that a velocity tells where a target was
-_SHOWN_IMAGES = 5  # images whose delay is told
+_LONGEST_S = 0.5  # that a velocity tells where a target was: arms change their way within; assumed
+_SHOWN_IMAGES = 5  # images whose delay is told; assumed to fit a sentence
 
 
 class _Late(NamedTuple):
@@ -33,7 +34,7 @@ def late_images(evidence: Evidence) -> list[Finding]:
     for camera in sorted({camera for _, camera in out}):
         late = sorted(_late_samples(evidence, camera, {sample for sample, name in out if name == camera}))
         if late:
-            severity: Severity = "warning" if len(late) > _FEW_SHARE * evidence.robust.samples else "info"
+            severity: Severity = "warning" if len(late) > FEW_SHARE * evidence.robust.samples else "info"
             numbers = tuple(str(each.sample) for each in late)
             do = ("Look for a trigger that was missed, or a driver that stamps on arrival.",)
             found.append(Finding("clock-offset", severity, (camera, *numbers), _problem_sentence(camera, late), do))

@@ -9,7 +9,8 @@ from basecal.accuracy.lens_structure import LensStructure
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
 
-_RELEVANT_SIGMAS = 1.0  # sigmas by which a transform asked for has to move
+# Sigmas by which a transform asked for has to move: less is within the sigma that is given; assumed.
+_RELEVANT_SIGMAS = 1.0
 
 
 def lens_model(evidence: Evidence) -> list[Finding]:

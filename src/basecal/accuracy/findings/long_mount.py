@@ -10,8 +10,8 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import WORLD, Cell, Finding
 
-_LEAST_M = 0.4  # of a mount from its flange: most are within 0.2 m
-_TIMES_NEARER = 2.0  # what stands on the ground is to its base
+_LEAST_M = 0.4  # of a mount from its flange: most are within 0.2 m; assumed
+_TIMES_NEARER = 2.0  # what stands on the ground is to its base; assumed
 
 
 def long_mount(evidence: Evidence) -> list[Finding]:

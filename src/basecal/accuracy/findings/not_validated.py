@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
-
-_SHOWN_SAMPLES = 10  # samples, the rest as an ellipsis
 
 
 def not_validated(evidence: Evidence) -> list[Finding]:
@@ -17,9 +16,9 @@ def not_validated(evidence: Evidence) -> list[Finding]:
         what = "There is no cross-validation: the samples cannot be split into folds."
         return [Finding("not-validated", "info", (), what, ("Record more samples.",))]
     numbers = tuple(map(str, sorted(found.skipped)))
-    shown = ", ".join(numbers[:_SHOWN_SAMPLES]) + (", ..." if len(numbers) > _SHOWN_SAMPLES else "")
     names = " and ".join(
         name for name in evidence.cell.requested_transforms if name in evidence.solution.problem.columns
     )
-    what, why = f"Samples {shown} could not be held out in cross-validation.", f"Without them {names} is unobservable."
+    shown = list_samples(sorted(found.skipped)).capitalize()
+    what, why = f"{shown} could not be held out in cross-validation.", f"Without them {names} is unobservable."
     return [Finding("not-validated", "info", numbers, what, ("Record more of their kind.",), why)]

@@ -8,7 +8,7 @@ from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
 
-_FEW_SHARE = 0.1  # share of the points: a few are the detector's everyday business
+_FEW_SHARE = 0.1  # share of the points: a few are the detector's everyday business; assumed
 
 
 def outlier_points(evidence: Evidence) -> list[Finding]:

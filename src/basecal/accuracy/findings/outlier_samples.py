@@ -19,9 +19,11 @@ from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.problem.view_group import ViewGroup
 
-_FEW_SHARE = 0.03  # share of the samples: one that had to go is an event in the cell
-_FAR_SIGMAS = 6.0  # of a stop's error: a chance of 2e-9 each where the stated noise is true
-_FEWEST_MOVED = 3  # samples at an end of the recording: two may each be wrong for themselves
+FEW_SHARE = 0.03
+"""Share of the samples that is an event in the cell, and no sign of a fault in it; assumed."""
+
+_FAR_SIGMAS = 6.0  # of a stop's error: a normal number is as far with a chance of 2e-9
+_FEWEST_MOVED = 3  # samples at an end of the recording: two may each be wrong for themselves; assumed
 
 
 def outlier_samples(evidence: Evidence) -> list[Finding]:
@@ -37,7 +39,7 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     causes = list(outlier_causes(evidence.recorded, evidence.solution.state, numbers))
     moved = f" {' '.join(causes)}" if causes else _moved_sentence(outliers, evidence.robust.solution.problem)
     do = f"Look at {'it' if one else 'them'} (samples count from 0), and record with arms at rest."
-    severity: Severity = "warning" if len(numbers) > _FEW_SHARE * total else "info"
+    severity: Severity = "warning" if len(numbers) > FEW_SHARE * total else "info"
     about = tuple(map(str, numbers))
     cure = "`basecal fix CELL` takes them out of the recording."
     return [Finding("outlier-samples", severity, about, sentence(what), (do, cure), f"{why}{moved}")]

@@ -9,12 +9,13 @@ from basecal.accuracy.findings.touch_noise import is_touch_noise
 from basecal.accuracy.stated_sigmas import ContradictedSigma, is_below_arms
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
+from basecal.estimation.noise.estimate import PLAUSIBLE_PX
 from basecal.geometry import Array
 
-_LITTLE_RATIO = 1.1  # true sigma over the stated one: the covariance is estimated then, and the answer hardly moves
-_DETECTOR_PX = 3.0  # [px] rms, far beyond the detectors of docs/benchmarks.md
-_REPEATABILITY_M = 3e-3  # [m] per axis, far beyond any arm's: makers state 0.02 to 0.1 mm
-_REPEATABILITY_RAD = 1e-2  # [rad] likewise
+# True sigma over the stated one: the covariance is estimated then, and the answer hardly moves; assumed.
+_LITTLE_RATIO = 1.1
+_REPEATABILITY_M = 3e-3  # [m] per axis, thirty times the worst that makers state of arms, 0.02 to 0.1 mm
+_REPEATABILITY_RAD = 1e-2  # [rad] likewise: as much over 0.3 m
 
 
 def poor_fit(evidence: Evidence) -> list[Finding]:
@@ -27,7 +28,7 @@ def poor_fit(evidence: Evidence) -> list[Finding]:
     robots = solution.noise.robots
     sigmas = np.array([*robots.values()]).reshape(len(robots), 6)
     worst_m, worst_rad = sigmas[:, :3].max(initial=0.0), sigmas[:, 3:].max(initial=0.0)
-    if "pixel_px" in solution.noise.estimated and rms_px is not None and rms_px > _DETECTOR_PX:
+    if "pixel_px" in solution.noise.estimated and rms_px is not None and rms_px > PLAUSIBLE_PX:
         what = f"Residuals are {rms_px:.1f} px rms, more than any detector's noise."
     elif worst_m > _REPEATABILITY_M or worst_rad > _REPEATABILITY_RAD:
         noise = f"{1e3 * worst_m:.1f} mm and {np.degrees(worst_rad):.2f} deg (1 sigma per axis)"

@@ -15,7 +15,8 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 from basecal.numerics.spectral import Spectrum, scaled_spectrum, spectrum
 
-_LEARNT_SHARE = 1e-3  # share of a variance that the data take away, below which second-order terms move as much
+# Share of a variance that the data take away, below which second-order terms move as much; assumed.
+_LEARNT_SHARE = 1e-3
 
 
 def prior_contradicted(evidence: Evidence) -> list[Finding]:

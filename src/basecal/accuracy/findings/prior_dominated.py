@@ -15,7 +15,8 @@ from basecal.estimation.observability.observability import analyse_observability
 from basecal.estimation.solve import Solution
 from basecal.numerics.spectral import scaled_spectrum
 
-_DOMINATED_RATIO = 0.95  # posterior over prior sigma: the data tell a tenth of what the prior does, or less
+# Posterior over prior sigma: the data tell a tenth of what the prior does, or less, as 0.95 squared is 0.9; assumed.
+_DOMINATED_RATIO = 0.95
 
 
 def prior_dominated(evidence: Evidence) -> list[Finding]:

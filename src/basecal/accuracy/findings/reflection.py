@@ -1,4 +1,7 @@
-"""`reflection`: bright spots beside a light, which all views together distinguish from it."""
+"""`reflection`: bright spots beside a light, which all views together distinguish from it.
+
+`benchmarks.capture_images` judges its limits.
+"""
 
 from __future__ import annotations
 

@@ -14,12 +14,11 @@ from basecal.estimation.noise.robot_noise import stands
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import Array
 
-_STEPS_M = (1e-2, 1e-3, 1e-4)
-_STEPS_DEG = (1.0, 0.1, 0.01)
-_STEPS_RAD = (1e-2, 1e-3, 1e-4)
-_STEPS_QUATERNION = (1e-2, 1e-3, 1e-4)
-_FEWEST_NUMBERS = 10  # different numbers that are all multiples: chance has each of them at most once in 500
-_NEAR_SHARE = 1e-3  # of a step: what is left of a multiple after degrees and rotations have been converted
+# [m, rad, 1], and hundreds of degrees: rounding to a tenth of these is below the 0.02 mm that makers state of arms.
+_STEP_SIZES = (1e-2, 1e-3, 1e-4)
+# Different numbers that are all multiples: chance has each at most once in 500, twice the share below.
+_FEWEST_NUMBERS = 10
+_NEAR_SHARE = 1e-3  # of a step: what is left of a multiple after degrees and rotations have been converted; assumed
 # Noise in use over that of rounding. Far above it the digits that lack are no loss; far below it they are none that
 # the arm had: places that it was sent to, in round numbers.
 _NOISE_RANGE = (0.5, 2.0)
@@ -77,7 +76,7 @@ def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
         return
     poses, seen = stands(problem, robot)
     poses = poses[np.flatnonzero(seen)]
-    step = _step(poses.translation, _STEPS_M)
+    step = _step(poses.translation)
     if step is not None:
         yield _Rounding("translations", step, f"{1e3 * step:g} mm", noise_m)
     angles = list(_angle_roundings("angles", [poses.rotvec, poses.rpy], noise_rad))
@@ -87,9 +86,9 @@ def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
 def _angle_roundings(subject: str, ways: list[Array], noise: float) -> Iterator[_Rounding]:
     """Angles [rad], written in one of several ways, in degrees or radians."""
     for values in ways:
-        degrees, radians = _step(np.degrees(values), _STEPS_DEG), _step(values, _STEPS_RAD)
-        if degrees is not None:
-            yield _Rounding(subject, float(np.radians(degrees)), f"{degrees:g} deg", noise)
+        hundreds, radians = _step(np.degrees(values) / 100), _step(values)
+        if hundreds is not None:
+            yield _Rounding(subject, float(np.radians(100 * hundreds)), f"{100 * hundreds:g} deg", noise)
             return
         if radians is not None:
             yield _Rounding(subject, radians, f"{1e3 * radians:g} mrad", noise)
@@ -101,7 +100,7 @@ def _quaternion_roundings(quaternions: Array, noise: float) -> Iterator[_Roundin
 
     An error of a component rotates by twice as much [rad].
     """
-    for step in _STEPS_QUATERNION:
+    for step in _STEP_SIZES:
         numbers = _multiples(quaternions, step)
         if np.isfinite(numbers).all() and len(np.unique(numbers)) >= _FEWEST_NUMBERS:
             yield _Rounding("quaternions", 2 * step, f"{step:g}, but for their length", noise)
@@ -119,10 +118,10 @@ def _multiples(quaternions: Array, step: float) -> Array:
     return found
 
 
-def _step(values: Array, steps: tuple[float, ...]) -> float | None:
+def _step(values: Array) -> float | None:
     """The largest step of which all values are multiples; None without one, or where too few differ."""
     different = np.unique(np.round(values, 9))
     if len(different) < _FEWEST_NUMBERS:
         return None
-    shares = [different / step for step in steps]
-    return next((s for s, v in zip(steps, shares, strict=True) if np.all(np.abs(v - np.round(v)) < _NEAR_SHARE)), None)
+    shares = {step: different / step for step in _STEP_SIZES}
+    return next((step for step, of in shares.items() if np.all(np.abs(of - np.round(of)) < _NEAR_SHARE)), None)

@@ -6,9 +6,8 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
+from basecal.estimation.noise.estimate import ROUNDING
 from basecal.numerics.batch import concatenate
-
-_ROUNDING = 1e-9  # [m, rad] of numbers written with all their digits
 
 
 def same_stop(inputs: Input) -> list[Finding]:
@@ -23,7 +22,7 @@ def same_stop(inputs: Input) -> list[Finding]:
         off = (poses[first[np.searchsorted(stand[first], stand)]].inverse() @ poses).log()
         far_m, far_rad = (float(np.linalg.norm(half, axis=1).max()) for half in (off[:, :3], off[:, 3:]))
         # Rotations that were read back as quaternions differ by rounding alone.
-        if far_m < _ROUNDING and far_rad < _ROUNDING:
+        if far_m < ROUNDING and far_rad < ROUNDING:
             continue
         far = f"{1e3 * far_m:.2g} mm and {1e3 * far_rad:.2g} mrad"
         what = f"Poses within one stop of {robot} differ by up to {far}, at {len(first)} stops."

@@ -14,7 +14,8 @@ from basecal.effects.registry import CONTAINED, describe_effect
 
 _COVERED_SENTENCE = "The answer {} it, and its covariance is wider."
 _NONLINEAR_SENTENCE = "The answer excludes it. Its covariance may be too small, since it is linear in errors of joints."
-_LINEAR_RAD = 0.03  # joints off by 17 mrad leave bases within their ellipsoids, joints off by 35 do not
+# Joints off by 17 mrad leave bases within their ellipsoids, joints off by 35 do not; assumed between.
+_LINEAR_RAD = 0.03
 _CHANCE_SENTENCE = (
     "It is real with a probability of {:.0f} % at most. The covariance and the expected errors contain it."
 )

@@ -7,9 +7,8 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.stated_sigmas import ContradictedSigma, judge_sigma
 from basecal.cell import Finding
+from basecal.estimation.noise.estimate import PLAUSIBLE_TOUCH_M
 from basecal.estimation.view.points import TouchMeasurement
-
-_LARGEST_M = 3e-3  # [m] per axis, far beyond what people who lead a tip to a mark, and sockets, leave
 
 
 def touch_noise(evidence: Evidence) -> list[Finding]:
@@ -31,7 +30,7 @@ def is_touch_noise(sigma: ContradictedSigma, evidence: Evidence) -> bool:
     choice, effect = evidence.robot_model, evidence.systematic_error
     is_modelled = choice is None or choice.chosen.kind == "none"
     is_other = effect is not None and effect.is_certain
-    return is_modelled and not is_other and sigma.ratio * _stated_sigma(sigma.about, evidence) < _LARGEST_M
+    return is_modelled and not is_other and sigma.ratio * _stated_sigma(sigma.about, evidence) < PLAUSIBLE_TOUCH_M
 
 
 def _touches(tip: str, evidence: Evidence) -> list[TouchMeasurement]:

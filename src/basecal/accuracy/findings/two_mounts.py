@@ -24,7 +24,7 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import principal_axes, spectrum
 
-_LEAST_SIDE = 3  # samples
+_LEAST_SIDE = 3  # samples on either side: two may each be wrong for themselves; assumed
 
 
 class _Shifts(NamedTuple):

@@ -8,8 +8,10 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.phrases.robot_motion import describe_cause
 from basecal.cell import Finding
 from basecal.estimation.observability.motions import motions
+from basecal.estimation.observability.observability import UNOBSERVABLE_SIGMA
 
-_WEAK_SIGMA = 0.15  # [rad], or share of the viewing distance, of one sigma: half of what counts as unobservable
+# [rad], or share of the viewing distance: twice it counts as unobservable.
+_WEAK_SIGMA = UNOBSERVABLE_SIGMA / 2
 
 
 def weak_directions(evidence: Evidence) -> list[Finding]:

@@ -1,7 +1,8 @@
 """An automatic test of conventions: does another hypothesis of the input explain it better, or as well.
 
 A hypothesis is named only if it predicts held-out samples, contradicts no hard fact and moves the requested transforms.
-Nothing is ever applied. docs/conventions_test.md lists which data distinguish which mix-ups.
+Nothing is ever applied. docs/conventions_test.md lists which data distinguish which mix-ups. `benchmarks.mutations`
+judges its limits.
 """
 
 from __future__ import annotations
@@ -59,9 +60,8 @@ _LEAST_REDUNDANCY = 1.25  # equations over unknowns without the largest fold
 _OUT_OF_THE_RACE = 2.0  # times the error of the declared one, before the noise of poses is known
 _NEAR_RATIO = 3.0  # how many times worse than the best a hypothesis may close its loops and still be fitted
 _FLOOR_RAD = 0.01  # [rad] of loops of poses, within which the quick look of few samples does not rank
-_LIGHT_FLOOR_RAD = 0.002  # [rad] likewise of directions to a light, which have no rotation of their own
 _HOPELESS_RAD = 0.25  # [rad] of loops that even the best hypothesis does not close: none of them is so
-_LIGHT_HOPELESS_RAD = 0.05  # [rad] likewise of directions
+_OF_LIGHT = 0.2  # of both limits, of directions to a light, which have no rotation of their own
 _MOST_SOLVED = 8  # hypotheses to fit, which bounds the time
 _ODD = 0.08  # share of the motion unexplained that no recording in order has had, so that rare mix-ups are tried
 
@@ -265,9 +265,10 @@ def _surviving(
     fits = yield from _screen(inputs, lenses)
     scores = [max((trimmed_rms(fit.off) for fit in of.values()), default=np.inf) for of in fits]
     of_light = any(fit.of_light for fit in fits[0].values())
-    if min(scores) > (_LIGHT_HOPELESS_RAD if of_light else _HOPELESS_RAD):
+    scale = _OF_LIGHT if of_light else 1.0
+    if min(scores) > scale * _HOPELESS_RAD:
         return []
-    limit = _NEAR_RATIO * min(scores) + (_LIGHT_FLOOR_RAD if of_light else _FLOOR_RAD)
+    limit = _NEAR_RATIO * min(scores) + scale * _FLOOR_RAD
     best = sorted(range(1, len(scores)), key=lambda k: scores[k])[:_MOST_SOLVED]
     return [(hypotheses[k], fits[k]) for k in best if scores[k] < limit]
 

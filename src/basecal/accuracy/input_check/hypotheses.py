@@ -24,8 +24,8 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.fields.problems import Loc
 from basecal.geometry import SE3
 
-_MILLI = 1e-3  # metres in a millimetre
-_SHIFTS = (1, -1, 2, -2)  # samples that a stream is late: one dropped or doubled image, or two
+_MILLI = 1e-3  # metres in a millimetre, by definition
+_SHIFTS = (1, -1, 2, -2)  # samples that a stream is late: one dropped or doubled image, or two; assumed
 # What stands in a field q_xyzw: components written as w, x, y, z; and x, y, z, w turned round once too often.
 _ORDERS = {"w, x, y, z": (1, 2, 3, 0), "turned from w, x, y, z though they were x, y, z, w": (3, 0, 1, 2)}
 

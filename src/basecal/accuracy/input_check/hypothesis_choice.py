@@ -1,4 +1,7 @@
-"""Which of the hypotheses of an input that were fitted are named: those that predict better, or as well elsewhere."""
+"""Which of the hypotheses of an input that were fitted are named: those that predict better, or as well elsewhere.
+
+`benchmarks.mutations` judges its limits.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +20,12 @@ from basecal.cell.calibration import Severity
 from basecal.effects import fixed_transform
 from basecal.effects.faces.found_effect import FIX
 from basecal.errors import sentence
+from basecal.estimation.noise.estimate import ROUNDING
 from basecal.geometry import SE3
 
 _CERTAIN = 100.0  # twice the log ratio of likelihoods: true sizes gain up to 40 where arms have errors of their own
 _TAIL = 2.0  # rms of all samples over that of most, which no choice of samples makes
 _SIGMAS = 3.0  # by which an answer has to move to count as another
-_SMALLEST_SIGMA = 1e-9  # [m, rad] below which a difference is rounding
 # A wider model takes up some of the errors of arms and lenses: below this ratio of likelihoods it found no mix-up.
 _WIDER = 2.0
 
@@ -130,7 +133,7 @@ def _has_moved(cell: Cell, trial: TriedHypothesis, baseline: HypothesisFit, scal
             continue
         off = np.abs(_step(baseline, trial.fit, name).log())
         sigma = np.sqrt(np.maximum(np.diag(scale.solution.joint_transform_covariance([name])), 0.0))
-        if np.any(off > _SIGMAS * np.maximum(sigma, _SMALLEST_SIGMA)):
+        if np.any(off > _SIGMAS * np.maximum(sigma, ROUNDING)):
             return True
     return False
 

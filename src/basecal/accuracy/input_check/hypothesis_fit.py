@@ -1,4 +1,7 @@
-"""How well a hypothesis about the input predicts held-out samples."""
+"""How well a hypothesis about the input predicts held-out samples.
+
+`benchmarks.mutations` judges its limits.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +17,11 @@ from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, view_errors
 from basecal.cell import Cell
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
-from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.noise.estimate import PLAUSIBLE_PX, PLAUSIBLE_SIGMAS, degrees_of_freedom
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from, solve_problem
+from basecal.estimation.start.rotation_search import KEPT_SHARE
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array, IntArray
 
@@ -25,11 +29,8 @@ FOLDS = 3  # few, since each costs a fit of every hypothesis
 _HEAVY_TAIL = 2.0  # rms of all over rms of the best 70 %: 1.8 of one normal residual a view, less of more
 _CONCENTRATIONS = 2
 _MOST_STEPS = 25  # of a hypothesis: what is so comes to rest within ten, free links of robots chase what is not
-_FOLD_STEPS = 30  # of a fold's fit, which starts at the fit to all
-_PLAUSIBLE_PX = 3.0  # [px] rms, beyond any detector
 _PLAUSIBLE_RAD = 0.03  # [rad] of angles, and lengths over the distance, beyond any detector of poses
 _LOST = 1e3  # [rad] of a view whose error is no number
-_PLAUSIBLE_SIGMAS = 4.0  # residuals over stated sigmas: those may be stated too small, but not by more
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +80,14 @@ class HypothesisFit:
 
 def plausible(fit: HypothesisFit) -> bool:
     """Whether data could have come from there: an optimum with residuals of a few sigmas or pixels, not more."""
-    return is_near(fit) and (bool(fit.solution.noise.estimated) or ratio(fit.solution) < _PLAUSIBLE_SIGMAS)
+    return is_near(fit) and (bool(fit.solution.noise.estimated) or ratio(fit.solution) < PLAUSIBLE_SIGMAS)
 
 
 def is_near(fit: HypothesisFit) -> bool:
     """Whether it is an optimum with residuals of a few pixels or hundredths of a radian."""
     if not fit.solution.converged or not np.isfinite(fit.solution.cost):
         return False
-    return fit.core < (PIXEL_SCALE * _PLAUSIBLE_PX if fit.in_pixels else _PLAUSIBLE_RAD)
+    return fit.core < (PIXEL_SCALE * PLAUSIBLE_PX if fit.in_pixels else _PLAUSIBLE_RAD)
 
 
 def ratio(solution: Solution) -> float:
@@ -145,7 +146,7 @@ def _concentrate(solution: Solution, settings: Settings) -> Solution:
         every = np.concatenate(off)
         if trimmed_rms(every, 1.0) < _HEAVY_TAIL * trimmed_rms(every):
             return solution
-        limit = np.quantile(every, 0.7)
+        limit = np.quantile(every, KEPT_SHARE)
         groups = (g.take(np.flatnonzero(o <= limit)) for g, o in zip(whole.groups, off, strict=True))
         kept = whole.with_groups(g for g in groups if len(g))
         if not kept.groups:
@@ -162,7 +163,7 @@ def _held_out_errors(problem: Problem, solution: Solution) -> tuple[Array, IntAr
     split = instant_split(problem, FOLDS)
     if split is None:
         return None
-    refits = refit_folds(solution.problem, solution.state, split.folds, _FOLD_STEPS, prediction_problem=problem)
+    refits = refit_folds(solution.problem, solution.state, split.folds, prediction_problem=problem)
     return _view_errors([(fit.views, fit.optimum.state) for fit in refits])
 
 

@@ -1,4 +1,7 @@
-"""Whether a camera matrix is that of images of another resolution, in words."""
+"""Whether a camera matrix is that of images of another resolution, in words.
+
+`benchmarks.slips` judges its limits.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """How nearly the loops of one camera and one target can be closed at all: a quick look that discards hypotheses.
 
 Only fixed transforms are taken as known, and each pair of camera and target stands alone. So a hypothesis that closes
-no loop here closes none in the whole cell either; one that does is solved in earnest afterwards.
+no loop here closes none in the whole cell either; one that does is solved in earnest afterwards. `benchmarks.mutations`
+judges its limits.
 """
 
 from __future__ import annotations
@@ -17,18 +18,22 @@ from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotation
 from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, as_light, pair_views
 from basecal.estimation.start.refinement import Refinement, refine_jointly
-from basecal.estimation.start.rotation_search import rotation_angle, search_rotations, settled_rotations
+from basecal.estimation.start.rotation_search import (
+    HOPELESS_RAD,
+    KEPT_SHARE,
+    rotation_angle,
+    search_rotations,
+    settled_rotations,
+)
 from basecal.estimation.view.known_poses import KnownPoses
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.rotation import lengths
 
-KEPT_SHARE = 0.7  # share of the views that counts: three in ten may be outliers
 _MOST_POINTS = 16  # of a view, spread: more make its pose no clearer
 _LIGHT_STARTS = {0: 1, 1: 3, 2: 6}  # by how many rotations are unknown: cells of the grid to refine
 _LIGHT_STEPS = 12  # of each, enough to rank them
-_HOPELESS_RAD = 0.5  # [rad] of loops that no choice between a view's two poses mends
 
 Triple = tuple[SE3, SE3, SE3]
 
@@ -97,7 +102,7 @@ def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None
     first = _fit_pairs(pairs, [np.zeros(len(sight.group), dtype=np.int64) for sight, _ in pairs])
     again = {}
     for k, ((sight, _), fit) in enumerate(zip(pairs, first, strict=True)):
-        if fit is not None and sight.candidates is not None and trimmed_rms(fit.off) < _HOPELESS_RAD:
+        if fit is not None and sight.candidates is not None and trimmed_rms(fit.off) < HOPELESS_RAD:
             predicted = sight.predict_poses(fit.triple).rotation
             chosen = np.argmax(np.einsum("nij,nkij->nk", predicted, sight.candidates.rotation), axis=1)
             if np.any(chosen):

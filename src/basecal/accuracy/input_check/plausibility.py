@@ -1,4 +1,7 @@
-"""Limits of plausible arms, cameras and targets, wide enough for any that people calibrate."""
+"""Limits of plausible arms, cameras and targets, wide enough for any that people calibrate.
+
+They are assumed: a sound cell beyond them is taken for one in other units.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +31,10 @@ _BASES_M = 0.02, 20.0  # [m] between bases
 _MOUNT_M = 2.0  # [m] of a camera or target from the flange that carries it
 _DISTANCE_M = 0.02, 20.0  # [m] from camera to target, the median
 _TARGET_M = 2e-3, 5.0  # [m] of a target's longest side
-_UNITS_M = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254}
+UNITS_M = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254}
 FARTHEST_M = 2.5
 """[m] of a flange from its base, or a target from its camera, in most cells: one farther is not in centimetres."""
-_MOST_BEHIND = 0.8  # share of the views behind the camera: a few may be outliers
+_MOST_BEHIND = 0.8  # share of the views behind the camera: a few may be outliers; assumed
 
 
 def impossible_input(cell: Cell, recording: Recording) -> tuple[str, ...]:
@@ -93,11 +96,11 @@ def likely_unit(length: float, most_m: float) -> tuple[str, str]:
         length: As it is stated.
         most_m: As long as a length of its kind usually is at most [m].
     """
-    metres = {unit: length * size for unit, size in _UNITS_M.items() if length * size <= most_m}
+    metres = {unit: length * size for unit, size in UNITS_M.items() if length * size <= most_m}
     if len(metres) > 1:
         options = ", ".join(f"{length:.0f} {unit} are {value:.2g} m" for unit, value in metres.items())
         return "another unit", f"Convert lengths to metres: {options}."
-    if length * _UNITS_M["mm"] > _BASES_M[1]:
+    if length * UNITS_M["mm"] > _BASES_M[1]:
         return "another unit", "State lengths in metres."
     return "millimetres", "Divide lengths by 1000 to convert them to metres."
 

@@ -2,6 +2,7 @@
 
 A reversed order, streams off by many samples, transposed rotation matrices, angles that were read as another
 controller's, and arms exchanged in one session. They are many: each costs a look, and chance more to choose from.
+`benchmarks.mutations` judges its limits.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from basecal.accuracy.input_check.hypotheses import (
     streams,
     subsets,
 )
+from basecal.accuracy.input_check.plausibility import UNITS_M
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.accuracy.readings.reading import PoseMap, Reading, Track
 from basecal.cell import WORLD, Cell, Unknown
@@ -38,7 +40,6 @@ from basecal.geometry.rotation import lengths
 _FAR_SHIFTS = tuple(by for far in (3, 4, 5, 6) for by in (far, -far))  # samples; up to two are usual slips
 _RADIANS_AS_DEGREES_RAD = np.radians(2 * np.pi)  # of three angles up to half a turn each, read as degrees
 _CENTRES = 20  # rotations of which one is in the middle of most
-_INCH_M = 0.0254
 _FEWEST_STILL = 5  # samples in a row at which an arm stood still, and a tenth of all: a session
 _NO_TURN_RAD = 1e-9  # [rad] below which a rotation vector has no direction
 # How controllers list three numbers of a rotation, by SciPy's names: capitals are axes that turn with the flange.
@@ -164,7 +165,7 @@ def _inch_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
                 f"the poses of {who} are in inches that were read as {unit}",
                 f"import {who} again with --length-unit inch --replace",
                 "give the size of something known, such as the target's points or a prior of a mount",
-                map_robot_poses(names, scale_translations(_INCH_M / length_m)),
+                map_robot_poses(names, scale_translations(UNITS_M["inch"] / length_m)),
             )
 
 

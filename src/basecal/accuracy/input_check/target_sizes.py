@@ -1,4 +1,7 @@
-"""How large a target would have to be: the reading with a factor to be found."""
+"""How large a target would have to be: the reading with a factor to be found.
+
+`benchmarks.mutations` judges its limits.
+"""
 
 from __future__ import annotations
 

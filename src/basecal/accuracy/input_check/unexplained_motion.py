@@ -1,4 +1,7 @@
-"""How much of the way targets move before the cameras the poses of the robots leave unexplained."""
+"""How much of the way targets move before the cameras the poses of the robots leave unexplained.
+
+`benchmarks.mutations` judges its limits.
+"""
 
 from __future__ import annotations
 

@@ -15,8 +15,9 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.geometry.rotation import lengths, nearest_rotation
 
-PIXEL_SCALE = 1e-3  # [rad/px] of a usual lens, so that errors in pixels and angles are of one size
-_SHORTEST_M = 1e-12  # [m] of a distance to a target, which is divided by
+# [rad/px] of a usual lens, 1000 px of focal length, so that errors in pixels and angles are of one size; assumed.
+PIXEL_SCALE = 1e-3
+_SHORTEST_M = 1e-12  # [m] of a distance to a target, which is divided by: rounding
 
 
 def view_errors(problem: Problem, group: ViewGroup, state: State) -> Array:

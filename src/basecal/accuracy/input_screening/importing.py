@@ -1,4 +1,7 @@
-"""Import of an importer's rows into a cell, unless they are implausible."""
+"""Import of an importer's rows into a cell, unless they are implausible.
+
+`benchmarks.slips` judges its limits.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from basecal.accuracy.input_check.plausibility import impossible_input
+from basecal.accuracy.input_check.plausibility import UNITS_M, impossible_input
 from basecal.cell import Cell, Recording
 from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.importing.bring_in import Brought, add_to_cell
@@ -16,7 +19,7 @@ from basecal.exchange.importing.imported import Imported
 
 # Times farther or nearer than most flanges: inches among metres are 39 times farther, metres among millimetres nearer.
 _FARTHER_RATIO, _NEARER_RATIO = 20, 200
-_TIMES_LARGER = {"millimetres": 1000, "centimetres": 100, "inches": 39.37}  # numbers than in metres
+_UNITS = {"millimetres": "mm", "centimetres": "cm", "inches": "inch"}
 _SAME_ARM_RATIO = 2  # distances of flanges of one arm are mostly within this factor
 
 
@@ -76,7 +79,7 @@ def _foreign_rows(imports: Imported) -> Iterator[DatasetError]:
 
 def _describe_cure(names: str, ratio: float) -> str:
     """The unit of rows that are so many times farther than most, and how to correct them."""
-    likely = [unit for unit, size in _TIMES_LARGER.items() if size / _SAME_ARM_RATIO < ratio < size * _SAME_ARM_RATIO]
+    likely = [name for name, unit in _UNITS.items() if 1 / _SAME_ARM_RATIO < ratio * UNITS_M[unit] < _SAME_ARM_RATIO]
     if len(likely) != 1:
         return f"another length unit? Correct {names}"
-    return f"{names} look like {likely[0]}, divide their lengths by {_TIMES_LARGER[likely[0]]:g}"
+    return f"{names} look like {likely[0]}, divide their lengths by {1 / UNITS_M[_UNITS[likely[0]]]:.4g}"

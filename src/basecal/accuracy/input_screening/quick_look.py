@@ -1,4 +1,7 @@
-"""A quick look at what was imported: do the loops close as it is read, and does nothing else close them better."""
+"""A quick look at what was imported: do the loops close as it is read, and does nothing else close them better.
+
+`benchmarks.slips` judges its limits.
+"""
 
 from __future__ import annotations
 

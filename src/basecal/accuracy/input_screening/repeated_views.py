@@ -9,9 +9,9 @@ from basecal.cell import Cell, Finding, PixelObservation, PointObservation, Pose
 from basecal.cell.recording import Sample
 from basecal.geometry import Array
 
-_READ_BACK_TOLERANCE = 5e-3  # [m, rad]: a robot that stands still is read back within
+_READ_BACK_TOLERANCE = 5e-3  # [m, rad]: a robot that stands still is read back within; assumed
 _FEWEST_NUMBERS = 8  # of a view: with fewer, two may be the same by rounding
-_SHOWN_PAIRS = 5  # pairs of samples in a sentence
+_SHOWN_PAIRS = 5  # pairs of samples in a sentence; assumed to fit it
 
 
 def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:

@@ -1,4 +1,7 @@
-"""Implausible units, found from the input alone: before images are searched and anything is solved."""
+"""Implausible units, found from the input alone: before images are searched and anything is solved.
+
+`benchmarks.slips` judges its limits.
+"""
 
 from __future__ import annotations
 

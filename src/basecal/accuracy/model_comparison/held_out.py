@@ -11,6 +11,7 @@ from scipy.special import stdtr
 
 from basecal.accuracy.model_comparison.comparison import Comparison, Decision, decide
 from basecal.accuracy.model_comparison.nested_models import CONFIRMED, LEAST_CHANCE, SUSPECTED
+from basecal.estimation.start.rotation_search import KEPT_SHARE
 from basecal.geometry import Array
 
 CLEARLY = 1.1
@@ -18,8 +19,6 @@ CLEARLY = 1.1
 
 Estimators that weigh the same views otherwise differ by a few hundredths, models by more.
 """
-
-_CORE = 0.7  # share of the parts that sets the scale of errors: three in ten may be outliers
 
 
 def compare_predicted_gains(rival: str, gains: Array) -> Comparison:
@@ -57,7 +56,8 @@ def compare_predictions(rival: str, squares: Array, in_use: Array, clearly: floa
 
 def _trimmed_mean(squares: Array) -> float:
     """Mean of the share of squares that are least."""
-    return float(np.mean(np.sort(squares)[: max(1, int(np.ceil(_CORE * len(squares))))])) if len(squares) else np.inf
+    kept = np.sort(squares)[: int(np.ceil(KEPT_SHARE * len(squares)))]
+    return float(np.mean(kept)) if len(kept) else np.inf
 
 
 def _log_chance(gains: Array) -> float:

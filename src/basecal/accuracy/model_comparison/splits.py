@@ -10,9 +10,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from basecal.accuracy.model_comparison.comparison import Comparison, decide
-from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL
-
-_LEAST_NUMBER = 1e-300  # a chance that is no number any more
+from basecal.accuracy.model_comparison.nested_models import LEAST_CHANCE, SINGLE_LEVEL
 
 
 def compare_split(rival: str, ratio: float, count: int, width: int) -> Comparison:
@@ -25,8 +23,8 @@ def compare_split(rival: str, ratio: float, count: int, width: int) -> Compariso
         width: Numbers of each.
     """
     left = width * (count - 2)
-    statistic = (1 / max(ratio, _LEAST_NUMBER) - 1) * left / width
-    log_one = float(np.log(max(float(fdtrc(width, left, statistic)), _LEAST_NUMBER)))
+    statistic = (1 / max(ratio, LEAST_CHANCE) - 1) * left / width
+    log_one = float(np.log(max(float(fdtrc(width, left, statistic)), LEAST_CHANCE)))
     return decide(
-        rival, -left * float(np.log(max(ratio, _LEAST_NUMBER))), log_one + (count - 1) * np.log(2), SINGLE_LEVEL
+        rival, -left * float(np.log(max(ratio, LEAST_CHANCE))), log_one + (count - 1) * np.log(2), SINGLE_LEVEL
     )

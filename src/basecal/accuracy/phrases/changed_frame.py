@@ -16,7 +16,7 @@ from basecal.estimation.solve import Solution, solve_problem
 from basecal.geometry import PoseEstimate
 from basecal.numerics.spectral import spectrum
 
-_FEWEST_SAMPLES = 4  # of a part: as many as determine a mount and a base with something left over
+_FEWEST_SAMPLES = 4  # of a part: as many as determine a mount and a base with something left over; assumed
 
 
 class ChangedFrame(NamedTuple):

@@ -10,8 +10,8 @@ from basecal.cell import Cell
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 
-_LEVEL_DEG = 10.0  # that bases which stand upright may be tilted to one another
-_AXIS_TOLERANCE = 1e-9
+_LEVEL_DEG = 10.0  # that bases which stand upright may be tilted to one another; assumed
+_AXIS_TOLERANCE = 1e-9  # rounding of a unit vector along an axis
 
 
 def describe_gravity(cell: Cell, solution: Solution, robots: Sequence[str]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.cell import Calibration
 
-_CLEAR_RATIO = 1.5  # times as large, below which the two may differ by the views they are of
+_CLEAR_RATIO = 1.5  # times as large, below which the two may differ by the views they are of; assumed
 
 
 def explain_held_out_error(calibration: Calibration) -> str | None:

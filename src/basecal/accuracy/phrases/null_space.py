@@ -10,7 +10,7 @@ from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.estimation.observability.null_space import NullDirection, separate_twists
 from basecal.geometry import Array
 
-_PITCH_M = 0.02  # [m/rad] of a screw motion, below which it reads as a plain rotation
+_PITCH_M = 0.02  # [m/rad] of a screw motion, below which it reads as a plain rotation; assumed
 
 
 def describe_null_space(direction: NullDirection) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 from basecal.cell import Outlier
 from basecal.estimation.outliers.left_out import LeftOut
 
-_LARGEST_SIGMAS = 1000.0  # sigmas, beyond which the number says no more
-_SHOWN_OUTLIERS = 5  # outliers that a finding lists, the first with its cause
+_LARGEST_SIGMAS = 1000.0  # sigmas, beyond which the number says no more; assumed
+_SHOWN_OUTLIERS = 5  # outliers that a finding lists, the first with its cause; assumed to fit it
 
 Images = Mapping[tuple[int, str], str]
 

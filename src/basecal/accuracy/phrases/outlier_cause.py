@@ -14,7 +14,8 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import SE3, Array, IntArray
 
 _SPREAD = 3.0  # of the worst view that was kept, as the fit saw no such row; held by slips 9 and 20 of `benchmarks`
-_MOST_OUTLIERS = 12  # whose pairs are tried
+_MOST_OUTLIERS = 12  # whose pairs are tried; assumed: bounds the time
+# Metres in what a row may have been written in, by definition.
 _UNITS = {"millimetres": 1e-3, "metres among millimetres": 1e3}
 
 

@@ -12,10 +12,9 @@ from basecal.estimation.observability.motions import STILL_RAD, Motion, base_nam
 from basecal.estimation.problem.problem import Problem
 from basecal.numerics.spectral import principal_axes
 
-_LITTLE_ROTATION_RAD = (
-    0.15  # [rad] of rotation about a second axis, below which a robot counts as hardly rotated about it
-)
-_SHOWN_DEG = 0.005  # [deg] which two decimals would round to nothing
+# [rad] of rotation about a second axis, below which a robot counts as hardly rotated about it; assumed.
+_LITTLE_ROTATION_RAD = 0.15
+_SHOWN_DEG = 0.005  # [deg] which two decimals would round to nothing: derived from the format below
 
 
 def describe_cause(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-_SHOWN_RANGES = 10  # ranges, the rest as an ellipsis
+_SHOWN_RANGES = 10  # ranges, the rest as an ellipsis; assumed to fit a sentence
 
 
 def list_samples(numbers: Sequence[int]) -> str:

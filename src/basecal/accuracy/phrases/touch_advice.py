@@ -12,8 +12,9 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.points import is_touch
 from basecal.geometry import Array
 
-_NEAR_M = 0.05  # [m] of a mark from an axis that it counts as on
-_OFF_M = 0.3  # [m] of the next mark from the axis: as far as marks that hold a rotation to a mrad by touches of 0.3 mm
+_NEAR_M = 0.05  # [m] of a mark from an axis that it counts as on; assumed
+# [m] of the next mark from the axis: touches of 0.3 mm hold a rotation to a mrad, 0.3 mm over 0.3 m.
+_OFF_M = 0.3
 
 
 def touch_advice(

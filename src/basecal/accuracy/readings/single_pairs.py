@@ -16,7 +16,7 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 
 JOINT_PAIRS = 4
-"""So many robots are looked at together: two arms and what stands beside them."""
+"""So many robots are looked at together: two arms and what stands beside them; assumed."""
 
 
 @dataclass(frozen=True, eq=False)

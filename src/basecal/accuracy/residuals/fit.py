@@ -16,12 +16,10 @@ from basecal.estimation.start.pair_views import umeyama
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.estimation.view.view_pose import FEWEST_POINTS, refine_poses
+from basecal.estimation.view.view_pose import FEWEST_3D_POINTS, FEWEST_POINTS, refine_poses
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.geometry.rotation import lengths
 from basecal.numerics.spectral import dimension
-
-_FEWEST_3D_POINTS = 3  # that hold a pose, unless they lie on a line
 
 
 def residuals(solution: Solution, outliers: Problem | None = None) -> Residuals:
@@ -95,9 +93,9 @@ def single_view_pose(state: State, group: ViewGroup, camera_from_target: SE3) ->
     if dimension(points) < 2:
         return camera_from_target, ~everywhere
     if isinstance(measurement, PointMeasurement):
-        enough = measurement.seen.sum(1) >= _FEWEST_3D_POINTS
+        enough = measurement.seen.sum(1) >= FEWEST_3D_POINTS
         weight = np.where(enough[:, None], measurement.weight, 1.0) ** 2
         return umeyama(points, measurement.points_in_camera, weight), enough
     camera = state.cameras[group.camera]
-    alone = refine_poses(measurement, camera_from_target, camera, iterations=20).camera_from_target
+    alone = refine_poses(measurement, camera_from_target, camera).camera_from_target
     return alone, measurement.seen.sum(1) >= FEWEST_POINTS

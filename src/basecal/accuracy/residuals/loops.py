@@ -23,7 +23,7 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3
 
-_PAIR_FIT_STEPS = 50  # of a pair's own fit, which starts at the fit to all
+_PAIR_FIT_STEPS = 50  # of a pair's own fit, which starts at the fit to all; assumed: bounds the time
 
 
 @dataclass(frozen=True, eq=False)

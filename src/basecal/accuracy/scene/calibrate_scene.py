@@ -32,7 +32,7 @@ from basecal.estimation.scene.state import Columns, scene_columns
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array, Camera, PoseEstimate
 
-_NOTHING_M = 1e3  # [m] sigma of which nothing is known
+_NOTHING_M = 1e3  # [m] sigma of which nothing is known: no cell is as large; assumed
 _UNIT = "The arms' own lengths give the scale: an error of unit in all poses cannot be seen."
 
 

@@ -17,10 +17,10 @@ from basecal.cell.targets.points import points_target
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.geometry import SE3, Array, Camera
 from basecal.numerics.batch import take
+from basecal.numerics.robust_step import NORMAL_MAD
 from basecal.vision.tracks.features import Descriptors, descriptor_levels, unit_descriptors
 from basecal.vision.tracks.locating import locate_camera
 
-_NORMAL_MAD = 1.4826  # sigma over median absolute value, of a normal
 _WIDENING = 1.5  # of sigmas of image points about their image's own pose: points are off, too; assumed
 
 
@@ -76,7 +76,7 @@ def _observe_scene(
         return None
     pixels = features.pixels[found.feature]
     off = lens.project(found.camera_from_world @ points[found.point]) - pixels
-    sigma_px = _WIDENING * _NORMAL_MAD * float(np.median(np.abs(off)))
+    sigma_px = _WIDENING * NORMAL_MAD * float(np.median(np.abs(off)))
     name = images.views.cameras[images.views.camera[row]].name
     order = np.argsort(found.point)
     return PixelObservation(name, target.name, found.point[order], pixels[order], np.full(len(order), sigma_px))

@@ -23,7 +23,9 @@ from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.tracks.feature_cache import kept_features
 from basecal.vision.tracks.features import Descriptors, Features, named_features, unit_descriptors
 
-_USUAL_FOCAL = 0.9  # of the image's width, of a lens of which nothing is stated: 58 degrees wide
+# Of the image's width, of a lens of which nothing is stated: 58 degrees wide; assumed, as `_FOCAL_SCALES` of
+# `one_camera` try others.
+_USUAL_FOCAL = 0.9
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
 from basecal.geometry import SE3, Array
 
-_LINEARISATIONS = 2  # of the tracks about the solution: the second is about an optimum
+_LINEARISATIONS = 2  # of the tracks about the solution: the second is about an optimum; assumed
 
 
 def join_scene(

@@ -1,7 +1,7 @@
 """Which transform joins the scenes of two cameras: several are tried, and images judge.
 
-A transform predicts points of one in the images of the other. Those found there, beyond those that chance finds
-beside these places, are its evidence. A repeated object makes rivals.
+A transform predicts points of one in the images of the other. Those found there, beyond those that chance finds beside
+these places, are its evidence. A repeated object makes rivals. `benchmarks.scene` judges its limits.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from basecal.vision.tracks.matching import match
 _MOST_TRANSFORMS = 12  # transforms that are tried
 _TOLERANCE = 0.015  # [1] of the distance to the cameras, by which paired points may be apart
 _RADII_PX = (12.0, 6.0, 4.0)  # [px] about predictions, one after another
-_NEAR_M, _NEAR_RAD = 0.02, 0.02  # within which two refined transforms are one
+_SAME_M_RAD = 0.02  # [m, rad] within which two refined transforms are one
 _CUBE_M = 0.15  # [m] sides of the cubes that are places
 _FEWEST_IN_CUBE = 4  # points of a place
 
@@ -70,7 +70,7 @@ def join(images: Images, first: OneCamera, second: OneCamera) -> Join | None:
         return None
     best, *others = sorted(tried, key=lambda each: -each.score)
     at = best.second_from_first
-    rivals = [each for each in others if not are_one(each.second_from_first, at, one, _NEAR_M, _NEAR_RAD)]
+    rivals = [each for each in others if not are_one(each.second_from_first, at, one, _SAME_M_RAD)]
     return replace(best, rival=max((_evidence_share(each, best) for each in rivals), default=0.0))
 
 

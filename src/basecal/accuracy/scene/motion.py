@@ -16,8 +16,9 @@ from basecal.accuracy.scene.shared_errors import respond
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.geometry import SE3, Array
 
-_LARGEST = np.repeat([0.1, 0.1], 3)  # [m, rad] sigma of motions that are tried; keeps what bases take up regular
-_FEWEST_BESIDE = 3  # stops before and after a sudden motion
+# [m, rad] sigma of motions that are tried; keeps what bases take up regular; assumed.
+_LARGEST = np.repeat([0.1, 0.1], 3)
+_FEWEST_BESIDE = 3  # stops before and after a sudden motion: two may each be wrong for themselves; assumed
 
 
 class SceneMotion(NamedTuple):

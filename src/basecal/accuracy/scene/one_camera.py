@@ -1,4 +1,7 @@
-"""The mount of one camera from its own images, and the points that they show."""
+"""The mount of one camera from its own images, and the points that they show.
+
+`benchmarks.scene` judges its limits.
+"""
 
 from __future__ import annotations
 

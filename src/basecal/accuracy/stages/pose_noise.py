@@ -1,4 +1,7 @@
-"""The stage that asks whether poses of targets err as those of flat targets do, by their distance, size and tilt."""
+"""The stage that asks whether poses of targets err as those of flat targets do, by their distance, size and tilt.
+
+`benchmarks.target_poses` judges its limits.
+"""
 
 from __future__ import annotations
 

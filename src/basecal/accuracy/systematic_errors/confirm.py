@@ -13,13 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from basecal.accuracy.cross_validation.folds import FOLDS
 from basecal.accuracy.systematic_errors.score_tests import Linearised, Sums, score_from_sums, sums, weigh_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.effects.faces.candidates import Candidates
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.spectral import principal_axes
-
-_BLOCKS = 5  # as many as folds of cross-validation
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +75,7 @@ def _cost(views: Linearised, of_left: Sums, step: Array, size: Array) -> float:
 
 def _time_blocks(situation: Situation) -> IntArray:
     count = len(situation.samples)
-    return np.arange(count) * _BLOCKS // count
+    return np.arange(count) * FOLDS // count
 
 
 def _configuration_blocks(situation: Situation) -> IntArray:

@@ -19,7 +19,9 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
 from basecal.numerics.spectral import scaled_spectrum
 
-_LEAST_SEEN = 1e-2  # of the information about a random effect in its sigmas: less hardly changes what is known of it
+# Of the information about a random effect in its sigmas: less hardly changes what is known of it;
+# `benchmarks.false_alarms` judges it.
+_LEAST_SEEN = 1e-2
 
 
 def null_model(

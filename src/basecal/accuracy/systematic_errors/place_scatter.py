@@ -15,9 +15,10 @@ from scipy.linalg import block_diag
 
 from basecal.accuracy.model_comparison.nested_models import log_chance
 from basecal.accuracy.systematic_errors.score_tests import HIDDEN, Linearised, score, with_random_effects
-from basecal.accuracy.systematic_errors.situation import ARM_M, Situation
+from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.step import split_frame
+from basecal.estimation.problem.gauges import LENGTH_M
 from basecal.geometry import Array, BoolArray
 from basecal.numerics.spectral import principal_axes, spectrum
 
@@ -83,6 +84,6 @@ def _flange_poses(situation: Situation) -> Array:
         for k, group in enumerate(situation.groups):
             if group.robot_end(robot):
                 pose = situation.recorded_pose(k, robot)
-                rows = pose.translation, ARM_M * pose.rotation.reshape(-1, 9)
+                rows = pose.translation, LENGTH_M * pose.rotation.reshape(-1, 9)
                 poses[situation.rank(group), i] = np.concatenate(rows, axis=1)
     return poses.reshape(len(poses), -1)

@@ -21,12 +21,11 @@ from basecal.effects.smooth import Modes
 from basecal.effects.smooth_by_place import kernel
 from basecal.estimation.noise.random_effects import FEWEST_STOPS
 from basecal.estimation.noise.robot_noise import count_stops, stands
+from basecal.estimation.problem.gauges import LENGTH_M
 from basecal.geometry import SE3, Array
 
 PRIOR_M = SigmaPrior.as_often_as_not(np.array([6e-5, 2e-4, 6e-4]))
 """Of a shift along an axis: none, that of arms accurate to 0.1 mm, or of those sold as 0.5 to 2 mm."""
-
-_LEVER_M = 0.5  # of a shift over a turn
 
 
 class PoseField(NamedTuple):
@@ -43,7 +42,7 @@ class PoseField(NamedTuple):
     def flange_tangents(self, poses: SE3) -> Array:
         """How a flange at poses, (n,), moves with each error, (n, 6, k), right tangents."""
         shared = SharedErrors.repeat_coordinates(self.modes.sizes(poses)).rotate_to(poses)
-        tangents: Array = shared.by_stop / np.where(shared.is_turn, _LEVER_M, 1.0)
+        tangents: Array = shared.by_stop / np.where(shared.is_turn, LENGTH_M, 1.0)
         return tangents
 
     def unknown_share(self, poses: SE3) -> Array:
@@ -69,7 +68,7 @@ def fields_prior(width: int) -> SigmaPrior:
 
 def variances(field_m2: float) -> Array:
     """Variances of a shift and a turn along an axis, (2,) [m^2, rad^2], by the variance of a field's shifts [m^2]."""
-    return np.array([field_m2, field_m2 / _LEVER_M**2])
+    return np.array([field_m2, field_m2 / LENGTH_M**2])
 
 
 def stated_fields(cell: Cell, situation: Situation) -> list[PoseField]:

@@ -41,7 +41,8 @@ from basecal.geometry import SE3, Array, BoolArray
 from basecal.numerics.spectral import spectrum
 
 _RANK_DIGITS = 6  # that rounding of exactly confounded errors leaves equal
-_MOST_TRIED = 3  # errors that are solved for at most, which bounds the time
+# Errors that are solved for at most, which bounds the time; assumed: `benchmarks.confounding` judges what that misses.
+_MOST_TRIED = 3
 
 
 def systematic_error(

@@ -15,6 +15,7 @@ from basecal.effects.faces.views import Group, Moves
 from basecal.effects.registry import CHANGES_IN_TIME, RANDOM_EFFECTS
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.problem.build import recorded_by_joints
+from basecal.estimation.problem.gauges import LENGTH_M
 from basecal.estimation.problem.problem import Chain, Problem, State, chain
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.points import is_touch
@@ -22,11 +23,9 @@ from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics import SerialChain
 
 # The root of the mean square of how far poses are off the middle of their neighbours, over half of how far these are
-# apart: 1.7 of poses in no order, near 0 on a smooth path.
+# apart: 1.7 of poses in no order, near 0 on a smooth path; assumed between.
 _SMOOTH = 0.5
-_FEWEST_ON_PATH = 8
-ARM_M = 0.5
-"""What angles count as, beside lengths [m/rad]."""
+_FEWEST_ON_PATH = 8  # of poses whose order tells anything; assumed
 
 
 class OpenOffsets(NamedTuple):
@@ -264,4 +263,4 @@ class Situation:
 
 def _size(tangents: Array) -> float:
     """Root of the mean square, angles by an arm's length [m]."""
-    return float(np.sqrt(np.mean(np.sum((tangents * np.repeat([1.0, ARM_M], 3)) ** 2, axis=1))))
+    return float(np.sqrt(np.mean(np.sum((tangents * np.repeat([1.0, LENGTH_M], 3)) ** 2, axis=1))))

@@ -9,7 +9,7 @@ from basecal.effects.faces.candidates import Candidates
 from basecal.geometry import Array
 
 COST = 0.5
-"""Among errors, one of many costs as much as the unknown that says which: half the logarithm of their number."""
+"""Among errors, one of many costs half the logarithm of their number; `benchmarks.false_alarms` judges it."""
 
 
 @dataclass(frozen=True, eq=False)

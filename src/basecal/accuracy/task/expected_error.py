@@ -16,15 +16,15 @@ from basecal.cell import Calibration, Cell, Tolerance
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix
 
-QUANTILE_LEVEL = 0.95
+QUANTILE_LEVEL = 0.95  # the usual level, which reports name
 _NODES = 12  # of either angle, with which quantiles of a covariance of any shape are exact to 1e-6
 _LEAST_QUANTILE = 1.95  # of a quantile in the largest sigma: that of a normal number, 1.96, has all others equal to 0
-_NEWTON_ROUNDS = 8
-_SECANT_ROUNDS = 60
-_SETTLED_SHARE = 1e-12  # of the probability, by which a quantile is found
-_MOST_DEVIATIONS = 1e3  # of a square, beyond which nothing is
-_CERTAIN_M2 = 1e-30  # [m^2] standard deviation of the square of a length that is certain
-_LEAST_SHARE = 1e-8  # of the largest variance: what is less is no length
+_NEWTON_ROUNDS = 8  # at most: each doubles the digits, of which `_NODES` leave six
+_SECANT_ROUNDS = 60  # at most: as many halvings would reach 1e-18 of the interval
+_SETTLED_SHARE = 1e-12  # of the probability, by which a quantile is found: far below the 1e-6 of `_NODES`
+# [m^2] standard deviation of the square of a length that is certain: rounding of a square metre squared.
+_CERTAIN_M2 = 1e-30
+_LEAST_SHARE = 1e-8  # of the largest variance: the root of machine precision, below which it is no length
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ class _NonCentral(NamedTuple):
         """Probability that each is below a length, (n,)."""
         away = length**2 - self.mean
         spread = np.maximum(self.spread, _CERTAIN_M2)
-        at = np.clip(away / spread, -_MOST_DEVIATIONS, _MOST_DEVIATIONS) * self.scale + self.freedoms + self.shift
+        at = away / spread * self.scale + self.freedoms + self.shift
         return np.asarray(chndtr(np.maximum(at, 0.0), self.freedoms, self.shift))
 
 

@@ -36,7 +36,6 @@ CHANCE_LIMIT = 0.01
 """Of a difference so large by noise alone, below which a local fit is recommended."""
 
 _EQUAL_SHARE = 1e-6  # share of a variance along a direction, below which both fits say the same there
-_FIT_STEPS = 30
 
 
 def local_fits(solution: Solution, names: Sequence[str], box_m: Sequence[float] | None = None) -> tuple[LocalFit, ...]:
@@ -58,7 +57,7 @@ def local_fits(solution: Solution, names: Sequence[str], box_m: Sequence[float] 
     if not parts:
         return ()
     folds = split.folds
-    everywhere = refit_folds(problem, solution.state, folds, _FIT_STEPS)
+    everywhere = refit_folds(problem, solution.state, folds)
     found = []
     for numbers in parts:
         inside = [np.isin(each, numbers) for each in samples]
@@ -66,7 +65,7 @@ def local_fits(solution: Solution, names: Sequence[str], box_m: Sequence[float] 
         centre = own.mean(0)
         reach = max(float(np.sqrt(np.mean(np.sum((own - centre) ** 2, axis=1)))), np.finfo(np.float64).eps)
         worth = [np.exp(-0.5 * np.sum((at - centre) ** 2, axis=1) / reach**2) for at in places]
-        local = refit_folds(problem, solution.state, [*folds, frozenset()], _FIT_STEPS, worth=worth)
+        local = refit_folds(problem, solution.state, [*folds, frozenset()], worth=worth)
         chance = _chance_of_noise(solution, local[-1], worth, names)
         found.append(_compare_fits(solution, everywhere, local, inside, centre, numbers, names, chance))
     return tuple(found)

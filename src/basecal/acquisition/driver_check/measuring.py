@@ -94,8 +94,8 @@ def record_images(camera: Camera, duration_s: float) -> Arrivals:
     Raises:
         DriverError: if an image does not come, or fewer than three come.
     """
-    at_s, images = _arrivals(camera.picture, duration_s)
-    return Arrivals(at_s, np.array([picture.stamp_s for picture in images]))
+    at_s, images = _arrivals(camera.image, duration_s)
+    return Arrivals(at_s, np.array([image.stamp_s for image in images]))
 
 
 def _arrivals(read: Callable[[], Given], duration_s: float) -> tuple[Array, list[Given]]:
@@ -119,7 +119,7 @@ def stale_images(camera: Camera, period_s: float, pause_s: float) -> int:
     time.sleep(pause_s)
     count, before_s = 0, time.monotonic()
     while True:
-        camera.picture()
+        camera.image()
         now_s = time.monotonic()
         if now_s - before_s > period_s / 3:
             return max(count - 1, 0)  # the newest image may wait for its reader

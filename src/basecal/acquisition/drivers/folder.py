@@ -14,7 +14,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from basecal.acquisition.driver import Picture, Place, checked_options
+from basecal.acquisition.driver import CameraImage, Place, checked_options
 from basecal.acquisition.reaching import external_path
 from basecal.errors import DatasetError, DriverError
 from basecal.fields.values import Entry, PathText
@@ -45,7 +45,7 @@ class FolderCamera:
         self._has_given = False
         self._unreadable_s: dict[tuple[int, Path], float] = {}
 
-    def picture(self) -> Picture:
+    def image(self) -> CameraImage:
         """The newest image; of those that existed the oldest that was not given yet.
 
         One that is still being written is waited for.
@@ -63,7 +63,7 @@ class FolderCamera:
                     older = [] if self.is_on_demand else [each.name for ns, each in new if ns < written_ns]
                     self._seen.update([path.name, *older])
                     self._has_given = True
-                    return Picture(1e-9 * written_ns, grey, source=path.name)
+                    return CameraImage(1e-9 * written_ns, grey, source=path.name)
                 why = f"; {path.name} {grey}"
                 self._check_first(written_ns, path, grey)
             if time.monotonic() >= until:

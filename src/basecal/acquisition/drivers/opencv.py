@@ -11,7 +11,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from basecal.acquisition.driver import Picture, Place, checked_options
+from basecal.acquisition.driver import CameraImage, Place, checked_options
 from basecal.acquisition.reaching import external_path
 from basecal.errors import DriverError
 from basecal.fields.values import Entry, PathText
@@ -32,7 +32,7 @@ class OpencvCamera:
         self.is_live, self.is_on_demand = not is_file, is_file
         self.is_stamped = stream.is_stamped
 
-    def picture(self) -> Picture:
+    def image(self) -> CameraImage:
         """The next image of the stream.
 
         Raises:
@@ -41,7 +41,7 @@ class OpencvCamera:
         grey = self._stream.read()
         if grey is None:
             raise DriverError(f"{self._name}: the stream has ended, or the camera was pulled out")
-        return Picture(self._stream.stamp_s() if self.is_stamped else time.monotonic(), grey)
+        return CameraImage(self._stream.stamp_s() if self.is_stamped else time.monotonic(), grey)
 
     def close(self) -> None:
         """Release the device."""

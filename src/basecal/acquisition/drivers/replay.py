@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from basecal.acquisition.driver import Grey, Picture, Place, Reading, checked_options
+from basecal.acquisition.driver import CameraImage, Grey, Place, Reading, checked_options
 from basecal.acquisition.reaching import external_path
 from basecal.acquisition.states import state_vector
 from basecal.cell import Cell, Recording, RobotState, Sample
@@ -119,7 +119,7 @@ class ReplayCamera:
         """Give the images with the light on, or those without."""
         self._lit = on
 
-    def picture(self) -> Picture:
+    def image(self) -> CameraImage:
         """The image of the sample at which the tape stands.
 
         Raises:
@@ -129,7 +129,7 @@ class ReplayCamera:
         paths = sample.images if self._lit else sample.background
         if self._name not in paths:
             raise DriverError(f"{self._name}: the recording has no image without the light in sample {sample.sample}")
-        return Picture(self._tape.tick(), self._read(paths[self._name]))
+        return CameraImage(self._tape.tick(), self._read(paths[self._name]))
 
     def _read(self, path: str) -> Grey:
         data = read_bytes(self._tape.folder / path)

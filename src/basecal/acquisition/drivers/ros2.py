@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from basecal.acquisition.driver import Picture, Place, Reading, checked_options
+from basecal.acquisition.driver import CameraImage, Place, Reading, checked_options
 from basecal.acquisition.freshness import Waits
 from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.ros2.dds import LAST_DOMAIN, choose_domain, domain_words
@@ -82,7 +82,7 @@ class Ros2Camera:
         self.wait_s = wait_s
         self._last_s = float("-inf")
 
-    def picture(self) -> Picture:
+    def image(self) -> CameraImage:
         """Its next image, with the stamp of its driver [s].
 
         Raises:
@@ -98,7 +98,7 @@ class Ros2Camera:
         grey = grey_image(file.content, self._size_px)
         if isinstance(grey, str):
             raise DriverError(f"{self._name}: an image of {self._topic} {grey}")
-        return Picture(now_s, grey)
+        return CameraImage(now_s, grey)
 
     def _newer_message(self, message: Any) -> Any:
         return message if stamp_s(message.header) > max(self._last_s, 0.0) else None

@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError
 
-from basecal.acquisition.driver import Picture, Place, Reading, StopGuarantee, checked_options
+from basecal.acquisition.driver import CameraImage, Place, Reading, StopGuarantee, checked_options
 from basecal.cell import RobotState
 from basecal.cell.schema.errors import first_problem
 from basecal.errors import DriverError
@@ -111,20 +111,20 @@ class SimulatedCamera:
     def __init__(self, name: str, cell: Connection) -> None:
         self._name, self._cell = name, cell
 
-    def picture(self) -> Picture:
+    def image(self) -> CameraImage:
         """Its next image.
 
         Raises:
             DriverError: if the cell does not answer.
         """
-        answer = _parse_answer(_Image, self._cell.ask(do="picture", camera=self._name))
+        answer = _parse_answer(_Image, self._cell.ask(do="image", camera=self._name))
         try:
             grey = grey_image(base64.b64decode(answer.png_base64), None)
         except ValueError:
             grey = "is not written as base64"
         if isinstance(grey, str):
             raise DriverError(f"{self._name}: an image {grey}")
-        return Picture(answer.stamp_s, grey)
+        return CameraImage(answer.stamp_s, grey)
 
     def light(self, on: bool) -> None:
         """Switch the light."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.acquisition.driver import Camera, Picture, Switches, driver_errors
+from basecal.acquisition.driver import Camera, CameraImage, Switches, driver_errors
 from basecal.acquisition.images.latency import ArmMotion, Latency, estimate_latency
 from basecal.errors import DriverError
 from basecal.geometry import Array
@@ -46,7 +46,7 @@ class CameraFeed:
         self._last_s = -np.inf
         self._late_s: list[float] = []  # arrivals of images since then that were older
         self._notes: list[str] = []
-        self._newest: tuple[Picture, float] | None = None
+        self._newest: tuple[CameraImage, float] | None = None
         self._light: bool | None = None  # that the thread shall switch: a driver serves one thread
         self._latencies: dict[float, Latency] = {}  # by the begin of the motion they were measured on
         self._reported: Latency | None = None
@@ -63,7 +63,7 @@ class CameraFeed:
             recent = list(self._arrivals)[-_STREAM:]
         return self._camera.is_live or (len(recent) == _STREAM and time.monotonic() - recent[0][0] < _STREAM_S)
 
-    def picture(self) -> Picture:
+    def image(self) -> CameraImage:
         """Wait for the newest image that was not given yet, with the earliest time at which it was exposed.
 
         Raises:
@@ -72,11 +72,11 @@ class CameraFeed:
         self._wait(lambda: self._newest is not None)
         with self._changed:
             assert self._newest is not None
-            (picture, seen_s), self._newest = self._newest, None
+            (image, seen_s), self._newest = self._newest, None
             arrivals = np.array(self._arrivals)
         exposed_s = seen_s - self._latency_s(arrivals)
         note, self._notes = "; ".join(self._notes), []
-        return replace(picture, exposed_s=exposed_s, note=note)
+        return replace(image, exposed_s=exposed_s, note=note)
 
     def close(self) -> None:
         """Let go of the camera; a driver that does not come back is left to the end of the process."""
@@ -109,13 +109,13 @@ class CameraFeed:
                 with driver_errors(self._name):
                     self._switch()
                     began_s = time.monotonic()
-                    picture = self._camera.picture()
+                    image = self._camera.image()
                 now_s = time.monotonic()
-                if self._is_outdated(picture, now_s - began_s):
+                if self._is_outdated(image, now_s - began_s):
                     continue
-                every = max(1, picture.grey.shape[1] // _IMAGE_COLUMNS)
-                levels = reduce_image(picture.grey[::every, ::every])
-                self._add(picture, before is not None and self._has_moved(before, levels), now_s)
+                every = max(1, image.grey.shape[1] // _IMAGE_COLUMNS)
+                levels = reduce_image(image.grey[::every, ::every])
+                self._add(image, before is not None and self._has_moved(before, levels), now_s)
                 before = levels
         except Exception as error:  # of whatever library: who waits for an image is told
             with self._changed:
@@ -132,7 +132,7 @@ class CameraFeed:
         is_unlike = change > _UNLIKE * np.quantile(self._changes or [change], _QUIET)
         return bool(is_unlike) or shift_between(first, second) > _MOVES_PX
 
-    def _is_outdated(self, picture: Picture, waited_s: float) -> bool:
+    def _is_outdated(self, image: CameraImage, waited_s: float) -> bool:
         """Whether an image is older than one that came before, or came at once: then it lay in a buffer.
 
         Raises:
@@ -141,7 +141,7 @@ class CameraFeed:
         self._waits_s.append(waited_s)
         if not self._is_stamped:
             return waited_s < _WAITED * float(np.quantile(self._waits_s, _USUAL))
-        is_late, self._last_s = picture.stamp_s < self._last_s, max(self._last_s, picture.stamp_s)
+        is_late, self._last_s = image.stamp_s < self._last_s, max(self._last_s, image.stamp_s)
         if not is_late:
             self._late_s.clear()
             return False
@@ -151,15 +151,15 @@ class CameraFeed:
                 f"{self._name}: the last {len(self._late_s)} images are older than the one before them. "
                 f"The clock of the camera went back: start the capture again"
             )
-        self._notes.append(f"camera {self._name}: {picture.source or 'an image'} came after a newer one; not used")
+        self._notes.append(f"camera {self._name}: {image.source or 'an image'} came after a newer one; not used")
         return True
 
-    def _add(self, picture: Picture, moves: bool, now_s: float) -> None:
+    def _add(self, image: CameraImage, moves: bool, now_s: float) -> None:
         with self._changed:
-            self._delays_s.append(now_s - picture.stamp_s)
-            seen_s = picture.stamp_s + min(self._delays_s) if self._is_stamped else now_s
+            self._delays_s.append(now_s - image.stamp_s)
+            seen_s = image.stamp_s + min(self._delays_s) if self._is_stamped else now_s
             self._arrivals.append((seen_s, moves))
-            self._newest = picture, seen_s
+            self._newest = image, seen_s
             self._changed.notify_all()
 
     def _switch(self) -> None:

@@ -20,10 +20,11 @@ from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.rotation import nearest_rotation
 from basecal.numerics.spectral import principal_axes
 
-_STILL_M = 2e-4  # travel of a camera that stands still: twice the repeatability of an arm [m]
-_STILL_RAD = 1e-3  # turn of a light that is shifted [rad]
+_STILL_M = 2e-4  # travel of a camera that stands still: twice the 0.1 mm that makers state at most [m]
+_STILL_RAD = 1e-3  # turn of a light that is shifted [rad]; assumed
 _FEWEST_VIEWS = 4  # of a station: the paper's three shifts and their origin
-_LEAST_EXTENT_SHARE = 0.1  # extent of the shifts over the largest: where the third is as long they span the space
+# Extent of the shifts over the largest: where the third is as long they span the space; assumed.
+_LEAST_EXTENT_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ from basecal.estimation.certificate.view_rotation import view_costs
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.problem import State
-from basecal.estimation.solve import Solution
+from basecal.estimation.solve import SAME_COST, Solution
 from basecal.estimation.start.closed_form import solve_rotations, solve_translations
 from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -38,15 +38,14 @@ from basecal.geometry import SE3, Array
 _TIGHT_GAP = 1e-3  # relative gap up to which a bound counts as tight: what is left is far below the noise
 _SMALLEST_COST = 1e-10  # of exact data, whose gap is rounding over rounding
 _WIDEST_SINE2 = 0.5  # sin^2 of half the turn within which any better fit lies: beyond 90 deg nothing is proven
-_SEARCH_STARTS = 8  # second starts where the first bound is not tight
-_SHORT_SWEEPS = 30  # alternations that rank starts
+_SEARCH_STARTS = 8  # second starts where the first bound is not tight; `benchmarks.certificate` judges it
+_SHORT_SWEEPS = 30  # alternations that rank starts; assumed: `benchmarks.certificate`
 _FEWEST_VIEWS = 3  # views that determine the rotations of a loop
-_DESCENTS = 8  # random starts that look for what the proof leaves open
-_MOST_VIEWS = 30  # views of a group that such a search uses
+_DESCENTS = 8  # random starts that look for what the proof leaves open; `benchmarks.certificate` judges them
+_MOST_VIEWS = 30  # views of a group that such a search uses; assumed: bounds the time
 _DESCENT_STEPS = 60  # steps of each descent, at most
-_SAME_COST = 1e-6  # relative difference of costs that descents to one optimum may leave
 _SAME_M_RAD = 1e-6  # difference of transforms that descents to one optimum may leave [m, rad]
-_SEED = 20
+_SEED = 20  # any other would do
 
 
 class Certified(NamedTuple):
@@ -155,7 +154,7 @@ def _least_bound(form: LoopForm, factors: tuple[Array, Array, Array]) -> Bound:
     if ProvenLoop(form, found).gap <= _TIGHT_GAP:
         return found
     second = _lowest_minimum(form, pose_starts([loop], _SEARCH_STARTS)[0])
-    return lower_bound(form.form, second[0]) if second[1] < first[1] * (1 - _SAME_COST) else found
+    return lower_bound(form.form, second[0]) if second[1] < first[1] * (1 - SAME_COST) else found
 
 
 def _lowest_minimum(form: LoopForm, starts: list[tuple[Array, Array, Array]]) -> tuple[Factors, float]:
@@ -187,7 +186,7 @@ def _better_state(solution: Solution, start: State) -> State | None:
     """The end of a descent on everything, if it is lower than the solution."""
     dof = degrees_of_freedom(solution.problem)
     end = bundle_adjust(solution.problem, _clear_errors(start), dof, 2 * _DESCENT_STEPS)
-    lower = end.cost < solution.cost * (1 - _SAME_COST) - _SAME_COST
+    lower = end.cost < solution.cost * (1 - SAME_COST) - SAME_COST
     return end.state if lower and not _same_place(end.state, solution.state) else None
 
 
@@ -206,7 +205,7 @@ def _explore_surroundings(solution: Solution, share: float, gap: float) -> Certi
     angle = 2 * float(np.arcsin(np.sqrt(share)))
     for start in _turned_states(solution, angle):
         end = bundle_adjust(few, start, dof, _DESCENT_STEPS)
-        other_cost = abs(end.cost - reference.cost) > _SAME_COST * reference.cost
+        other_cost = abs(end.cost - reference.cost) > SAME_COST * reference.cost
         if other_cost and not _same_place(end.state, reference.state):
             better = _better_state(solution, end.state) if end.cost < reference.cost else None
             reason = f"within the {np.degrees(angle):.2g} deg in which a better fit could be there are several optima"

@@ -25,7 +25,6 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_log
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-_POSE_STEPS = 15  # steps of a view's pose: at most
 _SAME_RAD = 1e-3  # poses of one optimum differ by rounding, two optima by far more [rad]
 _CURVATURE_SHARE = 0.5  # of the curvature at the optimum, taken as the growth of the cost further off
 
@@ -103,7 +102,7 @@ def _pixel_costs(measurement: PixelMeasurement, camera_from_target: SE3, camera:
     poses = view_poses(measurement.points_in_target, bearings, seen, chords)
     own = replace(measurement, weight=np.where(seen, measurement.weight, 0.0), seen=seen)
     starts = [poses.camera_from_target[:, 0], poses.camera_from_target[:, 1], camera_from_target]
-    ends = [refine_poses(own, start, camera, _POSE_STEPS) for start in starts]
+    ends = [refine_poses(own, start, camera) for start in starts]
     costs = np.nan_to_num(np.stack([end.cost for end in ends]), nan=np.inf)
     rows, best = np.arange(n), np.argmin(costs, axis=0)
     rotation = np.stack([end.camera_from_target.rotation for end in ends])

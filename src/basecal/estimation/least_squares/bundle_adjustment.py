@@ -11,6 +11,7 @@ import numpy as np
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise, retract
 from basecal.estimation.least_squares.sparse_normal_equations import is_sparse, sparse_adjust
 from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.settings import MOST_STEPS
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import concatenate, take
 from basecal.numerics.levenberg_marquardt import (
@@ -23,7 +24,7 @@ from basecal.numerics.levenberg_marquardt import (
 )
 from basecal.numerics.sparse_hessian import SparseHessian
 
-ROUGH_SIGMAS = 1e-2  # what may be left to go where more rounds follow
+ROUGH_SIGMAS = 1e-2  # what may be left to go where more rounds follow: a hundredth of a sigma; assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +89,7 @@ def bundle_adjust(
     problem: Problem,
     state: State,
     dof: float,
-    iterations: int = 100,
+    iterations: int = MOST_STEPS,
     weights: Sequence[Array] | None = None,
     sigmas: float = CONVERGED_SIGMAS,
 ) -> Optimum:
@@ -129,7 +130,7 @@ def bundle_adjust_batch(
     problem: Problem,
     states: State,
     dof: float | Array,
-    iterations: int = 100,
+    iterations: int = MOST_STEPS,
     weights: Sequence[Array] | None = None,
 ) -> OptimumBatch:
     """The optima downhill of a batch of states (b,), each alone.

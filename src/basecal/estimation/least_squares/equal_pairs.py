@@ -20,7 +20,7 @@ from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.numerics.batch import stack
 
 MOST_VIEWS = 2000
-"""Of a batch: more gain nothing, and take memory that no cache holds."""
+"""Of a batch: more gain nothing, and take memory that no cache holds; `benchmarks.robots`."""
 
 _LENS_FIELD = "camera"
 _NAMES = ("eye", "hand")  # of the ends

@@ -12,7 +12,7 @@ import scipy  # its parts are loaded when they are first used
 from basecal.geometry import Array, IntArray
 from basecal.numerics.batch import SHARED
 
-_MOST_INVERTED = 400  # stops whose joint covariance is inverted as a whole: 2,400 columns, 46 MB
+_MOST_INVERTED = 400  # stops whose joint covariance is inverted as a whole: 2,400 columns, 46 MB; assumed
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,12 +22,27 @@ from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
-CONTRADICTED = 1.5  # residuals over their sigmas beyond which something is wrong with one or the other
+CONTRADICTED = 1.5
+"""Residuals over their sigmas beyond which one or the other is wrong; `benchmarks.outliers` judges it."""
+
+PLAUSIBLE_SIGMAS = 4.0
+"""Residuals over their sigmas that sigmas alone may explain: people state them too small, but not by more; assumed."""
+
+PLAUSIBLE_PX = 3.0
+"""[px] rms of residuals that a detector may leave, far beyond the detectors of docs/benchmarks.md."""
+
+PLAUSIBLE_TOUCH_M = 3e-3
+"""[m] per axis that touches may scatter, far beyond people who lead a tip to a mark, and sockets; assumed."""
+
+UNSUSPECTED_PX = 1.0
+"""[px] of noise in which neither outliers nor a wrong lens hide; `benchmarks.outliers` judges it."""
+
+ROUNDING = 1e-9
+"""[m, rad, px] below which numbers of metres are rounding: files have nine digits, computations fifteen."""
+
 _FIXED_POINT_ROUNDS = 40  # of the fixed point, which gains a digit in two or three
 # [1] relative change of a variance that ends the rounds: ten thousand residuals tell it to a hundredth.
 _SETTLED_CHANGE = 1e-3
-# [m, rad, px] of what fits to the last bit: beside poses of metres, what is smaller is rounding and no weight.
-_LEAST_SIGMA = 1e-9
 _LOG_STEP = 1e-3  # of the difference that gives a slope: rounding and bend are a millionth each
 
 
@@ -125,7 +140,7 @@ def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Pro
     for _ in range(_FIXED_POINT_ROUNDS):
         ratios = {}
         for f in fields:
-            least = (_LEAST_SIGMA / getattr(noise, f)) ** 2
+            least = (ROUNDING / getattr(noise, f)) ** 2
             ratios[f] = max(_ratio(problem, end, noise, f, counts[f]), least)
         noise = noise._replace(**{f: getattr(noise, f) * np.sqrt(r) for f, r in ratios.items()})
         problem = problem.with_noise(noise)

@@ -40,8 +40,8 @@ _ALTERNATIONS = 6  # of sigmas and optimum in turn: two or three do
 _SETTLED_CHANGE = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
 # Of a group: so many tell a sigma to two in a hundred, a step away from that of all; a search that begins far away is
 # mostly waiting among so many, and goes by fewer first.
-_MANY_VIEWS = 2000
-_SOME_VIEWS = (500, _MANY_VIEWS)
+MANY_VIEWS = 2000
+_SOME_VIEWS = (500, MANY_VIEWS)
 _NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a few of any arm's
 
 
@@ -128,8 +128,8 @@ def _estimate_sigmas(
     else:
         used, logs = _with_sigmas(problem, guess), guess.logs
         start = start if len(start.stop_errors) == len(used.stops) else without_errors(used, start)
-    if max(map(len, problem.groups), default=0) > _MANY_VIEWS:
-        few, few_start = recorded_subset(problem, without_errors(problem, start), _MANY_VIEWS)
+    if max(map(len, problem.groups), default=0) > MANY_VIEWS:
+        few, few_start = recorded_subset(problem, without_errors(problem, start), MANY_VIEWS)
         _, few_end, found = _estimate_sigmas(few, few_start, iterations, guess)
         if few_end.converged and found.settled and found.logs is not None:
             return _extend_estimate(_with_sigmas(problem, found), few_end.state, iterations, found.logs)

@@ -40,7 +40,7 @@ _NEARLY_KNOWN = 0.25
 _FEW_STOPS = 40
 # Of drawn nodes: half their number, freedoms of Student's t, and how much wider it is than the approximation.
 _PAIRS, _TAILS, _WIDER = 64, 5.0, 1.2
-_SEED = 20240422
+_SEED = 20240422  # any other would do
 _LEAST_SHARE = 1e-6  # of a model: with a smaller one a hundred times the covariance adds a ten-thousandth
 _LIKELY_SHARE = 0.1  # of a model, for the quick integral: less likely ones change a sigma by some hundredths
 _LEAST_CURVATURE = 0.1  # of a logarithm no prior leaves so wide, a factor of 20: keeps saddles from endless steps

@@ -18,7 +18,8 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 
-_MOST_VIEWS = 200  # of each camera and target: a robot is in several, whose freedoms tell a sigma to a few in a hundred
+# Of each camera and target: a robot is in several, whose freedoms tell a sigma to a few in a hundred; assumed.
+_MOST_VIEWS = 200
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,8 @@ from basecal.estimation.problem.problem import Problem
 from basecal.geometry import Array
 
 FEWEST_STOPS = 4
-"""Fewer stops show nothing of what changes with the pose."""
-_SUGGESTED = 2.0  # standard deviations, above which a model is tried: one in forty by chance
+"""Fewer stops show nothing of what changes with the pose; assumed."""
+_SUGGESTED = 2.0  # standard deviations, above which a model is tried: a normal number is beyond once in 44
 
 
 def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedErrors | None:

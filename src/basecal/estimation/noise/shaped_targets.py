@@ -13,9 +13,8 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
 
-# Fewer points hardly tell a shape from a view's pose: a tag's four corners do not at all.
-_FEWEST_POINTS = 9
-_MOST_IN_SPACE = 40  # points in space, which bounds the time: three unknowns each
+_FEWEST_POINTS = 9  # Fewer points hardly tell a shape from a view's pose: a tag's four corners do not at all; assumed
+_MOST_IN_SPACE = 40  # points in space, which bounds the time: three unknowns each; assumed
 
 
 def shaped_targets(problem: Problem) -> dict[str, int]:

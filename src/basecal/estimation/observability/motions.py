@@ -18,10 +18,11 @@ from basecal.geometry import SE3, Array
 from basecal.numerics.batch import concatenate
 from basecal.numerics.spectral import principal_axes, scaled_spectrum
 
-STILL_RAD = 0.01  # turns below this say nothing of a rotation: their noise is as large [rad]
-_STILL_M = 1e-3  # travel below this is standing still [m]
-_NOISE_SIGMAS = 5.0  # a motion is one beyond five sigmas of the pose's noise
-_FEWEST_ORIENTATIONS = 3  # orientations that determine a hand-eye rotation: two turns about different axes
+STILL_RAD = 0.01  # turns below this say nothing of a rotation: their noise is as large [rad]; assumed
+_STILL_M = 1e-3  # travel below this is standing still [m]; assumed
+_NOISE_SIGMAS = 5.0  # a motion is one beyond five sigmas of the pose's noise, a chance of 6e-7
+# Orientations that determine a hand-eye rotation: two turns about different axes (Tsai & Lenz 1989).
+_FEWEST_ORIENTATIONS = 3
 
 
 @dataclass(frozen=True, eq=False)

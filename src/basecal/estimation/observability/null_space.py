@@ -18,10 +18,10 @@ from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import principal_axes, sort_by_share
 
 # Singular values and norms of an orthonormal basis, in shares of a whole direction.
-_LITTLE_SHARE = 0.2  # what a basis moves less of an unknown than this does not move it
-_LEAST_CORRELATION = 0.05  # unknowns whose parts are less correlated than this move apart
-_MAIN_SHARE = 0.5  # of unknowns that move this share of the largest the first is named
-_COUPLED_SHARE = 0.3  # what moves this share of the named one moves along with it
+_LITTLE_SHARE = 0.2  # what a basis moves less of an unknown than this does not move it; assumed
+_LEAST_CORRELATION = 0.05  # unknowns whose parts are less correlated than this move apart; assumed
+_MAIN_SHARE = 0.5  # of unknowns that move this share of the largest the first is named; assumed
+_COUPLED_SHARE = 0.3  # what moves this share of the named one moves along with it; assumed
 
 Kind = Literal["translation", "rotation", "lens", "robot parameters"]
 

@@ -21,13 +21,15 @@ from basecal.geometry import Array
 from basecal.numerics.sparse_hessian import SparseHessian
 from basecal.numerics.spectral import Spectrum, scaled_spectrum, spectrum
 
-_UNOBSERVABLE_SIGMA = 0.3  # [m, rad] of a direction: larger, no linear theory of it holds
+# [m, rad] of a direction: larger, no linear theory of it holds: a sine is off by 1.5 % there; assumed.
+UNOBSERVABLE_SIGMA = 0.3
 _NO_INFORMATION_SIGMA = 30.0  # [m, rad]: so wide a direction has no information but rounding
-_TOUCHED_SHARE = 1e-3  # share of a null direction in an unknown above which it belongs to it
-_SMALLEST_FACTOR = 1e-4  # noise estimated from exact data counts as a hundredth of a sigma at least
-_DISTORTION_SCALE = 10.0  # a distortion term of 10 is as far off as a radian
+TOUCHED_SHARE = 1e-3
+"""Share of a null direction in an unknown above which it belongs to it: a square of a millionth, far above rounding."""
+_SMALLEST_FACTOR = 1e-4  # noise estimated from exact data counts as a hundredth of a sigma at least; assumed
+_DISTORTION_SCALE = 10.0  # a distortion term of 10 is as far off as a radian; assumed
 _PRIOR_SHARE = 0.5  # of an eigenvalue that priors make: rounding, which makes the rest, has either sign
-_ENOUGH_VIEWS = 40  # views by which the shape of null directions is found
+_ENOUGH_VIEWS = 40  # views by which the shape of null directions is found; assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +67,16 @@ def analyse_observability(problem: Problem, state: State, hessian: Array, factor
     lenses = [where for name, where in problem.columns.items() if name in problem.lenses]
     distortion = [k for where in lenses for k in range(where.start + 4, where.stop)]
     shaping = np.linalg.norm(vectors[distortion], axis=0) ** 2 > 0.5
-    null = singular | ((values < noise / _UNOBSERVABLE_SIGMA**2) & ~shaping)
+    null = singular | ((values < noise / UNOBSERVABLE_SIGMA**2) & ~shaping)
     directions = separate_null_space(problem, state, vectors[:, null], scale) if np.any(null) else ()
     names = frozenset(
         name
         for name, where in problem.columns.items()
-        if np.abs(vectors[where][:, singular]).max(initial=0.0) > _TOUCHED_SHARE
+        if np.abs(vectors[where][:, singular]).max(initial=0.0) > TOUCHED_SHARE
         or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _required_columns(problem, name)].max(
             initial=0.0
         )
-        > _UNOBSERVABLE_SIGMA
+        > UNOBSERVABLE_SIGMA
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(singular) else float("inf")
     return Observability(inverse, condition, directions, names, onto_held, length)
@@ -94,7 +96,7 @@ def condition_number(problem: Problem, state: State, hessian: SparseHessian, fac
     scaled = hessian.rescale(_scales(problem, state, _length(problem, state)))
     noise = max(factor, _SMALLEST_FACTOR)
     smallest, largest = scaled.extremes
-    if smallest < noise / _UNOBSERVABLE_SIGMA**2 or null_directions(problem, state).shape[1]:
+    if smallest < noise / UNOBSERVABLE_SIGMA**2 or null_directions(problem, state).shape[1]:
         return None
     return float(np.sqrt(largest / smallest))
 

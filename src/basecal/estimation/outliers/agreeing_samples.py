@@ -1,4 +1,7 @@
-"""Which samples close the loop with one another, if they are too few, or too similar, for a solution."""
+"""Which samples close the loop with one another, if they are too few, or too similar, for a solution.
+
+`benchmarks.outliers` judges its limits.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Inliers of a problem at a state: each view, shared stop and point against the prediction of all others."""
+"""Inliers of a problem at a state: each view, shared stop and point against the prediction of all others.
+
+`benchmarks.outliers` judges its limits.
+"""
 
 from __future__ import annotations
 

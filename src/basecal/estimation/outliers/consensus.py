@@ -1,4 +1,7 @@
-"""Where leaving out and taking back came to rest, and whether that is an answer to go by."""
+"""Where leaving out and taking back came to rest, and whether that is an answer to go by.
+
+`benchmarks.outliers` judges its limits.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,13 @@ from typing import TypeGuard
 
 import numpy as np
 
-from basecal.estimation.noise.estimate import CONTRADICTED
+from basecal.estimation.noise.estimate import CONTRADICTED, PLAUSIBLE_PX, UNSUSPECTED_PX
 from basecal.estimation.outliers.classify import Classification, is_stated
 from basecal.estimation.outliers.inlier_mask import InlierMask
-from basecal.estimation.outliers.point_inliers import PLAUSIBLE_PX
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement
 
-_LARGEST_UNSUSPECTED_PX = 1.0  # noise a detector has without outliers hiding in it [px]
 _LEAST_KEPT = 0.5  # of the views an answer rests on: fewer may agree by chance
 _CLEAR_SHARE = 0.6  # of the views that agree convince, so that no further start is tried
 _QUIETER = 4.0  # times less variance: unstated noise spreads over all views alike
@@ -79,7 +80,7 @@ def implausible(plain: Solution, judgement: Classification) -> bool:
         return max(judgement.view_scale.variance, judgement.point_scale.variance) > CONTRADICTED**2
     if judgement.view_scale.variance > CONTRADICTED**2:
         return True
-    return plain.noise.noise.pixel_px > _LARGEST_UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
+    return plain.noise.noise.pixel_px > UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
 
 
 def convincing(end: Consensus | None) -> TypeGuard[Consensus]:

@@ -15,12 +15,9 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.seen_points import SeenPoints, point_jacobians
-from basecal.estimation.view.view_pose import FEWEST_POINTS, refine_poses
+from basecal.estimation.view.view_pose import FEWEST_3D_POINTS, FEWEST_POINTS, refine_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import lengths
-
-_POSE_STEPS = 20  # of the pose of one view, at most
-_FEWEST_3D_POINTS = 3
 
 
 @dataclass(frozen=True)
@@ -106,10 +103,10 @@ def _single_view_pose(one: ViewGroup, state: State, start: SE3) -> SE3 | None:
     measurement = one.measurement
     if isinstance(measurement, PoseMeasurement):
         return measurement.measured_camera_from_target[0]
-    fewest = FEWEST_POINTS if isinstance(measurement, PixelMeasurement) else _FEWEST_3D_POINTS
+    fewest = FEWEST_POINTS if isinstance(measurement, PixelMeasurement) else FEWEST_3D_POINTS
     if measurement.point_counts().sum() < fewest:
         return None
-    return refine_poses(measurement, start, state.cameras.get(one.camera), _POSE_STEPS).camera_from_target[0]
+    return refine_poses(measurement, start, state.cameras.get(one.camera)).camera_from_target[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,9 +160,7 @@ def _distances(points: _LostPoints, predicted_pose: SE3, lens: Camera | None) ->
     """How far each point is from where the kept points of its view, or all else, put it, (n, p) [px or m]."""
     left = points.measurement.mask_points(points.used)
     pose = (
-        refine_poses(left, predicted_pose, lens, _POSE_STEPS).camera_from_target
-        if (left.equations() >= 6).all()
-        else predicted_pose
+        refine_poses(left, predicted_pose, lens).camera_from_target if (left.equations() >= 6).all() else predicted_pose
     )
     rows = point_jacobians(points.measurement, pose, lens, False)
     weight = np.where(points.measurement.weight > 0, points.measurement.weight, 1.0)

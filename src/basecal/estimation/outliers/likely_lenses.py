@@ -1,4 +1,7 @@
-"""Stated lenses that are off by more than a usual calibration, estimated with errors as large as the data show."""
+"""Stated lenses that are off by more than a usual calibration, estimated with errors as large as the data show.
+
+`benchmarks.rescues` judges its limits.
+"""
 
 from __future__ import annotations
 

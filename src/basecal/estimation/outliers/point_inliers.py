@@ -1,4 +1,7 @@
-"""Which points of a view agree with the rest of their view, whatever the state that outliers have pulled aside."""
+"""Which points of a view agree with the rest of their view, whatever the state that outliers have pulled aside.
+
+`benchmarks.outliers` judges its limits.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared, judged_by_view
-from basecal.estimation.noise.estimate import CONTRADICTED
+from basecal.estimation.noise.estimate import CONTRADICTED, PLAUSIBLE_PX, UNSUSPECTED_PX
 from basecal.estimation.outliers.classify import CHANCE_OF_POINT, is_stated
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, point_count
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
@@ -32,8 +35,6 @@ _SCALE_ROUNDS = 4  # rounds of scale and inliers in turn, at most
 # Share of a view's points that agree at the fit to all of them, from which on no random subsets are drawn: of so many
 # the fit itself leaves out the others; with fewer a skewed fit widens the scale by which points agree.
 _AGREED = 0.95
-_UNSUSPECTED_PX = 1.0  # [px] scatter of points about their view's own pose that a true lens leaves
-PLAUSIBLE_PX = 3.0  # residual that a detector may have [px]
 
 
 def agreeing_points(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:
@@ -45,7 +46,7 @@ def agreeing_points(problem: Problem, state: State, suspects: list[IntArray], ce
     if not any(map(len, suspects)):
         return all_inliers(problem).points
     found = [_scale_and_points(problem, state, suspects)]
-    unsuspected = CONTRADICTED**2 if is_stated(problem) else _UNSUSPECTED_PX**2
+    unsuspected = CONTRADICTED**2 if is_stated(problem) else UNSUSPECTED_PX**2
     if found[0][0] > unsuspected and not problem.columns.keys().isdisjoint(problem.lenses):
         alone = replace(state, cameras=lenses(problem, cell))
         found.append(_scale_and_points(problem, alone, suspects))

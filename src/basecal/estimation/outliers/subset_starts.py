@@ -35,7 +35,7 @@ _CONCENTRATED = 0.5  # of the views draw the state: most of them are good
 _DESCENT_STEPS = 30  # of a descent from a start
 _FARTHEST = 1e30  # squares beyond are alike
 _FEW_STEPS = 4  # steps between two choices of views
-_SEED = 20240301
+_SEED = 20240301  # any other would do
 
 T = TypeVar("T")
 

@@ -30,7 +30,7 @@ _MOST_LEFT_OUT = 2  # of so few: with three out four corners or five are left, w
 _FIT_ROUNDS = 10  # of fitting to the points that agree: three or four do
 _FIRST_STEPS = 4  # of a pose from a subset, enough to rank it
 _FIT_STEPS = 6  # of one from the points that agree, which starts near
-_SEED = 20240229
+_SEED = 20240229  # any other would do
 # So many points at once: arrays of a few megabytes.
 _CHUNK_POINTS = 50_000
 

@@ -15,7 +15,7 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, IntArray
 
-MOST_CANDIDATES = 8  # bright spots of a light that are tried
+MOST_CANDIDATES = 8  # bright spots of a light that are tried; assumed: bounds the time
 
 
 def half_turn(target: Target) -> SE3 | None:

@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell import Finding, Observation, PixelObservation, PointObservation, PoseObservation, TouchObservation
 from basecal.geometry import Array
 
-_LISTED_SAMPLES = 10  # samples that a message names
+_LISTED_SAMPLES = 10  # samples that a message names; assumed to fit it
 
 
 def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:

@@ -11,10 +11,10 @@ import numpy as np
 
 from basecal.geometry import SE3, Array, IntArray
 
-# Encoders and their filters let a pose that is read back vary by up to 20 um and as many urad a metre, 1 sigma; this
-# is five times the sigma of a difference. No two places to which an arm is sent on purpose are as near.
-READ_BACK_M = 1.4e-4
-READ_BACK_RAD = 1.4e-4
+# [m, rad]: encoders and their filters let a pose that is read back vary by up to 20 um and as many urad a metre, 1
+# sigma; this is five times the sigma of a difference. No two places to which an arm is sent on purpose are as near.
+# Assumed: smaller ones split stops of an arm that stands, larger ones join near places.
+READ_BACK = 1.4e-4
 
 
 def stop_numbers(base_from_flange: SE3, joints: Array | None, noise: Array | None) -> IntArray:
@@ -28,11 +28,10 @@ def stop_numbers(base_from_flange: SE3, joints: Array | None, noise: Array | Non
     angles = [base_from_flange.rotation.reshape(-1, 9), *([] if joints is None else [joints])]
     coordinates = np.concatenate([base_from_flange.translation, *angles], axis=-1)
     is_angle = np.arange(coordinates.shape[1]) >= 3
-    read_back = np.where(is_angle, READ_BACK_RAD, READ_BACK_M)
     stated = np.zeros(6) if noise is None else noise
-    limit = np.maximum(read_back, np.where(is_angle, stated[3:].min(), stated[:3].min()))
+    limit = np.maximum(READ_BACK, np.where(is_angle, stated[3:].min(), stated[:3].min()))
     starts, of_start = np.unique(_runs(coordinates / limit), return_inverse=True)
-    first = _first_visits(coordinates[starts] / read_back)[of_start]
+    first = _first_visits(coordinates[starts] / READ_BACK)[of_start]
     return np.unique(first, return_inverse=True)[1].astype(np.int64)
 
 

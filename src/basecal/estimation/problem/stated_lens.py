@@ -10,9 +10,10 @@ from basecal.cell import Intrinsics
 from basecal.effects.registry import LENS_PARAMETERS
 from basecal.geometry import Array, Camera
 
-_STUDENT_FREEDOMS = 3.0  # of Student's t: one lens of twenty is off by more than three times these
-_MOST_ROUNDS = 100
-_CONVERGED_CHANGE = 0.01  # relative change of a variance in a round, each of which closes a third of the gap or more
+_STUDENT_FREEDOMS = 3.0  # of Student's t: one lens of twenty is off by more than three times these; assumed
+_MOST_ROUNDS = 100  # at most; assumed: bounds the time
+# Relative change of a variance in a round, each of which closes a third of the gap or more; assumed.
+_CONVERGED_CHANGE = 0.01
 
 
 def with_usual_error(lens: Intrinsics) -> Intrinsics:

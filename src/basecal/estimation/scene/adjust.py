@@ -1,4 +1,7 @@
-"""The most likely state of a scene: Levenberg-Marquardt with the points eliminated, and gross errors left out."""
+"""The most likely state of a scene: Levenberg-Marquardt with the points eliminated, and gross errors left out.
+
+`benchmarks.scene` judges its limits.
+"""
 
 from __future__ import annotations
 

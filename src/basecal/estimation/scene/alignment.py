@@ -1,7 +1,7 @@
 """Rigid transforms that bring points of one arm to those of another, where a share of their pairs is wrong.
 
 A repeated object makes a wrong transform that many pairs agree with. So several distinct ones are given, for images to
-judge.
+judge. `benchmarks.scene` judges its limits.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ _TRIPLES = 4000  # of pairs that are tried: 97 % of all are wrong before the cha
 _AT_ONCE = 500
 _REFINEMENTS = 4  # of refinement on the pairs that agree
 _FEWEST_PAIRS = 8  # that agree, five beyond the three that define a transform
-_NEAR_M, _NEAR_RAD = 0.05, 0.05  # within which two transforms are one hypothesis
-_SEED = 1
+_SAME_M_RAD = 0.05  # [m, rad] within which two transforms are one hypothesis
+_SEED = 1  # any other would do
 
 
 def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) -> list[tuple[SE3, BoolArray]]:
@@ -43,7 +43,7 @@ def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) 
         at, mine = _refine(every[best], agrees[best], first, second, tolerance_m)
         if mine.sum() < _FEWEST_PAIRS or not np.any(mine & is_left):
             break
-        if not any(are_one(at, other, first, _NEAR_M, _NEAR_RAD) for other, _ in found):
+        if not any(are_one(at, other, first, _SAME_M_RAD) for other, _ in found):
             found.append((at, mine))
         is_left &= ~mine
     return sorted(found, key=lambda each: -int(each[1].sum()))
@@ -68,8 +68,8 @@ def _refine(
     return transform, agrees
 
 
-def are_one(first: SE3, second: SE3, points: Array, near_m: float, near_rad: float) -> bool:
-    """Whether two transforms move the middle of the points to one place, and have one rotation."""
+def are_one(first: SE3, second: SE3, points: Array, limit: float) -> bool:
+    """Whether two transforms move the middle of the points to one place, and are one rotation, within `limit`."""
     middle = np.median(points, axis=0)
     apart = np.linalg.norm(first @ middle - second @ middle)
-    return bool(apart < near_m and np.linalg.norm((first.inverse() @ second).rotvec) < near_rad)
+    return bool(apart < limit and np.linalg.norm((first.inverse() @ second).rotvec) < limit)

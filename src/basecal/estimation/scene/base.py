@@ -1,4 +1,7 @@
-"""The transform between the frames of two arms, refined on image points that one shows of the other's points."""
+"""The transform between the frames of two arms, refined on image points that one shows of the other's points.
+
+`benchmarks.scene` judges its limits.
+"""
 
 from __future__ import annotations
 

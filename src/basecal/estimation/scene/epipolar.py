@@ -9,7 +9,7 @@ from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.rotation import cross_matrix
 from basecal.numerics.batch import take
 
-_MIXING = 7919, 10007  # a prime times a view's index modulo another spreads neighbours in time
+_MIXING = 7919, 10007  # a prime times a view's index modulo another spreads neighbours in time: any primes would do
 
 
 PointPairs = tuple[Tracks, Tracks]

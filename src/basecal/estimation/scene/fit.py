@@ -1,4 +1,7 @@
-"""A scene fitted from a start: points, gross errors left out round by round, and sigmas estimated."""
+"""A scene fitted from a start: points, gross errors left out round by round, and sigmas estimated.
+
+`benchmarks.scene` judges its limits.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from basecal.estimation.scene.sigmas import estimate_sigmas, sigmas_by_stop
 from basecal.estimation.scene.state import SceneState, scene_columns
 from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import Array, Camera
+from basecal.numerics.robust_step import NORMAL_MAD
 
 _REFINEMENTS = 4  # in which gross errors are left out
 _FIRST_PX = 2.0  # [px] sigma of image points before any is known
@@ -22,7 +26,6 @@ _TAIL = 2.0  # sigmas from which on an image point counts less
 _GROSS = 4.0  # sigmas beyond which an image point is left out
 _FIRST_LIMIT_PX = 12.0  # [px] that are left out at first, halved in each round
 _DEPTH_SHARE = 0.2  # of its distance: a point whose depth is known worse is left out
-_NORMAL_MAD = 1.4826  # sigma over median absolute value, of a normal
 
 
 def fit_scene(
@@ -80,7 +83,7 @@ def _robust_sigma(fit: SceneFit) -> float:
     unknowns = 3 * fit.tracks.count + 6 * len(fit.views)
     share = max(1 - unknowns / max(equations, 1), 0.1)
     finite = residual[np.isfinite(residual)]
-    return float(_NORMAL_MAD * np.median(np.abs(finite)) / np.sqrt(share))
+    return float(NORMAL_MAD * np.median(np.abs(finite)) / np.sqrt(share))
 
 
 def _without_gross(fit: SceneFit, limit_px: float) -> tuple[Tracks, SceneState]:

@@ -3,7 +3,7 @@
 With d the directions of a pair rotated into the base, (d_i x d_j) . [(t_j - t_i) + (R_j - R_i) p] = 0 for poses (R, t)
 of the flange. This is linear in the position p of the camera on the flange, in metres, once its rotation is known.
 Rotations are searched on a grid, and the best are refined by Sampson distances. No point is needed, a plane is no
-degeneracy, and recorded poses that are wrong leave residuals of many pixels.
+degeneracy, and recorded poses that are wrong leave residuals of many pixels. `benchmarks.scene` judges its limits.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.scene.epipolar import PointPairs, are_in_front, directions, sampson_px
+from basecal.estimation.scene.priors import FOCAL_SHARE
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_from_quaternion
 from basecal.numerics.batch import take
@@ -26,7 +27,6 @@ _AT_ONCE = 100  # rotations of the grid that are tried side by side
 _REFINEMENTS = 5  # of reweighting, each of which halves what outliers pull or more
 _TAILS_PX = (10.0, 3.0, 2.0)  # [px] beyond which a pair counts less, one after another
 _MOST_STEPS = 8  # of each
-_FOCAL_SHARE = 0.1  # [1] sigma of the focal length's logarithm about its guess
 _SHORTEST_M = 1e-2  # [m] of a baseline that is divided by
 _SPIRAL = 2.0**0.5, 1.533751168755204288118041  # Alexa 2022, super-Fibonacci spirals
 
@@ -137,7 +137,7 @@ def _refine(
         at = mount @ SE3.exp(step[:6])
         return sampson_px(pairs, seen, base_from_flange, at, float(scaled.focal.mean()))[:, None]
 
-    held = np.diag([0.0] * 6 + [1 / _FOCAL_SHARE**2] * is_free)
+    held = np.diag([0.0] * 6 + [1 / FOCAL_SHARE**2] * is_free)
     for tail_px in tails_px:
         for _ in range(_MOST_STEPS):
             step = robust_step(distances, len(held), tail_px, held, held[:, -1] * logarithm)

@@ -1,4 +1,7 @@
-"""Points of the scene where rays of several views meet."""
+"""Points of the scene where rays of several views meet.
+
+`benchmarks.scene` judges its limits.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from basecal.estimation.scene.views import SceneViews
 from basecal.geometry import Array, Camera
 from basecal.numerics.levenberg_marquardt import Quadratic
 
-_FOCAL_SHARE = 0.1  # [1] sigma of a free focal length about its guess; assumed
+FOCAL_SHARE = 0.1  # [1] sigma of a free focal length about its guess; assumed
 _CENTER_SHARE = 0.03  # [1] of the image size, sigma of a free principal point; assumed
 _ASPECT_SHARE = 1e-3  # [1] sigma of fy / fx: pixels of today's sensors are square; assumed
 _TERM = 1.0  # [1] sigma of a distortion term of which nothing is known; assumed
@@ -68,7 +68,7 @@ def _lens_residual(intrinsics: Intrinsics, value: Camera, guess: Camera) -> tupl
     width, height = guess.size_px or (2 * focal, 2 * focal)
     terms = np.where(np.isfinite(guess.term_sigmas), guess.term_sigmas, _TERM)
     rows = np.eye(count)
-    rows[0] *= 1 / (_FOCAL_SHARE * focal)
+    rows[0] *= 1 / (FOCAL_SHARE * focal)
     rows[1] = (rows[1] - np.eye(count)[0]) / (_ASPECT_SHARE * focal)
     rows[2:4] /= _CENTER_SHARE * np.array([[width], [height]])
     rows[4:] /= terms[:, None]

@@ -15,7 +15,7 @@ from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.equations import equations_of_points, point_steps, reduced_equations
 from basecal.numerics.batch import concatenate
 
-_POINT_STEPS = 3  # Gauss-Newton steps that bring points to their best
+_POINT_STEPS = 3  # Gauss-Newton steps that bring points to their best; `benchmarks.scene` judges them
 
 
 def with_scene(problem: Problem, state: State, groups: Sequence[ViewGroup], fit: SceneFit, sigma_px: float) -> Problem:

@@ -2,6 +2,7 @@
 
 One after another they drift: what the last pairs of a long ring see may lie behind their cameras then. Here each pair
 is refined alone, all of them side by side; bases go where all pairs agree best, those that close loops among them.
+`benchmarks.ring` judges its limits.
 """
 
 from __future__ import annotations

@@ -12,9 +12,9 @@ from basecal.geometry import SE3, Array
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.numerics.sparse_hessian import SparseHessian
 
-_GAUSS_NEWTON_ROUNDS = 10  # of Gauss-Newton; relations that nearly agree need three
-_CONVERGED_STEP = 1e-6  # [m, rad] of a step
-_DAMPING = np.array([1e-9])  # as the first of a descent
+_GAUSS_NEWTON_ROUNDS = 10  # of Gauss-Newton; relations that nearly agree need three; assumed
+_CONVERGED_STEP = 1e-6  # [m, rad] of a step: a descent goes on from there; assumed
+_DAMPING = np.array([1e-9])  # as the first of a descent: rounding of what no relation holds
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
 """A first value for every unknown, without a guess.
 
 Pairs of camera and target are started one after another, those with fewest unknowns first; what one finds, the next
-takes as known. A pair goes by a closed form where the data determine it, else by a grid over rotations whose best
-cells are each refined. Everything is deterministic.
+takes as known. A pair goes by a closed form where the data determine it, else by a grid over rotations whose best cells
+are each refined. Everything is deterministic. `benchmarks.starts` judges its limits.
 """
 
 from __future__ import annotations
@@ -45,7 +45,6 @@ _BATCH_STARTS = 5  # starts of a light side by side: more may be in vain where o
 _RIDGE = 1e-9  # of views of a point: where rays are parallel, depth stays that of the mount known so far
 _TIGHT_RAD = 0.3  # a prior this narrow is a start by itself [rad]
 _TURNED_STEPS = 30  # of descents from bases turned about what they touched: the best is refined again
-_FEW_CHANGES_SHARE = 0.1  # share of views whose pose changes that no longer moves the closed form
 
 
 @dataclass
@@ -238,7 +237,7 @@ def _solve_closed_form(sight: PairViews, knowns: _Known) -> Triple | None:
             return None
         triple = solve_translations(loop, found)
         better = sight.closest_pose(triple)
-        if np.mean(better != chosen) <= _FEW_CHANGES_SHARE:
+        if np.array_equal(better, chosen):
             break
         chosen = better
     return triple

@@ -2,7 +2,7 @@
 
 If one robot alone moved between two views, it and the target rotated by the same angle, whatever the mounts are. Views
 are read so that angles agree over all pairs. If no pair decides, each is read with the least rotation against the
-first.
+first. `benchmarks.starts` judges its limits.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.start.rotation_search import HOPELESS_RAD
 from basecal.geometry import Array, BoolArray
 
 _DESCENT_ROUNDS = 20
-# What is further off than this [rad] is no better for being nearer: it is wrong in any case.
-_LARGEST_MISFIT_RAD = 0.5
 _LEAST_GAIN_RAD = 1e-6
 
 
@@ -33,7 +32,7 @@ def turned_views(group: ViewGroup, read: Array, mask: Array) -> BoolArray:
     # How far off is view i read the way s from view j read the way t, (i, s, j, t) [rad].
     both = np.stack([read, mask], 1)
     between = np.einsum("isab,jtcb->isjtac", both, both)
-    misfit = np.minimum(np.abs(_angle(between) - angle[:, None, :, None]), _LARGEST_MISFIT_RAD) * told[:, None, :, None]
+    misfit = np.minimum(np.abs(_angle(between) - angle[:, None, :, None]), HOPELESS_RAD) * told[:, None, :, None]
     turn = _descend_readings(misfit, turn.astype(np.int64))
     first = _descend_readings(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
     rows = np.arange(len(turn))

@@ -1,4 +1,7 @@
-"""A lens from views of boards alone, where nothing is known of it."""
+"""A lens from views of boards alone, where nothing is known of it.
+
+`benchmarks.starts` judges its limits.
+"""
 
 from __future__ import annotations
 

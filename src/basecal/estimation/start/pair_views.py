@@ -1,4 +1,7 @@
-"""One camera's views of one target, made ready for a start: few of them, with directions or poses."""
+"""One camera's views of one target, made ready for a start: few of them, with directions or poses.
+
+`benchmarks.starts` judges its limits.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Starts of pairs of camera and target refined on directions, those of many searches side by side."""
+"""Starts of pairs of camera and target refined on directions, those of many searches side by side.
+
+`benchmarks.starts` judges its limits.
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ Given two of the three rotations, the third that fits best is the one nearest to
 nearest to that of A'YCZB', Y to that of AXBZ'C', and Z to that of C'Y'AXB. All three are sums over products of entries
 of A, C and B. The moments sum w^2 A (x) C (x) B, (9, 9, 9) of one loop, therefore represent its samples. Loops with the
 same unknowns go side by side. The sixty rotations of the icosahedron cover all rotations within 45 degrees.
+`benchmarks.starts` judges its limits.
 """
 
 from __future__ import annotations
@@ -32,10 +33,12 @@ _EQUAL_ANGLE_RAD = 0.15
 _CONVERGED_ANGLE_RAD = 1e-6
 # Each round of the sum of singular values leaves at most a ninth of the error: enough to rank by.
 _SUM_ROUNDS = 8
-# A third of the samples may be wrong: the rest ranks the cells.
-_KEPT_SHARE = 0.7
-# Where the better part of the samples is still further off than this after the first rounds, more do not help [rad].
-_HOPELESS_RAD = 0.5
+
+KEPT_SHARE = 0.7
+"""Share of samples that counts, the best: three in ten may be outliers; `benchmarks.starts` judges it."""
+
+HOPELESS_RAD = 0.5
+"""Rotations further off than this [rad] are wrong: no further round or reading helps; `benchmarks.starts`."""
 
 Turns = Mapping[str, Array]
 """By letter of X, Y and Z: (h, m, 3, 3) rotations of h loops, m of each."""
@@ -134,7 +137,7 @@ def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
         at, angle = _rank_rotations(some, _alternate(some, at, rounds), best)
         for letter, turn in at.items():
             found[letter][going] = turn[:, 0]
-        near = angle[:, 0] < _HOPELESS_RAD
+        near = angle[:, 0] < HOPELESS_RAD
         going, at = going[near], {k: turn[near] for k, turn in at.items()}
         if not len(going):
             break
@@ -261,7 +264,7 @@ def _trimmed_rms(angle: Array, count: IntArray) -> Array:
     """Rms over the least of the first `count` values, (h, m, n) to (h, m)."""
     among = np.arange(angle.shape[-1]) < count[:, None]
     ordered = np.sort(np.where(among[:, None], angle, np.inf), axis=-1)
-    kept = np.maximum(1, np.ceil(_KEPT_SHARE * count).astype(np.int64))
+    kept = np.maximum(1, np.ceil(KEPT_SHARE * count).astype(np.int64))
     used = np.arange(angle.shape[-1]) < kept[:, None]
     total: Array = np.sqrt(np.sum(np.where(used[:, None], ordered, 0.0) ** 2, -1) / kept[:, None])
     return total

@@ -11,7 +11,7 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.streams.streams import Synchronised
 
-_STANDS = 5e-3  # [m/s, rad/s]: as fast as read-backs of an arm that stands seem to be
+_STANDS = 5e-3  # [m/s, rad/s]: as fast as read-backs of an arm that stands seem to be; assumed
 
 
 def with_passing_times(problem: Problem, samples: Synchronised, cell: Cell) -> Problem:

@@ -30,7 +30,8 @@ _FREE_CLOCK = Clock("free")
 _EXACT_CLOCK = Clock()
 # Of a camera that states none: sensors that are read row by row take 5 to 70 us for each, global shutters nothing.
 _OPEN_SHUTTER = RollingShutter("prior", 0.0, 3e-5)
-_STREAM_SHARE = 0.5  # of the views, beyond which a recording without robots beside them is one of streams
+# Of the views, beyond which a recording without robots beside them is one of streams: the majority; assumed.
+_STREAM_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)

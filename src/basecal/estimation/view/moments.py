@@ -17,7 +17,8 @@ import numpy as np
 
 from basecal.geometry import Array
 
-_TARGETS = 32  # of which monomials are kept: those of one calibration, whole and thinned
+# Of which monomials are kept: those of one calibration, whole and thinned; assumed: more cost memory alone.
+_TARGETS = 32
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _MONOMIALS = tuple(combinations_with_replacement(range(4), 2))
 _FIRST, _SECOND = np.array(_MONOMIALS).T

@@ -18,7 +18,7 @@ from basecal.geometry.rotation import cross_matrix
 
 _CORNERS = np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
 _BLOCK_FREEDOMS = 3  # of a translation, and of a rotation
-_NEAREST = 0.1  # of half a side: a trial pose that is nearer, or behind the camera, counts as so near
+_NEAREST = 0.1  # of half a side: a trial pose that is nearer, or behind the camera, counts as so near; assumed
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,11 @@ from basecal.numerics.batch import choose_entries, concatenate
 from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
 from basecal.numerics.spectral import principal_axes, smallest_vectors
 
+FEWEST_3D_POINTS = 3  # points measured in space that determine a pose, unless they lie on a line
 FEWEST_POINTS = 4  # points that determine the pose of a plane up to two
 _FEWEST_IN_SPACE = 6  # points of the direct linear transform
 _REFINEMENT_STEPS = 2
+_MOST_STEPS = 20  # of one view: bounds the time of a pose that does not converge; assumed
 _SETTLED_GAIN = 1e-3  # of the residuals' norm: a step that gains less than a millionth of the cost is the last
 
 
@@ -179,7 +181,7 @@ class _Poses:
         return _Poses(self.views.take(rows), self.camera)
 
 
-def refine_poses(views: Views, start: SE3, camera: Camera | None = None, iterations: int = 8) -> _Refined:
+def refine_poses(views: Views, start: SE3, camera: Camera | None = None, iterations: int = _MOST_STEPS) -> _Refined:
     """Each view's pose at its own optimum near `start`, (n,); see `numerics.levenberg_marquardt`."""
     if not iterations:
         at = views.linearise(start, camera, False)

@@ -143,7 +143,7 @@ def _moving_frames(tree: Tree, source: ByFrames) -> list[str]:
 
 def _frame_listener(collection: _Gathered, moving: list[str]) -> Callable[[Message], None]:
     """A listener to /tf, which keeps instants that all frames that move have."""
-    latest: dict[str, tuple[int, Array]] = {}
+    latest: dict[str, tuple[tuple[int, int], Array]] = {}
 
     def listen(message: Message) -> None:
         """Keep the instant once the last frame of it has come."""
@@ -152,7 +152,7 @@ def _frame_listener(collection: _Gathered, moving: list[str]) -> Callable[[Messa
             if child not in moving:
                 continue
             stamp = each.header.stamp
-            latest[child] = (stamp.sec * 10**9 + stamp.nanosec, transform_values(each.transform))
+            latest[child] = (stamp.sec, stamp.nanosec), transform_values(each.transform)
             if len(latest) == len(moving) and len({time for time, _ in latest.values()}) == 1:
                 values = np.concatenate([latest[child][1] for child in moving])
                 collection.add(message_time(each.header, message.recorded_s), values)

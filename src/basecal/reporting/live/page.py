@@ -59,7 +59,7 @@ def serve_page(watch: Watch, cell: Cell, stop: Callable[[str], None], port: int 
     routes = {
         ("GET", "/"): lambda query: Answer(live.page()),
         ("GET", "/state"): lambda query: Answer(json.dumps(live.state()), "application/json"),
-        ("GET", "/picture"): lambda query: Answer(live.picture(query.get("camera", ""))),
+        ("GET", "/image"): lambda query: Answer(live.image(query.get("camera", ""))),
         ("POST", "/stop"): stop_arms,
     }
     with serving(routes, port) as address:
@@ -102,14 +102,14 @@ class LivePage:
         drawn = self._scene(snapshot)
         return {
             "html": fill_part("live_state.html", **self._part_values(snapshot)),
-            "pictures": {name: id(grey) for name, grey in snapshot.pictures},
+            "images": {name: id(grey) for name, grey in snapshot.images},
             "arms": drawn["arms"] if drawn else [],
             "over": snapshot.end is not None,
         }
 
-    def picture(self, camera: str) -> str:
+    def image(self, camera: str) -> str:
         """The last image of a camera with what is found in it; empty if there is none."""
-        grey = dict(self.watch.snapshot.pictures).get(camera)
+        grey = dict(self.watch.snapshot.images).get(camera)
         small = None if grey is None else thumbnail(png_bytes(grey), None, _WIDTH_PX)
         if grey is None or small is None:
             return ""

@@ -1,7 +1,7 @@
 "use strict";
 // Looks at the capture twice a second until it is over, and sends a stop.
 (() => {
-  const shown = {}; // number of the picture of each camera
+  const shown = {}; // number of the image of each camera
   let arms = ""; // as they are drawn
   const stop = document.querySelector(".stop"), lost = document.querySelector(".lost");
   const send = async () => {
@@ -18,11 +18,11 @@
       const now = await (await fetch("/state")).json();
       window.putParts(now.html);
       if (window.moveArms && arms !== (arms = JSON.stringify(now.arms))) window.moveArms(now.arms);
-      for (const [camera, number] of Object.entries(now.pictures)) {
+      for (const [camera, number] of Object.entries(now.images)) {
         if (shown[camera] === number) continue;
         shown[camera] = number;
-        const picture = await (await fetch(`/picture?camera=${encodeURIComponent(camera)}`)).text();
-        document.querySelector(`[data-camera="${CSS.escape(camera)}"]`).innerHTML = picture;
+        const image = await (await fetch(`/image?camera=${encodeURIComponent(camera)}`)).text();
+        document.querySelector(`[data-camera="${CSS.escape(camera)}"]`).innerHTML = image;
       }
       over = now.over;
       lost.hidden = true;

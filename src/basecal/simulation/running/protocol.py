@@ -123,7 +123,7 @@ class Connection:
         Raises:
             DriverError: if the cell refuses, or does not answer any more.
         """
-        wait_s = _IMAGE_TIMEOUT_S if request.get("do") == "picture" else _ANSWER_TIMEOUT_S
+        wait_s = _IMAGE_TIMEOUT_S if request.get("do") == "image" else _ANSWER_TIMEOUT_S
         try:
             answer = decode(self._exchange_lines(encode({"token": self.token, **request}), time.monotonic() + wait_s))
         except (OSError, InputError) as error:

@@ -66,7 +66,7 @@ _ACTIONS: dict[str, Callable[[Plant, Request], dict[str, Any]]] = {
     "state": _state,
     "move": _move,
     "stop": _stop,
-    "picture": _image,
+    "image": _image,
     "light": _light,
 }
 

@@ -10,6 +10,7 @@ import numpy as np
 from basecal.cell.target import Target
 from basecal.errors import InputError
 from basecal.geometry import read_only, read_only_ids
+from basecal.numerics.robust_step import NORMAL_MAD
 from basecal.vision.detection import Detection, Image, check_image, full_scale
 from basecal.vision.fit.spot_fit import Spot, fit_spot
 
@@ -18,7 +19,6 @@ _LEAST_HEIGHT_SHARE = 0.25  # of the brightest spot's height, that another must 
 _NOISE_SIGMAS = 6.0  # sigmas above the middle: normal noise passes it once in 1e9 pixels
 _LEAST_STEP = 0.5  # levels above the middle, where an image has no noise at all
 _NOISE_STRIDE = 6  # pixels of the image at half its size between those that tell its middle and noise
-_MAD_SIGMAS = 1.4826  # sigma of a normal distribution over its median absolute deviation
 _LARGEST_PX = 48  # of a spot: larger bright areas are windows and walls
 _LEAST_WIDTH_PX, _MOST_WIDTH_PX = 0.2, 16.0  # sigma of a spot: narrower is a hot pixel, wider a third of the largest
 _MOST_SIGMA_PX = 1.0  # of its place: beyond, it is no measurement
@@ -72,7 +72,7 @@ def _bright_spots(levels: Image) -> list[_Place]:
     half = cv2.resize(levels, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     some = half[::_NOISE_STRIDE, ::_NOISE_STRIDE]
     middle = float(np.median(some))
-    noise = _MAD_SIGMAS * float(np.median(np.abs(some - middle)))
+    noise = NORMAL_MAD * float(np.median(np.abs(some - middle)))
     top = float(cv2.minMaxLoc(half)[1])
     threshold = middle + max(_LEAST_HEIGHT_SHARE * (top - middle), _NOISE_SIGMAS * noise, _LEAST_STEP)
     if top <= threshold:
