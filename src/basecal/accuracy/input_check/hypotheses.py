@@ -332,7 +332,7 @@ def _lens_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
                 f"the lens of {name} is not as stated{other_resolution(camera, baseline.problem)}",
                 f"calibrate the lens of {name}, or set its intrinsics' status to free",
                 "",
-                partial(_with_free_lens, name),
+                partial(Reading.restate, cell=free_lens(baseline.cell, name)),
                 nested=True,
             )
 
@@ -346,18 +346,14 @@ def _fixed_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
                 f"{name} is not as stated",
                 f"measure {name} again, or set its status to free",
                 "",
-                partial(_with_free, name),
+                partial(Reading.restate, cell=cell.with_transform(name, Unknown("free", unknown.mean))),
                 nested=True,
             )
 
 
-def _with_free(name: str, reading: Reading) -> Reading:
-    cell = reading.cell
-    return reading.restate(cell.with_transform(name, Unknown("free", cell.transforms[name].mean)))
-
-
-def _with_free_lens(name: str, reading: Reading) -> Reading:
-    camera = reading.cell.cameras[name]
+def free_lens(cell: Cell, name: str) -> Cell:
+    """The cell with the lens of a camera for a guess."""
+    camera = cell.cameras[name]
     lens = camera.intrinsics
-    freed = replace(camera, intrinsics=None if lens is None else replace(lens, status="free"))
-    return reading.restate(replace(reading.cell, cameras={**reading.cell.cameras, name: freed}))
+    freed = replace(camera, intrinsics=None if lens is None else replace(lens, status="free", exact=False))
+    return replace(cell, cameras={**cell.cameras, name: freed})

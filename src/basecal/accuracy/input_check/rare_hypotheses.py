@@ -29,7 +29,7 @@ from basecal.accuracy.input_check.hypotheses import (
 )
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.accuracy.readings.reading import PoseMap, Reading, Track
-from basecal.cell import WORLD, Cell, Unknown
+from basecal.cell import WORLD, Cell
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
@@ -121,36 +121,15 @@ def _stated_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
         if unknown.status == "free" or unknown.mean is None:
             continue
         end, _, start = name.partition("_from_")
+        inverted = cell.with_transform(name, replace(unknown, mean=unknown.mean.inverse()))
         yield ConventionHypothesis(
             "transform-inverted",
             (name,),
             f"{name} is stated inverted ({start}_from_{end})",
             f"invert what cell.yaml states of {name}",
             "turn every arm further about two axes between samples",
-            _inverted_in_cell(name),
+            partial(Reading.restate, cell=inverted),
         )
-
-
-def _inverted_in_cell(name: str) -> Reread:
-    return lambda reading: reading.restate(with_stated_inverted(reading.cell, name))
-
-
-def with_stated_inverted(cell: Cell, name: str) -> Cell:
-    """The cell with one of its transforms stated the other way round."""
-    for robot in cell.bases:
-        if cell.base_name(robot) == name:
-            return replace(cell, bases={**cell.bases, robot: _other_way(cell.bases[robot])})
-    for camera, of in cell.cameras.items():
-        if cell.mount_name(camera) == name:
-            return replace(cell, cameras={**cell.cameras, camera: replace(of, mount=_other_way(of.mount))})
-    for target, shown in cell.targets.items():
-        if cell.mount_name(target) == name:
-            return replace(cell, targets={**cell.targets, target: replace(shown, mount=_other_way(shown.mount))})
-    return cell
-
-
-def _other_way(unknown: Unknown) -> Unknown:
-    return unknown if unknown.mean is None else replace(unknown, mean=unknown.mean.inverse())
 
 
 def _inch_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
@@ -262,7 +241,7 @@ def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
 
 def _reverse_order(stream: str | None) -> ConventionHypothesis:
     return pair_differently(
-        stream, "stands in reverse order", "turn its order round", lambda reading: reading.reverse(stream)
+        stream, "stands in reverse order", "turn its order round", partial(Reading.reverse, stream=stream)
     )
 
 
