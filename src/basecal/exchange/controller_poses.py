@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.cell import RobotState
 from basecal.errors import BasecalError, DatasetError, InputError, list_names
-from basecal.exchange.columns import MOST_POSES, read_table_text
+from basecal.exchange.columns import read_table_text
 from basecal.exchange.controllers.convention import (
     DEGREE,
     RADIAN,
@@ -163,8 +163,6 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool, robot: str | None) 
     names = (_STAMP, *how.names) if is_stream else how.names
     table = read_text_table(_table_text(path, reading), path, names)
     table = table if robot is None else select_robot(table, robot)
-    if len(table.rows) > MOST_POSES:
-        raise DatasetError(path, f"{len(table.rows)} poses, expected at most {MOST_POSES}")
     is_short = reading.name == "matrix" and table.header is not None and "m30" not in map(plain_column, table.header)
     columns = _columns(table, how.names[:_SHORT_MATRIX] if is_short else how.names, reading)
     numbers = np.array(list(rows_of_numbers(table, columns)))
