@@ -18,7 +18,6 @@ import scipy  # its parts are loaded when they are first used
 from basecal.accuracy.input_check.hypotheses import (
     ConventionHypothesis,
     Reread,
-    join_names,
     map_robot_poses,
     map_target_poses,
     pair_differently,
@@ -70,8 +69,8 @@ def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
         *_order_hypotheses(moved, len(baseline.order)),
         *(
             hypothesis
-            for names in subsets(robots)
-            for hypothesis in _rotation_hypotheses(names, map_robot_poses, join_names(names))
+            for names, who in subsets(robots).items()
+            for hypothesis in _rotation_hypotheses(names, map_robot_poses, who)
         ),
         *(_rotation_hypotheses((), lambda _, of: map_target_poses(of), "the observed target") if poses else ()),
         *_small_angle_hypotheses(
@@ -87,8 +86,7 @@ def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
 
 def _small_angle_hypotheses(small: list[str]) -> Iterator[ConventionHypothesis]:
     """Roll, pitch and yaw, or rotation vectors, in radians that were read as degrees: then no flange turns far."""
-    for names in subsets(small):
-        who = join_names(names)
+    for names, who in subsets(small).items():
         for what, of in (("roll, pitch and yaw", _degrees_of_rpy), ("rotation vectors", _degrees)):
             yield ConventionHypothesis(
                 "angle-unit",
@@ -135,8 +133,7 @@ def _stated_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
 def _inch_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
     """Inches that were read in the unit of a controller."""
     for unit, length_m in (("millimetres", 1e-3), ("metres", 1.0)):
-        for names in subsets(robots):
-            who = join_names(names)
+        for names, who in subsets(robots).items():
             yield ConventionHypothesis(
                 "length-unit",
                 names,
@@ -250,7 +247,7 @@ def _rotation_hypotheses(
     rewritten: Callable[[tuple[str, ...], PoseMap], Reread],
     subject: str,
 ) -> Iterator[ConventionHypothesis]:
-    distinction = f"turn {join_names(names) or 'every arm'} further between samples"
+    distinction = f"turn {' and '.join(names) or 'every arm'} further between samples"
     yield ConventionHypothesis(
         "matrix-transposed",
         names,
