@@ -14,7 +14,7 @@ from basecal.cli.capture_plan import capture_plan, checked_plan, known_sketch, r
 from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASKING, Connecting, allowed_rig
-from basecal.cli.option_types import Port, Seed, within
+from basecal.cli.option_types import Port, Seed, number_range
 from basecal.cli.replanning import Replanner, ShiftsForTask, Task, requested_task
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import print_json, quote_path, say, say_next
@@ -82,7 +82,7 @@ def capture(
     task_point: Point | None = None,
     task_box: Box | None = None,
     tolerance: str | None = None,
-    samples: Annotated[int | None, within(1, 10_000)] = None,
+    samples: Annotated[int | None, number_range(1, 10_000)] = None,
     go: bool = False,
     freedrive: bool = False,
     dry_run: bool = False,

@@ -14,7 +14,7 @@ from cyclopts import CycloptsError, Parameter
 
 from basecal.cli.new_from_ros2 import NewCell, ros2_cell
 from basecal.cli.next_step import next_step
-from basecal.cli.option_types import Domain, Names, within
+from basecal.cli.option_types import Domain, Names, number_range
 from basecal.cli.terminal import quote_path, say
 from basecal.exchange.importing.described_target import (
     UNSAID,
@@ -36,7 +36,7 @@ def new(
     cell: Path,
     /,
     *,
-    robots: Annotated[int | None, within(1, 9)] = None,
+    robots: Annotated[int | None, number_range(1, 9)] = None,
     names: Names = (),
     target: Kind = "charuco",
     shape: Annotated[Shape, Parameter(name="*")] = UNSAID,

@@ -9,7 +9,7 @@ from cyclopts import Parameter, validators
 
 from basecal.cli.detection import detected_recording
 from basecal.cli.next_step import has_drivers
-from basecal.cli.option_types import OpensPage, Output, Seed, within
+from basecal.cli.option_types import OpensPage, Output, Seed, number_range
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.cli.typed_words import typed_command
@@ -40,7 +40,7 @@ def plan(
     task_point: Point | None = None,
     task_box: Box | None = None,
     tolerance: str | None = None,
-    samples: Annotated[int | None, within(1, 1000)] = None,
+    samples: Annotated[int | None, number_range(1, 1000)] = None,
     pattern: Literal["poses", "shifts"] = "poses",
     touches: bool = False,
     anew: bool = False,
@@ -48,7 +48,7 @@ def plan(
     to: Annotated[str | None, Parameter(help=f"Write the samples for a robot's own program. {_KINDS}.")] = None,
     robot: str | None = None,
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
-    hold_s: Annotated[float, within(0, 3600)] = 2.0,
+    hold_s: Annotated[float, number_range(0, 3600)] = 2.0,
     output: Output = None,
     report: bool = False,
     opens_page: OpensPage = False,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from basecal.cli.detection import counting
-from basecal.cli.option_types import Output, within
+from basecal.cli.option_types import Output, number_range
 from basecal.cli.terminal import print_json, progress, say
 from basecal.errors import UsageError
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from basecal.studies.jobs import WorkerPool
     from basecal.studies.study import Study
 
-Workers = Annotated[int | None, within(1, 1024)]
+Workers = Annotated[int | None, number_range(1, 1024)]
 
 
 def study(

@@ -6,12 +6,12 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from basecal.cli.option_types import Output, Seed, within
+from basecal.cli.option_types import Output, Seed, number_range
 from basecal.cli.study import Workers, summary_text, try_study
 from basecal.cli.terminal import print_json, progress, say
 from basecal.errors import UsageError
 
-Draws = Annotated[int | None, within(2, 10_000_000)]
+Draws = Annotated[int | None, number_range(2, 10_000_000)]
 
 
 def study_paper(

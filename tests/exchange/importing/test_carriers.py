@@ -67,7 +67,12 @@ def test_what_carries_a_camera(cell: Cell | None, name: str, stated: str | None,
 @pytest.mark.parametrize(
     ("cell", "name", "stated", "said"),
     [
-        (FULL, "eye", "right", "camera 'eye' is on 'left' in cell.yaml, not on 'right': correct it, or --on"),
+        (
+            FULL,
+            "eye",
+            "right",
+            "camera 'eye' is on 'left' in cell.yaml, not on 'right': leave --on away, or correct it",
+        ),
         (TWO, "eye", None, "camera 'eye' is new: say what carries it, --on with one of: left, right, world"),
         (None, "eye", None, "--on with one of: a robot$"),
         (None, "eye", "world", "camera 'eye' on the world needs a robot, and there is no cell.yaml"),

@@ -135,9 +135,9 @@ def _pair_samples(recording: Recording, reading: Reading, hypothesis: Convention
     return tuple(made)
 
 
-def change_cell(cell: Cell, other: Cell) -> dict[Loc, Any]:
+def change_cell(cell: Cell, result: Cell) -> dict[Loc, Any]:
     """Values of `cell.yaml` by which another cell differs."""
-    return dict(_differences(cell_to_dict(cell), cell_to_dict(other)))
+    return dict(_differences(cell_to_dict(cell), cell_to_dict(result)))
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any], parent: Loc = ()) -> Iterator[tuple[Loc, Any]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,15 +31,15 @@ def choose_name(kind: str, name: str | None, names: Collection[str], usual: str 
 
 
 def choose_carrier(
-    cell: Cell | None, kind: str, name: str, stated: str | None, option: str = "--on", may_be_world: bool = True
+    cell: Cell | None, kind: str, name: str, stated_carrier: str | None, option: str = "--on", may_be_world: bool = True
 ) -> str:
-    """What carries a camera or target: as the cell has it, as stated, else its only robot.
+    """The carrier of a camera or target: as the cell has it, as stated, else its only robot.
 
     Args:
         cell: The cell there is; None if one is made.
         kind: `camera` or `target`.
         name: Of the camera or target.
-        stated: The carrier as stated: a robot, or `world`.
+        stated_carrier: As stated: a robot, or `world`.
         option: The option that states it.
         may_be_world: Whether a new cell without a robot may result.
 
@@ -47,10 +47,13 @@ def choose_carrier(
         InputError: if it is not clear, the cell says otherwise, or no robot is named so and one nearly.
     """
     robots = [] if cell is None else [*cell.robots]
-    things: dict[str, CellCamera | CellTarget] = {} if cell is None else {**cell.cameras, **cell.targets}
-    known = things[name].on if name in things else stated
-    if stated not in (None, known):
-        raise InputError(f"{kind} {name!r} is on {known!r} in cell.yaml, not on {stated!r}: correct it, or {option}")
+    things: Mapping[str, CellCamera | CellTarget] = {}
+    if cell is not None:
+        things = cell.cameras if kind == "camera" else cell.targets
+    known = things[name].on if name in things else stated_carrier
+    if stated_carrier not in (None, known):
+        found = f"{kind} {name!r} is on {known!r} in cell.yaml, not on {stated_carrier!r}"
+        raise InputError(f"{found}: leave {option} away, or correct it")
     if cell is None and known == WORLD and not may_be_world:
         raise InputError(f"{kind} {name!r} on the world needs a robot, and there is no cell.yaml: import poses first")
     if known is None and len(robots) != 1:
