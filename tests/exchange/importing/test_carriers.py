@@ -56,7 +56,7 @@ def test_a_name_that_is_not_clear_is_asked_for(names: tuple[str, ...], usual: st
         (FULL, "new", "world", "world"),
         (ONE, "new", None, "arm"),
         (None, "new", "other", "other"),
-        (ONE, "new", "second", "second"),
+        (ONE, "new", "arm2", "arm2"),
     ],
 )
 def test_what_carries_a_camera(cell: Cell | None, name: str, stated: str | None, carrier: str) -> None:
@@ -76,20 +76,21 @@ def test_what_carries_a_camera(cell: Cell | None, name: str, stated: str | None,
         (TWO, "eye", None, "camera 'eye' is new: say what carries it, --on with one of: left, right, world"),
         (None, "eye", None, "--on with one of: a robot$"),
         (None, "eye", "world", "camera 'eye' on the world needs a robot, and there is no cell.yaml"),
-        (TWO, "eye", "lfet", r"no robot 'lfet' \(did you mean 'left'\?\); there are: left, right"),
     ],
 )
 def test_a_carrier_that_is_not_clear_is_asked_for(cell: Cell | None, name: str, stated: str | None, said: str) -> None:
-    """It contradicts the cell, is missing, or is nearly the name of a robot."""
+    """It contradicts the cell, or is missing."""
     with pytest.raises(InputError, match=said):
         choose_carrier(cell, "camera", name, stated, may_be_world=False)
 
 
-def test_a_word_for_the_world_is_no_robot() -> None:
-    """One that is nearly `world` is told, and a new name of a robot passes."""
+def test_a_misspelt_robot_or_world_is_told() -> None:
+    """A new name of a robot passes."""
     check_robot(TWO, "third")
     with pytest.raises(InputError, match="did you mean 'world'"):
         check_robot(TWO, "wrold")
+    with pytest.raises(InputError, match=r"no robot 'lfet' \(did you mean 'left'\?\); there are: left, right"):
+        check_robot(TWO, "lfet")
 
 
 def test_sections_of_what_is_new() -> None:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.images import list_images, missing_numbers, read_time, unreadable_images, usual_size
-from basecal.exchange.importing.carriers import carried_entry, choose_carrier
+from basecal.exchange.importing.carriers import carried_entry, check_robot, choose_carrier
 from basecal.exchange.importing.cell_content import known_cell, open_size
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
@@ -155,6 +155,7 @@ def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> 
     """
     known = known_cell(folder)
     carrier = choose_carrier(known, "camera", name, stated_carrier, may_be_world=False)
+    check_robot(known, carrier)
     if known is not None and name in known.cameras:
         return {"cameras": {name: {}}}, open_size(folder, known, name)
     return carried_entry("cameras", name, carrier, intrinsics={"status": "free"}), frozenset()

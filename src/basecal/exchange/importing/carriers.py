@@ -44,7 +44,7 @@ def choose_carrier(
         may_be_world: Whether a new cell without a robot may result.
 
     Raises:
-        InputError: if it is not clear, the cell says otherwise, or no robot is named so and one nearly.
+        InputError: if it is not clear, or the cell says otherwise.
     """
     robots = [] if cell is None else [*cell.robots]
     things: Mapping[str, CellCamera | CellTarget] = {}
@@ -59,9 +59,7 @@ def choose_carrier(
     if known is None and len(robots) != 1:
         choices = list_names([*robots, WORLD]) if robots else f"a robot{f' or {WORLD}' if may_be_world else ''}"
         raise InputError(f"{kind} {name!r} is new: say what carries it, {option} with one of: {choices}")
-    carrier = known or robots[0]
-    check_robot(cell, carrier)
-    return carrier
+    return known or robots[0]
 
 
 def check_robot(cell: Cell | None, carrier: str) -> None:

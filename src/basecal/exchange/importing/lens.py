@@ -10,7 +10,7 @@ from basecal.cell import Cell
 from basecal.cell.format.plain import pose_dict
 from basecal.errors import InputError
 from basecal.exchange.images import image_size
-from basecal.exchange.importing.carriers import carried_entry, choose_carrier, choose_name
+from basecal.exchange.importing.carriers import carried_entry, check_robot, choose_carrier, choose_name
 from basecal.exchange.importing.cell_content import known_cell, recorded_samples
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.lens_files.stated_lens import StatedLens, camera_entry
@@ -49,7 +49,9 @@ def lens_of_file(
     data: dict[str, Any] = {"cameras": {name: entry}}
     if cell is None or known is None:
         stated = carrier or ("eye" if cell is None else None)
-        data = carried_entry("cameras", name, choose_carrier(cell, "camera", name, stated, may_be_world=False), **entry)
+        on = choose_carrier(cell, "camera", name, stated, may_be_world=False)
+        check_robot(cell, on)
+        data = carried_entry("cameras", name, on, **entry)
     else:
         _check_size(Path(folder), cell, name, lens.camera.size_px, source)
     if mount is not None and (known is None or (known.mount.status == "free" and known.mount.mean is None)):
@@ -110,7 +112,9 @@ def imported_target(
     name = choose_name("target", name, cell.targets, "target")
     data: dict[str, Any] = {"targets": {name: dict(target)}}
     if name not in cell.targets:
-        data = carried_entry("targets", name, choose_carrier(cell, "target", name, carrier), **target)
+        on = choose_carrier(cell, "target", name, carrier)
+        check_robot(cell, on)
+        data = carried_entry("targets", name, on, **target)
     sizes = ", ".join(f"{key} {value}" for key, value in target.items() if key != "kind")
     what = f"a target, {target['kind']}: {sizes}"
     return Imported(source, what, cell=data, advice="check its sizes")
