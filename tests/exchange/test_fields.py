@@ -25,7 +25,9 @@ def test_what_is_written_is_found() -> None:
     root = parse_fields(TEXT, "a.yaml")
     assert root.find("camera", "name").text() == "wrist"
     assert [side.integer() for side in root.find("size").items("sides")] == [640, 480]
+    assert root.find("size").size() == (640, 480)
     assert root.find("matrix").find("data").numbers(4) == [1, 2, 3, 4.5]
+    assert root.find("matrix").matrix(4) == root.find("matrix").find("data").matrix(4) == [1, 2, 3, 4.5]
     assert root.find("on").boolean()
     assert root.first("nothing") is None
 
@@ -62,6 +64,7 @@ def test_messages_end_with_a_separator(ending: str) -> None:
         (lambda root: root.find("name").find("x"), r"name: is 'wrist', expected a mapping with 'x'"),
         (lambda root: root.find("name").items("sides"), r"name: is 'wrist', expected a list of sides"),
         (lambda root: root.find("size").text(), r"size: is a list of 2, expected text"),
+        (lambda root: parse_fields("a: [1, 2, 3]", "a.yaml").find("a").size(), r"a: has 3 numbers, expected width and"),
         (lambda root: root.find("name").boolean(), r"name: is 'wrist', expected true or false"),
         (
             lambda root: root.find("matrix").find("data").items("rows")[1].items("x")[1].integer(),

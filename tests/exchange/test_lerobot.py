@@ -157,7 +157,7 @@ def test_what_is_no_dataset_is_said(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="a: range_min and range_max"):
         read_motor_ranges(tmp_path / "x.json")
     (tmp_path / "x.json").write_text(f'{{"a": {{"range_min": 0, "range_max": 1{"0" * 400}, "drive_mode": 0}}}}')
-    with pytest.raises(DatasetError, match="not a calibration of LeRobot"):
+    with pytest.raises(DatasetError, match=r"a\.range_max: is .* beyond|a.range_max"):
         read_motor_ranges(tmp_path / "x.json")
 
 

@@ -8,24 +8,23 @@ import pytest
 
 from basecal.errors import DatasetError
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.touch_table import TouchTable, new_rows, touch_names
+from basecal.exchange.touch_table import new_rows, touch_names
 
 
 def test_rows_of_a_robot(tmp_path):
     """Those of others are left out; a robot without any is an error that names those there are."""
     (tmp_path / "a.csv").write_text("robot,point,x\nleft,A,1\nright,B,2\nleft,C,3\n")
     path = str(tmp_path / "a.csv")
-    assert touch_names(TouchTable(path, ("x",), "left"), None) == ["a", "c"]
+    assert touch_names(path, ("x",), "left", None) == ["a", "c"]
     with pytest.raises(DatasetError, match="there are: left, right"):
-        touch_names(TouchTable(path, ("x",), "third"), None)
+        touch_names(path, ("x",), "third", None)
 
 
 def test_a_row_without_its_mark_is_an_error_with_its_line(tmp_path):
     """So is one whose last cells are left out."""
     (tmp_path / "a.csv").write_text("x,mark\n1,A\n2\n")
-    table = TouchTable(str(tmp_path / "a.csv"), ("x",), "left")
     with pytest.raises(DatasetError, match=r":3: mark: is empty in this row"):
-        touch_names(table, None)
+        touch_names(str(tmp_path / "a.csv"), ("x",), "left", None)
 
 
 def test_new_rows_count_on(tmp_path: Path):

@@ -61,6 +61,14 @@ def exact_pixel(camera, point):
     return [fx * u + cx, fy * v + cy]
 
 
+def test_the_camera_matrix_holds_focal_lengths_and_principal_point(camera):
+    """And maps a ray of an undistorted lens onto its pixel."""
+    plain = Camera("pinhole", np.array(PARAMETERS), (1280, 720))
+    np.testing.assert_array_equal(camera.matrix, plain.matrix)
+    point = np.array([0.2, -0.1, 0.8])
+    np.testing.assert_allclose((plain.matrix @ point)[:2] / 0.8, plain.project(point))
+
+
 def test_pixels_are_opencvs(camera, points):
     """Both lens models agree with OpenCV to rounding."""
     np.testing.assert_allclose(camera.project(points), opencv_pixels(camera, points), rtol=0, atol=1e-9)

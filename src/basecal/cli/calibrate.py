@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal
 
 from basecal.cli.detection import detected_recording
 from basecal.cli.next_step import name_cell, next_command, next_step
+from basecal.cli.option_types import OpensPage
 from basecal.cli.page import FILE, StoredRun, show_page, with_kept_scene, write_page
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, print_stages, progress, say, say_next, say_verdict
@@ -38,7 +37,7 @@ def calibrate(
     against: Literal["opencv"] | None = None,
     robot_noise: Literal["estimated", "stated"] = "estimated",
     tolerance: str | None = None,
-    opens_page: Annotated[bool, Parameter(name="--open")] = False,
+    opens_page: OpensPage = False,
     json: bool = False,
     verbose: bool = False,
 ) -> int:

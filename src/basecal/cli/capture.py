@@ -14,6 +14,7 @@ from basecal.cli.capture_plan import capture_plan, checked_plan, known_sketch, r
 from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASKING, Connecting, allowed_rig
+from basecal.cli.option_types import Port, Seed, number_range
 from basecal.cli.replanning import Replanner, ShiftsForTask, Task, requested_task
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import print_json, quote_path, say, say_next
@@ -81,17 +82,17 @@ def capture(
     task_point: Point | None = None,
     task_box: Box | None = None,
     tolerance: str | None = None,
-    samples: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=10_000))] = None,
+    samples: Annotated[int | None, number_range(1, 10_000)] = None,
     go: bool = False,
     freedrive: bool = False,
     dry_run: bool = False,
     more: bool = False,
     moving: Moving = _USUAL,
     connecting: Connecting = ASKING,
-    seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
+    seed: Seed = 0,
     stop_on_disagreement: bool = False,
     web: bool = False,
-    port: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**16))] = 0,
+    port: Port = 0,
     json: bool = False,
 ) -> int:
     """Make a recording: send the arms, wait until all is still, look, and note.

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
+from basecal.cli.option_types import OpensPage
 from basecal.cli.page import FILE, show_page
 from basecal.cli.simulate import refuse_existing
 from basecal.cli.simulated_process import simulated_process
@@ -32,7 +31,7 @@ def demo(
     /,
     *,
     led: bool = False,
-    opens_page: Annotated[bool, Parameter(name="--open")] = False,
+    opens_page: OpensPage = False,
     json: bool = False,
 ) -> int:
     """Run two simulated arms, capture, calibrate, and compare with the truth.

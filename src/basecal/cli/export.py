@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import CycloptsError, Parameter, validators
+from cyclopts import CycloptsError, Parameter
 
+from basecal.cli.option_types import Domain, Output
 from basecal.cli.publishing import check_publishing, publish_transforms
 from basecal.cli.runs import find_run
 from basecal.cli.terminal import quote_path, say, say_next
@@ -29,9 +30,9 @@ def export(
     urdf: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     joint: str | None = None,
     run: str | None = None,
-    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    output: Output = None,
     publish: bool = False,
-    domain: Annotated[int | None, Parameter(validator=validators.Number(gte=0, lte=232))] = None,
+    domain: Domain = None,
 ) -> int:
     """Write what a calibration found the way another program says it.
 

@@ -10,10 +10,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import CycloptsError, Parameter, validators
+from cyclopts import CycloptsError, Parameter
 
 from basecal.cli.new_from_ros2 import NewCell, ros2_cell
 from basecal.cli.next_step import next_step
+from basecal.cli.option_types import Domain, Names, number_range
 from basecal.cli.terminal import quote_path, say
 from basecal.exchange.importing.described_target import (
     UNSAID,
@@ -35,13 +36,13 @@ def new(
     cell: Path,
     /,
     *,
-    robots: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=9))] = None,
-    names: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    robots: Annotated[int | None, number_range(1, 9)] = None,
+    names: Names = (),
     target: Kind = "charuco",
     shape: Annotated[Shape, Parameter(name="*")] = UNSAID,
     from_: Annotated[Literal["ros2"] | None, Parameter(name="--from")] = None,
-    robot: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
-    domain: Annotated[int | None, Parameter(validator=validators.Number(gte=0, lte=232))] = None,
+    robot: Names = (),
+    domain: Domain = None,
     yes: bool = False,
 ) -> int:
     """Write a working cell.yaml to fill in, and an empty recording.

@@ -9,6 +9,7 @@ from cyclopts import Parameter, validators
 
 from basecal.cli.detection import detected_recording
 from basecal.cli.next_step import has_drivers
+from basecal.cli.option_types import OpensPage, Output, Seed, number_range
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.cli.typed_words import typed_command
@@ -39,18 +40,18 @@ def plan(
     task_point: Point | None = None,
     task_box: Box | None = None,
     tolerance: str | None = None,
-    samples: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=1000))] = None,
+    samples: Annotated[int | None, number_range(1, 1000)] = None,
     pattern: Literal["poses", "shifts"] = "poses",
     touches: bool = False,
     anew: bool = False,
-    seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
+    seed: Seed = 0,
     to: Annotated[str | None, Parameter(help=f"Write the samples for a robot's own program. {_KINDS}.")] = None,
     robot: str | None = None,
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
-    hold_s: Annotated[float, Parameter(validator=validators.Number(gte=0, lte=3600))] = 2.0,
-    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    hold_s: Annotated[float, number_range(0, 3600)] = 2.0,
+    output: Output = None,
     report: bool = False,
-    opens_page: Annotated[bool, Parameter(name="--open")] = False,
+    opens_page: OpensPage = False,
     json: bool = False,
 ) -> int:
     """Say which samples to record, and how many, so that a task point is known well enough.

@@ -38,11 +38,10 @@ def publish_transforms(calibration: Calibration, cell: Cell, transform: str | No
     """
     from basecal.acquisition.ros2.dds import choose_domain
     from basecal.acquisition.ros2.static_frames import STATIC_TOPIC, send_static
-    from basecal.errors import RefusedCalibration
     from basecal.exchange.exports.choice import chosen_transforms
+    from basecal.exchange.exports.remarks import check_exportable
 
-    if calibration.verdict == "refused":
-        raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
+    check_exportable(calibration)
     found, where = chosen_transforms(calibration, cell, transform), choose_domain(domain)
     sender = send_static(where, [(one.parent, one.child, one.estimate.mean) for one in found])
     for one in found:

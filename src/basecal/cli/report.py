@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from basecal.cli.calibrate import exit_code, show
 from basecal.cli.next_step import name_cell, next_command
+from basecal.cli.option_types import OpensPage
 from basecal.cli.page import FILE, show_page, stored_run, write_page
 from basecal.cli.runs import find_run
 from basecal.cli.terminal import print_json, progress, say_next
@@ -20,7 +18,7 @@ def report(
     /,
     *,
     tolerance: str | None = None,
-    opens_page: Annotated[bool, Parameter(name="--open")] = False,
+    opens_page: OpensPage = False,
     json: bool = False,
     verbose: bool = False,
 ) -> int:

@@ -7,9 +7,8 @@ from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import Parameter, validators
-
 from basecal.cli.detection import counting
+from basecal.cli.option_types import Port, Seed, number_range
 from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.errors import InputError
@@ -18,17 +17,16 @@ from basecal.simulation.scenario import Scenario, Seen
 if TYPE_CHECKING:
     from basecal.simulation.scenario import SimulatedCell
 
-Positive = Annotated[float, Parameter(validator=validators.Number(gte=0, lte=1e6))]
-Seed = Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**63))]
+Positive = Annotated[float, number_range(0, 1e6)]
 
 
 def simulate(
     cell: Path,
     /,
     *,
-    robots: Annotated[int, Parameter(validator=validators.Number(gte=1, lte=9))] = 2,
+    robots: Annotated[int, number_range(1, 9)] = 2,
     target: Seen = "charuco",
-    samples: Annotated[int, Parameter(validator=validators.Number(gte=1, lte=200_000))] = 30,
+    samples: Annotated[int, number_range(1, 200_000)] = 30,
     mounts: Literal["free", "prior", "fixed"] = "free",
     pixel_px: Positive = 0.2,
     robot_noise_mm: Positive = 0.0,
@@ -38,8 +36,8 @@ def simulate(
     seed: Seed = 0,
     images: bool = False,
     process: bool = False,
-    port: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**16))] = 0,
-    speed: Annotated[float, Parameter(validator=validators.Number(gte=0, lte=1000))] = 1.0,
+    port: Port = 0,
+    speed: Annotated[float, number_range(0, 1000)] = 1.0,
     fault: tuple[str, ...] = (),
     renderer: RendererName = "auto",
     until_eof: bool = False,

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -67,14 +67,14 @@ def run_process(
 
 
 @contextmanager
-def simulated_process(folder: Path, target: str, seed: int = 0, faults: Sequence[str] = ()) -> Iterator[None]:
+def simulated_process(folder: Path, target: str) -> Iterator[None]:
     """A cell that runs in a process of its own while this lasts, whose time goes on as somebody waits.
 
     Raises:
         InputError: if it does not begin to run.
     """
     words = [sys.executable, "-m", "basecal", "simulate", str(folder), "--process", "--json", "--until-eof"]
-    words += ["--speed", "0", "--target", target, "--seed", str(seed), *(f"--fault={fault}" for fault in faults)]
+    words += ["--speed", "0", "--target", target]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdin is not None
         assert process.stdout is not None

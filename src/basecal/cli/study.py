@@ -6,9 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter, validators
-
 from basecal.cli.detection import counting
+from basecal.cli.option_types import Output, number_range
 from basecal.cli.terminal import print_json, progress, say
 from basecal.errors import UsageError
 
@@ -17,8 +16,7 @@ if TYPE_CHECKING:
     from basecal.studies.jobs import WorkerPool
     from basecal.studies.study import Study
 
-Workers = Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=1024))]
-Output = Annotated[Path | None, Parameter(name=["--output", "-o"])]
+Workers = Annotated[int | None, number_range(1, 1024)]
 
 
 def study(

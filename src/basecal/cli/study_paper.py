@@ -6,19 +6,17 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter, validators
-
-from basecal.cli.study import Output, Workers, summary_text, try_study
+from basecal.cli.option_types import Output, Seed, number_range
+from basecal.cli.study import Workers, summary_text, try_study
 from basecal.cli.terminal import print_json, progress, say
 from basecal.errors import UsageError
 
-Draws = Annotated[int | None, Parameter(validator=validators.Number(gte=2, lte=10_000_000))]
-Seed = Annotated[int | None, Parameter(validator=validators.Number(gte=0, lt=2**63))]
+Draws = Annotated[int | None, number_range(2, 10_000_000)]
 
 
 def study_paper(
     *,
-    seed: Seed = None,
+    seed: Seed | None = None,
     draws: Draws = None,
     figures: Path | None = None,
     workers: Workers = None,

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 from threading import Event
-from typing import Annotated
-
-from cyclopts import Parameter, validators
 
 from basecal.cli.detection import detected_recording
+from basecal.cli.option_types import Port
 from basecal.cli.runs import find_run
 from basecal.cli.terminal import say
 
 
-def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.Number(gte=0, lte=65535))] = 0) -> int:
+def view(cell: Path, /, *, port: Port = 0) -> int:
     """Look through the runs of a cell on a local page.
 
     A run is chosen, its samples are looked through one by one, and left out or

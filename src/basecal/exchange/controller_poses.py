@@ -11,12 +11,11 @@ import numpy as np
 
 from basecal.cell import RobotState
 from basecal.errors import BasecalError, DatasetError, InputError, list_names
-from basecal.exchange.columns import MOST_POSES, read_table_text
+from basecal.exchange.columns import read_table_text
 from basecal.exchange.controllers.convention import (
     DEGREE,
     RADIAN,
     AnyConvention,
-    Convention,
     MatrixConvention,
 )
 from basecal.exchange.controllers.registry import CONTROLLERS
@@ -103,7 +102,7 @@ class Reading:
             own = replace(own, length=self.length_m)
         if self.angle_rad is None:
             return own
-        if isinstance(own, MatrixConvention) or "quaternion" in own.form.words:
+        if not own.has_angles:
             raise InputError(f"{self.name} writes no angles: leave --deg and --rad away")
         return replace(own, angle=self.angle_rad)
 
@@ -114,7 +113,7 @@ class Reading:
         length = {size: name for name, size in METRES.items()}[how.length]
         if isinstance(how, MatrixConvention):
             return f"4x4 by {'columns' if how.is_by_columns else 'rows'}, {length}"
-        angle = {DEGREE: " in deg", RADIAN: " in rad"}[how.angle] if "quaternion" not in how.form.words else ""
+        angle = {DEGREE: " in deg", RADIAN: " in rad"}[how.angle] if how.has_angles else ""
         return f"{', '.join(how.names)}: {length}, {how.form.words}{angle}"
 
 
@@ -163,8 +162,6 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool, robot: str | None) 
     names = (_STAMP, *how.names) if is_stream else how.names
     table = read_text_table(_table_text(path, reading), path, names)
     table = table if robot is None else select_robot(table, robot)
-    if len(table.rows) > MOST_POSES:
-        raise DatasetError(path, f"{len(table.rows)} poses, expected at most {MOST_POSES}")
     is_short = reading.name == "matrix" and table.header is not None and "m30" not in map(plain_column, table.header)
     columns = _columns(table, how.names[:_SHORT_MATRIX] if is_short else how.names, reading)
     numbers = np.array(list(rows_of_numbers(table, columns)))
@@ -280,12 +277,12 @@ def _possible_units(place: int, convention: AnyConvention) -> tuple[Mapping[str,
         return (_LENGTHS if is_length else {}), convention.length
     if place < 3:
         return _LENGTHS, convention.length
-    return ({} if "quaternion" in convention.form.words else _ANGLES), convention.angle
+    return _ANGLES if convention.has_angles else {}, convention.angle
 
 
 def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: AnyConvention, reading: Reading) -> None:
     """Degrees taken for radians, and radians taken for degrees, where no other reading can be."""
-    if isinstance(convention, MatrixConvention) or "quaternion" in convention.form.words:
+    if not convention.has_angles:
         return
     angles = numbers[:, 3:]
     if other := _other_controllers(numbers, convention, reading):
@@ -310,7 +307,7 @@ def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: A
         )
 
 
-def _other_controllers(numbers: Array, convention: Convention, reading: Reading) -> str:
+def _other_controllers(numbers: Array, convention: AnyConvention, reading: Reading) -> str:
     """Finding of lengths and angles that are both in the units of other controllers; nothing if they need not be."""
     if reading.length_m is not None or reading.angle_rad is not None or len(numbers) < _FEWEST_POSES:
         return ""
@@ -324,18 +321,11 @@ def _other_controllers(numbers: Array, convention: Convention, reading: Reading)
         or convention.angle == units[1]
     ):
         return ""
-    names = [name for name, each in CONTROLLERS.items() if _units(each) == units]
+    names = [name for name, each in CONTROLLERS.items() if each.has_angles and (each.length, each.angle) == units]
     words, options = (
         ("millimetres and degrees", "mm --deg") if units[1] == DEGREE else ("metres and radians", "m --rad")
     )
     return f"They look like {words}: give --length-unit {options}, or --format {list_names(names)}"
-
-
-def _units(convention: AnyConvention) -> tuple[float, float] | None:
-    """Units of lengths and angles; None of a convention without angles."""
-    if isinstance(convention, MatrixConvention) or "quaternion" in convention.form.words:
-        return None
-    return convention.length, convention.angle
 
 
 def keyed_rows(table: TextTable) -> list[Row]:

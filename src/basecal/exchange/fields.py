@@ -67,6 +67,10 @@ class Field:
         there = [name for name in self.data if self.data[name] is not None]
         raise self.error(f"has no {' or '.join(names)}{nearest(names[0], there)}; it has {list_names(there)}")
 
+    def names(self) -> list[str]:
+        """Names of the fields of a mapping; none if it is no mapping."""
+        return [str(name) for name in self.data] if isinstance(self.data, dict) else []
+
     def items(self, kind: str) -> list[Field]:
         """The entries of a list of `kind`, at least one.
 
@@ -140,6 +144,21 @@ class Field:
         if counts and len(values) not in counts:
             raise self.error(f"has {len(values)} numbers, expected {' or '.join(map(str, counts))}")
         return values
+
+    def matrix(self, *counts: int) -> list[float]:
+        """The numbers of a matrix, which may stand beside its `rows` and `cols`; otherwise as `numbers`."""
+        return (self.find("data") if isinstance(self.data, dict) else self).numbers(*counts)
+
+    def size(self) -> tuple[int, int]:
+        """Width and height, a list of two whole numbers.
+
+        Raises:
+            DatasetError: if it is none.
+        """
+        sides = self.items("width and height")
+        if len(sides) != 2:
+            raise self.error(f"has {len(sides)} numbers, expected width and height")
+        return sides[0].integer(), sides[1].integer()
 
     def pose(self) -> SE3:
         """A transform in metres: `translation` and `rotation` as ROS writes them, x ... qw beside each other, or 4x4.

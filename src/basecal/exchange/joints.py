@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.cell import RobotState
 from basecal.errors import DatasetError
-from basecal.exchange.columns import MOST_POSES, read_table_text
+from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import keyed_rows
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.text_table import TextTable, read_text_table, rows_of_numbers, select_robot
@@ -41,8 +41,6 @@ def read_joints(path: str, robot: str, chain: SerialChain, in_degrees: bool) -> 
     """
     text = read_table_text(path, "a table of joints")
     table = select_robot(read_text_table(text, path, chain.joint_names), robot)
-    if len(table.rows) > MOST_POSES:
-        raise DatasetError(path, f"{len(table.rows)} rows, expected at most {MOST_POSES}")
     values = np.array(list(rows_of_numbers(table, _columns(table, chain))))
     joints = values * _DEGREE if in_degrees else values
     _check_limits(table, values, joints, chain, in_degrees)

@@ -7,7 +7,6 @@ reversed by `drive_mode`. Source: huggingface.co, LeRobotDataset v2.1 and v3.0; 
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,15 +14,16 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from basecal.bounded_file import check_regular, read_bounded
+from basecal.bounded_file import check_regular
 from basecal.box import Frame, frames
 from basecal.cell import RobotState
 from basecal.errors import DatasetError, InputError, MissingExtra
+from basecal.exchange.fields import read_fields
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.pairing import LARGEST_DIFFERENCE_S
 from basecal.exchange.joints import radians_finding
@@ -209,16 +209,11 @@ def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
     Raises:
         DatasetError: if it is none.
     """
-    expected = 'expected {"shoulder_pan": {"range_min": 1024, "range_max": 3072, "drive_mode": 0, ...}, ...}'
-    text = read_bounded(path, _LARGEST_CALIBRATION)
-    try:
-        data = json.loads(text)
-        found = {
-            str(name): {key: float(motor[key]) for key in ("range_min", "range_max", "drive_mode")}
-            for name, motor in data.items()
-        }
-    except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
-        raise DatasetError(str(path), f"not a calibration of LeRobot, {expected}") from None
+    root = read_fields(path, _LARGEST_CALIBRATION)
+    keys = ("range_min", "range_max", "drive_mode")
+    found = {
+        name: {key: root.find(name).find(key).number() for key in keys} for name in root.names() or ["shoulder_pan"]
+    }
     for name, motor in found.items():
         if not 0 <= motor["range_min"] < motor["range_max"] <= _TICKS:
             raise DatasetError(str(path), f"range_min and range_max are not 0 to {_TICKS}, rising", field=name)
@@ -226,15 +221,9 @@ def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
 
 
 def _names(path: Path) -> tuple[str, ...]:
-    text = read_bounded(path, LARGEST_INFO)
-    try:
-        feature: Any = json.loads(text)["features"][_STATE]
-        names = feature["names"]
-        # Some write {"motors": [...]}.
-        names = next(iter(names.values())) if isinstance(names, dict) else names
-        return tuple(str(name).removesuffix(".pos") for name in names)
-    except (ValueError, LookupError, TypeError, AttributeError, StopIteration, RecursionError):
-        raise DatasetError(str(path), f"not the info.json of LeRobot, expected features.{_STATE}.names") from None
+    names = read_fields(path, LARGEST_INFO).find("features").find(_STATE).find("names")
+    listed = names.find(*names.names()) if names.names() else names
+    return tuple(name.text().removesuffix(".pos") for name in listed.items("names of motors"))
 
 
 def _radians(

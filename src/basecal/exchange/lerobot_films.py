@@ -6,15 +6,15 @@ of many episodes, videos/KEY/chunk-000/file-000.mp4; meta/episodes/ has the `fro
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from basecal.bounded_file import check_regular, read_bounded
+from basecal.bounded_file import check_regular
 from basecal.box import frames
 from basecal.errors import DatasetError, InputError, list_names
+from basecal.exchange.fields import read_fields
 from basecal.exchange.lerobot import LARGEST_INFO, read_columns
 from basecal.geometry import Array
 
@@ -81,12 +81,9 @@ def _choose_feature(folder: Path, name: str | None) -> str:
     Raises:
         DatasetError: if there is none, or it is not clear which.
     """
-    path = folder / "meta" / "info.json"
-    try:
-        features: Any = json.loads(read_bounded(path, LARGEST_INFO))["features"]
-        films = [str(key) for key, of in features.items() if of.get("dtype") == "video" and _NAME.fullmatch(key)]
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        raise DatasetError(str(path), "not the info.json of LeRobot, expected features") from None
+    features = read_fields(folder / "meta" / "info.json", LARGEST_INFO).find("features")
+    kinds = {key: features.find(key).first("dtype") for key in features.names() if _NAME.fullmatch(key)}
+    films = [key for key, kind in kinds.items() if kind is not None and kind.data == "video"]
     chosen = [key for key in films if name in (None, key, key.removeprefix(_PREFIX))]
     if len(chosen) == 1:
         return chosen[0]

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.errors import DatasetError
-from basecal.exchange.columns import MOST_POSES, read_table_text
+from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import column_unit, keyed_rows, plain_column
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.importing.text_table import TextTable, as_name, read_text_table, rows_of_numbers
+from basecal.exchange.importing.text_table import read_text_table, rows_of_numbers
 from basecal.geometry import Array
 
 _AXES = ("x", "y", "z")
@@ -47,15 +47,14 @@ class PointTable:
             DatasetError: if it has no x, y, z, or lengths have no unit or two.
         """
         table = read_text_table(read_table_text(path, "a table of points"), path, _AXES)
-        if len(table.rows) > MOST_POSES:
-            raise DatasetError(path, f"{len(table.rows)} points, expected at most {MOST_POSES}")
         by_name = {plain_column(column): column for column in table.header or ()}
         if not by_name.keys() >= set(_AXES):
             raise DatasetError(path, f"has columns {', '.join(table.header or ()) or 'without names'}; {_ACCEPTED}")
         columns = [by_name[axis] for axis in _AXES]
         name, size = _unit(path, columns, length_m)
         points = np.array(list(rows_of_numbers(table, columns))) * size
-        return PointTable(path, tuple(keyed_rows(table)), points, _targets(table, by_name), name)
+        targets = table.names("target", "reflector", "point", "marker", "name") or ()
+        return PointTable(path, tuple(keyed_rows(table)), points, tuple(targets), name)
 
 
 def _unit(path: str, columns: list[str], length_m: float | None) -> tuple[str, float]:
@@ -67,10 +66,3 @@ def _unit(path: str, columns: list[str], length_m: float | None) -> tuple[str, f
         raise DatasetError(path, f"{', '.join(columns)} {why}")
     size = sizes.pop()
     return next((name for name, _ in filter(None, found)), f"{1e3 * size:g} mm"), size
-
-
-def _targets(table: TextTable, by_name: dict[str, str]) -> tuple[str, ...]:
-    column = next(
-        (by_name[name] for name in ("target", "reflector", "point", "marker", "name") if name in by_name), None
-    )
-    return () if column is None else tuple(as_name(table.cell(row, column)) for row in table.rows)

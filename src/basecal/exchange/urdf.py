@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,8 +54,6 @@ def corrected_urdf(
         InputError: if the numbers of errors and joints differ, or the tip is moved and no fixed joint follows the last
             one to hold it.
     """
-    from xml.etree.ElementTree import tostring
-
     chain = parse_chain(text, base_link, flange_link)
     for name, errors, size in (("joint offsets", offsets, chain.n), ("link parameters", links, chain.n + 1)):
         if errors is not None and len(errors) != size:
@@ -77,9 +75,7 @@ def corrected_urdf(
                 "End the chain at a link behind a fixed joint"
             )
         _move(by_name[last], tip_move)
-    if note is not None:
-        root.insert(0, xml_comment(note))
-    return tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+    return write_urdf(root, () if note is None else (note,))
 
 
 def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str = "robot") -> str:
@@ -91,7 +87,7 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
         flange_link: What to call its tip.
         name: What to call the robot.
     """
-    from xml.etree.ElementTree import Element, SubElement, indent, tostring
+    from xml.etree.ElementTree import Element, SubElement, indent
 
     root = Element("robot", name=name)
     links = [base_link, *(f"{joint}_link" for joint in chain.joint_names), flange_link]
@@ -116,7 +112,7 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
             lower, upper = repr(float(chain.lower[k])), repr(float(chain.upper[k]))
             SubElement(element, "limit", lower=lower, upper=upper, effort="100", velocity="3")
     indent(root)
-    return tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+    return write_urdf(root)
 
 
 def parsed_urdf(text: str | bytes) -> Element:
@@ -132,17 +128,31 @@ def parsed_urdf(text: str | bytes) -> Element:
 
 
 def _move(joint: Element, move: SE3) -> None:
-    """Write a moved origin, with as many digits as bring it back exactly."""
+    """Move an origin on its right."""
+    origin = joint.find("origin")
+    words = {} if origin is None else origin.attrib
+    rpy, xyz = ([float(word) for word in words.get(key, "0 0 0").split()] for key in ("rpy", "xyz"))
+    if np.any(move.log()):
+        set_origin(joint, SE3.from_rpy(rpy, xyz) @ move)
+
+
+def set_origin(joint: Element, parent_from_child: SE3) -> None:
+    """Write the origin of a joint, with as many digits as bring it back exactly."""
     from xml.etree.ElementTree import SubElement
 
-    if not np.any(move.log()):
-        return
     origin = joint.find("origin")
     origin = SubElement(joint, "origin") if origin is None else origin
-    rpy, xyz = ([float(word) for word in origin.get(key, "0 0 0").split()] for key in ("rpy", "xyz"))
-    moved = SE3.from_rpy(rpy, xyz) @ move
-    origin.set("xyz", exactly(moved.translation))
-    origin.set("rpy", exactly(rpy_of_rotation(moved.rotation)))
+    origin.set("xyz", exactly(parent_from_child.translation))
+    origin.set("rpy", exactly(rpy_of_rotation(parent_from_child.rotation)))
+
+
+def write_urdf(root: Element, remarks: Sequence[str] = ()) -> str:
+    """The text of a URDF, remarks first."""
+    from xml.etree.ElementTree import tostring
+
+    for place, line in enumerate(remarks):
+        root.insert(place, xml_comment(line))
+    return tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
 def exactly(values: Array) -> str:

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exports.quoting import xml_comment
-from basecal.exchange.urdf import exactly, parsed_urdf
+from basecal.exchange.urdf import parsed_urdf, set_origin, write_urdf
 from basecal.geometry import SE3
-from basecal.geometry.euler import rpy_of_rotation
 from basecal.kinematics.urdf import JointOrigin, joint_origins
 
 if TYPE_CHECKING:
@@ -80,8 +78,8 @@ def patched_urdf(
         moved = _origin(chosen, up_from_child, up_from_parent, parent_from_child.inverse())
     root = parsed_urdf(text)
     (element,) = (each for each in root.findall("joint") if each.get("name") == chosen.name)
-    _set_origin(element, moved)
-    return _write_urdf(root, remarks)
+    set_origin(element, moved)
+    return write_urdf(root, remarks)
 
 
 def merged_urdf(
@@ -113,8 +111,8 @@ def merged_urdf(
         joint = SubElement(root, "joint", name=f"{reference}_base_to_{name}_base", type="fixed")
         SubElement(joint, "parent", link=f"{reference}_{parts[reference].base_link}")
         SubElement(joint, "child", link=f"{name}_{top}")
-        _set_origin(joint, reference_from_base @ root_from_base.inverse())
-    return _write_urdf(root, remarks)
+        set_origin(joint, reference_from_base @ root_from_base.inverse())
+    return write_urdf(root, remarks)
 
 
 def _joints_to_root(parent_joints: Mapping[str, JointOrigin], link: str) -> list[JointOrigin]:
@@ -184,20 +182,3 @@ def _prefix(root: Element, prefix: str) -> None:
         attribute = "name" if element.tag in _NAMED_ELEMENTS else _REFERRING.get(str(element.tag))
         if attribute is not None and element.get(attribute):
             element.set(attribute, prefix + element.get(attribute, ""))
-
-
-def _set_origin(joint: Element, parent_from_child: SE3) -> None:
-    from xml.etree.ElementTree import SubElement
-
-    origin = joint.find("origin")
-    origin = SubElement(joint, "origin") if origin is None else origin
-    origin.set("xyz", exactly(parent_from_child.translation))
-    origin.set("rpy", exactly(rpy_of_rotation(parent_from_child.rotation)))
-
-
-def _write_urdf(root: Element, remarks: Sequence[str]) -> str:
-    from xml.etree.ElementTree import tostring
-
-    for place, line in enumerate(remarks):
-        root.insert(place, xml_comment(line))
-    return tostring(root, encoding="unicode", xml_declaration=True) + "\n"

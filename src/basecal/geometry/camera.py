@@ -62,6 +62,12 @@ class Camera:
         return self.parameters[..., 2:4]
 
     @property
+    def matrix(self) -> Array:
+        """The camera matrix of a single lens, (3, 3) [px]."""
+        (fx, fy), (cx, cy) = self.focal, self.center
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+    @property
     def distortion(self) -> Array:
         """Distortion terms in the order of the model, (..., k)."""
         return self.parameters[..., 4:]

@@ -122,13 +122,19 @@ def shape_numbers(text: str, count: int) -> Array:
     Raises:
         InputError: if they are not finite, or not so many.
     """
+    numbers = numbers_in_text(text, count, _LARGEST_VALUE)
+    if numbers is None:
+        raise InputError(f"<collision> has {text!r}, expected finite numbers: {count}")
+    return numbers
+
+
+def numbers_in_text(text: str, count: int, largest: float) -> Array | None:
+    """Numbers of an attribute, (count,); None if they are not so many, not finite, or one is beyond the largest."""
     try:
         numbers = np.array([float(word) for word in text.split()])
     except ValueError:
-        numbers = np.array([np.nan])
-    if len(numbers) != count or not np.all(np.abs(numbers) <= _LARGEST_VALUE):
-        raise InputError(f"<collision> has {text!r}, expected finite numbers: {count}")
-    return numbers
+        return None
+    return numbers if len(numbers) == count and np.all(np.abs(numbers) <= largest) else None
 
 
 def mesh_file(shape: Element, body: Collision) -> Path:

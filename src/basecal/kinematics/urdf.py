@@ -14,7 +14,7 @@ from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, FrameNotFound, list_names
 from basecal.geometry import SE3, Array
 from basecal.kinematics.chain import SerialChain
-from basecal.kinematics.collision import Collision
+from basecal.kinematics.collision import Collision, numbers_in_text
 from basecal.kinematics.masses import Masses
 from basecal.kinematics.mjcf import chain_of_mjcf
 
@@ -258,11 +258,8 @@ def _numbers(joint: _Joint, tag: str, key: str, default: str, count: int) -> Arr
     """
     element = joint.element.find(tag)
     text = default if element is None else element.get(key, default)
-    try:
-        numbers = np.array([float(word) for word in text.split()])
-    except ValueError:
-        numbers = np.array([np.nan])
-    if len(numbers) != count or not np.all(np.abs(numbers) <= _LARGEST_VALUE):
+    numbers = numbers_in_text(text, count, _LARGEST_VALUE)
+    if numbers is None:
         wanted = f"{'a finite number' if count == 1 else f'{count} finite numbers'} within {_LARGEST_VALUE:g}"
         raise joint.error(f"{tag} {key}", f"expected {wanted}, got {text!r}; expand a xacro first")
     return numbers
@@ -376,14 +373,11 @@ def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
         DatasetError: if they are not finite numbers, or the mass is negative.
     """
     mass, origin = element.find("mass"), element.find("origin")
-    words = [] if mass is None else mass.get("value", "").split()
-    xyz = ("0 0 0" if origin is None else origin.get("xyz", "0 0 0")).split()
-    try:
-        numbers = np.array([float(word) for word in (*words, *xyz)])
-    except ValueError:
-        numbers = np.array([np.nan])
-    if len(numbers) != 4 or not np.all(np.abs(numbers) <= _LARGEST_VALUE) or numbers[0] < 0:
-        got = f"mass {' '.join(words)!r}, origin {' '.join(xyz)!r}"
+    kg = "" if mass is None else mass.get("value", "")
+    xyz = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
+    numbers = numbers_in_text(f"{kg} {xyz}", 4, _LARGEST_VALUE)
+    if numbers is None or numbers[0] < 0:
+        got = f"mass {kg!r}, origin {xyz!r}"
         raise DatasetError(path, f"expected a mass >= 0 and three numbers, got {got}", field=f"link {link!r} inertial")
     return float(numbers[0]), numbers[1:]
 

@@ -13,20 +13,13 @@ from basecal.geometry import SE3
 from basecal.planning.sketch import Sketch
 from basecal.simulation.scenario import SimulatedCell
 from basecal.vision.draw.light import LightSettings, render_light
-from basecal.vision.draw.render import RenderSettings, render
+from basecal.vision.draw.render import render
 from basecal.vision.image_file import write_png
 
 Step = Callable[[int, int], None]
 
 
-def render_recording(
-    simulation: SimulatedCell,
-    folder: Path,
-    seed: int = 0,
-    board: RenderSettings | None = None,
-    light: LightSettings | None = None,
-    step: Step | None = None,
-) -> Recording:
+def render_recording(simulation: SimulatedCell, folder: Path, seed: int = 0, step: Step | None = None) -> Recording:
     """Write an image for every view of a simulated cell; the recording then names images and holds no detections.
 
     Lights get a second image with the light off, as `background`.
@@ -35,8 +28,6 @@ def render_recording(
         simulation: The cell; its cameras need an image size, its targets a shape.
         folder: The cell's folder; images go to `recording/images/<camera>/`.
         seed: Of the images' noise.
-        board: How boards are exposed.
-        light: How lights are exposed.
         step: Called with the number of samples done and of all.
 
     Raises:
@@ -45,7 +36,7 @@ def render_recording(
     samples = simulation.recording.samples
     out = []
     for index, sample in enumerate(samples):
-        out.append(_render_sample(simulation, sample, index, folder, seed + index, board, light))
+        out.append(_render_sample(simulation, sample, index, folder, seed + index))
         if step is not None:
             step(index + 1, len(samples))
     return replace(simulation.recording, samples=tuple(out), folder=str(folder))
@@ -57,8 +48,6 @@ def _render_sample(
     index: int,
     folder: Path,
     seed: int,
-    board: RenderSettings | None,
-    light: LightSettings | None,
 ) -> Sample:
     images, background = {}, {}
     for observation in sample.observations:
@@ -69,13 +58,13 @@ def _render_sample(
             raise InputError(f"{observation.camera} gives no images of {observation.target}: simulate pixels instead")
         seen = camera_from_target(simulation, observation.camera, observation.target, index)
         if not target.sheets:
-            lit, points = light or LightSettings(), seen @ target.points
+            lit, points = LightSettings(), seen @ target.points
             on = render_light(camera, points, lit, 2 * seed)
             off = render_light(camera, points, replace(lit, photons=0.0), 2 * seed + 1)
             images[observation.camera] = _write(folder, f"{name}.png", on)
             background[observation.camera] = _write(folder, f"{name}_off.png", off)
         else:
-            images[observation.camera] = _write(folder, f"{name}.png", render(camera, target, seen, board, seed))
+            images[observation.camera] = _write(folder, f"{name}.png", render(camera, target, seen, seed=seed))
     return replace(sample, observations=(), images=images, background=background)
 
 

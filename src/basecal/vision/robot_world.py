@@ -45,13 +45,11 @@ def camera_from_target(camera: Camera, points: Array, pixels: Array, visible: Bo
         pixels: (p, 2) [px].
         visible: (p,) which of them.
     """
-    fx, fy, cx, cy = camera.parameters[:4]
-    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
     rays, valid = camera.undistort(pixels)
     used = visible & valid & (rays[:, 2] > _LEAST_AXIS_COSINE)
     straight = camera.focal * rays[used, :2] / rays[used, 2:] + camera.center
     try:
-        found, turn, shift = cv2.solvePnP(points[used], straight, matrix, None)
+        found, turn, shift = cv2.solvePnP(points[used], straight, camera.matrix, None)
     except cv2.error:
         return None
     return SE3.from_rotvec(turn[:, 0], shift[:, 0]) if found and np.isfinite(turn).all() else None

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.fixing.change import change_of_hypothesis, transform_place
+from basecal.accuracy.fixing.change import change_cell, change_of_hypothesis
 from basecal.accuracy.input_check.hypotheses import convention_hypotheses, shift
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.target_sizes import target_size
@@ -125,7 +125,8 @@ def test_cell_is_changed() -> None:
     assert lens.cell["cameras", "wrist", "intrinsics", "status"] == "free"
     mount = change_of_hypothesis(BOARD.recording, reading, known["fixed-contradicted"])
     assert mount.cell["cameras", "wrist", "mount"]["status"] == "free"
-    assert transform_place(cell, "eye_base_from_hand_base") == ("bases", "hand")
+    base = change_cell(cell, cell.with_transform("eye_base_from_hand_base", Unknown("fixed", SE3.identity())))
+    assert list(base) == [("bases", "hand")]
 
 
 def test_tags_in_a_list_are_resized() -> None:
@@ -146,7 +147,9 @@ def test_pixels_are_of_images() -> None:
 
 def test_a_target_is_put_on_the_arm_that_carries_it() -> None:
     """In `cell.yaml`, with a free mount; the recording stays."""
-    on_world = replace(BOARD.cell, targets={n: replace(t, on="world") for n, t in BOARD.cell.targets.items()})
+    guess = Unknown("free", SE3.identity())
+    targets = {name: replace(target, on="world", mount=guess) for name, target in BOARD.cell.targets.items()}
+    on_world = replace(BOARD.cell, targets=targets)
     reading = declared(on_world, BOARD.recording)
     (hypothesis,) = (each for each in rare_hypotheses(reading) if each.code == "wrong-carrier")
     change = change_of_hypothesis(BOARD.recording, reading, hypothesis)

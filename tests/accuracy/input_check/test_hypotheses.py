@@ -304,9 +304,10 @@ def test_streams_are_late_by_less_than_a_third_of_the_samples(samples):
 
 def test_subsets_are_each_and_all():
     """All together only where there are several."""
-    assert [subsets([]), subsets(["a"]), subsets(["a", "b", "c"])] == [
+    assert [[*subsets(names)] for names in ([], ["a"], ["a", "b", "c"])] == [
         [], [("a",)], [("a",), ("b",), ("c",), ("a", "b", "c")],
     ]  # fmt: skip
+    assert subsets(["a", "b"])["a", "b"] == "a and b"
 
 
 def test_a_shift_of_all_samples_goes_by_their_order():

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from types import ModuleType
 
+import pytest
+
 from basecal.acquisition.drivers.registry import DRIVERS, driver_kind, driver_names, offered_driver
 from safety.installed_driver import installed_driver
 from shared.second_process import TESTS
@@ -30,8 +32,10 @@ def test_a_module_that_declares_nothing_is_trusted_with_nothing():
     )
 
 
-def test_ours_are_what_their_modules_declare():
-    """Each function of the table gives what its module would be as an entry point."""
-    for name, load in DRIVERS.items():
-        module = __import__(f"basecal.acquisition.drivers.{name}", fromlist=["x"])
-        assert load() == offered_driver(module)
+@pytest.mark.parametrize("name", DRIVERS)
+def test_ours_open_robots_or_cameras(name):
+    """Those that ask a person or simulate need no process of their own, and two are stopped by a watchdog."""
+    kind = driver_kind(name)
+    assert kind.open_robot or kind.open_camera
+    assert kind.needs_own_process == (name not in ("simulated", "replay", "typed"))
+    assert kind.stop_guarantee == ("watchdog" if name in ("simulated", "ur") else "none")

@@ -86,7 +86,7 @@ def test_a_bag_that_was_cut_off(
         away = [[(of.robots["eye"].base_from_flange.inverse() @ pose).log() for pose in recorded] for of in samples]
         assert all(np.abs(each).max(-1).min() < 1e-9 for each in away), share
         counts.append(len(samples))
-        assert not list(tmp_path.glob(".bag-*"))
+        assert not list(tmp_path.glob(".import-*"))
     assert counts[:2] == [0, 0]
     assert (max(counts) > 0) == (kind != "ros1")  # whose index stands at its end
 

@@ -125,8 +125,8 @@ def test_poor_images_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--camera", "cam"], "say which robot carries 'cam', as --on ROBOT"),
-        (["--camera", "cam", "--on", "world"], "no robot in whose base 'cam' could stand"),
+        (["--camera", "cam"], "camera 'cam' is new: say what carries it, --on with one of: a robot"),
+        (["--camera", "cam", "--on", "world"], "camera 'cam' on the world needs a robot"),
         (["--camera", "cam", "--on", "arm", "--by", "time"], "1.png: the name is no time"),
         (["--camera", "Cam", "--on", "arm"], "expected a name of a-z"),
     ],
@@ -148,10 +148,10 @@ def test_what_carries_it_is_asked_where_there_are_two(tmp_path: Path, capsys: py
     for robot in ("arm", "other"):
         assert main(["import", "poses", cell, "--robot", robot, rows, "--format", "ur"]) == 0
     assert main(["import", "images", cell, folder, "--camera", "cam"]) == 3
-    assert "to add it say what carries it, --on arm or --on other or --on world" in capsys.readouterr().err
+    assert "say what carries it, --on with one of: arm, other, world" in capsys.readouterr().err
     assert main(["import", "images", cell, folder, "--camera", "cam", "--on", "other"]) == 0
     assert main(["import", "images", cell, folder, "--camera", "cam", "--on", "world"]) == 3
-    assert "cameras.cam is on 'other', not on 'world'" in capsys.readouterr().err
+    assert "camera 'cam' is on 'other' in cell.yaml, not on 'world'" in capsys.readouterr().err
 
 
 def test_a_real_recording(tmp_path: Path) -> None:

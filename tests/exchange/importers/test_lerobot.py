@@ -91,7 +91,7 @@ def test_two_arms_with_the_films_of_their_wrists(
     }
     assert [sorted(sample.images) for sample in samples] == [["left_eye", "right_eye"]] * 2
     np.testing.assert_allclose(np.degrees(samples[0].robots["right"].joints_rad), DEGREES[1, :6], atol=1e-9)
-    assert not list(tmp_path.glob(".film-*"))
+    assert not list(tmp_path.glob(".import-*"))
 
 
 def test_arm_without_a_camera_joins_the_samples_of_the_other(tmp_path: Path, arm: SerialChain) -> None:
@@ -122,6 +122,6 @@ def test_a_film_gives_a_new_cell_its_size(tmp_path: Path, arm: SerialChain, caps
     words += ["--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
     words += ["--camera", "camera", "--film", "left_wrist"]
     assert main([*words, "--on", "right"]) == 3
-    assert "cameras.camera is on 'left', not on 'right': leave --on away" in capsys.readouterr().err
+    assert "camera 'camera' is on 'left' in cell.yaml, not on 'right'" in capsys.readouterr().err
     assert main(words) == 0
     assert read_cell(cell).cameras["camera"].size_px == (64, 48)

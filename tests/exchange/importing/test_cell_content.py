@@ -46,5 +46,5 @@ def test_a_size_is_open_until_something_was_seen(tmp_path: Path, seen: dict[str,
     assert cell is not None
     (tmp_path / "recording" / "samples.jsonl").write_text(json.dumps({"sample": 0, **seen}) + "\n", encoding="utf-8")
     (name,) = cell.cameras
-    found = open_size(tmp_path, cell, name, None)
+    found = open_size(tmp_path, cell, name)
     assert found == (frozenset({("cameras", name, "size_px")}) if is_open else frozenset())

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from basecal.errors import InputError
-from basecal.exchange.importing.cell_files import place_files
+from basecal.exchange.importing.cell_files import place_files, scratch_folder
 
 
 @pytest.fixture
@@ -57,3 +57,14 @@ def test_nothing_leaves_the_cell(tmp_path: Path, source: Path) -> None:
         with pytest.raises(InputError, match="leaves the cell"), place_files({name: source}, tmp_path / "cell"):
             pass
     assert not (tmp_path / "b.png").exists()
+
+
+def test_a_scratch_folder_is_gone_if_what_follows_fails(tmp_path: Path) -> None:
+    """It is beside the cell, which need not be there, and stays until whoever holds it is done with it."""
+    with pytest.raises(ValueError, match="later"), scratch_folder(tmp_path / "new" / "cell"):
+        raise ValueError("later")
+    assert list(tmp_path.iterdir()) == []
+    with scratch_folder(tmp_path / "cell") as scratch:
+        assert Path(scratch.name).parent == tmp_path
+    assert Path(scratch.name).is_dir()
+    scratch.cleanup()

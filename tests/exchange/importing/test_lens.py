@@ -13,7 +13,7 @@ from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import InputError
 from basecal.exchange.importing.bring_in import add_to_cell
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.lens import chosen_camera, imported_lens, imported_target, mount_by_chain
+from basecal.exchange.importing.lens import imported_target, lens_of_file, mount_by_chain
 from basecal.exchange.lens_files.stated_lens import StatedLens
 from basecal.geometry import SE3, Camera
 
@@ -33,20 +33,20 @@ def brought(folder: Path, imported: Imported) -> Cell:
 
 def test_a_new_cell_has_the_camera_on_a_robot(tmp_path: Path) -> None:
     """Without a cell one is made, whose robot carries the camera; beside a robot there must be one first."""
-    cell = brought(tmp_path, imported_lens(None, LENS, "a.yaml", "wrist", "left", "fixed"))
+    cell = brought(tmp_path, lens_of_file(tmp_path, LENS, "a.yaml", "wrist", "left", "fixed"))
     assert (cell.reference, cell.cameras["wrist"].on) == ("left", "left")
     lens = cell.cameras["wrist"].intrinsics
     assert lens is not None
     assert lens.camera is not None
     np.testing.assert_array_equal(lens.camera.parameters, LENS.camera.parameters)
-    with pytest.raises(InputError, match=r"there is no cell.yaml to put camera 'hall' into: `basecal new`"):
-        imported_lens(None, LENS, "a.yaml", "hall", "world", "fixed")
+    with pytest.raises(InputError, match=r"camera 'hall' on the world needs a robot, and there is no cell.yaml"):
+        lens_of_file(tmp_path / "other", LENS, "a.yaml", "hall", "world", "fixed")
 
 
 def test_what_stood_there_is_replaced_and_the_rest_stays(tmp_path: Path) -> None:
     """Model and intrinsics of the camera are the file's; its mount and carrier are not touched."""
-    cell = cell_in(tmp_path, cameras={"wrist": {**ON_ARM, "size_px": [640, 480], "intrinsics": {"status": "free"}}})
-    imported = imported_lens(cell, LENS, "a.yaml", None, None, "free", mount=SE3.identity())
+    cell_in(tmp_path, cameras={"wrist": {**ON_ARM, "size_px": [640, 480], "intrinsics": {"status": "free"}}})
+    imported = lens_of_file(tmp_path, LENS, "a.yaml", None, None, "free", mount=SE3.identity())
     after = brought(tmp_path, imported)
     lens = after.cameras["wrist"].intrinsics
     assert lens is not None
@@ -58,23 +58,21 @@ def test_what_stood_there_is_replaced_and_the_rest_stays(tmp_path: Path) -> None
 
 def test_another_size_is_told(tmp_path: Path) -> None:
     """With both sizes and the camera."""
-    cell = cell_in(tmp_path, cameras={"wrist": {**ON_ARM, "size_px": [1280, 960], "intrinsics": {"status": "free"}}})
-    with pytest.raises(InputError, match=r"a.yaml is of 640 x 480 px, camera 'wrist' in cell.yaml of 1280 x 960"):
-        imported_lens(cell, LENS, "a.yaml", "wrist", None, "fixed")
+    cell_in(tmp_path, cameras={"wrist": {**ON_ARM, "size_px": [1280, 960], "intrinsics": {"status": "free"}}})
+    with pytest.raises(InputError, match=r"a.yaml is of 640 x 480 px, camera 'wrist' in cell.yaml has 1280 x 960"):
+        lens_of_file(tmp_path, LENS, "a.yaml", "wrist", None, "fixed")
 
 
 def test_which_camera(tmp_path: Path) -> None:
     """The only one, or the one that is named; a new one needs to be told what carries it."""
-    cell = cell_in(tmp_path, cameras={"a": ON_ARM, "b": ON_ARM})
-    with pytest.raises(InputError, match=r"which camera\? --camera NAME; the cell has a, b"):
-        chosen_camera(cell, None)
-    with pytest.raises(
-        InputError, match=r"camera 'c' is not in cell.yaml: say what carries it, --on one of arm, world"
-    ):
-        imported_lens(cell, LENS, "a.yaml", "c", None, "fixed")
-    assert brought(tmp_path, imported_lens(cell, LENS, "a.yaml", "c", "world", "fixed")).cameras["c"].on == "world"
-    bare = cell_in(tmp_path)
-    assert imported_lens(bare, LENS, "a.yaml", "only", None, "fixed").cell["cameras"]["only"]["on"] == "arm"
+    cell_in(tmp_path, cameras={"a": ON_ARM, "b": ON_ARM}, robots={"arm": {}, "other": {}})
+    with pytest.raises(InputError, match=r"which camera\? --camera is one of: a, b"):
+        lens_of_file(tmp_path, LENS, "a.yaml", None, None, "fixed")
+    with pytest.raises(InputError, match=r"camera 'c' is new: say what carries it, --on with one of: arm, other"):
+        lens_of_file(tmp_path, LENS, "a.yaml", "c", None, "fixed")
+    assert brought(tmp_path, lens_of_file(tmp_path, LENS, "a.yaml", "c", "world", "fixed")).cameras["c"].on == "world"
+    cell_in(tmp_path)
+    assert lens_of_file(tmp_path, LENS, "a.yaml", "only", None, "fixed").cell["cameras"]["only"]["on"] == "arm"
 
 
 def test_a_chain_of_cameras_gives_a_guess(tmp_path: Path) -> None:
@@ -87,7 +85,7 @@ def test_a_chain_of_cameras_gives_a_guess(tmp_path: Path) -> None:
     assert mount is not None
     # The previous camera's origin, 11 cm beside the new one's, is where the previous camera is.
     np.testing.assert_allclose(mount @ np.array([-0.11, 0, 0]), [0.1, 0, 0], atol=1e-12)
-    after = brought(tmp_path, imported_lens(cell, second, "a.yaml", "cam1", None, "fixed", mount))
+    after = brought(tmp_path, lens_of_file(tmp_path, second, "a.yaml", "cam1", None, "fixed", mount))
     assert after.cameras["cam1"].mount.mean is not None
     np.testing.assert_allclose(after.cameras["cam1"].mount.mean.matrix, mount.matrix, atol=1e-12)
     assert mount_by_chain(cell, (first, second), "cam0") is None
@@ -99,8 +97,8 @@ def test_targets(tmp_path: Path) -> None:
     board = {"kind": "chessboard", "corners": [6, 7], "square_m": 0.06}
     with pytest.raises(InputError, match=r"there is no cell.yaml to put the target of t.yaml into"):
         imported_target(None, board, "t.yaml", None, None)
-    cell = cell_in(tmp_path)
-    with pytest.raises(InputError, match=r"target 'target' is not in cell.yaml: say what carries it"):
+    cell = cell_in(tmp_path, robots={"arm": {}, "other": {}})
+    with pytest.raises(InputError, match=r"target 'target' is new: say what carries it"):
         imported_target(cell, board, "t.yaml", None, None)
     after = brought(tmp_path, imported_target(cell, board, "t.yaml", "board", "world"))
     shape = after.targets["board"].target

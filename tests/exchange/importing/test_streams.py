@@ -77,7 +77,7 @@ def test_import_into_a_described_cell(
     assert "give its poses by --eye-base-from-flange" in capsys.readouterr().err
     eye = ["--eye-base-from-flange", files["eye-base-from-flange"]]
     assert main([*base, *seen, *eye, "--camera", "cam"]) == 3
-    assert "no camera 'cam'? --camera is one of: camera" in capsys.readouterr().err
+    assert "no 'cam' (did you mean 'camera'?)" in capsys.readouterr().err
     assert main([*base, *seen, *eye, "--invert", "hand-base-from-flange"]) == 3
     assert "no file is given" in capsys.readouterr().err
     assert main([*base, *seen, *eye]) == 0

@@ -163,7 +163,7 @@ def test_rows_of_one_of_several_robots() -> None:
     """By the column `robot`; a table that names one robot alone is of the robot that the user names."""
     table = read_text_table("Robot,x,y,z\nUR 5,1,2,3\nkuka,4,5,6\nUR 5,7,8,9\n", "t.csv", NAMES)
     assert [row.line for row in select_robot(table, "ur_5").rows] == [2, 4]
-    with pytest.raises(DatasetError, match="Robot: no row is of robot 'left'; there are: ur_5, kuka"):
+    with pytest.raises(DatasetError, match="no row is of robot 'left'; there are: ur_5, kuka"):
         select_robot(table, "left")
     alone = read_text_table("Robot,x,y,z\nUR 5,1,2,3\n", "t.csv", NAMES)
     assert select_robot(alone, "left") is alone

@@ -67,7 +67,9 @@ def test_four_terms_are_the_fisheyes_where_told(tmp_path: Path) -> None:
     terms = TERMS[:, :4]
     by_file = read_opencv(stored(tmp_path / "f.yml", fisheye_model=1, camera_matrix=MATRIX, dist=terms))
     by_user = read_opencv(stored(tmp_path / "p.yml", camera_matrix=MATRIX, dist=terms), "fisheye")
-    assert by_file.camera.model == by_user.camera.model == "fisheye"
+    numbers = dict(zip(("fx", "fy", "cx", "cy"), (600.0, 601.0, 320.0, 240.0), strict=True))
+    by_name = read_opencv(stored(tmp_path / "n.yml", fisheye_model=1, dist=terms, **numbers))
+    assert by_file.camera.model == by_user.camera.model == by_name.camera.model == "fisheye"
     assert read_opencv(tmp_path / "p.yml").camera.model == "pinhole"
     assert "fisheye of 4 distortion terms" in by_file.what
 

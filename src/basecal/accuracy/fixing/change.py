@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
-from basecal.accuracy.phrases.target_length import scale_lengths
 from basecal.accuracy.readings.reading import Reading, Track
-from basecal.cell import Cell, PoseObservation, Recording, RobotState, Sample, Unknown
-from basecal.cell.format.plain import pose_dict
+from basecal.cell import Cell, PoseObservation, Recording, RobotState, Sample
+from basecal.cell.files import cell_to_dict
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
@@ -50,8 +49,9 @@ def change_of_hypothesis(recording: Recording, reading: Reading, hypothesis: Con
     if hypothesis.by_order:
         return Change(_pair_samples(recording, reading, hypothesis))
     result = hypothesis.reread(reading)
-    cell = _cell_changes(reading.cell, result.cell)
-    if cell is None or any(_is_unwritable(*both) for both in _groups(reading, result)):
+    cell = change_cell(reading.cell, result.cell)
+    has_prior = any(isinstance(value, dict) and value["status"] == "prior" for value in cell.values())
+    if has_prior or any(_is_unwritable(*both) for both in _groups(reading, result)):
         return None
     samples = _with_values(recording, reading, result)
     return Change(None if all(a is b for a, b in zip(samples, recording.samples, strict=True)) else samples, cell)
@@ -135,67 +135,23 @@ def _pair_samples(recording: Recording, reading: Reading, hypothesis: Convention
     return tuple(made)
 
 
-def _cell_changes(reading: Cell, result: Cell) -> dict[Loc, Any] | None:
-    """Values of `cell.yaml` that differ; None if one cannot be written."""
-    found: dict[Loc, Any] = {}
-    for name, new in result.transforms.items():
-        old = reading.transforms.get(name)
-        if old is not None and new is not old and (new.status != old.status or not _is_same(new, old)):
-            if new.status == "prior":
-                return None
-            found[transform_place(reading, name)] = _unknown_value(new)
-    for name, camera in result.cameras.items():
-        lens, known = camera.intrinsics, reading.cameras[name].intrinsics
-        if lens is not None and known is not None and lens.status != known.status:
-            found |= free_lens(reading, name)
-    for name, target in result.targets.items():
-        if target.on != reading.targets[name].on:
-            found |= {("targets", name, "on"): target.on, ("targets", name, "mount"): {"status": "free"}}
-        known_shape, shape = reading.targets[name].target, target.target
-        if shape is not None and known_shape is not None and shape is not known_shape:
-            factor = float(np.linalg.norm(shape.points) / np.linalg.norm(known_shape.points))
-            scaled = scale_lengths(known_shape.options, factor)
-            found |= {
-                ("targets", name, key): value for key, value in scaled.items() if value != known_shape.options[key]
-            }
-    return found
+def change_cell(cell: Cell, result: Cell) -> dict[Loc, Any]:
+    """Values of `cell.yaml` by which another cell differs."""
+    return dict(_differences(cell_to_dict(cell), cell_to_dict(result)))
 
 
-def _is_same(first: Unknown, second: Unknown) -> bool:
-    if first.mean is None or second.mean is None:
-        return first.mean is second.mean
-    return bool(np.array_equal(first.mean.matrix, second.mean.matrix))
-
-
-def _unknown_value(unknown: Unknown) -> dict[str, Any]:
-    pose = {} if unknown.mean is None else pose_dict(unknown.mean)
-    if unknown.status == "fixed":
-        return {"status": "fixed", **pose}
-    return {"status": "free", **({"guess": pose} if pose else {})}
-
-
-def free_lens(cell: Cell, camera: str) -> dict[Loc, Any]:
-    """The entry of `cell.yaml` for a camera whose lens is a guess."""
-    lens = cell.cameras[camera].intrinsics
-    exact = {"exact": False} if lens is not None and lens.exact else {}
-    return {("cameras", camera, "intrinsics", key): value for key, value in {"status": "free", **exact}.items()}
+def _differences(old: Mapping[str, Any], new: Mapping[str, Any], parent: Loc = ()) -> Iterator[tuple[Loc, Any]]:
+    """Places whose values differ: a transform as a whole, else field by field; a field that is gone is false."""
+    for key in {**old, **new}:
+        before, after = old.get(key), new.get(key, False)
+        is_whole = not isinstance(after, dict) or ("status" in after and key != "intrinsics")
+        if isinstance(before, dict) and not is_whole:
+            yield from _differences(before, after, (*parent, key))
+        elif after != before:
+            yield (*parent, key), after
 
 
 def change_carriers(carriers: Mapping[Loc, str]) -> Change:
     """Other carriers, by place in `cell.yaml`, whose mounts are free."""
     mounts: dict[Loc, Any] = {(*place[:-1], "mount"): {"status": "free"} for place in carriers}
     return Change(cell={**carriers, **mounts})
-
-
-def transform_place(cell: Cell, name: str) -> Loc:
-    """Where `cell.yaml` has a transform."""
-    for robot in cell.robots:
-        if cell.base_name(robot) == name:
-            return ("bases", robot)
-    kind, thing = next(
-        (kind, each)
-        for kind, things in (("cameras", cell.cameras), ("targets", cell.targets))
-        for each in things
-        if cell.mount_name(each) == name
-    )
-    return (kind, thing, "mount")

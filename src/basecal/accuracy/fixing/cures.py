@@ -5,20 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from basecal.accuracy.fixing.change import (
-    Change,
-    change_carriers,
-    change_of_hypothesis,
-    free_lens,
-    transform_place,
-)
+from basecal.accuracy.fixing.change import Change, change_carriers, change_cell, change_of_hypothesis
 from basecal.accuracy.fixing.offers import offered_places
 from basecal.accuracy.input_check.conventions import every_hypothesis
-from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, free_lens
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
 from basecal.accuracy.readings.carriers import describe_carriers
 from basecal.accuracy.readings.reading import Reading, as_recorded
-from basecal.cell import Calibration, Cell, Finding, Recording
+from basecal.cell import Calibration, Cell, Finding, Recording, Unknown
 from basecal.errors import BasecalError, sentence
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import STATED
@@ -112,10 +106,10 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
     lenses = {name: camera.intrinsics for name, camera in cell.cameras.items() if camera.intrinsics is not None}
     for name in finding.about:
         if finding.code == "intrinsics" and name in lenses and lenses[name].status == "fixed":
-            yield Cure(finding, f"Free the lens of {name}.", Change(cell=free_lens(cell, name)))
+            yield Cure(finding, f"Free the lens of {name}.", Change(cell=change_cell(cell, free_lens(cell, name))))
         elif finding.code in ("fixed-contradicted", "prior-contradicted") and name in cell.transforms:
-            place = transform_place(cell, name)
-            yield Cure(finding, f"Free {name}.", Change(cell={place: {"status": "free"}}))
+            freed = cell.with_transform(name, Unknown())
+            yield Cure(finding, f"Free {name}.", Change(cell=change_cell(cell, freed)))
     if places := offered_places(cell, finding):
         told = ", ".join(f"{field_name(place)}: {value}" for place, value in places.items())
         yield Cure(finding, f"Write {told}.", Change(cell=places))

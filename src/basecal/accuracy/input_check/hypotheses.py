@@ -83,14 +83,10 @@ def convention_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
     ]
 
 
-def subsets(robots: list[str]) -> list[tuple[str, ...]]:
-    """Each robot alone, and all of several together."""
-    return [*((name,) for name in robots), *([tuple(robots)] if len(robots) > 1 else [])]
-
-
-def join_names(names: tuple[str, ...]) -> str:
-    """Names in a sentence."""
-    return " and ".join(names)
+def subsets(robots: list[str]) -> dict[tuple[str, ...], str]:
+    """Each robot alone, and all of several together, with their names in a sentence."""
+    found = [*((name,) for name in robots), tuple(robots)]
+    return {names: " and ".join(names) for names in found if names}
 
 
 def map_robot_poses(names: tuple[str, ...], pose_map: PoseMap) -> Reread:
@@ -119,8 +115,8 @@ def _mirror_behind_camera(poses: SE3) -> SE3:
 
 
 def _direction_hypotheses(cell: Cell, robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
-    for names in subsets(robots):
-        who, carriers = join_names(names), swap_carriers(cell, names)
+    for names, who in subsets(robots).items():
+        carriers = swap_carriers(cell, names)
         words, advice = f"the poses of {who} are inverted (flange_from_base)", "invert the poses"
         if carriers:
             words += f", or {describe_carriers(carriers)}"
@@ -153,9 +149,8 @@ def _unit_hypotheses(
         (1 / _MILLI, "1000 times too small", "multiply them by 1000"),
     ):
         of = scale_translations(factor)
-        for names in subsets(by_pose):
-            who = f"the poses of {join_names(names)}"
-            yield _unit(names, who, words, advice, map_robot_poses(names, of))
+        for names, who in subsets(by_pose).items():
+            yield _unit(names, f"the poses of {who}", words, advice, map_robot_poses(names, of))
         if poses:
             yield _unit((), "the observed poses", words, advice, map_target_poses(of))
         if points:
@@ -201,8 +196,7 @@ def _scale_lengths(robots: list[str], factor: float) -> Reread:
 
 
 def _joint_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
-    for names in subsets(robots):
-        who = join_names(names)
+    for names, who in subsets(robots).items():
         for factor, words, advice in (
             (np.pi / 180, "in degrees", "turn them into radians"),
             (180 / np.pi, "turned from degrees into radians though they were radians", "leave them as they were"),
@@ -220,8 +214,8 @@ def _joint_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
 def _quaternion_hypotheses(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
     for words, order in _ORDERS.items():
         of = _reorder_quaternion(order)
-        for names in subsets(robots):
-            yield _quaternion(names, f"the quaternions of {join_names(names)}", words, map_robot_poses(names, of))
+        for names, who in subsets(robots).items():
+            yield _quaternion(names, f"the quaternions of {who}", words, map_robot_poses(names, of))
         if poses:
             yield _quaternion((), "the quaternions of the observed poses", words, map_target_poses(of))
 
@@ -232,7 +226,7 @@ def _quaternion(subjects: tuple[str, ...], subject: str, words: str, reread: Rer
         subjects,
         f"{subject} are {words}",
         f"write {subject} as x, y, z, w",
-        f"turn {join_names(subjects) or 'every arm'} further between samples",
+        f"turn {' and '.join(subjects) or 'every arm'} further between samples",
         reread,
     )
 
@@ -296,12 +290,12 @@ def _symmetry_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
                 f"the observed poses of {name} are turned by half a turn: the grid was read from its other end",
                 f"let the origin of {name} be its other end, or use a target without symmetry",
                 "use a target without symmetry",
-                _turn_targets(turn),
+                map_target_poses(partial(_turn_poses, turn)),
             )
 
 
-def _turn_targets(target_from_turned: SE3) -> Reread:
-    return map_target_poses(lambda poses: poses @ target_from_turned)
+def _turn_poses(target_from_turned: SE3, poses: SE3) -> SE3:
+    return poses @ target_from_turned
 
 
 def _mirror_hypotheses(poses: bool, points: bool) -> Iterator[ConventionHypothesis]:
@@ -332,7 +326,7 @@ def _lens_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
                 f"the lens of {name} is not as stated{other_resolution(camera, baseline.problem)}",
                 f"calibrate the lens of {name}, or set its intrinsics' status to free",
                 "",
-                partial(_with_free_lens, name),
+                partial(Reading.restate, cell=free_lens(baseline.cell, name)),
                 nested=True,
             )
 
@@ -346,18 +340,14 @@ def _fixed_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
                 f"{name} is not as stated",
                 f"measure {name} again, or set its status to free",
                 "",
-                partial(_with_free, name),
+                partial(Reading.restate, cell=cell.with_transform(name, Unknown("free", unknown.mean))),
                 nested=True,
             )
 
 
-def _with_free(name: str, reading: Reading) -> Reading:
-    cell = reading.cell
-    return reading.restate(cell.with_transform(name, Unknown("free", cell.transforms[name].mean)))
-
-
-def _with_free_lens(name: str, reading: Reading) -> Reading:
-    camera = reading.cell.cameras[name]
+def free_lens(cell: Cell, name: str) -> Cell:
+    """The cell with the lens of a camera for a guess."""
+    camera = cell.cameras[name]
     lens = camera.intrinsics
-    freed = replace(camera, intrinsics=None if lens is None else replace(lens, status="free"))
-    return reading.restate(replace(reading.cell, cameras={**reading.cell.cameras, name: freed}))
+    freed = replace(camera, intrinsics=None if lens is None else replace(lens, status="free", exact=False))
+    return replace(cell, cameras={**cell.cameras, name: freed})

@@ -19,7 +19,6 @@ import scipy  # its parts are loaded when they are first used
 from basecal.accuracy.input_check.hypotheses import (
     ConventionHypothesis,
     Reread,
-    join_names,
     map_robot_poses,
     map_target_poses,
     pair_differently,
@@ -31,7 +30,7 @@ from basecal.accuracy.input_check.hypotheses import (
 from basecal.accuracy.input_check.plausibility import UNITS_M
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.accuracy.readings.reading import PoseMap, Reading, Track
-from basecal.cell import WORLD, Cell, Unknown
+from basecal.cell import WORLD, Cell
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
@@ -71,8 +70,8 @@ def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
         *_order_hypotheses(moved, len(baseline.order)),
         *(
             hypothesis
-            for names in subsets(robots)
-            for hypothesis in _rotation_hypotheses(names, map_robot_poses, join_names(names))
+            for names, who in subsets(robots).items()
+            for hypothesis in _rotation_hypotheses(names, map_robot_poses, who)
         ),
         *(_rotation_hypotheses((), lambda _, of: map_target_poses(of), "the observed target") if poses else ()),
         *_small_angle_hypotheses(
@@ -88,8 +87,7 @@ def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
 
 def _small_angle_hypotheses(small: list[str]) -> Iterator[ConventionHypothesis]:
     """Roll, pitch and yaw, or rotation vectors, in radians that were read as degrees: then no flange turns far."""
-    for names in subsets(small):
-        who = join_names(names)
+    for names, who in subsets(small).items():
         for what, of in (("roll, pitch and yaw", _degrees_of_rpy), ("rotation vectors", _degrees)):
             yield ConventionHypothesis(
                 "angle-unit",
@@ -122,43 +120,21 @@ def _stated_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
         if unknown.status == "free" or unknown.mean is None:
             continue
         end, _, start = name.partition("_from_")
+        inverted = cell.with_transform(name, replace(unknown, mean=unknown.mean.inverse()))
         yield ConventionHypothesis(
             "transform-inverted",
             (name,),
             f"{name} is stated inverted ({start}_from_{end})",
             f"invert what cell.yaml states of {name}",
             "turn every arm further about two axes between samples",
-            _inverted_in_cell(name),
+            partial(Reading.restate, cell=inverted),
         )
-
-
-def _inverted_in_cell(name: str) -> Reread:
-    return lambda reading: reading.restate(with_stated_inverted(reading.cell, name))
-
-
-def with_stated_inverted(cell: Cell, name: str) -> Cell:
-    """The cell with one of its transforms stated the other way round."""
-    for robot in cell.bases:
-        if cell.base_name(robot) == name:
-            return replace(cell, bases={**cell.bases, robot: _other_way(cell.bases[robot])})
-    for camera, of in cell.cameras.items():
-        if cell.mount_name(camera) == name:
-            return replace(cell, cameras={**cell.cameras, camera: replace(of, mount=_other_way(of.mount))})
-    for target, shown in cell.targets.items():
-        if cell.mount_name(target) == name:
-            return replace(cell, targets={**cell.targets, target: replace(shown, mount=_other_way(shown.mount))})
-    return cell
-
-
-def _other_way(unknown: Unknown) -> Unknown:
-    return unknown if unknown.mean is None else replace(unknown, mean=unknown.mean.inverse())
 
 
 def _inch_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
     """Inches that were read in the unit of a controller."""
     for unit, length_m in (("millimetres", 1e-3), ("metres", 1.0)):
-        for names in subsets(robots):
-            who = join_names(names)
+        for names, who in subsets(robots).items():
             yield ConventionHypothesis(
                 "length-unit",
                 names,
@@ -263,7 +239,7 @@ def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
 
 def _reverse_order(stream: str | None) -> ConventionHypothesis:
     return pair_differently(
-        stream, "stands in reverse order", "turn its order round", lambda reading: reading.reverse(stream)
+        stream, "stands in reverse order", "turn its order round", partial(Reading.reverse, stream=stream)
     )
 
 
@@ -272,7 +248,7 @@ def _rotation_hypotheses(
     rewritten: Callable[[tuple[str, ...], PoseMap], Reread],
     subject: str,
 ) -> Iterator[ConventionHypothesis]:
-    distinction = f"turn {join_names(names) or 'every arm'} further between samples"
+    distinction = f"turn {' and '.join(names) or 'every arm'} further between samples"
     yield ConventionHypothesis(
         "matrix-transposed",
         names,

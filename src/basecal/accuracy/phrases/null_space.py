@@ -21,12 +21,8 @@ def describe_null_space(direction: NullDirection) -> str:
 
 def is_unobservable(phrases: Sequence[str], names: Sequence[str]) -> str:
     """A clause that says so of several directions that move the same unknowns."""
-    verb = "is" if len(phrases) == 1 else "are"
-    return f"{' and '.join(phrases)} {verb} unobservable{f' (coupled with {_join_names(names)})' if names else ''}"
-
-
-def _join_names(names: Sequence[str]) -> str:
-    return " and ".join(names)
+    verb, coupled = "is" if len(phrases) == 1 else "are", " and ".join(names)
+    return f"{' and '.join(phrases)} {verb} unobservable{f' (coupled with {coupled})' if names else ''}"
 
 
 def describe_direction(direction: NullDirection) -> str:
@@ -54,7 +50,7 @@ def describe_twists(frame: str, twists: Array) -> str:
         return f"any translation or rotation of {frame}"
     directions, rotations = separate_twists(twists)
     parts = [_translation(frame, directions, frame)] if len(directions) else []
-    return _join_names([*parts, *(_rotation(frame, twist, frame) for twist in rotations)])
+    return " and ".join([*parts, *(_rotation(frame, twist, frame) for twist in rotations)])
 
 
 def _translation(frame: str, directions: Array, parent: str) -> str:

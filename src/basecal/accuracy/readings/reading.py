@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from basecal.accuracy.phrases.target_length import scale_lengths
 from basecal.cell import WORLD, Cell, Recording, RobotState, Unknown
 from basecal.estimation.problem.build import canonical_order, recorded_states, restate
 from basecal.estimation.problem.correspondence import half_turn
@@ -193,19 +194,15 @@ class Reading:
         """
         place = np.arange(len(self.order))
         source = np.where(place < start, place, place - count)
-        return self._pair_positions(
+        return self.pair_stream(
             stream, np.where((source < len(place)) & ((source >= start) | (place < start)), source, -1)
         )
 
     def reverse(self, stream: str | None) -> Reading:
         """One stream in reverse order."""
-        return self._pair_positions(stream, np.arange(len(self.order))[::-1])
+        return self.pair_stream(stream, np.arange(len(self.order))[::-1])
 
     def pair_stream(self, stream: str | None, source: IntArray) -> Reading:
-        """One stream with what stood at positions `source`, (m,), in the place of its own."""
-        return self._pair_positions(stream, source)
-
-    def _pair_positions(self, stream: str | None, source: IntArray) -> Reading:
         """One stream with what stood at positions `source`, (m,), in the place of its own; without what is at -1."""
         kept = source >= 0
         if stream is None:
@@ -251,32 +248,25 @@ class Reading:
 
     def with_target_poses(self, pose_map: PoseMap, target: str | None = None) -> Reading:
         """Observed poses mapped, of one target or of all."""
-
-        def map_poses(views: PoseMeasurement) -> PoseMeasurement:
-            """Views with their poses mapped."""
-            return replace(views, measured_camera_from_target=pose_map(views.measured_camera_from_target))
-
-        return self.with_seen(
-            lambda g: _change_views(g, PoseMeasurement, map_poses) if target in (None, g.target) else g
+        return self._with_views(
+            PoseMeasurement,
+            lambda views: replace(views, measured_camera_from_target=pose_map(views.measured_camera_from_target)),
+            target,
         )
 
     def with_points(self, factor: float) -> Reading:
         """Observed 3-D points times a factor, their stated sigmas unchanged."""
-
-        def scale_points(views: PointMeasurement) -> PointMeasurement:
-            """Views with their points scaled."""
-            return replace(views, points_in_camera=factor * views.points_in_camera)
-
-        return self.with_seen(lambda group: _change_views(group, PointMeasurement, scale_points))
+        return self._with_views(
+            PointMeasurement, lambda views: replace(views, points_in_camera=factor * views.points_in_camera)
+        )
 
     def with_pixels_exchanged(self) -> Reading:
         """U in the place of v."""
+        return self._with_views(PixelMeasurement, lambda views: replace(views, pixels=views.pixels[..., ::-1]))
 
-        def exchange_pixels(views: PixelMeasurement) -> PixelMeasurement:
-            """Views with their pixels exchanged."""
-            return replace(views, pixels=views.pixels[..., ::-1])
-
-        return self.with_seen(lambda group: _change_views(group, PixelMeasurement, exchange_pixels))
+    def _with_views(self, kind: type[M], change: Callable[[M], M], target: str | None = None) -> Reading:
+        """Views of one kind changed, of one target or of all."""
+        return self.with_seen(lambda g: _change_views(g, kind, change) if target in (None, g.target) else g)
 
     def resize(self, factors: Mapping[str, float]) -> Reading:
         """Targets larger by a factor, by name: their points in the cell and in what was seen."""
@@ -284,7 +274,9 @@ class Reading:
         for name, factor in factors.items():
             shape = targets[name].target
             if shape is not None:
-                targets[name] = replace(targets[name], target=replace(shape, points=factor * shape.points))
+                options = scale_lengths(shape.options, factor)
+                larger_shape = replace(shape, points=factor * shape.points, options=options)
+                targets[name] = replace(targets[name], target=larger_shape)
 
         def larger(group: ViewGroup) -> ViewGroup:
             """Views of the larger target."""

@@ -12,7 +12,7 @@ from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.cell import RobotState
 from basecal.errors import BasecalError, DriverError, list_names
 from basecal.exchange.bags.bag import JOINTS, POSE, TF
-from basecal.exchange.bags.frames import Hang, Tree, compose_path, pose_from_values, transform_values
+from basecal.exchange.bags.frames import Hang, Tree, compose_path, pose_from_values, pose_values, transform_values
 
 _QUEUE_DEPTH = 50  # messages of states that are kept: a tenth of a second of the fastest
 _FRAMES_QUEUE_DEPTH = 200  # of tf: all publishers together
@@ -63,11 +63,7 @@ class StatesByTopic:
         return Reading(now_s, state)
 
     def _pose(self, message: Any) -> RobotState:
-        pose = message.pose
-        p, q = pose.position, pose.orientation
-        return RobotState(
-            pose_from_values(np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w]), f"{self._name}, {self._topic}")
-        )
+        return RobotState(pose_from_values(pose_values(message.pose), f"{self._name}, {self._topic}"))
 
     def _joint_state(self, message: Any) -> RobotState | None:
         """The joints of a message; None if it is of other joints, or only of some."""

@@ -10,7 +10,7 @@ from basecal.cell.schema.cell_schema import is_frame_name
 from basecal.exchange.bags.lenses import bag_lens
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey, plain
-from basecal.exchange.importing.seen_poses import Sight, sight_entry
+from basecal.exchange.importing.carriers import Sight, sight_entry
 from basecal.exchange.lens_files.stated_lens import camera_entry
 
 

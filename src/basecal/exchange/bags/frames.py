@@ -83,7 +83,15 @@ class Tree:
 
 def transform_values(transform: Any) -> Array:
     """(7,) numbers of a `geometry_msgs/Transform`."""
-    t, q = transform.translation, transform.rotation
+    return _numbers(transform.translation, transform.rotation)
+
+
+def pose_values(pose: Any) -> Array:
+    """(7,) numbers of a `geometry_msgs/Pose`."""
+    return _numbers(pose.position, pose.orientation)
+
+
+def _numbers(t: Any, q: Any) -> Array:
     return np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w], dtype=np.float64)
 
 

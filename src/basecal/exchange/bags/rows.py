@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from basecal.cell import PixelObservation, PoseObservation, RobotState
@@ -11,21 +10,12 @@ from basecal.errors import DatasetError, InputError
 from basecal.exchange.bags.bag import Bag, message_time
 from basecal.exchange.bags.images import image_file
 from basecal.exchange.bags.sources import Taken
-from basecal.exchange.bags.stops import Look, collect_looks, explain_no_stop, find_stops
+from basecal.exchange.bags.stops import Instant, Look, collect_looks, explain_no_stop, find_stops
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.exchange.importing.imported import Row
 
 _ENDINGS = (".jpg", ".png", ".pgm", ".ppm")
 _MOST_ROWS = 200_000  # as many as a recording may have samples
-
-
-@dataclass(frozen=True, eq=False)
-class Instant:
-    """A line of a recording before its images are written."""
-
-    stamp_s: float
-    robots: Mapping[str, RobotState]
-    looks: tuple[Look, ...] = ()
 
 
 def still_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
@@ -39,7 +29,7 @@ def still_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
         raise InputError(
             f"{path}: {explain_no_stop(tracks)}: --streams takes all of it as it moves, each device by its own clock"
         )
-    return tuple(Instant(stop.looks[0].stamp_s, stop.robots, stop.looks) for stop in stops)
+    return stops
 
 
 def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:

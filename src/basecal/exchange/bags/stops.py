@@ -33,11 +33,12 @@ class Look(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Stop:
-    """Robots that stood, and what was looked at then, one look of each channel."""
+class Instant:
+    """A line of a recording before its images are written: where robots were, and what was looked at."""
 
-    looks: tuple[Look, ...]
+    stamp_s: float
     robots: Mapping[str, RobotState]
+    looks: tuple[Look, ...] = ()
 
 
 def collect_looks(tracks: Tracks) -> list[Look]:
@@ -51,7 +52,7 @@ def collect_looks(tracks: Tracks) -> list[Look]:
     return sorted(found, key=lambda look: look.stamp_s)
 
 
-def find_stops(tracks: Tracks) -> tuple[Stop, ...]:
+def find_stops(tracks: Tracks) -> tuple[Instant, ...]:
     """The stops at which something was looked at.
 
     Of each channel the look nearest to the middle of a stop is taken; robots are as at the first of these.
@@ -68,7 +69,7 @@ def find_stops(tracks: Tracks) -> tuple[Stop, ...]:
             values = _standing_state(track, chosen[0].stamp_s)
             assert values is not None
             robots[name] = _state(track, values)
-        stops.append(Stop(chosen, robots))
+        stops.append(Instant(chosen[0].stamp_s, robots, chosen))
     return tuple(stops)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from basecal.cell.target import Target
+from basecal.exchange.bags.frames import pose_values
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import nearest_rotation
 
@@ -50,10 +51,8 @@ class TagFrames:
             found = list(message.detections)
         values = []
         for each in found:
-            pose = each.pose.pose.pose
-            p, q = pose.position, pose.orientation
             number = float(each.id[0]) if self.tag_from_target else _ONLY_TAG
-            values.append(np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w, number], dtype=np.float64))
+            values.append(np.append(pose_values(each.pose.pose.pose), number))
         return min(values, key=lambda each: float(np.sum(each[:3] ** 2)), default=None)
 
     def target_poses(self, camera_from_tag: SE3, numbers: Array) -> SE3:

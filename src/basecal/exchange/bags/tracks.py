@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from array import array
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
-from basecal.cell.target import Tags
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import TF, Bag, Message, message_time
-from basecal.exchange.bags.frames import Tree, compose_path, pose_from_values, transform_values
+from basecal.exchange.bags.frames import Tree, compose_path, pose_from_values, pose_values, transform_values
 from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, Taken
 from basecal.exchange.bags.survey import Survey, plain
 from basecal.exchange.bags.tags import SeenTags, tag_corners
@@ -22,6 +24,8 @@ LEAST_APART_S = 0.0075
 """Between records of one robot that are kept [s]: 125 a second, as many as arms that stand or swing say anything by."""
 
 
+T = TypeVar("T")
+_Listeners = defaultdict[str, list[Callable[[Message], None]]]
 _Source = ByFrames | ByPoses | ByJoints | ByTagPoses
 
 
@@ -83,18 +87,18 @@ def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
     Raises:
         InputError: if something was never recorded, or what was is no pose.
     """
-    listeners: dict[str, list[Callable[[Message], None]]] = {}
+    listeners: _Listeners = defaultdict(list)
     sources: dict[str | tuple[str, str], _Source] = dict(selection.robots.items())
     sources.update({key: view for key, view in selection.views.items() if not isinstance(view, ByTags)})
-    seen: dict[tuple[str, str], list[tuple[float, SeenTags]]] = {}
+    seen: dict[tuple[str, str], dict[float, SeenTags]] = {}
     for key, view in selection.views.items():
         if isinstance(view, ByTags):
-            seen[key] = []
-            listeners.setdefault(view.topic, []).append(_tag_listener(seen[key], view.tags))
+            seen[key] = {}
+            listeners[view.topic].append(_listener(partial(tag_corners, tags=view.tags), seen[key].__setitem__))
     gathered = {key: _collector(bag, survey.tree, source, listeners) for key, source in sources.items()}
     images = {name: array("d") for name in selection.cameras}
     for name, camera in selection.cameras.items():
-        listeners.setdefault(camera.topic, []).append(_time_listener(images[name]))
+        listeners[camera.topic].append(_listener(lambda message: message, partial(_keep_time, images[name])))
     for message in bag.read(listeners):
         for listener in listeners[message.topic.name]:
             listener(message)
@@ -107,27 +111,23 @@ def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
     )
 
 
-def _collector(
-    bag: Bag,
-    tree: Tree,
-    source: _Source,
-    listeners: dict[str, list[Callable[[Message], None]]],
-) -> _Gathered:
+def _collector(bag: Bag, tree: Tree, source: _Source, listeners: _Listeners) -> _Gathered:
     """The collector of a source's messages."""
     if isinstance(source, ByFrames):
         moving = _moving_frames(tree, source)
         found = _Gathered(7 * len(moving))
         for topic in bag.topics_of_type(TF):
-            listeners.setdefault(topic.name, []).append(_frame_listener(found, moving))
-    elif isinstance(source, ByPoses):
-        found = _Gathered(7)
-        listeners.setdefault(source.topic, []).append(_pose_listener(found))
+            listeners[topic.name].append(_frame_listener(found, moving))
+        return found
+    read: Callable[[Any], Array | None]
+    if isinstance(source, ByPoses):
+        width, read = 7, _stamped_pose
     elif isinstance(source, ByTagPoses):
-        found = _Gathered(8)
-        listeners.setdefault(source.topic, []).append(_tag_pose_listener(found, source))
+        width, read = 8, source.frames.nearest_tag
     else:
-        found = _Gathered(len(source.chain.joint_names))
-        listeners.setdefault(source.topic, []).append(_joint_listener(found, source.chain.joint_names))
+        width, read = len(source.chain.joint_names), partial(_joint_values, source.chain.joint_names)
+    found = _Gathered(width)
+    listeners[source.topic].append(_listener(read, found.add))
     return found
 
 
@@ -160,61 +160,39 @@ def _frame_listener(collection: _Gathered, moving: list[str]) -> Callable[[Messa
     return listen
 
 
-def _pose_listener(collection: _Gathered) -> Callable[[Message], None]:
+def _listener(read: Callable[[Any], T | None], keep: Callable[[float, T], None]) -> Callable[[Message], None]:
+    """A listener that keeps, at their times, what is read of messages."""
+
     def listen(message: Message) -> None:
-        """Keep a pose at its time."""
-        pose = message.data.pose
-        p, q = pose.position, pose.orientation
-        values = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w], dtype=np.float64)
-        collection.add(message_time(message.data.header, message.recorded_s), values)
+        """Keep what the message holds, if it is something."""
+        found = read(message.data)
+        if found is not None:
+            keep(message_time(message.data.header, message.recorded_s), found)
 
     return listen
 
 
-def _tag_pose_listener(collection: _Gathered, source: ByTagPoses) -> Callable[[Message], None]:
-    def listen(message: Message) -> None:
-        """Keep the pose of the nearest tag that is looked for, at its time."""
-        values = source.frames.nearest_tag(message.data)
-        if values is not None:
-            collection.add(message_time(message.data.header, message.recorded_s), values)
-
-    return listen
+def _stamped_pose(message: Any) -> Array:
+    return pose_values(message.pose)
 
 
-def _joint_listener(collection: _Gathered, names: tuple[str, ...]) -> Callable[[Message], None]:
-    def listen(message: Message) -> None:
-        """Keep the joints at their time, in the order of `names`."""
-        place = {name: k for k, name in enumerate(message.data.name)}
-        if all(name in place and place[name] < len(message.data.position) for name in names):
-            values = np.array([message.data.position[place[name]] for name in names], dtype=np.float64)
-            collection.add(message_time(message.data.header, message.recorded_s), values)
-
-    return listen
+def _keep_time(times: array[float], time: float, _: object) -> None:
+    times.append(time)
 
 
-def _time_listener(times: array[float]) -> Callable[[Message], None]:
-    def listen(message: Message) -> None:
-        """Keep the time of an image."""
-        times.append(message_time(message.data.header, message.recorded_s))
-
-    return listen
-
-
-def _tag_listener(collection: list[tuple[float, SeenTags]], tags: Tags) -> Callable[[Message], None]:
-    def listen(message: Message) -> None:
-        """Keep what is seen of the tags at its time."""
-        corners = tag_corners(message.data, tags)
-        if corners is not None:
-            collection.append((message_time(message.data.header, message.recorded_s), corners))
-
-    return listen
+def _joint_values(names: tuple[str, ...], message: Any) -> Array | None:
+    """The joints in the order of `names`; None if some are missing."""
+    place = {name: k for k, name in enumerate(message.name)}
+    if not all(name in place and place[name] < len(message.position) for name in names):
+        return None
+    return np.array([message.position[place[name]] for name in names], dtype=np.float64)
 
 
-def _tags(path: str, key: tuple[str, str], source: object, collection: list[tuple[float, SeenTags]]) -> Track:
-    if not collection:
+def _tags(path: str, key: tuple[str, str], source: object, by_time: Mapping[float, SeenTags]) -> Track:
+    if not by_time:
         raise InputError(f"{path}: {key[1]} seen by {key[0]}: {source}: no tag was found in any image")
-    by_time = dict(sorted(collection, key=lambda each: each[0]))
-    return Track(np.array(list(by_time)), tags=tuple(by_time.values()))
+    times = sorted(by_time)
+    return Track(np.array(times), tags=tuple(by_time[time] for time in times))
 
 
 def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, collection: _Gathered) -> Track:

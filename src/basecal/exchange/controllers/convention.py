@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -50,6 +51,11 @@ class Convention:
     angle: float
     form: RotationForm
 
+    @property
+    def has_angles(self) -> bool:
+        """Whether some of its numbers are angles."""
+        return "quaternion" not in self.form.words
+
     def read(self, numbers: Array) -> SE3:
         """Poses of numbers, (..., 6 or 7)."""
         return SE3(self.form.read(numbers[..., 3:] * self.angle), numbers[..., :3] * self.length)
@@ -68,11 +74,14 @@ class MatrixConvention:
         names: What it calls its numbers.
         length: One of its lengths [m].
         is_by_columns: Whether the first four numbers are the first column of the matrix, not its first row.
+        angle: That of a `Convention`; it has none.
     """
 
     names: tuple[str, ...]
     length: float
     is_by_columns: bool
+    angle: float = RADIAN
+    has_angles: ClassVar[bool] = False
 
     def read(self, numbers: Array) -> SE3:
         """Poses of numbers, (..., 16).

@@ -30,18 +30,16 @@ def export_text(request: Wanted) -> str:
     if camera.size_px is None:
         raise InputError(f"the image size of {name!r} is not known: write `size_px: [width, height]` into cell.yaml")
     model, distortion = ros_lens(camera)
-    (fx, fy), (cx, cy) = camera.focal, camera.center
-    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     lines = [
         *comments(request.remarks, "#"),
         f"image_width: {camera.size_px[0]}",
         f"image_height: {camera.size_px[1]}",
         f"camera_name: {yaml_word(name)}",
-        *_matrix("camera_matrix", matrix),
+        *_matrix("camera_matrix", camera.matrix),
         f"distortion_model: {model}",
         *_matrix("distortion_coefficients", distortion[None]),
         *_matrix("rectification_matrix", np.eye(3)),
-        *_matrix("projection_matrix", np.hstack([matrix, np.zeros((3, 1))])),
+        *_matrix("projection_matrix", np.pad(camera.matrix, ((0, 0), (0, 1)))),
     ]
     return "\n".join(lines) + "\n"
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from basecal.cell import Calibration, Cell, Robot
-from basecal.errors import InputError, RefusedCalibration
+from basecal.errors import InputError
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import chosen_transforms
-from basecal.exchange.exports.remarks import provenance
+from basecal.exchange.exports.remarks import check_exportable, provenance
 from basecal.exchange.exports.wanted import NamedTransform, Wanted
 
 
@@ -27,8 +27,7 @@ def controllers_text(calibration: Calibration, cell: Cell, transform: str | None
         FrameNotFound: if there is no such transform.
         InputError: if none of them is in a frame of a robot.
     """
-    if calibration.verdict == "refused":
-        raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
+    check_exportable(calibration)
     remarks = provenance(calibration, run)
     texts = []
     for robot in cell.robots.values():

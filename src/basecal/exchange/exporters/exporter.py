@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from basecal.cell import Calibration, Cell
-from basecal.errors import FrameNotFound, InputError, RefusedCalibration, check_type
+from basecal.errors import FrameNotFound, InputError, check_type
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import both_directions, chosen_transforms
-from basecal.exchange.exports.remarks import provenance
+from basecal.exchange.exports.remarks import check_exportable, provenance
 from basecal.exchange.exports.wanted import Wanted
 
 
@@ -53,8 +53,7 @@ def export(
         check_type(name, text, str)
     if kind not in EXPORTERS:
         raise FrameNotFound(kind, list(EXPORTERS))
-    if calibration.verdict == "refused":
-        raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
+    check_exportable(calibration)
     found = EXPORTERS[kind]
     named = {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint}
     for option, value in named.items():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from basecal.exchange.exports.cameras import exported_camera
 from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import comments, describe_transform
@@ -21,8 +19,7 @@ def export_text(request: Wanted) -> str:
         camera = exported_camera(request, request.camera)
         if camera.size_px is not None:
             lines += [f"image_width: {camera.size_px[0]}", f"image_height: {camera.size_px[1]}"]
-        (fx, fy), (cx, cy) = camera.focal, camera.center
-        lines += _matrix("camera_matrix", np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]))
+        lines += _matrix("camera_matrix", camera.matrix)
         lines += _matrix("distortion_coefficients", camera.distortion[None])
     for one in request.transforms:
         mean = one.estimate.mean

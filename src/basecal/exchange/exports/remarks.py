@@ -8,10 +8,20 @@ import numpy as np
 
 from basecal.cell import Calibration
 from basecal.cell.results.calibration_dict import program_version
-from basecal.errors import printable
+from basecal.errors import RefusedCalibration, printable
 from basecal.exchange.exports.wanted import NamedTransform
 
 _HASH = 12  # digits of a hash: enough to tell any two recordings apart
+
+
+def check_exportable(calibration: Calibration) -> None:
+    """Check that a calibration is not refused.
+
+    Raises:
+        RefusedCalibration: if it is.
+    """
+    if calibration.verdict == "refused":
+        raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
 
 
 def provenance(calibration: Calibration, run: str | None = None) -> tuple[str, ...]:

@@ -14,7 +14,6 @@ Source: HandeyeSampler and HandeyeCalibration of IFL-CAMP/easy_handeye and marco
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -68,8 +67,8 @@ def read_easy_handeye(path: str | Path, camera_on_robot: bool | None = None) -> 
         str(path),
         f"{what}; {'camera on the robot' if arrangement.on_robot else 'target on the robot'} ({arrangement.by})",
         arrangement.on_robot,
-        _stack_poses(robot) if arrangement.on_robot else _stack_poses(robot).inverse(),
-        _stack_poses(tracking),
+        SE3.stack(robot) if arrangement.on_robot else SE3.stack(robot).inverse(),
+        SE3.stack(tracking),
         frames=frames,
         camera_frame=camera_frame,
     )
@@ -135,8 +134,9 @@ def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
         )
     lists = inner or root
     if lists.first("hand_world_samples") is None:
-        held = list_names(list(root.data)) if isinstance(root.data, dict) else "no fields"
-        raise root.error(f"holds {held}, expected samples, hand_world_samples, transform or transformation")
+        raise root.error(
+            f"holds {list_names(root.names())}, expected samples, hand_world_samples, transform or transformation"
+        )
     both = [lists.find(key) for key in ("hand_world_samples", "camera_marker_samples")]
     robot, tracking = (
         [each.pose() for each in (where.first("transforms") or where).items("transforms")] for where in both
@@ -144,7 +144,3 @@ def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
     if len(robot) != len(tracking):
         raise DatasetError(root.path, f"{len(robot)} hand_world_samples and {len(tracking)} camera_marker_samples")
     return robot, tracking
-
-
-def _stack_poses(poses: Sequence[SE3]) -> SE3:
-    return SE3.stack(list(poses))

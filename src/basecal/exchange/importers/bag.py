@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from basecal.cell import Cell
 from basecal.cell.targets.registry import TargetKindName
@@ -19,6 +18,7 @@ from basecal.exchange.bags.survey import Survey, survey_bag
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.exchange.images import image_size
 from basecal.exchange.importing.cell_content import known_cell
+from basecal.exchange.importing.cell_files import scratch_folder
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.name_options import parse_name_options
@@ -97,14 +97,9 @@ def read_bag(
             taken = choose_sources(there, survey, asked, known)
         except InputError as error:
             raise InputError("; ".join((f"{there.path}: {error}", *_damage(there)))) from None
-        beside = next(above for above in Path(cell).absolute().parents if above.exists())
-        scratch = TemporaryDirectory(prefix=".bag-", dir=beside)
-        try:
+        with scratch_folder(cell) as scratch:
             imported = _import_bag(watched, survey, taken, asked, known, Path(scratch.name), streams)
             imported = _with_target(imported, cell, target, {target_name: target_on}, shape)
-        except BaseException:
-            scratch.cleanup()
-            raise
         notes = tuple(f"taking {line}" for line in taken.words)
         return replace(imported, scratch=scratch, notes=notes, warnings=_damage(there))
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.colmap_images import ReconstructedImage, read_colmap_images
 from basecal.exchange.images import read_time
+from basecal.exchange.importing.carriers import Sight, choose_name, seen_rows, sight_entry
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.lens import LensStatus, lens_of_file
 from basecal.exchange.importing.pairing import plain_name
-from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.lens_files import colmap
 from basecal.geometry import SE3
 
@@ -72,7 +72,8 @@ def read_colmap(
         InputError: if it cannot be read, does not fit the cell, or the images have another size.
     """
     if target is not None:
-        sight = Sight(_choose_camera(cell, camera), target, on, target_on)
+        known = known_cell(cell)
+        sight = Sight(choose_name("camera", camera, () if known is None else known.cameras), target, on, target_on)
         return _poses(cell, str(file), camera_id, images, sight, streams)
     if streams:
         raise UsageError("--streams is of poses, and not of a lens: add --target NAME")
@@ -96,19 +97,6 @@ def _poses(
     what = f"{len(images)} poses {sight.camera}_from_{sight.target}, up to scale"
     advice = "check that images belong to samples"
     return Imported(file, what, seen_rows(rows, poses, sight), entry, is_stream=is_stream, advice=advice)
-
-
-def _choose_camera(folder: str | Path, camera: str | None) -> str:
-    """The camera as named, or the only one.
-
-    Raises:
-        InputError: if it is not clear which.
-    """
-    cell = known_cell(folder)
-    names = [] if cell is None else list(cell.cameras)
-    if camera is None and len(names) != 1:
-        raise InputError(f"which camera took the images? Add --camera NAME; there are: {list_names(names)}")
-    return camera or names[0]
 
 
 def _select_images(file: str, camera_id: int | None, pattern: str) -> list[ReconstructedImage]:

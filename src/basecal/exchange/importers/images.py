@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from shlex import quote
 from typing import Any, Literal
 
-from basecal.cell import Cell
 from basecal.cell.targets.registry import TargetKindName
-from basecal.errors import InputError, UsageError, list_names, nearest
+from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.images import list_images, missing_numbers, read_time, unreadable_images, usual_size
+from basecal.exchange.importing.carriers import carried_entry, check_robot, choose_carrier
 from basecal.exchange.importing.cell_content import known_cell, open_size
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
@@ -155,35 +154,8 @@ def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> 
         InputError: if the camera is new, and nobody says what carries it; or it is carried by something else.
     """
     known = known_cell(folder)
+    carrier = choose_carrier(known, "camera", name, stated_carrier, may_be_world=False)
+    check_robot(known, carrier)
     if known is not None and name in known.cameras:
-        return {"cameras": {name: {}}}, open_size(folder, known, name, stated_carrier)
-    carrier = _carrier(folder, known, name, stated_carrier)
-    entry: dict[str, Any] = {"cameras": {name: {"on": carrier, "intrinsics": {"status": "free"}}}}
-    return ({"robots": {carrier: {}}, **entry} if carrier != "world" else entry), frozenset()
-
-
-def _carrier(folder: str | Path, present_cell: Cell | None, name: str, stated_carrier: str | None) -> str:
-    """The carrier of a new camera."""
-    if present_cell is None and stated_carrier in (None, "world"):
-        make = f"import the robots' poses first, or basecal new {quote(str(folder))}"
-        if stated_carrier == "world":
-            raise InputError(f"{folder} has no cell.yaml, and so no robot in whose base {name!r} could stand: {make}")
-        raise InputError(f"{folder} has no cell.yaml: say which robot carries {name!r}, as --on ROBOT; or {make}")
-    if stated_carrier is not None:
-        close = (
-            ""
-            if present_cell is None or stated_carrier in ("world", *present_cell.robots)
-            else nearest(stated_carrier, present_cell.robots)
-        )
-        if present_cell is not None and close:
-            raise InputError(
-                f"{folder} has no robot {stated_carrier!r}{close}; there are: {list_names(list(present_cell.robots))}"
-            )
-        return stated_carrier
-    robots = [] if present_cell is None else list(present_cell.robots)
-    if len(robots) == 1:
-        return robots[0]
-    cameras = [] if present_cell is None else list(present_cell.cameras)
-    there = f"cell.yaml has {list_names(cameras)}; " if cameras else ""
-    options = " or ".join(f"--on {each}" for each in [*robots, "world"])
-    raise InputError(f"{folder} has no camera {name!r}: {there}to add it say what carries it, {options}")
+        return {"cameras": {name: {}}}, open_size(folder, known, name)
+    return carried_entry("cameras", name, carrier, intrinsics={"status": "free"}), frozenset()

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import UsageError
 from basecal.exchange.images import image_size
+from basecal.exchange.importing.carriers import choose_carrier
 from basecal.exchange.importing.cell_content import known_cell, open_size, recorded_samples
+from basecal.exchange.importing.cell_files import scratch_folder
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.lerobot import (
@@ -120,7 +121,7 @@ def _describe_motors(episode: Episode, chain: SerialChain) -> str:
 
 def _choose_frames(folder: str | Path, cell: Cell | None, robot: str, episode: Episode, every_s: float) -> IntArray:
     """The frames of samples that have a time and wait for the robot; where none does, those in which it moved least."""
-    samples = () if cell is None else recorded_samples(folder, cell)
+    samples = recorded_samples(folder, cell)
     waiting = [sample.stamp_s for sample in samples if sample.stamp_s is not None and robot not in sample.robots]
     found = nearest_frames(episode, np.array(waiting)) if waiting else np.zeros(0, dtype=np.int64)
     return found if len(found) else still_frames(episode, every_s)
@@ -134,21 +135,17 @@ def _with_camera(source: Imported, folder: str | Path, name: str, stated_carrier
     """
     present_cell = known_cell(folder)
     if present_cell is not None and name in present_cell.cameras:
-        return replace(source, replaced=open_size(folder, present_cell, name, stated_carrier))
+        choose_carrier(present_cell, "camera", name, stated_carrier)
+        return replace(source, replaced=open_size(folder, present_cell, name))
     camera = {"on": stated_carrier or robot, "intrinsics": {"status": "free"}}
     return replace(source, cell={**source.cell, "cameras": {name: camera}})
 
 
 def _with_images(source: Imported, cell: Path, camera: str, film: Film) -> Imported:
     """A copy whose rows have the images of a film."""
-    beside = next(above for above in cell.absolute().parents if above.exists())
-    scratch = TemporaryDirectory(prefix=".film-", dir=beside)
-    try:
+    with scratch_folder(cell) as scratch:
         stamps = np.array([row.stamp_s for row in source.rows], dtype=np.float64)
         paths = write_images(film, stamps, Path(scratch.name))
-    except BaseException:
-        scratch.cleanup()
-        raise
     size_px = image_size(paths[0])
     rows = tuple(replace(row, images={camera: path}) for row, path in zip(source.rows, paths, strict=True))
     entry = {} if size_px is None else {"size_px": list(size_px)}

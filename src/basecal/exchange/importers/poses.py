@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 from basecal.errors import FrameNotFound, UsageError
 from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses, read_pose_rows
 from basecal.exchange.controllers.registry import CONTROLLERS
+from basecal.exchange.importing.carriers import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, OneOf, controller_places
-from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.streams import Inverted, Streams, read_streams
 from basecal.exchange.poses import LengthUnit, unit_length_m
 
@@ -106,32 +106,23 @@ def read_poses(
         UsageError: if options do not go together.
         InputError: if a file cannot be read, or does not fit the cell.
     """
-    table = None if file is None else PoseTable(str(file), format, length_unit, deg, rad, streams)
-    if table is not None and robot is None and camera is not None and target is not None:
-        is_inverted = _is_inverted(invert, "camera-from-target")
-        return _target_poses(cell, table, Sight(camera, target, on, target_on), is_inverted)
+    path, reading = str(file), None if file is None else table_reading(str(file), format, length_unit, deg, rad)
+    if reading is not None and robot is None and camera is not None and target is not None:
+        return _target_poses(cell, Sight(camera, target, on, target_on), path, reading, streams, invert)
     if on is not None or target_on is not None:
         raise UsageError("--on and --target-on belong to a table of a target: CELL FILE --camera C --target T")
-    if (robot is None) != (table is None):
+    if (robot is None) != (reading is None):
         raise UsageError(f"{'--robot' if robot is None else 'FILE'} is missing: CELL --robot NAME FILE")
-    if robot is not None and table is not None:
-        imported = replace(_robot_poses(robot, table, _is_inverted(invert, "base-from-flange")), is_still=still)
-        return _remember_controller(imported, robot, table.reading.name, {"base": base_frame, "tool": tool_frame})
+    if robot is not None and reading is not None:
+        frames = {"base": base_frame, "tool": tool_frame}
+        imported = _robot_poses(robot, path, reading, streams, invert, frames)
+        return replace(imported, is_still=still)
     if streams:
         raise UsageError("--streams belongs to a table: CELL --robot NAME FILE, one after the other")
     if camera_from_target is None or length_unit is None:
         raise UsageError(f"--camera-from-target and --length-unit are missing; {_ONE_ROBOT}")
     files = Streams(eye_base_from_flange, hand_base_from_flange, camera_from_target, length_unit, invert)
     return read_streams(cell, files, camera, target)
-
-
-def _remember_controller(table: Imported, robot: str, name: str, frames: Mapping[str, str | None]) -> Imported:
-    """A copy with the format of a robot's poses, and frames that are stated, for `cell.yaml`."""
-    stated = {name: frame for name, frame in frames.items() if frame is not None}
-    entry, places = {"robots": {robot: {"controller": {"format": name, **stated}}}}, controller_places([robot])
-    if stated:
-        return replace(table, cell=entry, replaced=places)
-    return replace(table, cell=entry, defaults=places)
 
 
 def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:
@@ -141,61 +132,59 @@ def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:
     return bool(invert)
 
 
-@dataclass(frozen=True)
-class PoseTable:
-    """A file, and how to read it.
+def table_reading(file: str, format: str | None, unit: LengthUnit | None, deg: bool, rad: bool) -> Reading:
+    """How a table of poses is read.
 
-    Attributes:
+    Args:
         file: As the user named it.
         format: Whose numbers they are; what the file says alone where None.
         unit: What lengths are in; the controller's own where None.
         deg: Whether angles are in degrees, where the controller writes radians.
         rad: The other way round.
-        is_stream: Whether each row, at its time, makes a line of its own.
+
+    Raises:
+        UsageError: if there is no such convention, or two units are stated.
+        DatasetError: if none is stated, and the file does not say.
     """
-
-    file: str
-    format: str | None
-    unit: LengthUnit | None
-    deg: bool
-    rad: bool
-    is_stream: bool
-
-    @property
-    def reading(self) -> Reading:
-        """The convention and the units.
-
-        Raises:
-            UsageError: if there is no such convention, or two units are stated.
-            DatasetError: if none is stated, and the file does not say.
-        """
-        name = None if self.format is None else str(self.format).lower()
-        if name is not None and name not in CONTROLLERS:
-            raise UsageError(f"--format {FrameNotFound(name, list(CONTROLLERS))}")
-        if self.deg and self.rad:
-            raise UsageError("--deg and --rad cannot both be")
-        angle = math.radians(1) if self.deg else 1.0 if self.rad else None
-        length_m = None if self.unit is None else unit_length_m(self.unit)
-        return Reading(name or guessed_format(self.file), length_m, angle)
+    name = None if format is None else str(format).lower()
+    if name is not None and name not in CONTROLLERS:
+        raise UsageError(f"--format {FrameNotFound(name, list(CONTROLLERS))}")
+    if deg and rad:
+        raise UsageError("--deg and --rad cannot both be")
+    angle = math.radians(1) if deg else 1.0 if rad else None
+    return Reading(name or guessed_format(file), None if unit is None else unit_length_m(unit), angle)
 
 
-def _robot_poses(robot: str, table: PoseTable, is_inverted: bool) -> Imported:
-    """Poses of a robot's flange in its base, or their inverses."""
-    reading = table.reading
-    rows = read_controller_poses(table.file, robot, reading, table.is_stream, is_inverted)
+def _robot_poses(
+    robot: str,
+    file: str,
+    reading: Reading,
+    is_stream: bool,
+    invert: tuple[Inverted, ...],
+    frames: Mapping[str, str | None],
+) -> Imported:
+    """Poses of a robot's flange in its base, or their inverses, with the format of its controller and stated frames."""
+    is_inverted = _is_inverted(invert, "base-from-flange")
+    rows = read_controller_poses(file, robot, reading, is_stream, is_inverted)
     what = _describe(len(rows), f"{robot}_base", f"{robot}_flange", reading, is_inverted)
-    return Imported(table.file, what, rows, {"robots": {robot: {}}}, is_stream=table.is_stream, advice=POSE_ADVICE)
+    stated = {name: frame for name, frame in frames.items() if frame is not None}
+    entry = {"robots": {robot: {"controller": {"format": reading.name, **stated}}}}
+    imported = Imported(file, what, rows, entry, is_stream=is_stream, advice=POSE_ADVICE)
+    places = controller_places([robot])
+    return replace(imported, replaced=places) if stated else replace(imported, defaults=places)
 
 
-def _target_poses(cell: str | Path, table: PoseTable, sight: Sight, is_inverted: bool) -> Imported:
+def _target_poses(
+    cell: str | Path, sight: Sight, file: str, reading: Reading, is_stream: bool, invert: tuple[Inverted, ...]
+) -> Imported:
     """Poses of a target in a camera, or their inverses."""
-    reading = table.reading
-    found = read_pose_rows(table.file, reading, table.is_stream)
+    is_inverted = _is_inverted(invert, "camera-from-target")
+    found = read_pose_rows(file, reading, is_stream)
     rows = seen_rows(found.rows, found.poses.inverse() if is_inverted else found.poses, sight)
     what = _describe(len(rows), sight.camera, sight.target, reading, is_inverted)
     advice = f"{POSE_ADVICE}, and whether it takes --invert camera-from-target"
     entry = sight_entry(known_cell(cell), sight)
-    return Imported(table.file, what, rows, entry, is_stream=table.is_stream, advice=advice)
+    return Imported(file, what, rows, entry, is_stream=is_stream, advice=advice)
 
 
 def _describe(count: int, parent: str, child: str, reading: Reading, is_inverted: bool) -> str:

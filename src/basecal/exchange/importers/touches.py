@@ -12,13 +12,13 @@ from basecal.cell.cell import grip_name
 from basecal.errors import UsageError
 from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.exchange.importers.poses import POSE_ADVICE, PoseTable
+from basecal.exchange.importers.poses import POSE_ADVICE, table_reading
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, OneOf, Row, controller_places
 from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.joints import read_joints
 from basecal.exchange.poses import LengthUnit
-from basecal.exchange.touch_table import TouchTable, new_rows, touch_names
+from basecal.exchange.touch_table import new_rows, touch_names
 
 
 def read_touches(
@@ -93,7 +93,7 @@ def read_touches(
     if clamp is not None:
         met, what = TouchObservation(clamp, grip_name(clamp), sigma_m, "clamp"), f"places of {robot} holding {clamp}"
         return _join_rows(str(file), rows, met, f"{len(rows)} {what}, {how}", entry, advice)
-    marks = touch_names(TouchTable(str(file), names, robot), mark)
+    marks = touch_names(str(file), names, robot, mark)
     entry["marks"] = {name: {} for name in dict.fromkeys(marks) if known is None or name not in known.targets}
     touched = zip(new_rows(cell, known, rows), marks, strict=True)
     seen = tuple(replace(row, observations=(TouchObservation(own_tip, at, sigma_m),)) for row, at in touched)
@@ -119,7 +119,7 @@ def _read_rows(
         how = f"{chain.n} joints in {'deg' if deg else 'rad'}"
         advice = "check --deg and the order of the joints"
         return read_joints(path, robot, chain, deg), chain.joint_names, how, advice, None
-    reading = PoseTable(path, notation, length_unit, deg, rad, False).reading
+    reading = table_reading(path, notation, length_unit, deg, rad)
     rows = read_controller_poses(path, robot, reading)
     return rows, reading.convention.names, f"poses as of {reading.name} ({reading.words})", POSE_ADVICE, reading.name
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from basecal.cell import Cell, Sample
 from basecal.cell.files import read_cell, read_recording
-from basecal.errors import InputError
 from basecal.fields.problems import Loc
 
 
@@ -19,27 +18,20 @@ def known_cell(folder: str | Path) -> Cell | None:
     return read_cell(folder) if (Path(folder) / "cell.yaml").exists() else None
 
 
-def recorded_samples(folder: str | Path, cell: Cell) -> tuple[Sample, ...]:
-    """The samples that are recorded in the folder of a cell.
+def recorded_samples(folder: str | Path, cell: Cell | None) -> tuple[Sample, ...]:
+    """The samples that are recorded in the folder of a cell; none if there is no cell.
 
     Raises:
         DatasetError: if they cannot be read.
     """
-    if not (Path(folder) / "recording" / "samples.jsonl").exists():
+    if cell is None or not (Path(folder) / "recording" / "samples.jsonl").exists():
         return ()
     return read_recording(folder, cell).samples
 
 
-def open_size(folder: str | Path, cell: Cell, camera: str, stated_carrier: str | None) -> frozenset[Loc]:
-    """The place of a known camera's size, if nothing rests on it: its first images may state another.
-
-    Raises:
-        InputError: if something else carries the camera.
-    """
+def open_size(folder: str | Path, cell: Cell, camera: str) -> frozenset[Loc]:
+    """The place of a known camera's size, if nothing rests on it: its first images may state another."""
     known = cell.cameras[camera]
-    if stated_carrier not in (None, known.on):
-        stated = f"{Path(folder) / 'cell.yaml'}: cameras.{camera} is on {known.on!r}, not on {stated_carrier!r}"
-        raise InputError(f"{stated}: leave --on away, or correct it")
     has_numbers = known.intrinsics is not None and known.intrinsics.camera is not None
     samples = recorded_samples(folder, cell)
     is_recorded = any(camera in s.images or any(o.camera == camera for o in s.observations) for s in samples)

@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.format.paths import inside
@@ -52,6 +53,18 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
         raise InputError(f"{error.filename or folder} cannot be written: {error.strerror}") from None
     except BaseException:
         _remove_files(made, folder, existed)
+        raise
+
+
+@contextmanager
+def scratch_folder(cell: str | Path) -> Iterator[TemporaryDirectory[str]]:
+    """A temporary folder on the disk of a cell, which is gone if what follows fails."""
+    beside = next(above for above in Path(cell).absolute().parents if above.exists())
+    scratch = TemporaryDirectory(prefix=".import-", dir=beside)
+    try:
+        yield scratch
+    except BaseException:
+        scratch.cleanup()
         raise
 
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from basecal.cell import WORLD, Cell, CellCamera, PoseObservation, RobotState, Unknown
 from basecal.cell.format.plain import pose_dict
-from basecal.errors import InputError, list_names, nearest
+from basecal.errors import InputError, list_names
 from basecal.exchange.hand_eye.moveit import JointStates
 from basecal.exchange.hand_eye.record import HandEyeRecord
+from basecal.exchange.importing.carriers import check_robot, choose_name
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.geometry import SE3
@@ -93,12 +94,12 @@ def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, targe
     """
     if cell is None:
         return Names(robot or ("eye" if on_robot else "hand"), camera or "camera", target or "target")
-    camera = camera or _single_name("camera", cell.cameras, "camera")
-    target = target or _single_name("target", cell.targets, "target")
+    camera = choose_name("camera", camera, cell.cameras, "camera")
+    target = choose_name("target", target, cell.targets, "target")
     carried = cell.cameras.get(camera) if on_robot else cell.targets.get(target)
     if robot is None and carried is not None and carried.on in cell.robots:
         robot = carried.on
-    return Names(robot or _single_name("robot", cell.robots, "eye"), camera, target)
+    return Names(choose_name("robot", robot, cell.robots, "eye"), camera, target)
 
 
 def is_camera_on_robot(
@@ -124,12 +125,6 @@ def is_camera_on_robot(
 
 def _both_carry(cell: Cell, camera: CellCamera) -> bool:
     return camera.on != WORLD and any(target.on not in (WORLD, camera.on) for target in cell.targets.values())
-
-
-def _single_name(kind: str, names: Mapping[str, Any], usual: str) -> str:
-    if len(names) > 1:
-        raise InputError(f"which {kind}? --{kind} is one of: {list_names(list(names))}")
-    return next(iter(names), usual)
 
 
 def imported_hand_eye(
@@ -188,9 +183,7 @@ def _carriers(cell: Cell | None, record: HandEyeRecord, names: Names, carriers: 
     stated = carriers.target_on if record.camera_on_robot else carriers.camera_on
     told = known[name].on if known and name in known else WORLD
     still = stated or (WORLD if told == names.robot else told)
-    robots = [still] if cell is None else [*cell.robots]
-    if close := "" if still in (WORLD, *robots) else nearest(still, [*robots, *_CARRIER_WORDS]):
-        raise InputError(f"no robot {still!r}{close}; there are: {list_names(robots)}")
+    check_robot(cell, still)
     if still == names.robot:
         raise InputError(f"camera {names.camera!r} and target {names.target!r} are both on {still!r}")
     return (names.robot, still) if record.camera_on_robot else (still, names.robot)

@@ -9,8 +9,9 @@ from shlex import quote
 from typing import Literal, TypeVar
 
 from basecal.cell import Cell, CellCamera, CellTarget
-from basecal.errors import InputError
+from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.assemble import recording_from_streams
+from basecal.exchange.importing.carriers import choose_name
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.template import cell_text
@@ -105,8 +106,7 @@ def _new_places(folder: str | Path, files: Streams, camera: str | None, target: 
 
 
 def _known_places(cell: Cell, files: Streams, camera: str | None, target: str | None) -> Places:
-    seeing = _choose("camera", camera, cell.cameras)
-    seen = _choose("target", target, cell.targets)
+    seeing, seen = _choose("camera", camera, cell.cameras), _choose("target", target, cell.targets)
     eye = _carrier(cell, seeing, "--eye-base-from-flange", files.eye)
     hand = _carrier(cell, seen, "--hand-base-from-flange", files.hand)
     if eye is not None and eye == hand:
@@ -115,12 +115,10 @@ def _known_places(cell: Cell, files: Streams, camera: str | None, target: str | 
 
 
 def _choose(kind: str, name: str | None, things: Mapping[str, Thing]) -> Thing:
-    if name is not None and name in things:
-        return things[name]
-    if name is None and len(things) == 1:
-        return next(iter(things.values()))
-    question = "which one" if name is None else f"no {kind} {name!r}"
-    raise InputError(f"{question}? --{kind} is one of: {', '.join(things) or 'none in this cell'}")
+    chosen = choose_name(kind, name, things)
+    if chosen not in things:
+        raise FrameNotFound(chosen, list(things))
+    return things[chosen]
 
 
 def _carrier(cell: Cell, thing: CellCamera | CellTarget, option: str, file: str | None) -> str | None:

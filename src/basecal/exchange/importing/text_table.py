@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from io import StringIO
 
 from basecal.errors import DatasetError, list_names
+from basecal.exchange.columns import MOST_POSES
 from basecal.exchange.fields import written_number
 from basecal.exchange.json_rows import json_rows
 from basecal.fields.problems import shorten
@@ -72,6 +73,12 @@ class TextTable:
             raise DatasetError(self.path, "is empty in this row", row.line, column)
         return row.cells[column]
 
+    def names(self, *columns: str) -> list[str] | None:
+        """The cells of the first of these columns that there is, as names of a cell; None if there is none."""
+        header = {column.strip().lower(): column for column in self.header or ()}
+        found = next((header[name] for name in columns if name in header), None)
+        return None if found is None else [as_name(self.cell(row, found)) for row in self.rows]
+
 
 def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
     """The table in a text.
@@ -82,7 +89,7 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
         names: Of the numbers of a row where there is no header, which poses in brackets hold in this order.
 
     Raises:
-        DatasetError: if a row has more or fewer cells than the header, or than there are names.
+        DatasetError: if a row has more or fewer cells than the header, or than there are names, or rows are too many.
     """
     text = json_rows(text) or text
     lines = [(number, line.strip()) for number, line in enumerate(StringIO(text), start=1) if line.strip()]
@@ -98,6 +105,8 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
         header = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(header, units, strict=True))
     if not content:
         raise DatasetError(path, f"holds no row of numbers, expected {', '.join(names)}")
+    if len(content) > MOST_POSES:
+        raise DatasetError(path, f"{len(content)} rows, expected at most {MOST_POSES}")
     rows = [TextRow(number, _cells(line, separator, header, names, path, number)) for number, line in content]
     _check_summaries(rows, path)
     return TextTable(path, header, tuple(rows))
@@ -154,19 +163,13 @@ def select_robot(table: TextTable, robot: str) -> TextTable:
     Raises:
         DatasetError: if several are named, and not this one.
     """
-    column = next((name for name in table.header or () if name.strip().lower() in ("robot", "arm")), None)
-    if column is None:
-        return table
-    names = [as_name(table.cell(row, column)) for row in table.rows]
-    if len(set(names)) == 1:
+    names = table.names("robot", "arm")
+    if names is None or len(set(names)) == 1:
         return table
     rows = tuple(row for row, name in zip(table.rows, names, strict=True) if name == robot)
     if not rows:
-        raise DatasetError(
-            table.path,
-            f"no row is of robot {robot!r}; there are: {list_names(list(dict.fromkeys(names)))}",
-            field=column,
-        )
+        known = list_names(list(dict.fromkeys(names)))
+        raise DatasetError(table.path, f"no row is of robot {robot!r}; there are: {known}")
     return replace(table, rows=rows)
 
 

@@ -40,8 +40,8 @@ def camera_info_lens(root: Field) -> StatedLens:
     kind = root.first("distortion_model")
     named = "" if kind is None else kind.text()
     terms = root.first("distortion_coefficients", "D", "d")
-    values = [] if terms is None else _data(terms).numbers()
-    parameters = matrix_parameters(matrix, _data(matrix).numbers(9))
+    values = [] if terms is None else terms.matrix()
+    parameters = matrix_parameters(matrix, matrix.matrix(9))
     if named in _FISHEYE:
         if len(values) != _FISHEYE_TERMS:
             raise root.error(f"{len(values)} distortion coefficients, {named} has {_FISHEYE_TERMS}")
@@ -58,11 +58,6 @@ def camera_info_lens(root: Field) -> StatedLens:
         "pixel is (0, 0)",
         None if name is None else str(name.data),
     )
-
-
-def _data(field: Field) -> Field:
-    """The numbers of a matrix: beside `rows` and `cols` in a file, alone in a message."""
-    return field.find("data") if isinstance(field.data, dict) else field
 
 
 def _refuse_parts(root: Field, size: tuple[int, int]) -> None:

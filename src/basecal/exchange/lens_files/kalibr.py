@@ -30,9 +30,9 @@ def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:
         DatasetError: if it is none, or a lens has no equal here.
     """
     root = read_fields(path)
-    names = [name for name in root.data if name.startswith("cam")] if isinstance(root.data, dict) else []
+    names = [name for name in root.names() if name.startswith("cam")]
     if not names:
-        held = list_names(list(root.data)) if isinstance(root.data, dict) else "no fields"
+        held = list_names(root.names())
         raise root.error(f"holds {held}: a camchain of Kalibr has cam0, cam1, ...; a target of it has target_type")
     return tuple(_lens(root.find(name), name) for name in names)
 
@@ -46,11 +46,7 @@ def _lens(camera: Field, name: str) -> StatedLens:
         raise distortion.error(f"{distortion.data!r} has no equal here; there are: {list_names(list(_MODELS))}")
     model, count = _MODELS[distortion.data]
     terms = camera.find("distortion_coeffs").numbers(count) if count else []
-    resolution = camera.find("resolution")
-    sides = resolution.items("width and height")
-    if len(sides) != 2:
-        raise resolution.error(f"has {len(sides)} numbers, expected width and height")
-    width, height = (side.integer() for side in sides)
+    width, height = camera.find("resolution").size()
     intrinsics = camera.find("intrinsics")
     made = made_camera(intrinsics, model, [*intrinsics.numbers(4), *terms], (width, height))
     before = camera.first("T_cn_cnm1")

@@ -42,10 +42,7 @@ def read_cameramodel(path: str | Path) -> StatedLens:
         advice = "mrcal-convert-lensmodel fits one that has"
         raise kind.error(f"{shorten(name)} has no equal here ({list_names(list(_TERMS))}): {advice}")
     values = root.find("intrinsics")
-    size = root.find("imagersize").items("width and height")
-    if len(size) != 2:
-        raise root.find("imagersize").error(f"has {len(size)} numbers, expected width and height")
-    width, height = (side.integer() for side in size)
+    width, height = root.find("imagersize").size()
     camera = made_camera(values, "pinhole", values.numbers(4 + _TERMS[name]), (width, height))
     return StatedLens(
         camera, f"cameramodel of mrcal, {name}, {width} x {height} px, the centre of the top-left pixel is (0, 0)"

@@ -7,10 +7,10 @@ writes camera_matrix and distortion_coefficients and whose Python page writes mt
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from basecal.errors import list_names
+from basecal.errors import DatasetError, list_names
 from basecal.exchange.fields import Field
 from basecal.exchange.lens_files.file_storage import read_file_storage
 from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera, matrix_parameters, opencv_terms
@@ -50,59 +50,50 @@ def read_opencv(path: str | Path, model: str | None = None, number: int | None =
     named = _fields_by_name(root)
     suffix = "" if number is None else str(number)
     matrix = _first_matrix(named, (f"{each}{suffix}" for each in _MATRIX), _MATRIX_SIZE)
-    if matrix is None and all(name in named for name in _FOCAL_AND_CENTRE):
-        return _lens_of_numbers(root, named, model or "pinhole")
-    if matrix is None:
-        both = _first_matrix(named, (f"{each}1" for each in _MATRIX), _MATRIX_SIZE)
-        if number is None and both is not None:
-            raise root.error(f"holds two cameras ({list_names(list(root.data))}): say which by --which 1 or --which 2")
-        expected = "expected camera_matrix, cameraMatrix, mtx or K, 3 x 3"
-        raise root.error(f"has no camera matrix; it has {list_names(_names(root))}: {expected}")
     terms = _first_matrix(named, (f"{each}{suffix}" for each in _TERMS))
-    values = [] if terms is None else _data(terms).numbers()
+    values = [] if terms is None else terms.matrix()
+    if matrix is not None:
+        what, parameters = f"OpenCV's {matrix.loc[-1]}", matrix_parameters(matrix, matrix.matrix(_MATRIX_SIZE))
+    elif all(name in named for name in _FOCAL_AND_CENTRE):
+        what, parameters = "fx, fy, cx, cy", _scalars(named, _FOCAL_AND_CENTRE)
+        values = values or _scalars(named, _TERM_NAMES)
+    else:
+        raise _no_matrix(root, named, number)
     said = next((named[each] for each in _FISHEYE if each in named), None)
     lens = model or ("fisheye" if said is not None and said.boolean() else "pinhole")
-    parameters = matrix_parameters(matrix, _data(matrix).numbers(_MATRIX_SIZE))
     size = _size(named)
     usual = values if len(values) in term_counts(lens) else opencv_terms(terms or root, values)
     return StatedLens(
-        made_camera(terms or matrix, lens, [*parameters, *usual], size),
-        f"OpenCV's {matrix.loc[-1]}, {lens} of {len(usual)} distortion terms"
+        made_camera(terms or matrix or root, lens, [*parameters, *usual], size),
+        f"{what}, {lens} of {len(usual)} distortion terms"
         f"{'' if size is None else f', {size[0]} x {size[1]} px'}, the centre of the top-left pixel is (0, 0)",
     )
 
 
-def _lens_of_numbers(root: Field, fields: dict[str, Field], lens: str) -> StatedLens:
-    """A lens of a file that has fx, fy, cx, cy each under its name, and terms so or as a list."""
-    listed = _first_matrix(fields, _TERMS)
-    if listed is not None:
-        values = _data(listed).numbers()
-    else:
-        count = max((k + 1 for k, name in enumerate(_TERM_NAMES) if name in fields), default=0)
-        values = [_scalar(fields[name]).number() if name in fields else 0.0 for name in _TERM_NAMES[:count]]
-    usual = values if len(values) in term_counts(lens) else opencv_terms(listed or root, values)
-    parameters = [_scalar(fields[name]).number() for name in _FOCAL_AND_CENTRE]
-    size = _size(fields)
-    return StatedLens(
-        made_camera(root, lens, [*parameters, *usual], size),
-        f"fx, fy, cx, cy, {lens} of {len(usual)} distortion terms, the centre of the top-left pixel is (0, 0)",
-    )
+def _scalars(fields: dict[str, Field], names: Sequence[str]) -> list[float]:
+    """Numbers that stand each under its name, up to the last that is there; those left out are zero."""
+    count = max((k + 1 for k, name in enumerate(names) if name in fields), default=0)
+    return [_scalar(fields[name]).number() if name in fields else 0.0 for name in names[:count]]
 
 
-def _names(root: Field) -> list[str]:
-    return list(root.data) if isinstance(root.data, dict) else []
+def _no_matrix(root: Field, fields: dict[str, Field], number: int | None) -> DatasetError:
+    """The error of a file without a camera matrix, or with two."""
+    if number is None and _first_matrix(fields, (f"{each}1" for each in _MATRIX), _MATRIX_SIZE) is not None:
+        return root.error(f"holds two cameras ({list_names(root.names())}): say which by --which 1 or --which 2")
+    expected = "expected camera_matrix, cameraMatrix, mtx or K, 3 x 3"
+    return root.error(f"has no camera matrix; it has {list_names(root.names())}: {expected}")
 
 
 def _fields_by_name(root: Field) -> dict[str, Field]:
     """Fields by name without underscores in lower case, also those one mapping deeper."""
     found: dict[str, Field] = {}
-    for name in _names(root):
+    for name in root.names():
         field = root.first(name)
         if field is None:
             continue
         if isinstance(field.data, dict) and "data" not in field.data:
             found |= {**_fields_by_name(field), **found}
-        found[str(name).replace("_", "").replace("-", "").lower()] = field
+        found[name.replace("_", "").replace("-", "").lower()] = field
     return found
 
 
@@ -110,15 +101,10 @@ def _first_matrix(fields: dict[str, Field], names: Iterable[str], count: int | N
     """The first field that holds a matrix, of `count` numbers where given."""
     for name in names:
         field = fields.get(name)
-        rows = None if field is None else _data(field).data
+        rows = None if field is None else (field.first("data") or field).data
         if isinstance(rows, list) and count in (None, sum(len(row) if isinstance(row, list) else 1 for row in rows)):
             return field
     return None
-
-
-def _data(field: Field) -> Field:
-    """The numbers of a matrix, which FileStorage has beside its `rows` and `cols`."""
-    return field.find("data") if isinstance(field.data, dict) else field
 
 
 def _size(fields: dict[str, Field]) -> tuple[int, int] | None:

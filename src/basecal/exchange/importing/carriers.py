@@ -1,0 +1,128 @@
+"""Which camera, target or robot of a cell an import is for, and what carries one that is new."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from basecal.cell import WORLD, Cell, CellCamera, CellTarget, PoseObservation
+from basecal.errors import InputError, list_names, nearest
+from basecal.exchange.importing.imported import Row
+from basecal.geometry import SE3
+
+
+def choose_name(kind: str, name: str | None, names: Collection[str], usual: str = "") -> str:
+    """The name that was given, else the only one that the cell has, else the usual one.
+
+    Args:
+        kind: `camera`, `target` or `robot`.
+        name: As given.
+        names: Those of the cell.
+        usual: That of a new one; empty if it must be there.
+
+    Raises:
+        InputError: if none is given and the cell has several, or none where one must be.
+    """
+    if name is None and (len(names) > 1 or not (names or usual)):
+        known = list_names(list(names)) if names else f"none in this cell: add a {kind} first"
+        raise InputError(f"which {kind}? --{kind} is one of: {known}")
+    return name or next(iter(names), usual)
+
+
+def choose_carrier(
+    cell: Cell | None, kind: str, name: str, stated_carrier: str | None, option: str = "--on", may_be_world: bool = True
+) -> str:
+    """The carrier of a camera or target: as the cell has it, as stated, else its only robot.
+
+    Args:
+        cell: The cell there is; None if one is made.
+        kind: `camera` or `target`.
+        name: Of the camera or target.
+        stated_carrier: As stated: a robot, or `world`.
+        option: The option that states it.
+        may_be_world: Whether a new cell without a robot may result.
+
+    Raises:
+        InputError: if it is not clear, or the cell says otherwise.
+    """
+    robots = [] if cell is None else [*cell.robots]
+    things: Mapping[str, CellCamera | CellTarget] = {}
+    if cell is not None:
+        things = cell.cameras if kind == "camera" else cell.targets
+    known = things[name].on if name in things else stated_carrier
+    if stated_carrier not in (None, known):
+        found = f"{kind} {name!r} is on {known!r} in cell.yaml, not on {stated_carrier!r}"
+        raise InputError(f"{found}: leave {option} away, or correct it")
+    if cell is None and known == WORLD and not may_be_world:
+        raise InputError(f"{kind} {name!r} on the world needs a robot, and there is no cell.yaml: import poses first")
+    if known is None and len(robots) != 1:
+        choices = list_names([*robots, WORLD]) if robots else f"a robot{f' or {WORLD}' if may_be_world else ''}"
+        raise InputError(f"{kind} {name!r} is new: say what carries it, {option} with one of: {choices}")
+    return known or robots[0]
+
+
+def check_robot(cell: Cell | None, carrier: str) -> None:
+    """Check that a carrier, if it is new, is not named nearly as one that the cell has.
+
+    Raises:
+        InputError: if it is.
+    """
+    robots = [] if cell is None else [*cell.robots]
+    if carrier not in (WORLD, *robots) and (close := nearest(carrier, [*robots, WORLD])):
+        raise InputError(f"no robot {carrier!r}{close}; there are: {list_names(robots)}")
+
+
+def carried_entry(section: str, name: str, carrier: str, **fields: Any) -> dict[str, Any]:
+    """Sections of `cell.yaml` for a new camera or target, with the robot that carries it."""
+    entry = {section: {name: {"on": carrier, "mount": {"status": "free"}, **fields}}}
+    return entry if carrier == WORLD else {"robots": {carrier: {}}, **entry}
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Which camera sees which target, and what carries them where the cell does not say."""
+
+    camera: str
+    target: str
+    camera_on: str | None = None
+    target_on: str | None = None
+
+
+def seen_rows(rows: tuple[Row, ...], camera_from_target: SE3, sight: Sight) -> tuple[Row, ...]:
+    """Rows with what the camera saw.
+
+    Args:
+        rows: What says where each belongs.
+        camera_from_target: (n,) poses.
+        sight: Names.
+    """
+    views = (PoseObservation(sight.camera, sight.target, camera_from_target[i]) for i in range(len(rows)))
+    return tuple(replace(row, observations=(view,)) for row, view in zip(rows, views, strict=True))
+
+
+def sight_entry(cell: Cell | None, sight: Sight) -> dict[str, Any]:
+    """Entries of `cell.yaml` for a camera and a target; those it has already stay.
+
+    A new camera is on the only robot. A new target is on the world, or on the only robot where the camera is not.
+
+    Raises:
+        InputError: if it is not clear what carries them, both are on one thing, or the cell says otherwise.
+    """
+    cameras, targets = ({}, {}) if cell is None else (cell.cameras, cell.targets)
+    camera_on = choose_carrier(cell, "camera", sight.camera, sight.camera_on)
+    given = sight.target_on
+    if given is None and camera_on != WORLD and sight.target not in targets:
+        given = WORLD
+    target_on = choose_carrier(cell, "target", sight.target, given, "--target-on")
+    if camera_on == target_on:
+        raise InputError(f"camera {sight.camera!r} and target {sight.target!r} are both on {camera_on!r}")
+    camera, target = (
+        carried_entry("cameras", sight.camera, camera_on),
+        carried_entry("targets", sight.target, target_on),
+    )
+    return {
+        "robots": {**camera.get("robots", {}), **target.get("robots", {})},
+        "cameras": {sight.camera: {}} if sight.camera in cameras else camera["cameras"],
+        "targets": {sight.target: {}} if sight.target in targets else target["targets"],
+    }
