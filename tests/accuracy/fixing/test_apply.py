@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from basecal.accuracy.fixing.apply import apply_cure, describe_change
-from basecal.accuracy.fixing.change import Change, free_lens
+from basecal.accuracy.fixing.change import Change
 from basecal.accuracy.fixing.cures import Cure
+from basecal.accuracy.fixing.places import free_lens
 from basecal.cell import Finding
 from basecal.cell.files import read_cell, read_recording, write_cell, write_recording
 from basecal.errors import InputError

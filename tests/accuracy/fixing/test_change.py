@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.fixing.change import change_of_hypothesis, transform_place
+from basecal.accuracy.fixing.change import change_of_hypothesis
 from basecal.accuracy.input_check.hypotheses import convention_hypotheses, shift
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.target_sizes import target_size
@@ -125,7 +125,6 @@ def test_cell_is_changed() -> None:
     assert lens.cell["cameras", "wrist", "intrinsics", "status"] == "free"
     mount = change_of_hypothesis(BOARD.recording, reading, known["fixed-contradicted"])
     assert mount.cell["cameras", "wrist", "mount"]["status"] == "free"
-    assert transform_place(cell, "eye_base_from_hand_base") == ("bases", "hand")
 
 
 def test_tags_in_a_list_are_resized() -> None:
@@ -152,3 +151,16 @@ def test_a_target_is_put_on_the_arm_that_carries_it() -> None:
     change = change_of_hypothesis(BOARD.recording, reading, hypothesis)
     assert change.samples is None
     assert change.cell == {("targets", "board", "on"): "hand", ("targets", "board", "mount"): {"status": "free"}}
+
+
+def test_a_prior_that_is_inverted_keeps_its_sigmas() -> None:
+    """A mount stated the wrong way round is turned round in its line of `cell.yaml`."""
+    known = Unknown("prior", SE3.from_rpy([0.1, 0.2, 0.3], [0.05, 0, 0.08]), np.repeat([1e-3, 1e-2], 3))
+    cell = BOARD.cell.with_transform("eye_flange_from_wrist", known)
+    reading = declared(cell, BOARD.recording)
+    inverted = [each for each in rare_hypotheses(reading) if each.code == "transform-inverted"]
+    (hypothesis,) = (each for each in inverted if each.about == ("eye_flange_from_wrist",))
+    entry = change_of_hypothesis(BOARD.recording, reading, hypothesis).cell["cameras", "wrist", "mount"]
+    assert entry["status"] == "prior"
+    assert entry["sigma_t_m"] == 1e-3
+    np.testing.assert_allclose(entry["t_m"], known.mean.inverse().translation, atol=1e-12)

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from basecal.accuracy.fixing.places import free_lens, stated_value, transform_place
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.phrases.target_length import scale_lengths
 from basecal.accuracy.readings.reading import Reading, Track
 from basecal.cell import Cell, PoseObservation, Recording, RobotState, Sample, Unknown
-from basecal.cell.format.plain import pose_dict
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
@@ -141,9 +141,10 @@ def _cell_changes(reading: Cell, result: Cell) -> dict[Loc, Any] | None:
     for name, new in result.transforms.items():
         old = reading.transforms.get(name)
         if old is not None and new is not old and (new.status != old.status or not _is_same(new, old)):
-            if new.status == "prior":
+            place = transform_place(result, name)
+            if place is None:
                 return None
-            found[transform_place(reading, name)] = _unknown_value(new)
+            found[place] = stated_value(result, place)
     for name, camera in result.cameras.items():
         lens, known = camera.intrinsics, reading.cameras[name].intrinsics
         if lens is not None and known is not None and lens.status != known.status:
@@ -167,35 +168,7 @@ def _is_same(first: Unknown, second: Unknown) -> bool:
     return bool(np.array_equal(first.mean.matrix, second.mean.matrix))
 
 
-def _unknown_value(unknown: Unknown) -> dict[str, Any]:
-    pose = {} if unknown.mean is None else pose_dict(unknown.mean)
-    if unknown.status == "fixed":
-        return {"status": "fixed", **pose}
-    return {"status": "free", **({"guess": pose} if pose else {})}
-
-
-def free_lens(cell: Cell, camera: str) -> dict[Loc, Any]:
-    """The entry of `cell.yaml` for a camera whose lens is a guess."""
-    lens = cell.cameras[camera].intrinsics
-    exact = {"exact": False} if lens is not None and lens.exact else {}
-    return {("cameras", camera, "intrinsics", key): value for key, value in {"status": "free", **exact}.items()}
-
-
 def change_carriers(carriers: Mapping[Loc, str]) -> Change:
     """Other carriers, by place in `cell.yaml`, whose mounts are free."""
     mounts: dict[Loc, Any] = {(*place[:-1], "mount"): {"status": "free"} for place in carriers}
     return Change(cell={**carriers, **mounts})
-
-
-def transform_place(cell: Cell, name: str) -> Loc:
-    """Where `cell.yaml` has a transform."""
-    for robot in cell.robots:
-        if cell.base_name(robot) == name:
-            return ("bases", robot)
-    kind, thing = next(
-        (kind, each)
-        for kind, things in (("cameras", cell.cameras), ("targets", cell.targets))
-        for each in things
-        if cell.mount_name(each) == name
-    )
-    return (kind, thing, "mount")
