@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.journeys.personas import ros_sessions
 from tests.shared.declared import declared
 from tests.shared.rewriting import turned_round, with_robots
 
@@ -23,6 +25,8 @@ from basecal.accuracy.input_check.rare_hypotheses import (
     with_stated_inverted,
 )
 from basecal.cell import Unknown
+from basecal.cell.files import read_cell, read_recording
+from basecal.cli import main
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -113,6 +117,24 @@ def test_arms_exchanged_in_one_session_are_named_and_fixed(kind, words):
             assert np.array_equal(new.robots[robot].base_from_flange.matrix, state.base_from_flange.matrix)
             as_read = np.array_equal(old.robots[robot].base_from_flange.matrix, state.base_from_flange.matrix)
             assert (new.robots[robot] is old.robots[robot]) == as_read
+
+
+@pytest.mark.slow
+def test_places_exchanged_where_one_session_fits_inverted_poses(tmp_path, monkeypatch):
+    """A draw whose longer session fits inverted poses of one arm as well, and whose shorter one does not."""
+    monkeypatch.chdir(tmp_path)
+    for command in ros_sessions(tmp_path, 9).commands[:-1]:
+        assert main(shlex.split(command)[1:]) == 0
+    cell, recording = read_cell("mycell"), read_recording("mycell")
+    states, samples = [sample.robots for sample in recording.samples], []
+    for k, sample in enumerate(recording.samples):
+        places = {"right": states[-1]["left"]} if k < 13 else {"left": states[0]["right"]}
+        samples.append(replace(sample, robots={**sample.robots, **places}))
+    found = calibrate(cell, replace(recording, samples=tuple(samples)))
+    assert [(each.code, each.what) for each in found.findings if each.severity == "error"] == [(
+        "robots-swapped",
+        "The places where left (samples 13 to 36) and right (samples 0 to 12) stood still are exchanged.",
+    )]  # fmt: skip
 
 
 @pytest.mark.parametrize(("listed", "read", "count"), [
