@@ -210,13 +210,13 @@ def _try_hypotheses(baseline: Reading, as_is: TriedHypothesis, settings: Setting
     return found
 
 
-def _is_possible(tried: TriedHypothesis) -> bool:
-    return plausible(tried.fit) and not tried.impossible
+def _is_possible(trial: TriedHypothesis) -> bool:
+    return plausible(trial.fit) and not trial.impossible
 
 
-def _explains_all(tried: TriedHypothesis) -> bool:
+def _explains_all(trial: TriedHypothesis) -> bool:
     """Whether no session is left unexplained: one of two may fit under a hypothesis that is wrong."""
-    return _is_possible(tried) and not has_tail(tried.fit)
+    return _is_possible(trial) and not has_tail(trial.fit)
 
 
 def every_hypothesis(baseline: Reading, state: State, settings: Settings) -> list[ConventionHypothesis]:
