@@ -121,6 +121,13 @@ def test_other_names() -> None:
         record_of_arrays(_arrays("a"), "test")
 
 
+def test_no_pose_at_all() -> None:
+    """Arrays of length zero are named so, in whatever shape."""
+    arrays = {name: each[:0] for name, each in _arrays("gripper2base", "target2cam").items()}
+    with pytest.raises(InputError, match="R_gripper2base is empty, expected a pose for each sample"):
+        record_of_arrays(arrays, "test")
+
+
 def test_one_array_for_two() -> None:
     """Poses of the gripper given as those of the target, too: no answer is made of it."""
     arrays = _arrays("gripper2base", "target2cam")

@@ -158,6 +158,8 @@ def _numbers(arrays: Mapping[str, ArrayLike], key: str, shapes: tuple[tuple[int,
         raise InputError(f"{key} is no array of numbers: its entries differ in shape, or are none") from None
     if is_complex:
         raise InputError(f"{key} is a complex array, expected real numbers")
+    if not values.size:
+        raise InputError(f"{key} is empty, expected a pose for each sample")
     if values.shape[1:] == (9,) and (3, 3) in shapes:
         values = values.reshape(-1, 3, 3)
     if values.ndim == 3 and 1 in values.shape[1:]:
