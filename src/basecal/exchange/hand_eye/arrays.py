@@ -103,7 +103,10 @@ def read_record_of_arrays(path: str | Path, camera_on_robot: bool | None, metres
         if not isinstance(data, dict):
             raise DatasetError(name, "expected a mapping of arrays by OpenCV's names, such as R_gripper2base")
         arrays = {key: _plain_matrices(value) for key, value in data.items()}
-    return record_of_arrays(arrays, name, camera_on_robot is not False, metres)
+    try:
+        return record_of_arrays(arrays, name, camera_on_robot is not False, metres)
+    except InputError as error:
+        raise DatasetError(name, str(error).removeprefix(f"{name}: ")) from None
 
 
 def _plain_matrices(value: Any) -> Any:
