@@ -41,6 +41,7 @@ def values(text: str) -> list[list[float]]:
         "point;x;y;z\nP[1];0,1;2;-30\n",
         "x,y,z,point (taught)\n0.1,2,-30,P{1}\n",
         "pose\n[0.1, 2, -30]\n",
+        "(0, [0.1, 2, -30])\n",
         "CONST pos p10:=[0.1,2,-30];\n",
         "{X 0.1, Y 2, Z -30, S 2, T 35}\n",
         "XP1={Z -30,X=0.1,Y: 2}\n",

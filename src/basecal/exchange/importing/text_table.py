@@ -270,6 +270,8 @@ def _listed_values(text: str, names: Sequence[str]) -> list[str] | None:
     if _KRL_FIELDS.search(text):
         return None
     lists = [found for part in re.split(r"[\[\](){}]", text) if (found := _LISTED_NUMBER.findall(part))]
+    if list(map(len, lists)) == [1, len(names)]:
+        return lists[1]  # behind the code of a reply, as xArm's `get_position` prints it
     for each in lists:
         values += each
         if len(values) >= len(names):
