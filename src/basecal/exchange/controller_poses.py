@@ -185,6 +185,10 @@ def _table_text(path: str, reading: Reading) -> str:
     text = read_table_text(path, "a table of poses")
     if reading.name == "ros" and (echoed := transform_rows(text)):
         return echoed
+    if text.lstrip().upper().startswith("/PROG"):
+        raise DatasetError(
+            path, "a FANUC program is not read: write its positions as a table, X, Y, Z, W, P, R in a row"
+        )
     if not is_job(text):
         return text
     if reading.name != "yaskawa":

@@ -75,7 +75,7 @@ def find_stops(tracks: Tracks) -> tuple[Stop, ...]:
 def explain_no_stop(tracks: Tracks) -> str:
     """Why no instant is still, in words, and what to do."""
     if not collect_looks(tracks):
-        return "there is no image, and no --view names a topic with poses or tags of a target: --list shows the topics"
+        return "there is no image, and no --view names a topic of poses or tags: --list shows the topics"
     do = "--streams takes all of it as it moves, each device by its own clock"
     rare = [name for name, track in tracks.robots.items() if _usual_gap(track) > _MOST_APART_S]
     if rare:
