@@ -321,5 +321,5 @@ def test_columns_of_joints_are_named_as_such(tmp_path: Path) -> None:
 def test_a_program_of_a_fanuc_is_named(tmp_path: Path) -> None:
     """Its positions go over several lines, which are no rows."""
     text = "/PROG  CALIB\n/POS\nP[1]{\n   GP1:\n\tX = 612.000  mm,\tY = 1.000  mm,\tZ = 2.000  mm,\n};\n/END\n"
-    with pytest.raises(DatasetError, match=r"a FANUC program is not read: write its positions as a table, X, Y, Z"):
+    with pytest.raises(DatasetError, match=r"a FANUC program is not read: write its positions as a table of X, Y, Z"):
         poses(tmp_path, text, Reading("fanuc"), "CALIB.LS")

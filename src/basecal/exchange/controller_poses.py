@@ -187,7 +187,7 @@ def _table_text(path: str, reading: Reading) -> str:
         return echoed
     if text.lstrip().upper().startswith("/PROG"):
         raise DatasetError(
-            path, "a FANUC program is not read: write its positions as a table, X, Y, Z, W, P, R in a row"
+            path, "a FANUC program is not read: write its positions as a table of X, Y, Z, W, P, R"
         )
     if not is_job(text):
         return text
