@@ -49,6 +49,37 @@ def test_an_arm_that_stood_still(tmp_path: Path) -> None:
     assert told.endswith(" --robot hand FILE --format FORMAT --still")
 
 
+@pytest.mark.parametrize(
+    ("importer", "urdf", "command"),
+    [
+        ("", None, "poses mycell --robot eye FILE --format FORMAT"),
+        ("arrays", None, "poses mycell --robot eye FILE --format FORMAT"),
+        ("images", "eye.urdf", "joints mycell --robot eye FILE"),
+        ("joints", "eye.urdf", "joints mycell --robot eye FILE"),
+        ("joints", None, "joints mycell --robot eye FILE --urdf URDF --base-link LINK --flange-link LINK"),
+        ("lerobot", "eye.urdf", "lerobot mycell --robot eye DATASET --unit UNIT"),
+        (
+            "lerobot",
+            None,
+            "lerobot mycell --robot eye DATASET --unit UNIT --urdf URDF --base-link LINK --flange-link LINK",
+        ),
+    ],
+)
+def test_another_arm_comes_by_the_importer_of_the_first(importer: str, urdf: str | None, command: str) -> None:
+    """Or as `cell.yaml` describes it: an arm with a URDF is recorded by joints."""
+    cell = replace(MADE.cell, robots={**MADE.cell.robots, "eye": replace(MADE.cell.robots["eye"], urdf=urdf)})
+    without_eye = Recording(
+        tuple(replace(each, robots={"hand": each.robots["hand"]}) for each in MADE.recording.samples)
+    )
+    told = next_step(cell, without_eye, Path("mycell"), importer=importer)
+    quantity = "poses" if "poses" in command else "joints"
+    assert told == f"next, {quantity} of eye: basecal import {command}"
+    later = [replace(each, sample=each.sample + 3) for each in without_eye.samples]
+    told = next_step(cell, Recording((*MADE.recording.samples, *later)), Path("mycell"), importer=importer)
+    still = "" if importer == "lerobot" else " --still"
+    assert told == f"next, where eye stood in sample 3 to 5: basecal import {command}{still}"
+
+
 def test_images_that_were_dropped_in_are_seen(tmp_path: Path) -> None:
     """They have the place where they would be copied to, and are imported from there."""
     dropped = tmp_path / "recording" / "images" / "wrist"

@@ -316,3 +316,10 @@ def test_columns_of_joints_are_named_as_such(tmp_path: Path) -> None:
     """A table of joints is none of poses."""
     with pytest.raises(DatasetError, match="these look like joints: record poses, or use basecal import joints"):
         poses(tmp_path, "A1,A2,A3,A4,A5,A6\n1,2,3,4,5,6\n", Reading("kuka"))
+
+
+def test_a_program_of_a_fanuc_is_named(tmp_path: Path) -> None:
+    """Its positions go over several lines, which are no rows."""
+    text = "/PROG  CALIB\n/POS\nP[1]{\n   GP1:\n\tX = 612.000  mm,\tY = 1.000  mm,\tZ = 2.000  mm,\n};\n/END\n"
+    with pytest.raises(DatasetError, match=r"a FANUC program is not read: write its positions as a table of X, Y, Z"):
+        poses(tmp_path, text, Reading("fanuc"), "CALIB.LS")

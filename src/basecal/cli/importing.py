@@ -57,12 +57,12 @@ def import_app() -> App:
     """The verb with a verb for each importer."""
     made = App(name="import", help=_HELP, help_format="plaintext")
     for place, (name, read) in enumerate(IMPORTERS.items()):
-        made.command(import_verb(read), name=name, sort_key=place)
+        made.command(import_verb(read, name), name=name, sort_key=place)
     return made
 
 
-def import_verb(read: Callable[..., Imported]) -> Callable[..., int]:
-    """A command with the parameters and the docstring of an importer, which brings in what that reads."""
+def import_verb(read: Callable[..., Imported], name: str = "") -> Callable[..., int]:
+    """A command with the parameters and the docstring of an importer of that name, which brings in what it reads."""
     declared = signature(read, eval_str=True)
     parameters = [_option(each) for each in declared.parameters.values() if each.name != _PROGRESS]
     parameters += [_REPLACE, _SESSION]
@@ -73,7 +73,7 @@ def import_verb(read: Callable[..., Imported]) -> Callable[..., int]:
         with counting("reading") as step:
             watched = {_PROGRESS: step} if _PROGRESS in declared.parameters else {}
             imported = read(cell, *sources, **options, **watched)
-        return finish_import(cell, imported, **manner)
+        return finish_import(cell, imported, name, **manner)
 
     verb.__doc__ = read.__doc__
     vars(verb)["__signature__"] = declared.replace(parameters=parameters, return_annotation=int)
@@ -97,12 +97,15 @@ def _option(parameter: Argument) -> Argument:
     return parameter.replace(annotation=kind)
 
 
-def finish_import(folder: Path, imports: Imported, replace: bool = False, session: bool = False) -> int:
+def finish_import(
+    folder: Path, imports: Imported, importer: str = "", replace: bool = False, session: bool = False
+) -> int:
     """The exit code, after all that was read is in the cell and reported; nothing is there if that fails.
 
     Args:
         folder: The cell, or where one is to be made.
         imports: What was read.
+        importer: By which importer.
         replace: Whether it stands in for what is recorded.
         session: Whether it makes samples of its own.
 
@@ -120,7 +123,7 @@ def finish_import(folder: Path, imports: Imported, replace: bool = False, sessio
         say(line)
     if brought.changed and not brought.is_new_cell:
         say(f"written into cell.yaml: {list_names(brought.changed)}")
-    missing = next_step(brought.cell, brought.recording, folder)
+    missing = next_step(brought.cell, brought.recording, folder, importer=importer)
     then = missing or f"next: basecal calibrate {quote_path(folder)}"
     if missing is None and (wrong := say_conventions(folder, brought.cell, brought.recording)):
         is_known = all(is_fixable(brought.cell, finding) for finding in wrong)

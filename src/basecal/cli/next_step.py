@@ -12,6 +12,8 @@ from basecal.errors import list_names
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Recording
 
+_BY_JOINTS = ("joints", "lerobot")  # importers of robots that are recorded by joints
+
 
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
     """The command to type after a calibration of a cell's folder."""
@@ -66,7 +68,25 @@ def _missing_robot(cell: Cell, recording: Recording) -> tuple[str, list[int]] | 
     return next(iter(missing.items()), None)
 
 
-def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = False) -> str | None:
+def _states_command(cell: Cell, place: str, robot: str, importer: str, still: bool = False) -> str:
+    """The command that imports where a robot was: by the importer of another one, or as `cell.yaml` describes it.
+
+    Args:
+        cell: What is there.
+        place: Its folder, as a shell takes it.
+        robot: Which robot.
+        importer: Name of the importer of what was imported last.
+        still: Whether the robot stood still.
+    """
+    kind = importer if importer in _BY_JOINTS else "poses" if cell.robots[robot].urdf is None else "joints"
+    model = "" if cell.robots[robot].urdf else " --urdf URDF --base-link LINK --flange-link LINK"
+    options = {"poses": "--format FORMAT", "joints": model[1:], "lerobot": f"--unit UNIT{model}"}[kind]
+    source = "DATASET" if kind == "lerobot" else "FILE"
+    session = " --still" if still and kind != "lerobot" else ""
+    return f"basecal import {kind} {place} --robot {robot} {source} {options}".rstrip() + session
+
+
+def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = False, importer: str = "") -> str | None:
     """The first of what is missing, and what to do; None if nothing is, so that it can be calibrated.
 
     Args:
@@ -74,6 +94,7 @@ def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = F
         recording: Likewise.
         folder: The cell's.
         by_scene: Whether it is calibrated from the static scene, which needs no target.
+        importer: Name of the importer of what was imported last.
     """
     from basecal.exchange.images import ENDINGS
 
@@ -83,11 +104,12 @@ def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = F
     seen = any(sample.images or sample.observations or sample.tracks for sample in recording.samples)
     silent = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
     if silent:
-        silent_names = list_names(silent)
-        return f"next, poses of {silent_names}: basecal import poses {place} --robot {silent[0]} FILE --format FORMAT"
+        command = _states_command(cell, place, silent[0], importer)
+        quantity = "poses" if " import poses " in command else "joints"
+        return f"next, {quantity} of {list_names(silent)}: {command}"
     if missing := _missing_robot(cell, recording):
         robot, numbers = missing
-        still = f"basecal import poses {place} --robot {robot} FILE --format FORMAT --still"
+        still = _states_command(cell, place, robot, importer, still=True)
         return f"next, where {robot} stood in sample {numbers[0]} to {numbers[-1]}: {still}"
     if not seen:
         camera = next(iter(cell.cameras))

@@ -182,6 +182,8 @@ def _table_text(path: str, reading: Reading) -> str:
     text = read_table_text(path, "a table of poses")
     if reading.name == "ros" and (echoed := transform_rows(text)):
         return echoed
+    if text.lstrip().upper().startswith("/PROG"):
+        raise DatasetError(path, "a FANUC program is not read: write its positions as a table of X, Y, Z, W, P, R")
     if not is_job(text):
         return text
     if reading.name != "yaskawa":

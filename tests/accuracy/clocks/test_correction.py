@@ -1,5 +1,6 @@
 """Answers with their clocks."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -79,6 +80,9 @@ def test_a_prior_that_is_contradicted_is_named() -> None:
     (finding,) = clock_findings(of, remaining_step(of, solution))
     assert (finding.code, finding.severity) == ("prior-contradicted", "warning")
     assert "clock of wrist" in finding.message
+    assert re.fullmatch(
+        r".*write `clock: \{status: free, offset_s: 0\.0[23]\d*\}` at wrist in cell\.yaml\.", finding.do[0]
+    )
 
 
 def test_a_calibration_of_streams_is_true_and_says_its_clock() -> None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.touch_cells import MARKS, recorded, touch_cell, touch_lines
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.prior_contradicted import contradicted_priors
+from basecal.accuracy.fixing.offers import offered_places
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -22,7 +25,7 @@ def test_true_priors_are_not_contradicted(intrinsics):
     """Over ten cells whose priors were drawn as stated no finding is made: by chance once in 250 such tests."""
     for seed in range(10):
         s = simulate(replace(TOLD, intrinsics=intrinsics), seed)
-        assert contradicted_priors(solve(s.cell, s.recording)) == []
+        assert contradicted_priors(s.cell, solve(s.cell, s.recording)) == []
 
 
 def test_a_wrong_prior_is_named():
@@ -45,4 +48,51 @@ def test_a_prior_of_which_the_data_say_nothing_is_not_judged():
     (camera,) = s.cell.cameras.values()
     mount = replace(camera.mount, mean=camera.mount.mean @ SE3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
     cell = replace(s.cell, cameras={camera.name: replace(camera, mount=mount)})
-    assert contradicted_priors(solve(cell, s.recording)) == []
+    assert contradicted_priors(cell, solve(cell, s.recording)) == []
+
+
+def test_a_wrong_prior_of_a_lens_is_named():
+    """Focal lengths stated 60 px too long, with 5 px: `fix` frees the lens."""
+    s = simulate(Scenario(samples=12, intrinsics="prior"), 1)
+    wrist = s.cell.cameras["wrist"]
+    longer = replace(wrist.intrinsics.camera, parameters=wrist.intrinsics.camera.parameters + np.eye(9)[0] * 60)
+    cell = replace(s.cell, cameras={"wrist": replace(wrist, intrinsics=replace(wrist.intrinsics, camera=longer))})
+    (told,) = contradicted_priors(cell, solve(cell, s.recording))
+    assert told.about == ("wrist",)
+    assert "sigmas away from the prior of the lens of wrist." in told.what
+    assert told.do[-1] == "`basecal fix CELL` makes it free."
+
+
+@pytest.mark.parametrize(("kind", "faults", "sigmas"), [
+    ("joint_offsets", {"joint_offset_rad": 0.02}, {"sigma_rad": 0.002}),
+    ("link_parameters", {"link_error": (2e-3, 2e-3)}, {"sigma_rad": 2e-4, "sigma_m": 2e-4}),
+])  # fmt: skip
+def test_wrong_priors_of_robots_are_named_with_wider_ones(kind, faults, sigmas):
+    """A tenth of the true sigmas: the line to write has as many times the sigma as the answer is away, at least two."""
+    s = simulate(Scenario(samples=30, joints=True, **faults, **{kind: "prior"}), 1)
+    robots = {}
+    for name, robot in s.cell.robots.items():
+        narrow = robot.parameters[kind].model_copy(update=sigmas)
+        robots[name] = replace(robot, parameters={**robot.parameters, kind: narrow})
+    cell = replace(s.cell, robots=robots)
+    found = contradicted_priors(cell, solve(cell, s.recording))
+    assert {told.about for told in found} == {("eye",), ("hand",)}
+    for told in found:
+        (robot,) = told.about
+        (away,) = re.findall(rf"up to ([\d.]+) sigmas away from the prior of {kind} of {robot}\.", told.what)
+        factor = max(2, np.ceil(float(away)))
+        wider = {key: pytest.approx(factor * sigma, rel=0.06) for key, sigma in sigmas.items()}
+        assert offered_places(cell, told) == {("robots", robot, kind): {"status": "prior", **wider}}
+
+
+def test_what_has_no_entry_of_its_own_is_not_freed():
+    """A mark of a plate that is 3 mm off: no fix is promised."""
+    points = {**{name: place.tolist() for name, place in MARKS.items()}, "mark_d": [0.5, 0.0, 0.1]}
+    wrong = {**points, "mark_b": [points["mark_b"][0] + 3e-3, *points["mark_b"][1:]]}
+    cell = touch_cell((), marks={"plate": {"points_m": wrong}})
+    places = {name: np.array(place) for name, place in points.items()}
+    told = contradicted_priors(
+        cell, solve(cell, recorded(cell, touch_lines(np.random.default_rng(0), 40, 1e-4, places)))
+    )
+    assert any(finding.about == ("plate_from_mark_b",) for finding in told)
+    assert all("basecal fix" not in finding.message for finding in told)

@@ -155,3 +155,16 @@ def test_a_target_is_put_on_the_arm_that_carries_it() -> None:
     change = change_of_hypothesis(BOARD.recording, reading, hypothesis)
     assert change.samples is None
     assert change.cell == {("targets", "board", "on"): "hand", ("targets", "board", "mount"): {"status": "free"}}
+
+
+def test_a_prior_that_is_inverted_keeps_its_sigmas() -> None:
+    """A mount stated the wrong way round is turned round in its line of `cell.yaml`."""
+    known = Unknown("prior", SE3.from_rpy([0.1, 0.2, 0.3], [0.05, 0, 0.08]), np.repeat([1e-3, 1e-2], 3))
+    cell = BOARD.cell.with_transform("eye_flange_from_wrist", known)
+    reading = declared(cell, BOARD.recording)
+    inverted = [each for each in rare_hypotheses(reading) if each.code == "transform-inverted"]
+    (hypothesis,) = (each for each in inverted if each.about == ("eye_flange_from_wrist",))
+    entry = change_of_hypothesis(BOARD.recording, reading, hypothesis).cell["cameras", "wrist", "mount"]
+    assert entry["status"] == "prior"
+    assert entry["sigma_t_m"] == 1e-3
+    np.testing.assert_allclose(entry["t_m"], known.mean.inverse().translation, atol=1e-12)

@@ -114,6 +114,22 @@ def test_transform_is_freed(code: str) -> None:
     assert cure.change.cell == {("cameras", "wrist", "mount"): {"status": "free"}}
 
 
+def test_the_prior_of_a_lens_is_freed() -> None:
+    """By the camera that the finding is about; a line that is offered beside it is the only cure."""
+    made = simulate(Scenario(samples=9, intrinsics="prior"), 2)
+    what = "The answer is up to 14.1 sigmas away from the prior of the lens of wrist."
+    lens, clock = cures_of(
+        Finding("prior-contradicted", "warning", ("wrist",), what),
+        Finding(
+            "prior-contradicted", "warning", ("wrist",), "Late.", ("Write `clock: {status: free, offset_s: 0.02}`.",)
+        ),
+        cell=made.cell,
+    )
+    assert lens.words == "Free the lens of wrist."
+    assert lens.change.cell["cameras", "wrist", "intrinsics"]["status"] == "free"
+    assert clock.change.cell == {("cameras", "wrist", "clock"): {"status": "free", "offset_s": 0.02}}
+
+
 def test_what_only_informs_and_what_has_no_cure() -> None:
     """An info has none, nor has a finding that no file can undo."""
     info = Finding("outlier-samples", "info", ("3",), "Sample 3 was left out as an outlier.")

@@ -246,6 +246,18 @@ def test_what_a_quick_look_cannot_tell_is_left_out_of_it(monkeypatch):
     assert surviving(monkeypatch, [0.02] * 3, among, made=still) == (["hand", "exchanged"], 3)
 
 
+@pytest.mark.parametrize(("off", "facts", "explains"), [
+    (np.full(10, 0.01), (), True),
+    (np.repeat([0.01, 0.1], [7, 3]), (), False),  # a session of three samples stays unexplained
+    (np.full(10, 0.01), ("a fact",), False),
+])  # fmt: skip
+def test_what_leaves_a_session_unexplained_ends_no_search(off, facts, explains):
+    """A hypothesis that explains all and contradicts no fact does."""
+    solution = SimpleNamespace(converged=True, cost=1.0, noise=SimpleNamespace(estimated=("pose_m",)))
+    tried = TriedHypothesis(hypothesis("inverted"), HypothesisFit(solution, off, np.arange(10), False), facts)
+    assert conventions._explains_all(tried) is explains
+
+
 def test_a_hypothesis_is_out_of_the_race_at_twice_the_declared_error(monkeypatch):
     """So much it is told that its error may be; nothing is fitted where a fact stands against it."""
     limits = []

@@ -133,7 +133,7 @@ def test_of_folds_each_predicts_its_own_views(monkeypatch):
     groups = [SimpleNamespace(off=off, sample=np.array([off + 1])) for off in (10, 20)]
     refits = [SimpleNamespace(optimum=SimpleNamespace(state=k), views=SimpleNamespace(groups=groups)) for k in (1, 2)]
     monkeypatch.setattr(module, "instant_split", lambda problem, count: split if problem == "parted" else None)
-    monkeypatch.setattr(module, "refit_folds", lambda problem, state, folds, steps, prediction_problem: refits)
+    monkeypatch.setattr(module, "refit_folds", lambda problem, state, folds, prediction_problem: refits)
     monkeypatch.setattr(module, "view_errors", lambda problem, group, state: np.array([group.off + state]))
     solution = SimpleNamespace(problem=None, state=None)
     assert module._held_out_errors("whole", solution) is None

@@ -56,5 +56,5 @@ def test_more_lines_than_a_recording_holds() -> None:
 
 
 def test_no_stop() -> None:
-    with pytest.raises(InputError, match=r"no image .*: --streams"):
+    with pytest.raises(InputError, match=r"no image, and no --view names a topic .*: --list shows"):
         still_instants(Tracks({"arm": ARM}, {}, {}), "x")

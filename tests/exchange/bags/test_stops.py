@@ -72,7 +72,7 @@ def test_poses_are_averaged_on_their_manifold() -> None:
 
 def test_why_there_is_none() -> None:
     assert "recorded every 1 s" in explain_no_stop(tracks(rate=1.0))
-    assert "no image" in explain_no_stop(tracks(images=np.array([])))
+    assert "no --view names a topic of poses or tags" in explain_no_stop(tracks(images=np.array([])))
     assert "no robot is at rest" in explain_no_stop(tracks(images=np.array([1.5])))
 
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.errors import InputError
+from basecal.errors import DatasetError, InputError
 from basecal.exchange.hand_eye.arrays import read_record_of_arrays, record_of_arrays
 from basecal.geometry import SE3
 
@@ -121,6 +121,24 @@ def test_other_names() -> None:
     """Arrays under other names are refused with those that are known."""
     with pytest.raises(InputError, match="holds R_a, t_a, expected R_gripper2base, t_gripper2base, R_target2cam"):
         record_of_arrays(_arrays("a"), "test")
+
+
+def test_no_pose_at_all() -> None:
+    """Arrays of length zero are named so, in whatever shape."""
+    arrays = {name: each[:0] for name, each in _arrays("gripper2base", "target2cam").items()}
+    with pytest.raises(InputError, match="R_gripper2base is empty, expected a pose for each sample"):
+        record_of_arrays(arrays, "test")
+
+
+def test_what_is_wrong_in_a_file_is_said_with_its_name(tmp_path: Path) -> None:
+    """Once, also where a message begins with it."""
+    path = tmp_path / "a.npz"
+    bad = {name: each * np.nan for name, each in _arrays("gripper2base", "target2cam").items()}
+    for arrays, words in ((bad, "R_gripper2base holds NaN or infinity"), ({"a": np.ones(3)}, "holds a, expected ")):
+        np.savez(path, **arrays)
+        with pytest.raises(DatasetError) as raised:
+            read_record_of_arrays(path, True, 1.0)
+        assert str(raised.value).startswith(f"{path}: {words}")
 
 
 def test_one_array_for_two() -> None:

@@ -41,7 +41,7 @@ def test_the_option_of_the_unit_is_named(tmp_path: Path, capsys: pytest.CaptureF
     _saved(tmp_path / "poses.npz", **in_mm)
     words = ["import", "arrays", str(tmp_path / "cell"), str(tmp_path / "poses.npz")]
     assert main(words) == 3
-    assert "lengths are read in m: check --unit, then --camera-on" in capsys.readouterr().err
+    assert "all lengths are read in m: check --unit, or convert arrays of another unit;" in capsys.readouterr().err
     assert main([*words, "--unit", "mm"]) == 0
 
 

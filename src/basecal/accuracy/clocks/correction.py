@@ -76,7 +76,9 @@ def clock_findings(search: Clocked, step: ClockStep) -> list[Finding]:
             stated = f"{1e6 * known.offset_s:.2f} us" if is_line else f"{1e3 * known.offset_s:.1f} ms"
             sigmas = abs(offset - known.offset_s) / known.sigma_s
             what = f"{which} is {is_at}, {sigmas:.1f} sigma from its prior of {stated}."
-            do = ("Check the prior, or set its status to free.",)
+            kind, value = ("rolling_shutter", "line_time_s") if is_line else ("clock", "offset_s")
+            entry = f"`{kind}: {{status: free, {value}: {offset:.3g}}}`"
+            do = (f"Check the prior, or write {entry} at {device} in cell.yaml.",)
             findings.append(Finding("prior-contradicted", "warning", (device,), what, do))
     return findings
 

@@ -2,53 +2,75 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
-
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.fixing.places import transform_place
 from basecal.accuracy.model_comparison.nested_models import compare_nested_models
-from basecal.cell import Finding
+from basecal.cell import Cell, Finding, Parameters
 from basecal.estimation.least_squares.normal_equations import prior_residuals
+from basecal.estimation.problem.problem import Problem
 from basecal.estimation.problem.stated_lens import is_stated
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 from basecal.numerics.spectral import Spectrum, scaled_spectrum, spectrum
 
+# Of sigmas that are too small, where many parameters are each little off; assumed.
+_LEAST_WIDENING = 2.0
 # Share of a variance that the data take away, below which second-order terms move as much; assumed.
 _LEARNT_SHARE = 1e-3
 
 
 def prior_contradicted(evidence: Evidence) -> list[Finding]:
-    """Warnings, see `contradicted_priors`."""
-    lenses = {name for name, camera in evidence.cell.cameras.items() if is_stated(camera.intrinsics)}
-    return contradicted_priors(evidence.solution, lenses)
+    """A finding for each prior that is further from the answer than chance allows, once in 10,000 times."""
+    return contradicted_priors(evidence.cell, evidence.solution)
 
 
-def contradicted_priors(solution: Solution, exclusions: Set[str] = frozenset()) -> list[Finding]:
-    """A finding for each prior that is further from the answer than chance allows, once in 10,000 times.
+def contradicted_priors(cell: Cell, solution: Solution) -> list[Finding]:
+    """A warning about each prior of a solution that the data contradict.
 
     The answer differs from the mean of a true prior by a normal error. Its covariance is the prior's less the answer's,
     in directions that the data show at all. Source: Bar-Shalom et al. 2001 (normalised innovation squared).
-
-    Args:
-        solution: The solution.
-        exclusions: Cameras whose lenses nobody stated a prior of.
     """
-    found = []
+    found, names = [], {(of.start, of.stop): name for name, of in solution.problem.columns.items()}
     for residual, jacobian, where in prior_residuals(solution.problem, solution.state):
-        name = next(n for n, c in solution.problem.columns.items() if c == where)
-        if name in exclusions or (name in solution.problem.lenses and solution.problem.lenses[name].status == "free"):
-            continue  # what is known of lenses in general was not stated by anyone
+        name = names[where.start, where.stop]
+        if _is_of_general_knowledge(cell, name):
+            continue
         after = jacobian @ solution.observability.inverse[where, where] @ jacobian.T
         learnt = informed_spectrum(innovation(after, np.ones(len(residual))))
         off = float(learnt.squared_mahalanobis(residual)) / max(solution.noise.factor, 1.0)
         if compare_nested_models(name, off, int(learnt.rank)).is_taken:
-            what = f"The answer is up to {np.abs(residual).max():.1f} sigmas away from the prior of {name}."
-            why, do = "That is more than chance explains.", ("State larger sigmas or a better value, or make it free.",)
-            fix = ("`basecal fix CELL` makes it free.",) if name in solution.problem.unknowns else ()
-            found.append(Finding("prior-contradicted", "warning", (name,), what, (*do, *fix), why))
+            found.append(_make_finding(cell, solution.problem, name, float(np.abs(residual).max())))
     return found
+
+
+def _is_of_general_knowledge(cell: Cell, name: str) -> bool:
+    """Whether a prior is that of any lens of its kind, which nobody stated."""
+    lens = cell.cameras[name].intrinsics if name in cell.cameras else None
+    return lens is not None and (lens.status == "free" or is_stated(lens))
+
+
+def _make_finding(cell: Cell, problem: Problem, name: str, sigmas: float) -> Finding:
+    """The finding about the prior of a transform, of a lens by its camera, or of a robot's parameters of a kind."""
+    about, subject = name, f"the lens of {name}" if name in cell.cameras else name
+    do: tuple[str, ...] = ("State larger sigmas or a better value, or make it free.",)
+    if name in cell.cameras or transform_place(cell, name) is not None:
+        do += ("`basecal fix CELL` makes it free.",)
+    for robot, model in problem.models.items():
+        if kind := model.names.get(name):
+            about, subject = robot, f"{kind} of {robot}"
+            do = (f"Write {_wider_entry(kind, model.stated[kind], sigmas)} at {robot} in cell.yaml.",)
+    what = f"The answer is up to {sigmas:.1f} sigmas away from the prior of {subject}."
+    return Finding("prior-contradicted", "warning", (about,), what, do, "That is more than chance explains.")
+
+
+def _wider_entry(kind: str, parameters: Parameters, sigmas: float) -> str:
+    """The entry of parameters in `cell.yaml` with sigmas that hold a value so many sigmas away."""
+    factor = max(_LEAST_WIDENING, np.ceil(sigmas))
+    fields = parameters.model_dump(exclude_defaults=True)
+    wider = {key: float(f"{factor * value:.2g}") if key.startswith("sigma") else value for key, value in fields.items()}
+    return f"`{kind}: {{{', '.join(f'{key}: {value}' for key, value in wider.items())}}}`"
 
 
 def innovation(covariance: Array, wider: Array) -> Array:

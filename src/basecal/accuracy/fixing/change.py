@@ -50,8 +50,7 @@ def change_of_hypothesis(recording: Recording, reading: Reading, hypothesis: Con
         return Change(_pair_samples(recording, reading, hypothesis))
     result = hypothesis.reread(reading)
     cell = change_cell(reading.cell, result.cell)
-    has_prior = any(isinstance(value, dict) and value["status"] == "prior" for value in cell.values())
-    if has_prior or any(_is_unwritable(*both) for both in _groups(reading, result)):
+    if any(_is_unwritable(*both) for both in _groups(reading, result)):
         return None
     samples = _with_values(recording, reading, result)
     return Change(None if all(a is b for a, b in zip(samples, recording.samples, strict=True)) else samples, cell)

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
-from basecal.accuracy.fixing.change import Change, change_carriers, change_cell, change_of_hypothesis
+from basecal.accuracy.fixing.change import Change, change_carriers, change_of_hypothesis
 from basecal.accuracy.fixing.offers import offered_places
+from basecal.accuracy.fixing.places import free_lens, free_transform
 from basecal.accuracy.input_check.conventions import every_hypothesis
-from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, free_lens
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
 from basecal.accuracy.readings.carriers import describe_carriers
 from basecal.accuracy.readings.reading import Reading, as_recorded
-from basecal.cell import Calibration, Cell, Finding, Recording, Unknown
+from basecal.cell import Calibration, Cell, Finding, Recording
 from basecal.errors import BasecalError, sentence
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import STATED
 from basecal.estimation.solve import solve_problem
-from basecal.fields.problems import field_name
+from basecal.fields.problems import Loc, field_name
 
+_OF_STATED = ("intrinsics", "fixed-contradicted", "prior-contradicted")  # findings about a lens or a transform
 _FITTED = 40  # samples: more than the 16 of `benchmarks.slips`, which holds the cures
 
 
@@ -103,19 +106,21 @@ def _claim(hypothesis: ConventionHypothesis) -> str:
 
 def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, finding: Finding) -> Iterator[Cure]:
     """Cures of a finding that names samples, a lens, a transform, or a line to write."""
-    lenses = {name: camera.intrinsics for name, camera in cell.cameras.items() if camera.intrinsics is not None}
-    for name in finding.about:
-        if finding.code == "intrinsics" and name in lenses and lenses[name].status == "fixed":
-            yield Cure(finding, f"Free the lens of {name}.", Change(cell=change_cell(cell, free_lens(cell, name))))
-        elif finding.code in ("fixed-contradicted", "prior-contradicted") and name in cell.transforms:
-            freed = cell.with_transform(name, Unknown())
-            yield Cure(finding, f"Free {name}.", Change(cell=change_cell(cell, freed)))
     if places := offered_places(cell, finding):
         told = ", ".join(f"{field_name(place)}: {value}" for place, value in places.items())
         yield Cure(finding, f"Write {told}.", Change(cell=places))
+    for name in finding.about if not places and finding.code in _OF_STATED else ():
+        if freed := _freed_entry(cell, name):
+            yield Cure(finding, f"Free {'the lens of ' if name in cell.cameras else ''}{name}.", Change(cell=freed))
     if finding.code == "outlier-samples":
         left_out = {outlier.sample for outlier in calibration.outliers or () if not outlier.ids}
         kept = tuple(sample for sample in recording.samples if sample.sample not in left_out)
         if left_out:
             numbers = ", ".join(map(str, sorted(left_out)))
             yield Cure(finding, f"Leave out samples {numbers}.", Change(samples=kept))
+
+
+def _freed_entry(cell: Cell, name: str) -> dict[Loc, Any]:
+    """The entry of `cell.yaml` that frees a stated lens, by its camera, or a transform; none if there is none."""
+    lens = cell.cameras[name].intrinsics if name in cell.cameras else None
+    return free_transform(cell, name) if lens is None or lens.status == "free" else free_lens(cell, name)

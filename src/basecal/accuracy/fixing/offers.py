@@ -12,6 +12,7 @@ from basecal.fields.problems import Loc
 
 _OFFER = re.compile(r"\b[Ww]rite (`[a-z_]+: .+)")
 _LINE = re.compile(r"`([a-z_]+: [^`]+)`")
+_OF_CAMERAS = ("clock", "rolling_shutter")  # findings about a camera may offer lines of its target
 _COMMAND = "`basecal fix "
 
 
@@ -25,14 +26,16 @@ def is_fixable(cell: Cell, finding: Finding) -> bool:
 def offered_places(cell: Cell, finding: Finding) -> dict[Loc, Any]:
     """The lines that a finding offers, by their places in `cell.yaml`; empty if it offers none.
 
-    They are of the targets and robots that the sentence quotes, else of those that the finding is about.
+    They are of the targets, robots and cameras that the sentence quotes, else of those that the finding is about.
     """
-    places = {name: (kind, name) for kind, of in (("targets", cell.targets), ("robots", cell.robots)) for name in of}
+    kinds = {"cameras": cell.cameras, "targets": cell.targets, "robots": cell.robots}
+    places = {name: (kind, name) for kind, of in kinds.items() for name in of}
     for text in (*finding.do, finding.why, finding.what):
         if lines := _offered_lines(text):
             quoted = [name for name in places if repr(name) in text]
             owners = quoted or [name for name in finding.about if name in places]
-            return {(*places[name], key): value for name in owners for key, value in lines.items()}
+            found = {(*places[name], key): value for name in owners for key, value in lines.items()}
+            return {place: found[place] for place in found if place[0] != "cameras" or place[2] in _OF_CAMERAS}
     return {}
 
 

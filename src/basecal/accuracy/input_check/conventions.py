@@ -189,25 +189,34 @@ def _try_hypotheses(baseline: Reading, as_is: TriedHypothesis, settings: Setting
         surviving = [(hypothesis, {}) for hypothesis in common if not hypothesis.nested]
     for hypothesis, fits in surviving:
         found += _try(baseline, hypothesis, settings, (fits, lenses), as_is)
-    if any(plausible(each.fit) and not each.impossible and each.compare(as_is.fit).is_taken for each in found):
+    if any(_explains_all(each) and each.compare(as_is.fit).is_taken for each in found):
         return found
     if not _is_explained(as_is.fit):
         wider = [hypothesis for hypothesis in common if hypothesis.nested]
         for hypothesis in [*wider, *size_hypotheses(baseline.thin(_SOLVED), known)]:
             found += _try(baseline, hypothesis, settings, known, as_is)
-    if has_tail(as_is.fit) or not any(plausible(each.fit) and not each.impossible for each in (as_is, *found)):
+    if has_tail(as_is.fit) or not (_is_possible(as_is) or any(map(_explains_all, found))):
         moving = [name for name, track in baseline.tracks.items() if track.moves]
         for hypothesis, fits in pairing_errors(baseline, lenses, streams(moving)):
             found += _try(baseline, hypothesis, settings, (fits, lenses), as_is)
         for hypothesis in half_turns(baseline):
             found += _try(baseline, hypothesis, settings, None, as_is)
-    if any(plausible(each.fit) and not each.impossible for each in (as_is, *found)):
+    if _is_possible(as_is) or any(map(_explains_all, found)):
         return found
     if unexplained_motion(as_is.fit.solution.problem, known) > _ODD:
         rare = yield from _surviving(baseline, lenses, rare_hypotheses(baseline))
         for hypothesis, fits in rare:
             found += _try(baseline, hypothesis, settings, (fits, lenses), as_is)
     return found
+
+
+def _is_possible(trial: TriedHypothesis) -> bool:
+    return plausible(trial.fit) and not trial.impossible
+
+
+def _explains_all(trial: TriedHypothesis) -> bool:
+    """Whether no session is left unexplained: one of two may fit under a hypothesis that is wrong."""
+    return _is_possible(trial) and not has_tail(trial.fit)
 
 
 def every_hypothesis(baseline: Reading, state: State, settings: Settings) -> list[ConventionHypothesis]:

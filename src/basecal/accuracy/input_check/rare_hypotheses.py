@@ -267,11 +267,7 @@ def _rotation_hypotheses(
         # Two lists of angles give one rotation. The middle one of three axes is usually within a quarter turn.
         of_three_axes = all(len(set(_LISTINGS[each])) == len("xyz") for each in (meant, read))
         choices = (
-            (_first, _nearest_lists)
-            if not _LISTINGS[read]
-            else (_first,)
-            if of_three_axes
-            else (_first, _second_column, _shorter_vectors)
+            (_first, _nearest) if not _LISTINGS[read] else (_first,) if of_three_axes else (_first, _second, _shorter)
         )
         for choose in choices:
             yield ConventionHypothesis(
@@ -302,36 +298,37 @@ def _with_axes(axes: Array) -> PoseMap:
     return lambda poses: SE3(poses.rotation, poses.translation @ axes)
 
 
-def _relist_rotations(convention: str, read: str, choose: Callable[[Array], Array]) -> PoseMap:
+def _relist_rotations(convention: str, read: str, choose: Callable[[Array, Array], IntArray]) -> PoseMap:
     def relist(poses: SE3) -> SE3:
         """The poses whose three numbers, listed as `meant`, were read as `read`."""
-        numbers = choose(_numbers(poses.rotation, read))
-        of_numbers = scipy.spatial.transform.Rotation
-        turned = of_numbers.from_euler(convention, numbers) if convention else of_numbers.from_rotvec(numbers)
-        return replace(poses, rotation=turned.as_matrix())
+        numbers = _numbers(poses.rotation, read)
+        of_numbers, flat = scipy.spatial.transform.Rotation, numbers.reshape(-1, 3)
+        turned = of_numbers.from_euler(convention, flat) if convention else of_numbers.from_rotvec(flat)
+        rotations = turned.as_matrix().reshape(*numbers.shape, 3)
+        return replace(poses, rotation=rotations[np.arange(len(numbers)), choose(numbers, rotations)])
 
     return relist
 
 
-def _first(numbers: Array) -> Array:
-    return numbers[:, 0]
+def _first(numbers: Array, rotations: Array) -> IntArray:
+    return np.zeros(len(numbers), dtype=np.int64)
 
 
-def _second_column(numbers: Array) -> Array:
-    return numbers[:, 1]
+def _second(numbers: Array, rotations: Array) -> IntArray:
+    return np.ones(len(numbers), dtype=np.int64)
 
 
-def _nearest_lists(numbers: Array) -> Array:
-    """The list of each rotation that is nearest to those of the others: arms move about a home, and lists with them."""
-    centres = numbers[:_CENTRES].reshape(-1, 3)
-    off = np.abs(_wrap_angles(numbers[None] - centres[:, None, None])).sum(-1)
-    best = off[np.argmin(off.min(axis=2).sum(axis=1))]
-    chosen: Array = numbers[np.arange(len(numbers)), np.argmin(best, axis=1)]
+def _shorter(numbers: Array, rotations: Array) -> IntArray:
+    chosen: IntArray = np.argmin(lengths(numbers), axis=1)
     return chosen
 
 
-def _shorter_vectors(numbers: Array) -> Array:
-    chosen: Array = numbers[np.arange(len(numbers)), np.argmin(lengths(numbers), axis=1)]
+def _nearest(numbers: Array, rotations: Array) -> IntArray:
+    """The list of each rotation that is nearest to those of the others: arms move about a home."""
+    centres = rotations[:_CENTRES].reshape(-1, 3, 3)
+    traces = np.einsum("cij,nkij->cnk", centres, rotations)  # 1 + 2 cos of the angle between two
+    angles = np.arccos(np.clip((traces - 1) / 2, -1, 1))
+    chosen: IntArray = np.argmin(angles[np.argmin(angles.min(axis=2).sum(axis=1))], axis=1)
     return chosen
 
 

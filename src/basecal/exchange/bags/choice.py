@@ -131,7 +131,13 @@ def _view(bag: Bag, tree: Tree, target: str, words: str, cell: Cell | None) -> B
     if kind != TAGS:
         return _parse_choice(bag, tree, words)
     if shape is None or shape.tags is None:
-        raise InputError(f"{words} holds corners of tags: {target!r} must be in cell.yaml, with the sizes of its tags")
+        known = [name for name, each in (cell.targets if cell else {}).items() if each.target and each.target.tags]
+        do = (
+            f"there is {list_names(known)}"
+            if known
+            else "basecal new CELL --target apriltag --tag N --square SIZE writes one"
+        )
+        raise InputError(f"{words} holds corners of tags: {target!r} must be in cell.yaml, with tag sizes; {do}")
     return ByTags(words, shape.tags)
 
 

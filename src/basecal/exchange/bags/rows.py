@@ -26,9 +26,7 @@ def still_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
     """
     stops = find_stops(tracks)
     if not stops:
-        raise InputError(
-            f"{path}: {explain_no_stop(tracks)}: --streams takes all of it as it moves, each device by its own clock"
-        )
+        raise InputError(f"{path}: {explain_no_stop(tracks)}")
     return stops
 
 

@@ -74,14 +74,15 @@ def find_stops(tracks: Tracks) -> tuple[Instant, ...]:
 
 
 def explain_no_stop(tracks: Tracks) -> str:
-    """Why no instant is still, in words."""
+    """Why no instant is still, in words, and what to do."""
     if not collect_looks(tracks):
-        return "there is no image and no pose of a target"
+        return "there is no image, and no --view names a topic of poses or tags: --list shows the topics"
+    do = "--streams takes all of it as it moves, each device by its own clock"
     rare = [name for name, track in tracks.robots.items() if _usual_gap(track) > _MOST_APART_S]
     if rare:
         gap = _usual_gap(tracks.robots[rare[0]])
-        return f"{rare[0]} was recorded every {gap:.2g} s, and {_MOST_APART_S} s or less would show that it rests"
-    return f"no robot is at rest for {2 * _AROUND_S} s around an image"
+        return f"{rare[0]} was recorded every {gap:.2g} s, and {_MOST_APART_S} s or less would show that it rests: {do}"
+    return f"no robot is at rest for {2 * _AROUND_S} s around an image: {do}"
 
 
 def _usual_gap(track: Track) -> float:

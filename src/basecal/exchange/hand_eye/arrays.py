@@ -103,7 +103,10 @@ def read_record_of_arrays(path: str | Path, camera_on_robot: bool | None, metres
         if not isinstance(data, dict):
             raise DatasetError(name, "expected a mapping of arrays by OpenCV's names, such as R_gripper2base")
         arrays = {key: _plain_matrices(value) for key, value in data.items()}
-    return record_of_arrays(arrays, name, camera_on_robot is not False, metres)
+    try:
+        return record_of_arrays(arrays, name, camera_on_robot is not False, metres)
+    except InputError as error:
+        raise DatasetError(name, str(error).removeprefix(f"{name}: ")) from None
 
 
 def _plain_matrices(value: Any) -> Any:
@@ -158,6 +161,8 @@ def _numbers(arrays: Mapping[str, ArrayLike], key: str, shapes: tuple[tuple[int,
         raise InputError(f"{key} is no array of numbers: its entries differ in shape, or are none") from None
     if is_complex:
         raise InputError(f"{key} is a complex array, expected real numbers")
+    if not values.size:
+        raise InputError(f"{key} is empty, expected a pose for each sample")
     if values.shape[1:] == (9,) and (3, 3) in shapes:
         values = values.reshape(-1, 3, 3)
     if values.ndim == 3 and 1 in values.shape[1:]:

@@ -59,5 +59,5 @@ def read_array_file(
         """The record, given what cell or user say."""
         return read_record_of_arrays(file, camera_on_robot, unit_length_m(unit))
 
-    advice = f"lengths are read in {unit}: check --unit, then --camera-on"
+    advice = f"all lengths are read in {unit}: check --unit, or convert arrays of another unit; then check --camera-on"
     return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target, hand=hand, advice=advice)

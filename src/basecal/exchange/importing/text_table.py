@@ -30,6 +30,7 @@ _KRL_FIELDS = re.compile(r"\{\s*[A-Za-z]\w*\s")  # numbers that all have names, 
 _URSCRIPT_POSE = re.compile(r"\bp\[")  # without the p it lists joints
 # Lines that state a pose, by a bracket in front or by a word of URScript, RAPID or KRL.
 _POSE_CLAIM = re.compile(r"^[\[({]|\bp\[|\brobtarget\b.*:=|\b(?:E6POS|POS|FRAME)\b.*=", re.IGNORECASE)
+_BRACKETED = re.compile(r"\[[^\[\](){}]*\]|\{[^\[\](){}]*\}|\([^\[\](){}]*\)")  # without other brackets in them
 _UNIT_CELL = re.compile(r"(?:mm|m|inch|in|deg|rad|°|s|)")
 _SUMMARY = re.compile(
     r"(?:mittel(?:wert)?|average|mean|avg|sum|total|summe|min|max|std|stdev|median|standardabweichung)\W*",
@@ -237,8 +238,11 @@ def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path
 
 
 def _is_plain_row(line: str, count: int) -> bool:
-    """Whether a line without brackets holds as many numbers."""
-    return not _brackets(line) and sum(map(_is_number, re.split(r"[;,\s]+", line))) >= count
+    """Whether a line holds as many numbers without brackets; in these may be the number of a point, as in `P[1]`."""
+    closed, rest = " ".join(_BRACKETED.findall(line)), _BRACKETED.sub("", line)
+    opened = _brackets(rest) or ""
+    numbers = filter(_is_number, re.split(r"[;,\s]+", rest.removesuffix(opened)))
+    return len(_LISTED_NUMBER.findall(f"{closed} {opened}")) < count <= len(list(numbers))
 
 
 def _brackets(line: str) -> str | None:
@@ -269,6 +273,8 @@ def _listed_values(text: str, names: Sequence[str]) -> list[str] | None:
     if _KRL_FIELDS.search(text):
         return None
     lists = [found for part in re.split(r"[\[\](){}]", text) if (found := _LISTED_NUMBER.findall(part))]
+    if list(map(len, lists)) == [1, len(names)]:
+        return lists[1]  # behind the code of a reply, as xArm's `get_position` prints it
     for each in lists:
         values += each
         if len(values) >= len(names):
