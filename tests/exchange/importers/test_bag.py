@@ -173,7 +173,7 @@ def by_tf(simulated: SimulatedCell, tmp_path_factory: pytest.TempPathFactory) ->
         (["--robot", "eye"], 2, "--robot eye: expected NAME=BASE,FLANGE"),
         (["--robot", "eye=a,b", "eye=a,b"], 2, "given twice"),
         (["--view", "wrist=/wrist/board"], 2, "expected CAMERA,TARGET=/TOPIC"),
-        ([], 3, "there is no image and no pose of a target"),
+        ([], 3, "there is no image, and no --view names a topic of poses or tags"),
     ],
 )
 def test_what_is_not_there(
