@@ -436,7 +436,10 @@ are off by up to {1e3 * result["offset_s"]:g} ms, and the offset is free. Requir
 
 - the 95 % interval of the offset holds the truth in {100 * clocks.LOW:g} to {100 * clocks.HIGH:g} % of {clocks.ALL}
   recordings;
-- NEES/6 of the base is between {clocks.NEES_LOW:g} and {clocks.NEES_HIGH:g}."""
+- NEES/6 of the base is between {clocks.NEES_LOW:g} and {clocks.NEES_HIGH:g}. It is less where the covariance contains
+  errors that these arms have not.
+
+The time from row to row of the camera is open too. The offset is that of its first row, and its sigma contains this."""
     return f"{about}\n\n{table(clocks.HEAD, [clocks.row(name, of) for name, of in result['rows'].items()])}"
 
 
