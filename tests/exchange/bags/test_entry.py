@@ -31,7 +31,7 @@ def test_a_new_cell(tmp_path: Path, arm: SerialChain) -> None:
     assert entry["cameras"]["w"]["intrinsics"]["status"] == "fixed"
     assert entry["cameras"]["d"]["size_px"] == [32, 24]
     assert entry["cameras"]["d"]["intrinsics"] == {"status": "free"}
-    assert entry["targets"] == {"tag": {"on": "b", "mount": {"status": "free"}}}
+    assert entry["targets"] == {"tag": {"on": "b"}}
 
 
 def test_what_the_cell_says_stays() -> None:

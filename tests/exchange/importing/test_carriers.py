@@ -95,11 +95,9 @@ def test_a_misspelt_robot_or_world_is_told() -> None:
 
 def test_sections_of_what_is_new() -> None:
     """With the robot that carries it, which may be new as well."""
-    camera = {"cameras": {"eye": {"on": "arm", "mount": {"status": "free"}, "model": "pinhole"}}}
+    camera = {"cameras": {"eye": {"on": "arm", "model": "pinhole"}}}
     assert carried_entry("cameras", "eye", "arm", model="pinhole") == {"robots": {"arm": {}}, **camera}
-    assert carried_entry("targets", "tag", "world") == {
-        "targets": {"tag": {"on": "world", "mount": {"status": "free"}}}
-    }
+    assert carried_entry("targets", "tag", "world") == {"targets": {"tag": {"on": "world"}}}
 
 
 @pytest.mark.parametrize(

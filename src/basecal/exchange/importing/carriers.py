@@ -74,8 +74,8 @@ def check_robot(cell: Cell | None, carrier: str) -> None:
 
 
 def carried_entry(section: str, name: str, carrier: str, **fields: Any) -> dict[str, Any]:
-    """Sections of `cell.yaml` for a new camera or target, with the robot that carries it."""
-    entry = {section: {name: {"on": carrier, "mount": {"status": "free"}, **fields}}}
+    """Sections of `cell.yaml` for a new camera or target, whose mount is free, with the robot that carries it."""
+    entry = {section: {name: {"on": carrier, **fields}}}
     return entry if carrier == WORLD else {"robots": {carrier: {}}, **entry}
 
 
