@@ -132,7 +132,9 @@ def _own_process() -> None:
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
     os.close(number)
-    sys.stderr = open(os.dup(sys.stderr.fileno()), "w", 1, sys.stderr.encoding, sys.stderr.errors)  # noqa: SIM115
+    own = sys.__stderr__
+    if own is not None and sys.stderr is own:  # no stream of a notebook, which has no number
+        sys.stderr = open(os.dup(own.fileno()), "w", 1, own.encoding, own.errors)  # noqa: SIM115
     if not sys.warnoptions:
         import warnings
 

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from basecal.accuracy.systematic_errors.sigma_mixture import given_first, mixture, posterior
+from basecal.accuracy.systematic_errors.sigma_mixture import mixture, posterior, posteriors_by_sigma
 from basecal.effects.faces.expected_size import SigmaPrior
 
 
@@ -37,7 +37,7 @@ def test_levels_are_all_combinations_at_once(widths):
     root, gradient = rng.normal(size=(q + 2, q)), rng.normal(size=q)
     priors = [drawn(rng, options, width) for options, width in zip((3, 4, 5), widths, strict=False)]
     shares, evidences, means, covariances = all_at_once(gradient, root.T @ root, priors)
-    given = given_first(gradient, root.T @ root, priors)
+    given = posteriors_by_sigma(gradient, root.T @ root, priors)
     found = mixture(priors[0].shares, given)
     weights = posterior(shares, evidences)
     mean = weights @ means

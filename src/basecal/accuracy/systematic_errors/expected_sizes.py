@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.long_axes import LongAxes, axes_prior, long_axes
+from basecal.accuracy.systematic_errors.long_axes import AXES_PRIOR, LongAxes, long_axes
 from basecal.accuracy.systematic_errors.pose_fields import PoseField, fields_prior, stated_fields
 from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
-from basecal.accuracy.systematic_errors.sigma_mixture import given_first, mixture, posterior
+from basecal.accuracy.systematic_errors.sigma_mixture import mixture, posterior, posteriors_by_sigma
 from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
 from basecal.cell import Cell
 from basecal.effects import target_size
@@ -125,8 +125,8 @@ def size_posterior(
     scores = score_from_sums(situation.null, known)
     places = [slice(*each) for each in pairwise(np.cumsum([0, *(each.sizes for each in candidates)]))]
     before, after = len(fields), len(fields) + len(effects)
-    priors = [fields_prior(sum(each.width for each in fields)), _joint_prior(effects), axes_prior(len(axes))]
-    given = given_first(scores.gradient[0], scores.information[0], priors)
+    priors = [fields_prior(sum(each.width for each in fields)), _joint_prior(effects), *[AXES_PRIOR] * len(axes)]
+    given = posteriors_by_sigma(scores.gradient[0], scores.information[0], priors)
     _, mean, covariance = mixture(priors[0].shares, given)
     contained = np.zeros_like(mean)
     for effect, place in zip(effects, places[before:after], strict=True):

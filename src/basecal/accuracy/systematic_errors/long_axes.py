@@ -6,7 +6,6 @@ most of all where arms face one another. Source: docs/mathematics.md (11.4).
 
 from __future__ import annotations
 
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +24,8 @@ SHARES = np.array([1e-4, 3e-4, 1e-3])
 """Of a length, one sigma: 0.1 mm on a metre of accurate arms, or the 0.3 to 1 mm of usual ones. Assumed."""
 
 _AXES = 3
+AXES_PRIOR = SigmaPrior.as_often_as_not(np.concatenate([share * np.eye(_AXES) for share in SHARES]))
+"""Of the lengths of an arm, (m, 3): none, or one sigma along one axis."""
 
 
 class LongAxes(NamedTuple):
@@ -64,11 +65,3 @@ def long_axes(cell: Cell, situation: Situation) -> list[LongAxes]:
         for name, robot in cell.robots.items()
         if not robot.is_total_noise and name not in situation.chains and count_stops(problem, name) >= FEWEST_STOPS
     ]
-
-
-def axes_prior(arms: int) -> SigmaPrior:
-    """The prior of the lengths of so many arms, each alone: none, or one sigma along one axis, (m, 3 arms)."""
-    alone = SigmaPrior.as_often_as_not(np.concatenate([share * np.eye(_AXES) for share in SHARES]))
-    each = list(product(zip(alone.sigmas, alone.shares, strict=True), repeat=arms))
-    sigmas = [np.ravel([sigmas for sigmas, _ in of]) for of in each]
-    return SigmaPrior(np.array(sigmas), np.array([np.prod([share for _, share in of]) for of in each]))

@@ -22,7 +22,7 @@ class Gaussian(NamedTuple):
     covariance: Array
 
 
-def given_first(gradient: Array, information: Array, priors: Sequence[SigmaPrior]) -> Gaussian:
+def posteriors_by_sigma(gradient: Array, information: Array, priors: Sequence[SigmaPrior]) -> Gaussian:
     """The posterior of all sizes by each sigma of the first, (..., m), those of the others integrated over.
 
     Args:
@@ -42,8 +42,8 @@ def given_first(gradient: Array, information: Array, priors: Sequence[SigmaPrior
     if not others:
         return Gaussian(evidence, mean[..., 0], spread)
     back = -spread @ across
-    left = v + back.mT @ u, information[..., None, count:, count:] + across.mT @ back
-    rest = mixture(others[0].shares, given_first(left[0][..., 0], left[1], others))
+    slope, curvature = v + back.mT @ u, information[..., None, count:, count:] + across.mT @ back
+    rest = mixture(others[0].shares, posteriors_by_sigma(slope[..., 0], curvature, others))
     both = np.concatenate([back, np.broadcast_to(np.eye(back.shape[-1]), (*back.shape[:-2], *back.shape[-1:] * 2))], -2)
     covariance = both @ rest.covariance @ both.mT
     covariance[..., :count, :count] += spread
