@@ -7,8 +7,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from basecal.accuracy.systematic_errors.sigma_mixture import mixture, posterior, posteriors_by_sigma
+from basecal.accuracy.systematic_errors.sigma_mixture import posteriors_by_sigma
 from basecal.effects.faces.expected_size import SigmaPrior
+from basecal.numerics.mixtures import mixture, probabilities
 
 
 def drawn(rng, options, width):
@@ -39,7 +40,7 @@ def test_levels_are_all_combinations_at_once(widths):
     shares, evidences, means, covariances = all_at_once(gradient, root.T @ root, priors)
     given = posteriors_by_sigma(gradient, root.T @ root, priors)
     found = mixture(priors[0].shares, given)
-    weights = posterior(shares, evidences)
+    weights = probabilities(shares, evidences)
     mean = weights @ means
     off = means - mean
     np.testing.assert_allclose(found.evidence, 2 * np.log(shares @ np.exp(0.5 * evidences)))
@@ -47,9 +48,4 @@ def test_levels_are_all_combinations_at_once(widths):
     spread = np.einsum("m,mij->ij", weights, covariances + off[:, :, None] * off[:, None])
     np.testing.assert_allclose(found.covariance, spread, atol=1e-12)
     of_first = weights.reshape(len(priors[0].shares), -1).sum(1)
-    np.testing.assert_allclose(posterior(priors[0].shares, given.evidence), of_first)
-
-
-def test_evidences_of_any_size_have_shares():
-    """The most likely has all, however large the numbers are."""
-    np.testing.assert_allclose(posterior(np.full(3, 1 / 3), np.array([-5e4, 9e4, 0.0])), [0, 1, 0], atol=1e-300)
+    np.testing.assert_allclose(probabilities(priors[0].shares, given.evidence), of_first)

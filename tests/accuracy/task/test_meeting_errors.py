@@ -12,7 +12,7 @@ from basecal.accuracy.task.arms_at_points import reach_points, recorded_joints
 from basecal.accuracy.task.error_map import error_map
 from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, kinematic_errors
 from basecal.accuracy.task.meeting import Meeting, make_meeting
-from basecal.accuracy.task.meeting_errors import _Expected, _mixture, _own_variance, meeting_errors
+from basecal.accuracy.task.meeting_errors import _likely_models, _Model, _own_variance, meeting_errors
 from basecal.cell import Calibration
 from basecal.effects.faces.shared_errors import SharedTerm
 from basecal.estimation.noise.joint_estimate import model_sigmas
@@ -186,20 +186,14 @@ def test_a_robots_own_variance_is_that_of_its_stops_and_of_what_these_have_in_co
     np.testing.assert_array_equal(found["exact"], 0)
 
 
-def test_models_count_by_their_evidence():
-    """Mean and covariance of draws of both, one three times as likely; far less likely ones count nothing."""
-    rng = np.random.default_rng(0)
-    means, roots = rng.standard_normal((2, 2, 6)), rng.standard_normal((2, 2, 6, 6))
-    both = [
-        _Expected(minus_2_log_evidence, mean, root @ root.mT)
-        for minus_2_log_evidence, mean, root in zip((500.0, 500.0 + 2 * np.log(3)), means, roots, strict=True)
-    ]
-    mean, covariance = _mixture(both)
-    np.testing.assert_allclose(mean, 0.75 * means[0] + 0.25 * means[1])
-    second = sum(
-        share * (each.covariance + np.einsum("ni,nj->nij", each.mean, each.mean))
-        for share, each in zip((0.75, 0.25), both, strict=True)
-    )
-    np.testing.assert_allclose(covariance, second - np.einsum("ni,nj->nij", mean, mean), atol=1e-12)
-    for found, alone in zip(_mixture([both[0], both[1]._replace(minus_2_log_evidence=1e4)]), both[0][1:], strict=True):
-        np.testing.assert_allclose(found, alone)
+def model_of(minus_2_log_evidence, prior):
+    """A model without shared errors."""
+    return _Model(SimpleNamespace(minus_2_log_evidence=minus_2_log_evidence), [], [], prior)
+
+
+def test_models_count_by_their_priors_and_evidence():
+    """One three times as likely by its evidence and half as likely before has 0.6; unlikely ones count nothing."""
+    models = [model_of(500.0, 1.0), model_of(500.0 + 2 * np.log(3), 2.0), model_of(520.0, 1.0), model_of(1.0, 0.0)]
+    found = _likely_models(models)
+    assert [model for _, model in found] == models[:2]
+    np.testing.assert_allclose([share for share, _ in found], [0.6, 0.4], rtol=1e-4)

@@ -197,25 +197,34 @@ def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(mo
 
 
 @pytest.mark.parametrize(
-    ("terms", "counted"),
+    ("names", "priors"),
     [
-        (["smooth"], ["", "smooth"]),
-        (["smooth", "deflection"], ["", "smooth", "deflection"]),
-        (["deflection", "link_parameters"], ["deflection", "link_parameters"]),
+        ([""], [1]),
+        (["", "smooth"], [0.5, 0.5]),
+        (["", "smooth", "smooth_by_place"], [0.5, 0.25, 0.25]),
+        (["smooth", "deflection"], [0.5, 0.5]),
+        (["", "deflection", "link_parameters"], [0, 0.5, 0.5]),
     ],
 )
-def test_no_arm_is_built_as_stated(monkeypatch, terms, counted):
-    """Where links or zeros are modelled, the model without any of them does not count, however likely it is."""
+def test_shared_errors_are_as_likely_as_not(names, priors):
+    """But where links or zeros are modelled, no arm is built as stated: the model without any does not count."""
+    np.testing.assert_allclose(joint_estimate.model_priors(names), priors)
+
+
+def test_covariances_count_by_those_priors(monkeypatch):
+    """In the order of the models; the likeliest by evidence is still that of the report."""
     models = {
         name: SimpleNamespace(minus_2_log_evidence=10.0 * len(name), name=name, logs=np.zeros(1))
-        for name in ("", *terms)
+        for name in ("", "deflection", "link_parameters")
     }
-    integrated = []
+    counted = []
     monkeypatch.setattr(joint_estimate, "sigma_models", lambda *of: models)
-    monkeypatch.setattr(joint_estimate, "integrated_covariance", lambda of, *how: integrated.extend(of) or np.eye(2))
+    monkeypatch.setattr(
+        joint_estimate, "integrated_covariance", lambda of, prior, *how: counted.extend(prior) or np.eye(2)
+    )
     noise = NoiseEstimate(Noise(), 1.0, (), True, logs=np.zeros(1))
     found = joint_estimate.integrate_sigmas(SimpleNamespace(width=2), None, noise)
-    assert [each.name for each in integrated] == counted
+    np.testing.assert_allclose(counted, [0, 0.5, 0.5])
     assert (found.minus_2_log_evidence, dict(found.common)) == (0.0, {})
 
 

@@ -22,21 +22,21 @@ from quick import quick
 def test_integrating_over_sigmas_widens_the_covariance(found):
     """The most likely sigmas are stationary, and the covariance integrated over them is larger than at them."""
     assert np.abs(posterior(found.model, found.logs).slope() + found.prior.value(found.logs)[1]).max() < 0.1
-    whole = integrated_covariance([found], posterior(found.model, found.logs).step)
+    whole = integrated_covariance([found], np.ones(1), posterior(found.model, found.logs).step)
     assert np.trace(whole[:6, :6]) > 1.02 * np.trace(posterior(found.model, found.logs).covariance[:6, :6])
 
 
 def test_models_count_by_how_much_likelier_one_is(found):
     """However unlikely both are: of two alike the covariance is that of either."""
     found = replace(found, covariance=1e-6 * np.eye(len(found.logs)))
-    alone = integrated_covariance([found], posterior(found.model, found.logs).step)
+    alone = integrated_covariance([found], np.ones(1), posterior(found.model, found.logs).step)
     for minus_2_log_evidence in (-1e5, 0.0, 1e5):
         both = [
             replace(found, minus_2_log_evidence=minus_2_log_evidence),
             replace(found, minus_2_log_evidence=minus_2_log_evidence),
         ]
         np.testing.assert_allclose(
-            integrated_covariance(both, posterior(found.model, found.logs).step), alone, rtol=1e-9
+            integrated_covariance(both, np.ones(2), posterior(found.model, found.logs).step), alone, rtol=1e-9
         )
 
 
@@ -50,7 +50,7 @@ def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
     model = mixed_model(*at_truth(replace(NOISY, samples=samples), seed), ROBOTS)
     prior = hyperpriors(model, dict.fromkeys(ROBOTS, 0.5))
     found = sigma_posterior(model, prior)
-    whole = integrated_covariance([found], posterior(found.model, found.logs).step)[:6, :6]
+    whole = integrated_covariance([found], np.ones(1), posterior(found.model, found.logs).step)[:6, :6]
     rng, width = np.random.default_rng(seed), 2.0 * np.linalg.cholesky(found.covariance)
     total, weight = np.zeros((6, 6)), 0.0
     for _ in range(nodes):
@@ -75,7 +75,7 @@ def test_moments_are_of_the_whole_posterior():
     columns = np.arange(len(model.prior))
     mean, covariance, squares = moments(found, columns)
     products = covariance + np.outer(mean, mean)
-    whole = integrated_covariance([found], np.zeros(model.width))
+    whole = integrated_covariance([found], np.ones(1), np.zeros(model.width))
     np.testing.assert_allclose(products[: model.width, : model.width], whole, rtol=1e-9, atol=1e-9 * whole.max())
     assert np.all(squares > np.exp(2 * found.logs))
     # What all stops have in common cannot be told from mounts and bases: it is as large as its sigma says, in metres.
@@ -142,9 +142,9 @@ def test_sigmas_known_to_a_twentieth_count_as_known(found):
     about = 0.9 * mean
     off = np.outer(mean - about, mean - about)
     sure = replace(found, covariance=0.049**2 * np.eye(k))
-    np.testing.assert_allclose(integrated_covariance([sure], about), covariance + off, rtol=1e-12)
+    np.testing.assert_allclose(integrated_covariance([sure], np.ones(1), about), covariance + off, rtol=1e-12)
     less = replace(found, covariance=0.051**2 * np.eye(k))
-    assert not np.allclose(integrated_covariance([less], about), covariance + off, rtol=1e-6, atol=0)
+    assert not np.allclose(integrated_covariance([less], np.ones(1), about), covariance + off, rtol=1e-6, atol=0)
 
 
 def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
@@ -163,7 +163,9 @@ def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
             total = total + np.exp(-0.5 * height) * (node.covariance + np.outer(off, off))
             weights += np.exp(-0.5 * height)
     expected = total / weights
-    np.testing.assert_allclose(integrated_covariance([near], about), expected, rtol=1e-9, atol=1e-10 * expected.max())
+    np.testing.assert_allclose(
+        integrated_covariance([near], np.ones(1), about), expected, rtol=1e-9, atol=1e-10 * expected.max()
+    )
 
 
 def test_a_model_counts_by_its_evidence(found):
@@ -171,12 +173,14 @@ def test_a_model_counts_by_its_evidence(found):
     k, about = len(found.logs), np.zeros(found.model.width)
     sure = replace(found, covariance=1e-4 * np.eye(k), minus_2_log_evidence=7.0)
     other = replace(sure, logs=found.logs + 0.5)
-    first, second = (integrated_covariance([of], about) for of in (sure, other))
+    first, second = (integrated_covariance([of], np.ones(1), about) for of in (sure, other))
     third = replace(other, minus_2_log_evidence=7.0 + 2 * np.log(3.0))
-    np.testing.assert_allclose(integrated_covariance([sure, third], about), 0.75 * first + 0.25 * second, rtol=1e-9)
+    np.testing.assert_allclose(
+        integrated_covariance([sure, third], np.ones(2), about), 0.75 * first + 0.25 * second, rtol=1e-9
+    )
     for share, rest in ((1.1e-6, 1.0), (0.9e-6, 0.0)):
         hardly = replace(other, minus_2_log_evidence=7.0 - 2 * np.log(share))
-        left = integrated_covariance([sure, hardly], about) - first / (1 + share)
+        left = integrated_covariance([sure, hardly], np.ones(2), about) - first / (1 + share)
         np.testing.assert_allclose(left, rest * share * second, rtol=1e-4, atol=1e-7 * share * second.max())
 
 
@@ -279,7 +283,7 @@ def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
     for share, of in ((0.75, sure), (0.25, other)):
         known = posterior(of.model, of.logs)
         expected = expected + share * (known.covariance + np.outer(known.step - about, known.step - about))
-    np.testing.assert_allclose(integrated_covariance([sure, other], about), expected, rtol=1e-9)
+    np.testing.assert_allclose(integrated_covariance([sure, other], np.ones(2), about), expected, rtol=1e-9)
     columns = np.array([0, 3, 10])
     mean, covariance, squares = moments(sure, columns)
     known, units = posterior(sure.model, sure.logs), scales(sure.logs, sure.model.of_columns)[columns]

@@ -18,7 +18,7 @@ import numpy as np
 from basecal.accuracy.systematic_errors.long_axes import AXES_PRIOR, LongAxes, long_axes
 from basecal.accuracy.systematic_errors.pose_fields import PoseField, fields_prior, stated_fields
 from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
-from basecal.accuracy.systematic_errors.sigma_mixture import mixture, posterior, posteriors_by_sigma
+from basecal.accuracy.systematic_errors.sigma_mixture import posteriors_by_sigma
 from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
 from basecal.cell import Cell
 from basecal.effects import target_size
@@ -30,6 +30,7 @@ from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
+from basecal.numerics.mixtures import mixture, probabilities
 
 _MOST_ARMS = 2  # with fields: of more, each goes alone
 _FREE_SIGMA = 0.3  # of a unit's length about what loops say: far more than is left open
@@ -136,7 +137,7 @@ def size_posterior(
         covariance + np.outer(mean - contained, mean - contained),
         -situation.null.inverse @ known.across[0].T,
         list(zip([*fields, *axes], places[:before] + places[after:], strict=True)),
-        float(posterior(priors[0].shares, given.evidence) @ priors[0].sigmas[:, 0] ** 2) if fields else 0.0,
+        float(probabilities(priors[0].shares, given.evidence) @ priors[0].sigmas[:, 0] ** 2) if fields else 0.0,
     )
 
 

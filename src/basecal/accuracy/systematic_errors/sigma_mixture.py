@@ -6,20 +6,12 @@ The cost of sizes s is 2 g's + s'Ps beside that of their prior. Source: docs/mat
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from basecal.effects.faces.expected_size import SigmaPrior
 from basecal.geometry import Array
-
-
-class Gaussian(NamedTuple):
-    """Normal distributions: twice their log evidences, (...), means, (..., q), and covariances, (..., q, q)."""
-
-    evidence: Array
-    mean: Array
-    covariance: Array
+from basecal.numerics.mixtures import Gaussian, mixture
 
 
 def posteriors_by_sigma(gradient: Array, information: Array, priors: Sequence[SigmaPrior]) -> Gaussian:
@@ -50,21 +42,3 @@ def posteriors_by_sigma(gradient: Array, information: Array, priors: Sequence[Si
     means = (both @ rest.mean[..., None])[..., 0]
     means[..., :count] += mean[..., 0]
     return Gaussian(rest.evidence + evidence, means, covariance)
-
-
-def mixture(prior: Array, parts: Gaussian) -> Gaussian:
-    """Mixture of such, (..., m), of prior probabilities, (m,)."""
-    evidence = parts.evidence
-    shares = posterior(prior, evidence)
-    mean = (shares[..., None, :] @ parts.mean)[..., 0, :]
-    off = parts.mean - mean[..., None, :]
-    spread = parts.covariance + off[..., None] * off[..., None, :]
-    most = evidence.max(-1)
-    total = most + 2 * np.log(np.exp(0.5 * (evidence - most[..., None])) @ prior)
-    return Gaussian(total, mean, np.einsum("...m,...mij->...ij", shares, spread))
-
-
-def posterior(prior: Array, evidence: Array) -> Array:
-    """Probabilities by those before the data, (m,), and twice the logs of evidences, (..., m)."""
-    shares = prior * np.exp(0.5 * (evidence - evidence.max(-1, keepdims=True)))
-    return np.asarray(shares / shares.sum(-1, keepdims=True))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,12 +20,19 @@ from basecal.accuracy.task.meeting import Meeting, add_own
 from basecal.accuracy.task.pose_errors import POSE_EFFECTS, moved_by_pose_errors, unseen_share
 from basecal.effects.faces.shared_errors import SharedErrors, SharedTerm
 from basecal.effects.registry import RANDOM_EFFECTS
-from basecal.estimation.noise.joint_estimate import companion_name, model_sigmas, open_robots, sigma_models
+from basecal.estimation.noise.joint_estimate import (
+    companion_name,
+    model_priors,
+    model_sigmas,
+    open_robots,
+    sigma_models,
+)
 from basecal.estimation.noise.laplace import SigmaPosterior, moments
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
+from basecal.numerics.mixtures import Gaussian, mixture, probabilities
 
-_LEAST_SHARE = 1e-3  # of a model by its evidence: a less likely one changes no digit that is shown
+_LEAST_SHARE = 1e-3  # of a model by its probability: a less likely one changes no digit that is shown
 
 
 def meeting_errors(
@@ -51,7 +58,8 @@ def meeting_errors(
     models = by_joints or _models_by_poses(meeting, solution)
     fields = 0.0 if by_joints else field_covariance(meeting, solution, offsets)
     if models:
-        mean, covariance = _mixture([_model_error(meeting, own, model, widening) for model in _likely_models(models)])
+        shares, likely = zip(*_likely_models(models), strict=True)
+        mean, covariance = _mixture(shares, [_model_error(meeting, own, model, widening) for model in likely])
     else:
         mean = np.zeros(meeting.moves.moved.shape[:2])
         covariance = meeting.total_error(solution.covariance, own.values())
@@ -66,11 +74,13 @@ class _Model:
         sigmas: What is known of its sigmas.
         moved: By robot that has such errors, their first column, and how what meets moves with them, (n, 6, k).
         unknown: Places of sigmas, and the share of their variance that no recorded pose has, (n,).
+        prior: Its probability before the data, in proportion to those of the others.
     """
 
     sigmas: SigmaPosterior
     moved: Sequence[tuple[int, Array]]
     unknown: Sequence[tuple[slice, Array]]
+    prior: float = 1.0
 
 
 def _models_by_joints(meeting: Meeting, solution: Solution) -> list[_Model]:
@@ -107,16 +117,18 @@ def _models_by_poses(meeting: Meeting, solution: Solution) -> list[_Model]:
     if solution.noise.logs is None or not set(open_robots(problem)) & meeting.places_m.keys():
         return []
     found = sigma_models(problem, meeting.state, solution.noise, solution.noise.logs_by_model)
-    models = []
+    models = {}
     for name, sigmas in found.items():
         layout, places = sigmas.model.layout, sigmas.model.sigmas
         if name in ("", *POSE_EFFECTS):
-            models.append(_model_by_poses(meeting, sigmas, name, layout.common, places.shared))
+            models[name] = _model_by_poses(meeting, sigmas, name, layout.common, places.shared)
         elif RANDOM_EFFECTS[name].by_times is not None:
             of = _model_by_poses(meeting, sigmas, companion_name(name, found), layout.beside, places.beside)
             alone = [(places.shared[r], np.ones(len(at))) for r, at in meeting.places_m.items() if r in layout.common]
-            models.append(replace(of, unknown=[*of.unknown, *alone]))
-    return models
+            models[name] = replace(of, unknown=[*of.unknown, *alone])
+    return [
+        replace(models[name], prior=float(prior)) for name, prior in zip(models, model_priors([*models]), strict=True)
+    ]
 
 
 def _model_by_poses(
@@ -133,16 +145,10 @@ def _model_by_poses(
     return _Model(sigmas, moved, [(places[r], unseen_share(meeting.problem, r, at, name)) for r, at in arms.items()])
 
 
-class _Expected(NamedTuple):
-    """Twice the negative log evidence of one model, its mean, (n, 6), and covariance, (n, 6, 6)."""
-
-    minus_2_log_evidence: float
-    mean: Array
-    covariance: Array
-
-
-def _model_error(meeting: Meeting, own: Mapping[str, Array], model: _Model, widening: Array | None) -> _Expected:
-    """The error under a model of the arms' errors, its sigmas integrated."""
+def _model_error(
+    meeting: Meeting, own: Mapping[str, Array], model: _Model, widening: Array | None
+) -> tuple[Array, Array]:
+    """Mean, (n, 6), and covariance, (n, 6, 6), of the error under a model, its sigmas integrated."""
     known, places = meeting.moves, model.sigmas.model.sigmas
     columns = [known.columns, *(first + np.arange(of.shape[-1]) for first, of in model.moved)]
     mean, products, squares = moments(model.sigmas, np.concatenate(columns))
@@ -153,24 +159,22 @@ def _model_error(meeting: Meeting, own: Mapping[str, Array], model: _Model, wide
     covariance = add_own(moved @ products @ np.swapaxes(moved, 1, 2), {**own, **estimated}.values())
     for at, share in model.unknown:
         covariance = covariance + share[:, None, None] * np.diag(np.repeat(squares[at], 3))
-    return _Expected(model.sigmas.minus_2_log_evidence, moved @ mean, covariance)
+    return moved @ mean, covariance
 
 
-def _likely_models(models: Sequence[_Model]) -> list[_Model]:
-    """The likely models: the others have hardly any evidence beside the likeliest."""
-    least = min(model.sigmas.minus_2_log_evidence for model in models)
-    return [model for model in models if model.sigmas.minus_2_log_evidence - least < -2 * np.log(_LEAST_SHARE)]
+def _likely_models(models: Sequence[_Model]) -> list[tuple[float, _Model]]:
+    """The models that are likely by their priors and their evidence, with their probabilities."""
+    prior = np.array([model.prior for model in models])
+    shares = probabilities(prior, -np.array([model.sigmas.minus_2_log_evidence for model in models]))
+    return [(share, model) for share, model in zip(shares.tolist(), models, strict=True) if share > _LEAST_SHARE]
 
 
-def _mixture(errors: Sequence[_Expected]) -> tuple[Array, Array]:
-    """Mean and covariance over models, which count by their evidence."""
-    least = min(each.minus_2_log_evidence for each in errors)
-    shares = np.exp([-0.5 * (each.minus_2_log_evidence - least) for each in errors])
-    shares /= shares.sum()
-    mean = np.einsum("m,mni->ni", shares, [each.mean for each in errors])
-    off = np.array([each.mean for each in errors]) - mean
-    spread = np.array([each.covariance for each in errors]) + off[..., None] * off[..., None, :]
-    return mean, np.einsum("m,mnij->nij", shares, spread)
+def _mixture(shares: Sequence[float], errors: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Mean, (n, 6), and covariance, (n, 6, 6), of errors whose models have these probabilities."""
+    means, covariances = zip(*errors, strict=True)
+    known = Gaussian(np.zeros(len(shares)), np.stack(means, -2), np.stack(covariances, -3))
+    found = mixture(np.array(shares), known)
+    return found.mean, found.covariance
 
 
 def _own_variance(meeting: Meeting, solution: Solution, noise: Mapping[str, Any], robot: str) -> Array:

@@ -1,8 +1,8 @@
 """Unstated sigmas, estimated jointly: of views, of robots' stops, and of errors that a robot's stops share.
 
 The optimum at some sigmas, the most likely sigmas about it, and again until they rest. Each term that stops may share
-is a model beside the first: all count by their evidence in how well the answer is known. The answer itself is that of
-the first, which predicts as well and lets no such term take up what belongs to a mount.
+is a model beside the first: all count by prior and evidence in how well the answer is known. The answer itself is that
+of the first, which predicts as well and lets no such term take up what belongs to a mount.
 Source: docs/mathematics.md (5.2), (5.3).
 """
 
@@ -35,6 +35,7 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 from basecal.numerics.levenberg_marquardt import CONVERGED_SIGMAS
+from basecal.numerics.mixtures import probabilities
 
 _ALTERNATIONS = 6  # of sigmas and optimum in turn: two or three do
 _SETTLED_CHANGE = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
@@ -196,7 +197,9 @@ def integrate_sigmas(
     models = sigma_models(problem, state, noise, {} if guess is None else guess.logs_by_model)
     likeliest = _likeliest(models)
     with np.errstate(all="ignore"):
-        covariance = integrated_covariance(list(_drop_exact_model(models).values()), np.zeros(problem.width), is_quick)
+        covariance = integrated_covariance(
+            list(models.values()), model_priors(list(models)), np.zeros(problem.width), is_quick
+        )
     best, logs = models[likeliest], {name: of.logs for name, of in models.items()}
     found = replace(noise, covariance=covariance, minus_2_log_evidence=best.minus_2_log_evidence, logs_by_model=logs)
     if not likeliest:
@@ -207,10 +210,16 @@ def integrate_sigmas(
     return replace(found, common={name: of for name, of in common.items() if name}, beside_common=beside)
 
 
-def _drop_exact_model(models: Mapping[str, SigmaPosterior]) -> dict[str, SigmaPosterior]:
-    """The models without that of exact arms where every arm has some of an effect."""
-    is_sure = any(RANDOM_EFFECTS[name].is_certain for name in models if name)
-    return {name: of for name, of in models.items() if name or not is_sure}
+def model_priors(names: Sequence[str]) -> Array:
+    """Probabilities of models before the data, (n,): without shared errors, "", in one case of two, others equally.
+
+    Without such errors none is, where every arm has some of an effect. Source: Jeffreys, Theory of Probability, 1961.
+    """
+    others = [name for name in names if name]
+    is_certain = any(RANDOM_EFFECTS[name].is_certain for name in others)
+    exact = 0.0 if is_certain else float(len(others) or 1)
+    shares = np.array([1.0 if name else exact for name in names])
+    return np.asarray(shares / shares.sum())
 
 
 def _likeliest(models: Mapping[str, SigmaPosterior]) -> str:
@@ -221,7 +230,9 @@ def companion_name(name: str, models: Mapping[str, SigmaPosterior]) -> str:
     """The effect beside that of a model: beside that of motion the likeliest other, and "" where that is none."""
     if not name or RANDOM_EFFECTS[name].by_times is None:
         return ""
-    return _likeliest(_drop_exact_model({other: of for other, of in models.items() if other != name}))
+    others = [other for other in models if other != name]
+    evidence = -np.array([models[other].minus_2_log_evidence for other in others])
+    return others[int(np.argmax(probabilities(model_priors(others), evidence)))]
 
 
 def sigma_models(

@@ -20,6 +20,7 @@ from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.estimation.noise.reml import Columns, posterior, scales, solve_columns
 from basecal.estimation.noise.secant import Secant, correct_curvature
 from basecal.geometry import Array, IntArray
+from basecal.numerics.mixtures import probabilities
 from basecal.numerics.spectral import floored_spectrum, scaled_spectrum, spectrum
 
 # Newton's steps, at most, and how often one that leads uphill is halved.
@@ -142,14 +143,15 @@ def _bounds(model: MixedModel, prior: LogNormals) -> tuple[Array, Array]:
     return prior.start - down, prior.start + _MOST_OFF
 
 
-def integrated_covariance(models: Sequence[SigmaPosterior], model: Array, is_quick: bool = False) -> Array:
+def integrated_covariance(
+    models: Sequence[SigmaPosterior], prior: Array, model: Array, is_quick: bool = False
+) -> Array:
     """Covariance of the unknowns about `model`, (p,) from the models' common state, their sigmas and models integrated.
 
-    Models count by their evidence. The quick integral uses the nodes of the cubature alone, and the likely models.
+    Models count by their prior probabilities, (n,), and their evidence. The quick integral uses the nodes of the
+    cubature alone, and the likely models.
     """
-    least = min(of.minus_2_log_evidence for of in models)
-    shares = np.exp(-0.5 * np.array([of.minus_2_log_evidence - least for of in models]))
-    shares /= shares.sum()
+    shares = probabilities(prior, -np.array([of.minus_2_log_evidence for of in models]))
     shares = np.where(shares > (_LIKELY_SHARE if is_quick else _LEAST_SHARE), shares, 0.0)
     total = np.zeros((len(model), len(model)))
     for share, of in zip(shares / shares.sum() if is_quick else shares, models, strict=True):

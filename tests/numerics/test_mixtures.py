@@ -1,0 +1,30 @@
+"""Mixtures of normal distributions by evidence."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.numerics.mixtures import Gaussian, mixture, probabilities
+
+
+def test_evidences_of_any_size_have_shares():
+    """The most likely has all, however large the numbers are."""
+    np.testing.assert_allclose(probabilities(np.full(3, 1 / 3), np.array([-5e4, 9e4, 0.0])), [0, 1, 0], atol=1e-300)
+
+
+def test_priors_and_evidence_multiply():
+    """A model that is half as likely before, and four times by its evidence, is twice as likely after."""
+    np.testing.assert_allclose(probabilities(np.array([2.0, 1.0]), 2 * np.log([1.0, 4.0])), [1 / 3, 2 / 3])
+
+
+def test_a_mixture_has_the_moments_of_its_parts():
+    """Mean and second moment are the shares' sums, for many mixtures at once; the evidence is the mean of all."""
+    rng, shares = np.random.default_rng(0), np.array([0.75, 0.25])
+    means, roots = rng.standard_normal((5, 2, 6)), rng.standard_normal((5, 2, 6, 6))
+    covariances = roots @ roots.mT
+    found = mixture(shares, Gaussian(np.full((5, 2), 3.0), means, covariances))
+    np.testing.assert_allclose(found.evidence, 3.0)
+    np.testing.assert_allclose(found.mean, 0.75 * means[:, 0] + 0.25 * means[:, 1])
+    moments = covariances + means[..., :, None] * means[..., None, :]
+    second = 0.75 * moments[:, 0] + 0.25 * moments[:, 1]
+    np.testing.assert_allclose(found.covariance + found.mean[:, :, None] * found.mean[:, None], second, atol=1e-12)
