@@ -474,7 +474,6 @@ NOTHING_TO_TEST = {
     "planning/pattern.py": "values without behaviour",
     "accuracy/findings/evidence.py": "values without behaviour",
     "effects/faces/effect.py": "values, which tests/effects/test_registry.py holds",
-    "effects/faces/expected_size.py": "values, which tests/accuracy/systematic_errors/test_expected_sizes.py holds",
     "effects/faces/lens_parameter.py": "values without behaviour",
     "effects/faces/random_effect.py": "values without behaviour",
     "effects/faces/simulated_fault.py": "values without behaviour",

@@ -100,7 +100,7 @@ CHANGES_IN_TIME = tuple(name for name, effect in EFFECTS.items() if effect.is_in
 def largest_sigma(name: str) -> float:
     """The widest sigma that is expected of the sizes of an effect; infinite if nothing is expected of them."""
     expected = EFFECTS[name].expected if name in CONTAINED else None
-    return math.inf if expected is None else float(expected.prior.sigmas.max())
+    return math.inf if expected is None else float(expected.prior(len(CONTAINED)).sigmas.max())
 
 
 def describe_effect(effect: FoundEffect) -> Words:

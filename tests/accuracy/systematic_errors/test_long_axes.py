@@ -65,12 +65,12 @@ def test_flanges_move_by_a_share_of_their_place():
 
 
 def test_an_arm_has_none_or_one():
-    """In one case of two none; else along one axis."""
+    """None as likely as of two kinds that are both none in one case of two; else along one axis."""
     assert AXES_PRIOR.sigmas.shape == (10, 3)
     np.testing.assert_allclose(AXES_PRIOR.shares.sum(), 1)
-    np.testing.assert_allclose(AXES_PRIOR.shares @ (AXES_PRIOR.sigmas == 0).all(1), 0.5)
+    np.testing.assert_allclose(AXES_PRIOR.shares @ (AXES_PRIOR.sigmas == 0).all(1), np.sqrt(0.5))
     assert np.count_nonzero(AXES_PRIOR.sigmas, axis=1).max() == 1
-    np.testing.assert_allclose(AXES_PRIOR.shares @ AXES_PRIOR.sigmas**2, np.mean(SHARES**2) / 6)
+    np.testing.assert_allclose(AXES_PRIOR.shares @ AXES_PRIOR.sigmas**2, (1 - np.sqrt(0.5)) / 3 * np.mean(SHARES**2))
 
 
 def test_the_data_tell_a_length_of_one_arm():

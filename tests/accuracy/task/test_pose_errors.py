@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
 from basecal.accuracy.task.meeting import make_meeting
 from basecal.accuracy.task.meeting_errors import meeting_errors
 from basecal.accuracy.task.pose_errors import POSE_EFFECTS, moved_by_pose_errors, unseen_share
@@ -58,8 +59,9 @@ def test_what_the_base_takes_up_counts_once(solved):
     poses = made.true_base_from_flange["hand"]
     places = solution.state.transforms[BASE] @ poses.translation
     meeting = make_meeting(made.cell, solution.problem, solution.state, BASE, places)
-    mean, covariance = meeting_errors(meeting, solution, {"robots": {}})
-    alone = meeting.total_error(solution.covariance, ())
+    widening = with_expected_sizes(made.cell, solution, None).covariance - solution.covariance
+    mean, covariance = meeting_errors(meeting, solution, {"robots": {}}, widening)
+    alone = meeting.total_error(solution.covariance + widening, ())
     (name,) = solution.noise.common
     assert "hand" in solution.noise.common[name]
     assert np.trace(covariance.mean(0)[:3, :3]) < 0.7 * np.trace(alone.mean(0)[:3, :3])
@@ -67,4 +69,5 @@ def test_what_the_base_takes_up_counts_once(solved):
     missed = solution.state.transforms[BASE].inverse() @ (made.truth[BASE] @ poses.translation) - meant
     off = missed - mean[:, :3]
     distance = np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariance[:, :3, :3]), off)
+    assert np.all(np.linalg.eigvalsh(covariance)[:, 0] > 0)
     assert np.mean(distance < 9) > 0.9

@@ -172,7 +172,7 @@ def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -
         assert effect.expected is not None
         assert effect.candidates is not None
         loaded = (each for each in effect.candidates(situation) if each.about[0] not in rigid)
-        yield from (Expected(name, candidate, effect.expected.prior) for candidate in loaded)
+        yield from (Expected(name, candidate, effect.expected.prior(len(CONTAINED))) for candidate in loaded)
     counted = () if error is None else {e.about for e in (error, *error.alternatives) if e.effect == target_size.NAME}
     for candidate in target_size.candidates(situation):
         sigma = _size_sigma(cell, situation.groups, candidate.about[0])

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from basecal.accuracy.systematic_errors.pose_fields import KINDS_BY_PLACE
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Cell
 from basecal.effects import stretch
@@ -24,7 +25,7 @@ SHARES = np.array([1e-4, 3e-4, 1e-3])
 """Of a length, one sigma: 0.1 mm on a metre of accurate arms, or the 0.3 to 1 mm of usual ones. Assumed."""
 
 _AXES = 3
-AXES_PRIOR = SigmaPrior.as_often_as_not(np.concatenate([share * np.eye(_AXES) for share in SHARES]))
+AXES_PRIOR = SigmaPrior.as_often_as_not(np.concatenate([share * np.eye(_AXES) for share in SHARES]), KINDS_BY_PLACE)
 """Of the lengths of an arm, (m, 3): none, or one sigma along one axis."""
 
 

@@ -24,7 +24,10 @@ from basecal.estimation.noise.robot_noise import count_stops, stands
 from basecal.estimation.problem.gauges import LENGTH_M
 from basecal.geometry import SE3, Array
 
-PRIOR_M = SigmaPrior.as_often_as_not(np.array([6e-5, 2e-4, 6e-4]))
+KINDS_BY_PLACE = 2
+"""In how many ways an arm that records poses alone may err by place: by smooth errors, and by a length."""
+
+PRIOR_M = SigmaPrior.as_often_as_not(np.array([6e-5, 2e-4, 6e-4]), KINDS_BY_PLACE)
 """Of a shift along an axis: none, that of arms accurate to 0.1 mm, or of those sold as 0.5 to 2 mm."""
 
 

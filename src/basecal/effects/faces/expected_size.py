@@ -23,12 +23,13 @@ class SigmaPrior(NamedTuple):
         return cls(np.array([sigma]), np.ones(1))
 
     @classmethod
-    def as_often_as_not(cls, sigmas: Array) -> SigmaPrior:
-        """None in one case of two, the others, (m, ...), equally likely.
+    def as_often_as_not(cls, sigmas: Array, kinds: int = 1) -> SigmaPrior:
+        """None, or one of the others, (m, ...), equally likely; of so many independent kinds none in one case of two.
 
-        Source: Jeffreys, Theory of Probability, 1961, ch. 5.
+        Source: Jeffreys, Theory of Probability, 1961, ch. 5; Scott & Berger 2010 (many kinds).
         """
-        shares = np.append(0.5, np.full(len(sigmas), 0.5 / len(sigmas)))
+        none = 0.5 ** (1 / kinds)
+        shares = np.append(none, np.full(len(sigmas), (1 - none) / len(sigmas)))
         return cls(np.concatenate([np.zeros_like(sigmas[:1]), sigmas]), shares)
 
 
@@ -48,7 +49,6 @@ class ExpectedSize(NamedTuple):
     source: str
     is_stated: bool = False
 
-    @property
-    def prior(self) -> SigmaPrior:
-        """The prior of their sigma: none, or one of five."""
-        return SigmaPrior.as_often_as_not(self.sigma * self.factor**_NODES)
+    def prior(self, kinds: int) -> SigmaPrior:
+        """The prior of their sigma: none, or one of five; of so many kinds none in one case of two."""
+        return SigmaPrior.as_often_as_not(self.sigma * self.factor**_NODES, kinds)
