@@ -34,7 +34,7 @@ def test_files_change_and_originals_stay(folder: Path) -> None:
     change = Change(recording.samples[1:], free_lens(cell, "wrist"))
     assert list(describe_change(recording, change)) == [
         "cell.yaml: cameras.wrist.intrinsics.status: free",
-        "cell.yaml: cameras.wrist.intrinsics.exact: False",
+        "cell.yaml: cameras.wrist.intrinsics.exact: false",
         "samples left out: 0",
     ]
     kept = apply_cure(folder, cell, Cure(FINDING, "Leave out sample 0.", change))

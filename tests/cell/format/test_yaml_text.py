@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
+from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_entry, yaml_text
 from basecal.errors import DatasetError
 
 
@@ -62,6 +62,15 @@ def test_what_is_written_is_read_back():
     assert list(parse_yaml(text, "f").data) == list(data)
     assert "- [1.0, 2]\n- [1.0, 2]" in text
     assert "ü: ß" in text
+
+
+def test_an_entry_is_one_line_as_a_cell_has_it():
+    """Nested mappings, numbers, words that need quotes: it is read back as it was."""
+    value = {"status": "prior", "sigma_rad": 0.02, "about": [[1, 2], ["true", True, None]]}
+    line = yaml_entry("robots.eye.joint_offsets", value)
+    assert line == "robots.eye.joint_offsets: {status: prior, sigma_rad: 0.02, about: [[1, 2], ['true', true, null]]}"
+    assert parse_yaml(line, "x").data == {"robots.eye.joint_offsets": value}
+    assert yaml_entry("status", "free") == "status: free"
 
 
 def test_files_are_utf_8(tmp_path):

@@ -14,7 +14,7 @@ from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import cell_from_dict, completed_cell_text, recording_from_text
 from basecal.cell.format.originals import keep_originals
 from basecal.cell.format.writing import write_atomically
-from basecal.cell.format.yaml_text import parse_yaml, read_text
+from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_entry
 from basecal.cell.journal.recording_file import FILE, FOLDER, sample_line
 from basecal.errors import InputError
 from basecal.fields.problems import Loc, field_name
@@ -60,7 +60,7 @@ def describe_change(recording: Recording, change: Change) -> Iterator[str]:
         change: What would be done.
     """
     for place, value in change.cell.items():
-        yield f"cell.yaml: {field_name(place)}: {value}"
+        yield f"cell.yaml: {yaml_entry(field_name(place), value)}"
     if change.samples is None:
         return
     before, after = ({sample.sample: sample for sample in samples} for samples in (recording.samples, change.samples))

@@ -15,6 +15,7 @@ from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
 from basecal.accuracy.readings.carriers import describe_carriers
 from basecal.accuracy.readings.reading import Reading, as_recorded
 from basecal.cell import Calibration, Cell, Finding, Recording
+from basecal.cell.format.yaml_text import yaml_entry
 from basecal.errors import BasecalError, sentence
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import STATED
@@ -107,7 +108,7 @@ def _claim(hypothesis: ConventionHypothesis) -> str:
 def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, finding: Finding) -> Iterator[Cure]:
     """Cures of a finding that names samples, a lens, a transform, or a line to write."""
     if places := offered_places(cell, finding):
-        told = ", ".join(f"{field_name(place)}: {value}" for place, value in places.items())
+        told = ", ".join(yaml_entry(field_name(place), value) for place, value in places.items())
         yield Cure(finding, f"Write {told}.", Change(cell=places))
     for name in finding.about if not places and finding.code in _OF_STATED else ():
         if freed := _freed_entry(cell, name):

@@ -126,8 +126,17 @@ def parse_yaml(text: str, path: str) -> Document:
 
 def yaml_text(data: Any) -> str:
     """YAML of plain data: a line for each innermost mapping or list, keys in the order given."""
+    return _dump(data, None)
+
+
+def yaml_entry(name: str, value: Any) -> str:
+    """An entry of a mapping on one line: `name: {status: prior, sigma_m: 0.01}`."""
+    return _dump({name: value}, True).strip()[1:-1]
+
+
+def _dump(data: Any, is_flow: bool | None) -> str:
     yaml = _yaml()
-    yaml.default_flow_style = None
+    yaml.default_flow_style = is_flow
     yaml.sort_base_mapping_type_on_output = False
     yaml.allow_unicode = True
     yaml.width = _WIDTH
