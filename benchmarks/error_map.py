@@ -24,6 +24,7 @@ import numpy as np
 
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import calibrated_kinematics, robot_parameters
+from basecal.accuracy.task.arm_errors import ArmErrors
 from basecal.accuracy.task.error_map import error_map
 from basecal.cell import Calibration, ErrorMap
 from basecal.errors import NotConverged
@@ -72,7 +73,7 @@ def trial(kind: str, seed: int) -> list[dict[str, Any]]:
     solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
     calibration = calibrated(made, solution)
     point = made.truth[BASE].translation / 2
-    found = error_map(made.cell, calibration, solution, point[None])
+    found = error_map(calibration, ArmErrors(made.cell, solution), point[None])
     assert found is not None
     told = list(_at_places(made, calibration, found, np.random.default_rng([seed, 13])))
     if made.cell.robots["eye"].chain is not None and not calibration.robot_parameters:

@@ -21,6 +21,7 @@ import numpy as np
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.robot_parameters import calibrated_kinematics
+from basecal.accuracy.task.arm_errors import ArmErrors
 from basecal.accuracy.task.meeting import recorded_places
 from basecal.accuracy.task.task_error import meeting_error
 from basecal.acquisition import replanning
@@ -50,7 +51,7 @@ def trial(kind: str, seed: int) -> list[dict[str, float]]:
     made, rng = simulate(KINDS[kind], 60_000 + seed), np.random.default_rng([seed, 17])
     solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
     calibration = calibrated(made, solution)
-    expected = meeting_error(made.cell, calibration, solution, Settings())
+    expected = meeting_error(calibration, ArmErrors(made.cell, solution), Settings())
     assert expected is not None
     places = recorded_places(solution.problem, solution.state, BASE)
     believed = calibrated_kinematics(made.cell, calibration)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import robot_parameters
+from basecal.accuracy.task.arm_errors import ArmErrors
 from basecal.accuracy.task.task_error import meeting_error
 from basecal.acquisition.coverage import find_equal_sample
 from basecal.cell import Calibration, Cell, Recording, RobotState, Sample
@@ -172,4 +173,4 @@ def _current_calibration(cell: Cell, samples: Sequence[Sample], task: Settings) 
     noise = noise_summary(cell, recording, solution)
     transforms, parameters = dict(solution.transforms), robot_parameters(solution)
     found = Calibration("doubtful", transforms, noise=noise, robot_parameters=parameters, settings=task.as_dict())
-    return replace(found, meeting=meeting_error(cell, found, solution, task))
+    return replace(found, meeting=meeting_error(found, ArmErrors(cell, solution), task))

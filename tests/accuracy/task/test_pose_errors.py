@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
+from basecal.accuracy.task.arm_errors import ArmErrors
 from basecal.accuracy.task.meeting import make_meeting
 from basecal.accuracy.task.meeting_errors import meeting_errors
 from basecal.accuracy.task.pose_errors import POSE_EFFECTS, moved_by_pose_errors, unseen_share
@@ -60,7 +61,7 @@ def test_what_the_base_takes_up_counts_once(solved):
     places = solution.state.transforms[BASE] @ poses.translation
     meeting = make_meeting(made.cell, solution.problem, solution.state, BASE, places)
     widening = with_expected_sizes(made.cell, solution, None).covariance - solution.covariance
-    mean, covariance = meeting_errors(meeting, solution, {"robots": {}}, widening)
+    mean, covariance = meeting_errors(meeting, ArmErrors(made.cell, solution), {"robots": {}}, widening)
     alone = meeting.total_error(solution.covariance + widening, ())
     (name,) = solution.noise.common
     assert "hand" in solution.noise.common[name]

@@ -11,7 +11,15 @@ from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWN
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.noise.mixed_model import Moments, mixed_model, open_jitter
-from basecal.estimation.noise.reml import _Equations, _rounding_loss, _solve, posterior, scales, solve_columns
+from basecal.estimation.noise.reml import (
+    Equations,
+    _rounding_loss,
+    _solve,
+    node_equations,
+    posterior,
+    scales,
+    solve_columns,
+)
 from basecal.estimation.noise.robot_noise import count_stops, with_robot_noise, without_errors
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.build import build_problem
@@ -126,7 +134,7 @@ def test_columns_alone_are_those_of_the_whole(arms):
     """Without the errors in blocks the columns are as with them, to the last bit."""
     problem, state = at_truth(replace(NOISY, arms=arms, state_pixel_noise=False))
     model, logs = mixed_model(problem, state, ROBOTS), np.log([0.3, 1e-3, 2e-3, 1e-3, 2e-3])
-    whole, alone = posterior(model, logs), solve_columns(model, logs[None], np.arange(len(model.prior)))
+    whole, alone = posterior(model, logs), solve_columns(node_equations(model, logs[None]), np.arange(len(model.prior)))
     assert alone.value[0] == whole.value
     np.testing.assert_array_equal(alone.mean[0], whole.mean_columns)
     np.testing.assert_array_equal(alone.spread[0], whole.spread)
@@ -138,7 +146,7 @@ def test_nodes_together_are_those_one_by_one(monkeypatch, rng, at_once):
     monkeypatch.setattr("basecal.estimation.noise.reml._NODES_AT_ONCE", at_once)
     model, _ = made_up(rng)
     nodes, columns = rng.standard_normal((7, 11)), np.array([4, 0, 3])
-    together = solve_columns(model, nodes, columns)
+    together = solve_columns(node_equations(model, nodes), columns)
     for node, value, mean, spread in zip(nodes, together.value, together.mean, together.spread, strict=True):
         alone = posterior(model, node)
         assert value == pytest.approx(alone.value, rel=1e-12)
@@ -259,7 +267,7 @@ def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
         np.testing.assert_allclose(found.blocks.own[block], own[here, here], rtol=1e-8, atol=1e-10)
     assert not found.blocks.lost.any()
     some = np.array([1, 4, 10])
-    known = solve_columns(model, np.log(sigmas)[None], some).take(0)
+    known = solve_columns(node_equations(model, np.log(sigmas)[None]), some).take(0)
     np.testing.assert_allclose(known.mean, mean[some], rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(known.spread, covariance[np.ix_(some, some)], rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(scales(np.log(sigmas), model.of_columns), expected.scales[:COLUMNS])
@@ -330,7 +338,7 @@ def test_directions_without_information_are_held_by_a_floor():
 
     def solve(hessian, information):
         """Inverse and log determinant."""
-        equations = _Equations(np.zeros(1), np.array([hessian]), np.array([information]), np.zeros((1, 2)))
+        equations = Equations(np.zeros(1), np.array([hessian]), np.array([information]), np.zeros((1, 2)))
         found = _solve(equations, np.arange(2))
         return found.spread[0], found.value[0]
 

@@ -12,13 +12,12 @@ from itertools import product
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.situation import OpenOffsets
+from basecal.accuracy.task.arm_errors import ArmErrors
 from basecal.accuracy.task.expected_error import length_quantiles
 from basecal.accuracy.task.meeting import make_meeting, target_places, worst_meeting
 from basecal.accuracy.task.meeting_errors import meeting_errors
 from basecal.accuracy.task.task import base_transforms
-from basecal.cell import Calibration, Cell, ErrorMap
-from basecal.estimation.solve import Solution
+from basecal.cell import Calibration, ErrorMap
 from basecal.geometry import Array
 
 MAP_STEPS = 5
@@ -28,33 +27,30 @@ _FLAT_M = 1e-3  # a box thinner than that has one layer
 
 
 def error_map(
-    cell: Cell,
     calibration: Calibration,
-    solution: Solution,
+    arms: ArmErrors,
     points_m: Array,
     widening: Array | None = None,
-    offsets: OpenOffsets | None = None,
 ) -> ErrorMap | None:
     """The expected error over the box around the places where targets were seen, and the task.
 
     Args:
-        cell: What was calibrated.
         calibration: What came out, with the noise of its robots.
-        solution: Where targets were seen.
+        arms: Errors of arms about what it was made of.
         points_m: (n, 3) the task in the reference's base [m].
         widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing if None.
-        offsets: Of clocks that were estimated beside the solution; None without any.
 
     Returns:
         None if nothing is known that is placed in the reference's base.
     """
-    problem, state = solution.problem, solution.state
+    cell, problem, state = arms.cell, arms.solution.problem, arms.solution.state
     known = [name for name in base_transforms(cell) if name in calibration.transforms]
     if not known:
         return None
     points = _box(np.concatenate([*(target_places(group, state) for group in problem.groups), points_m]))
-    meeting = worst_meeting((make_meeting(cell, problem, state, name, points) for name in known), solution.covariance)
-    mean, at = meeting_errors(meeting, solution, calibration.noise, widening, offsets)
+    meetings = (make_meeting(cell, problem, state, name, points) for name in known)
+    meeting = worst_meeting(meetings, arms.solution.covariance)
+    mean, at = meeting_errors(meeting, arms, calibration.noise, widening)
     place, turn = slice(0, 3), slice(3, 6)
     lengths = (length_quantiles(at[:, each, each], mean[:, each]) for each in (place, turn))
     return ErrorMap(points, *lengths)

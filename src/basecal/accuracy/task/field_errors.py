@@ -10,33 +10,31 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.expected_sizes import known_sizes, size_posterior
+from basecal.accuracy.systematic_errors.expected_sizes import size_posterior
 from basecal.accuracy.systematic_errors.long_axes import LongAxes
 from basecal.accuracy.systematic_errors.pose_fields import PoseField, pose_field, stated_fields, variances
-from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.task.arm_errors import ArmErrors
 from basecal.accuracy.task.arms_at_points import nearest_poses, to_base_axes
 from basecal.accuracy.task.meeting import Meeting
-from basecal.estimation.solve import Solution
 from basecal.geometry import SE3, Array
 
 
-def field_covariance(meeting: Meeting, solution: Solution, offsets: OpenOffsets | None = None) -> Array:
+def field_covariance(meeting: Meeting, arms: ArmErrors) -> Array:
     """Covariance of place and rotation where flanges meet, by fields, (n, 6, 6).
 
     Args:
         meeting: Who meets, and where.
-        solution: What came out.
-        offsets: Of clocks that were estimated beside the solution; None without any.
+        arms: Errors of arms about what came out.
     """
-    problem = solution.noise.hold_sigmas(solution.problem)
-    situation = Situation(problem, solution.state, problem, {}, solution.noise, offsets)
+    situation = arms.situation
     (moved, columns), points_m = meeting.moves, meeting.places_m
     total = np.zeros((len(moved), 6, 6))
-    for sizes in known_sizes(meeting.cell, situation, None):
+    for sizes in arms.sizes:
         by_sizes = np.zeros((len(moved), 6, len(sizes.mean)))
         for error, own in sizes.of_arms:
             if error.robot in points_m:
-                poses = nearest_poses(problem, error.robot, points_m[error.robot])
+                poses = nearest_poses(situation.problem, error.robot, points_m[error.robot])
                 tangents = to_base_axes(error.flange_tangents(poses), poses.rotation)
                 by_sizes[..., own] = meeting.propagate(error.robot, tangents)
                 total += _unknown_covariance(error, poses, sizes.field_m2)

@@ -13,19 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.situation import OpenOffsets
+from basecal.accuracy.task.arm_errors import ArmErrors
 from basecal.accuracy.task.field_errors import field_covariance
-from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, MODELS, kinematic_errors, moved_by_errors
+from basecal.accuracy.task.kinematic_errors import moved_by_errors
 from basecal.accuracy.task.meeting import Meeting, add_own
 from basecal.accuracy.task.pose_errors import POSE_EFFECTS, moved_by_pose_errors, unseen_share
-from basecal.effects.faces.shared_errors import SharedErrors, SharedTerm
+from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.joint_estimate import (
     companion_name,
     model_priors,
-    model_sigmas,
     open_robots,
-    sigma_models,
 )
 from basecal.estimation.noise.laplace import SigmaPosterior, moments
 from basecal.estimation.solve import Solution
@@ -36,11 +34,7 @@ _LEAST_SHARE = 1e-3  # of a model by its probability: a less likely one changes 
 
 
 def meeting_errors(
-    meeting: Meeting,
-    solution: Solution,
-    noise: Mapping[str, Any],
-    widening: Array | None = None,
-    offsets: OpenOffsets | None = None,
+    meeting: Meeting, arms: ArmErrors, noise: Mapping[str, Any], widening: Array | None = None
 ) -> tuple[Array, Array]:
     """Mean, (n, 6), and covariance, (n, 6, 6), of the error of place and rotation where robots meet [m, rad].
 
@@ -48,21 +42,20 @@ def meeting_errors(
 
     Args:
         meeting: Who meets, and where.
-        solution: What it was made of.
+        arms: Errors of arms about what it was made of.
         noise: Of a calibration.
         widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing where None.
-        offsets: Of clocks that were estimated beside the solution; None without any.
     """
-    own = {robot: _own_variance(meeting, solution, noise, robot) for robot in meeting.places_m}
-    by_joints = _models_by_joints(meeting, solution)
-    models = by_joints or _models_by_poses(meeting, solution)
-    fields = 0.0 if by_joints else field_covariance(meeting, solution, offsets)
+    own = {robot: _own_variance(meeting, arms.solution, noise, robot) for robot in meeting.places_m}
+    by_joints = _models_by_joints(meeting, arms)
+    models = by_joints or _models_by_poses(meeting, arms)
+    fields = 0.0 if by_joints else field_covariance(meeting, arms)
     if models:
         shares, likely = zip(*_likely_models(models), strict=True)
         mean, covariance = _mixture(shares, [_model_error(meeting, own, model, widening) for model in likely])
     else:
         mean = np.zeros(meeting.moves.moved.shape[:2])
-        covariance = meeting.total_error(solution.covariance, own.values())
+        covariance = meeting.total_error(arms.solution.covariance, own.values())
     return mean, covariance + fields
 
 
@@ -83,41 +76,30 @@ class _Model:
     prior: float = 1.0
 
 
-def _models_by_joints(meeting: Meeting, solution: Solution) -> list[_Model]:
-    """Models of errors of joints and links of arms that meet; none if no such arm's noise is estimated.
-
-    Where one kind has a prior, two of `MODELS` are the same errors, and count once.
-    """
+def _models_by_joints(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
+    """Models of errors of joints and links of arms that meet."""
     problem, state = meeting.problem, meeting.state
-    if solution.noise.logs is None:
-        return []
-    models: dict[tuple[int, ...], _Model] = {}
-    for kinds in MODELS:
-        found = {robot: kinematic_errors(problem, state, robot, kinds) for robot in open_robots(problem)}
-        arms = {robot: errors for robot, errors in found.items() if errors is not None}
-        key = tuple(len(errors.is_turn) for errors in arms.values())
-        if arms.keys() & meeting.places_m.keys() and key not in models:
-            sigmas = model_sigmas(problem, state, solution.noise, SharedTerm(arms, EXPECTED_PRIOR))
-            columns = sigmas.model.layout.common
-            moved = [
-                (columns[robot][0], meeting.propagate(robot, moved_by_errors(problem, state, robot, where_m, kinds)))
-                for robot, where_m in meeting.places_m.items()
-                if robot in arms
-            ]
-            models[key] = _Model(sigmas, moved, [])
-    return list(models.values())
+    models = []
+    for kinds, sigmas in arms.joint_models:
+        columns = sigmas.model.layout.common
+        moved = [
+            (columns[robot][0], meeting.propagate(robot, moved_by_errors(problem, state, robot, where_m, kinds)))
+            for robot, where_m in meeting.places_m.items()
+            if robot in columns
+        ]
+        if moved:
+            models.append(_Model(sigmas, moved, []))
+    return models
 
 
-def _models_by_poses(meeting: Meeting, solution: Solution) -> list[_Model]:
+def _models_by_poses(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
     """No errors but those of single stops, and errors smooth in pose or time, of arms that meet and record poses alone.
 
     Of errors in time nothing is known where arms meet.
     """
-    problem = meeting.problem
-    if solution.noise.logs is None or not set(open_robots(problem)) & meeting.places_m.keys():
+    if not set(open_robots(meeting.problem)) & meeting.places_m.keys():
         return []
-    found = sigma_models(problem, meeting.state, solution.noise, solution.noise.logs_by_model)
-    models = {}
+    found, models = arms.pose_models, {}
     for name, sigmas in found.items():
         layout, places = sigmas.model.layout, sigmas.model.sigmas
         if name in ("", *POSE_EFFECTS):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.accuracy.systematic_errors.situation import OpenOffsets
+from basecal.accuracy.task.arm_errors import ArmErrors
 from basecal.accuracy.task.budget import calibration_budget
 from basecal.accuracy.task.error_map import error_map
 from basecal.accuracy.task.expected_error import pooled_quantile
@@ -41,7 +42,8 @@ def add_task_error(
     """
     fitted, as_modelled, by_clocks = steps
     widening = by_clocks.covariance - fitted.covariance
-    meeting = meeting_error(cell, calibration, by_clocks, settings, widening, offsets)
+    arms = ArmErrors(cell, by_clocks, offsets)
+    meeting = meeting_error(calibration, arms, settings, widening)
     calibration = replace(calibration, meeting=meeting)
     if settings.task_point is None:
         return calibration
@@ -53,7 +55,7 @@ def add_task_error(
     return replace(
         calibration,
         budget=calibration_budget(cell, calibration, fitted, widenings, points_m),
-        error_map=error_map(cell, calibration, by_clocks, points_m, widening, offsets),
+        error_map=error_map(calibration, arms, points_m, widening),
         local=local_fits(
             fitted, [name for name in base_transforms(cell) if name in calibration.transforms], settings.task_box
         ),
@@ -61,26 +63,23 @@ def add_task_error(
 
 
 def meeting_error(
-    cell: Cell,
     calibration: Calibration,
-    solution: Solution,
+    arms: ArmErrors,
     settings: Settings,
     widening: Array | None = None,
-    offsets: OpenOffsets | None = None,
 ) -> MeetingError | None:
     """The error where flanges meet, at the task or else where targets were seen, of what is placed the worst.
 
     Args:
-        cell: What was calibrated.
         calibration: What came out, with the noise of its robots.
-        solution: What it was made of.
+        arms: Errors of arms about what it was made of.
         settings: With the task.
         widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing if None.
-        offsets: Of clocks that were estimated beside the solution; None without any.
 
     Returns:
         None if nothing found is placed in the reference's base.
     """
+    cell, solution = arms.cell, arms.solution
     problem, state, task = solution.problem, solution.state, task_places(settings.task_point, settings.task_box)
     meetings = [
         make_meeting(cell, problem, state, name, meeting_places(problem, state, name, task))
@@ -90,7 +89,7 @@ def meeting_error(
     if not meetings:
         return None
     meeting = worst_meeting(meetings, solution.covariance)
-    mean, covariance = meeting_errors(meeting, solution, calibration.noise, widening, offsets)
+    mean, covariance = meeting_errors(meeting, arms, calibration.noise, widening)
     at, off = covariance[:, :3, :3], mean[:, :3]
     variance = float(np.mean(np.trace(at, axis1=1, axis2=2) + np.sum(off**2, -1)))
     return MeetingError(pooled_quantile(at, off), place_kind(task), float(np.sqrt(variance / 3)))

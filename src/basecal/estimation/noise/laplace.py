@@ -12,12 +12,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
-from basecal.estimation.noise.reml import Columns, posterior, scales, solve_columns
+from basecal.estimation.noise.reml import Columns, Equations, node_equations, posterior, scales, solve_columns
 from basecal.estimation.noise.secant import Secant, correct_curvature
 from basecal.geometry import Array, IntArray
 from basecal.numerics.mixtures import probabilities
@@ -70,7 +71,12 @@ class SigmaPosterior:
     @cached_property
     def columns(self) -> Columns:
         """Posterior of the columns at these sigmas, kept since it is used repeatedly."""
-        return solve_columns(self.model, self.logs[None], np.arange(len(self.model.prior))).take(0)
+        return solve_columns(node_equations(self.model, self.logs[None]), np.arange(len(self.model.prior))).take(0)
+
+    @cached_property
+    def nodes(self) -> _Nodes:
+        """Nodes of the sigmas, kept for all columns that are requested."""
+        return _Nodes.place(self)
 
 
 def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = None) -> SigmaPosterior:
@@ -193,18 +199,39 @@ def _weighed_nodes(
     Returns:
         Weights, (n,), that add up to 1; logarithms of the sigmas, (n, k); and the columns.
     """
-    of = posterior.model
-    if np.sqrt(np.diag(posterior.covariance)).max(initial=0.0) < (_NEARLY_KNOWN if is_quick else _KNOWN_SIGMA):
-        return np.ones(1), posterior.logs[None], solve_columns(of, posterior.logs[None], columns)
-    is_wide = np.diag(posterior.covariance).max() > _NEARLY_NORMAL**2 and of.layout.blocks <= _FEW_STOPS
-    tails = is_wide and not is_quick
-    nodes, drawn = _draw_nodes(posterior) if tails else _cubature(posterior, is_quick)
-    known = solve_columns(of, nodes, columns)
-    values = known.value + np.array([posterior.prior.value(node)[0] for node in nodes])
-    values = np.where(np.isfinite(values), values, np.inf) - drawn
+    nodes = _Nodes.place(posterior, is_quick) if is_quick else posterior.nodes
+    known = solve_columns(nodes.equations, columns)
+    values = known.value + np.array([posterior.prior.value(node)[0] for node in nodes.logs])
+    values = np.where(np.isfinite(values), values, np.inf) - nodes.drawn
     weights = np.exp(-0.5 * (values - values.min()))
     counts = weights > 0  # others may hold what is no number
-    return weights[counts] / weights.sum(), nodes[counts], known.take(counts)
+    return weights[counts] / weights.sum(), nodes.logs[counts], known.take(counts)
+
+
+class _Nodes(NamedTuple):
+    """Nodes of the sigmas.
+
+    Attributes:
+        logs: (n, k) logarithms.
+        drawn: (n,) minus twice the log of their density but for a constant.
+        equations: Of the columns at each.
+    """
+
+    logs: Array
+    drawn: Array
+    equations: list[Equations]
+
+    @classmethod
+    def place(cls, posterior: SigmaPosterior, is_quick: bool = False) -> _Nodes:
+        """Nodes of a posterior: the most likely one where sigmas are known, drawn ones where they are hardly so."""
+        variances, model = np.diag(posterior.covariance), posterior.model
+        if np.sqrt(variances).max(initial=0.0) < (_NEARLY_KNOWN if is_quick else _KNOWN_SIGMA):
+            logs, drawn = posterior.logs[None], np.zeros(1)
+        elif variances.max() > _NEARLY_NORMAL**2 and model.layout.blocks <= _FEW_STOPS and not is_quick:
+            logs, drawn = _draw_nodes(posterior)
+        else:
+            logs, drawn = _cubature(posterior, is_quick)
+        return cls(logs, drawn, node_equations(model, logs))
 
 
 def _cubature(posterior: SigmaPosterior, is_quick: bool = False) -> tuple[Array, Array]:

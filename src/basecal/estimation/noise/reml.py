@@ -14,7 +14,7 @@ Source: Patterson & Thompson 1971, Harville 1977, Dempster, Laird & Rubin 1977 (
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any, NamedTuple
@@ -191,7 +191,7 @@ def posterior(model: MixedModel, logs: Array) -> Posterior:
     """The restricted likelihood at logarithms of sigmas, (k,), and what is known of everything else there."""
     b, q, m = *model.of_errors.shape, len(model.prior)
     blocks = _Blocks(np.empty((b, q)), np.empty((b, q, q)), np.zeros(b), np.empty((m, m)))
-    equations = _Equations(*(of[None] for of in _eliminate_errors(model, logs, blocks)))
+    equations = Equations(*(of[None] for of in _eliminate_errors(model, logs, blocks)))
     known = _solve(equations, np.arange(m)).take(0)
     # Of the errors there follow those where the columns are zero, and what these move them by.
     u, at = scales(logs, model.of_errors), known.mean * scales(logs, model.of_columns)
@@ -223,22 +223,22 @@ class _Blocks:
     explained: Array
 
 
-def solve_columns(model: MixedModel, nodes: Array, columns: IntArray) -> Columns:
-    """The restricted likelihood at nodes of the sigmas, and what is known of some columns there.
+def node_equations(model: MixedModel, nodes: Array) -> list[Equations]:
+    """Equations of the columns at nodes of the sigmas, (n, k) logarithms.
 
-    Args:
-        model: The model.
-        nodes: (n, k) logarithms of the sigmas. Some are taken at a time: one by one, NumPy's calls take half the time.
-        columns: (c,) which columns.
+    Some are taken at a time: one by one, NumPy's calls take half the time.
     """
-    found = []
-    for here in chunks(len(nodes), model.of_errors.size, len(model.prior), _NODES_AT_ONCE):
-        equations = _eliminate_errors(model, nodes[here])
-        found.append(_solve(equations, columns))
+    parts = chunks(len(nodes), model.of_errors.size, len(model.prior), _NODES_AT_ONCE)
+    return [_eliminate_errors(model, nodes[here]) for here in parts]
+
+
+def solve_columns(equations: Iterable[Equations], columns: IntArray) -> Columns:
+    """The restricted likelihood at nodes of the sigmas, and what is known of some columns there, (c,)."""
+    found = [_solve(each, columns) for each in equations]
     return Columns(*(np.concatenate([getattr(of, name) for of in found]) for name in ("value", "mean", "spread")))
 
 
-class _Equations(NamedTuple):
+class Equations(NamedTuple):
     """Normal equations of the columns, the errors in blocks eliminated.
 
     Attributes:
@@ -254,7 +254,7 @@ class _Equations(NamedTuple):
     gradient: Array
 
 
-def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = None) -> _Equations:
+def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = None) -> Equations:
     """Equations of the columns at logarithms of sigmas, (..., k); those of a single node, (k,), may fill `blocks`."""
     weights = _weights(model, logs)
     x, u = scales(logs, model.of_columns), scales(logs, model.of_errors)
@@ -286,10 +286,10 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
         blocks.explained[...] = explained
     information = np.diagonal(fixed_fixed, axis1=-2, axis2=-1) * x**2 + np.diag(model.prior)
     hessian = fixed_fixed * by_scales - explained + model.prior
-    return _Equations(value, hessian, information, (fixed - by_errors) * x + model.prior_gradient)
+    return Equations(value, hessian, information, (fixed - by_errors) * x + model.prior_gradient)
 
 
-def _solve(equations: _Equations, columns: IntArray) -> Columns:
+def _solve(equations: Equations, columns: IntArray) -> Columns:
     """Estimates of some columns, (c,), at nodes, (n,); one floor holds directions without information at all."""
     # Of what nothing was seen its own unit.
     size = 1 / np.sqrt(np.where(equations.information > 0, equations.information, 1.0))

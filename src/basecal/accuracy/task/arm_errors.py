@@ -1,0 +1,65 @@
+"""Errors of arms about a solution, found once for all places where the arms meet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from basecal.accuracy.systematic_errors.expected_sizes import SizePosterior, known_sizes
+from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
+from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, MODELS, kinematic_errors
+from basecal.cell import Cell
+from basecal.effects.faces.shared_errors import SharedTerm
+from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots, sigma_models
+from basecal.estimation.noise.laplace import SigmaPosterior
+from basecal.estimation.solve import Solution
+
+
+@dataclass(frozen=True, eq=False)
+class ArmErrors:
+    """Errors of arms about a solution.
+
+    Attributes:
+        cell: What was calibrated.
+        solution: What came out.
+        offsets: Of clocks that were estimated beside the solution; None without any.
+    """
+
+    cell: Cell
+    solution: Solution
+    offsets: OpenOffsets | None = None
+
+    @cached_property
+    def joint_models(self) -> list[tuple[tuple[str, ...], SigmaPosterior]]:
+        """Models of errors of joints and links by their kinds; none if no such arm's noise is estimated.
+
+        Where one kind has a prior, two of `MODELS` are the same errors, and count once.
+        """
+        problem, state, noise = self.solution.problem, self.solution.state, self.solution.noise
+        models: dict[tuple[int, ...], tuple[tuple[str, ...], SigmaPosterior]] = {}
+        for kinds in () if noise.logs is None else MODELS:
+            found = {robot: kinematic_errors(problem, state, robot, kinds) for robot in open_robots(problem)}
+            arms = {robot: errors for robot, errors in found.items() if errors is not None}
+            key = tuple(len(errors.is_turn) for errors in arms.values())
+            if arms and key not in models:
+                models[key] = kinds, model_sigmas(problem, state, noise, SharedTerm(arms, EXPECTED_PRIOR))
+        return list(models.values())
+
+    @cached_property
+    def pose_models(self) -> dict[str, SigmaPosterior]:
+        """Models without errors that stops share, by "", and with such, by name; none if no noise is estimated."""
+        noise = self.solution.noise
+        if noise.logs is None:
+            return {}
+        return sigma_models(self.solution.problem, self.solution.state, noise, noise.logs_by_model)
+
+    @cached_property
+    def situation(self) -> Situation:
+        """The solution with its noise, to which errors are added."""
+        problem = self.solution.noise.hold_sigmas(self.solution.problem)
+        return Situation(problem, self.solution.state, problem, {}, self.solution.noise, self.offsets)
+
+    @cached_property
+    def sizes(self) -> list[SizePosterior]:
+        """Fields and lengths of arms that record poses alone, and sizes of other effects."""
+        return known_sizes(self.cell, self.situation, None)

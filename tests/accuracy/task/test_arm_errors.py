@@ -1,0 +1,51 @@
+"""What is known of errors of arms, found once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from basecal.accuracy.task.arm_errors import ArmErrors
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+
+POSES = Scenario(samples=8, robot_noise=(1e-4, 2e-4), state_robot_noise=False)
+JOINTS = replace(POSES, joints=True)
+
+
+@pytest.fixture(scope="module", params=[POSES, JOINTS], ids=["poses", "joints"])
+def solved(request):
+    """A cell whose arms state no noise, and its solution."""
+    made = simulate(request.param, 1)
+    return request.param, made, solve(made.cell, made.recording, Settings(robot_noise="estimated"))
+
+
+def test_models_are_those_of_what_arms_record(solved):
+    """Joints and links where joints are recorded; without shared errors, and with them, where there are poses."""
+    scenario, made, solution = solved
+    arms = ArmErrors(made.cell, solution)
+    assert [kinds for kinds, _ in arms.joint_models] == (
+        [("joint_offsets",), ("link_parameters",), ("joint_offsets", "link_parameters")] if scenario.joints else []
+    )
+    assert "" in arms.pose_models
+    assert ("smooth_by_reach" in arms.pose_models) != scenario.joints
+
+
+def test_they_are_found_once(solved, monkeypatch):
+    """However often they are requested; nodes of their sigmas too."""
+    _, made, solution = solved
+    arms = ArmErrors(made.cell, solution)
+    first = arms.pose_models, arms.joint_models, arms.sizes, arms.pose_models[""].nodes
+    for name in ("sigma_models", "model_sigmas", "known_sizes"):
+        monkeypatch.setattr(f"basecal.accuracy.task.arm_errors.{name}", None)
+    assert all(a is b for a, b in zip(first, (arms.pose_models, arms.joint_models, arms.sizes), strict=False))
+    assert arms.pose_models[""].nodes is first[3]
+
+
+def test_stated_noise_leaves_no_models():
+    """Only fields and sizes are left."""
+    made = simulate(replace(POSES, state_robot_noise=True), 1)
+    arms = ArmErrors(made.cell, solve(made.cell, made.recording))
+    assert (arms.joint_models, arms.pose_models) == ([], {})
