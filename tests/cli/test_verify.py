@@ -8,12 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.shared.remembered import remembering
 
+from basecal.accuracy.drift import verify as drift
 from basecal.cell import Driver
 from basecal.cell.files import read_calibration
 from basecal.cli import main
 from basecal.cli.verify import _next_command as next_command
 from basecal.simulation import Scenario, simulate
+
+verified_once = remembering(drift, "verify")
 
 
 @pytest.fixture(scope="module")
