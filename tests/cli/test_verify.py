@@ -86,6 +86,7 @@ def test_samples_join_where_nothing_moved(cell: Path, tmp_path: Path, capsys: py
     assert (copy / "runs" / told["run"] / "calibration.json").is_file()
 
 
+@pytest.mark.journey
 def test_samples_join_by_the_settings_of_the_run(cell: Path, tmp_path: Path) -> None:
     """Nobody asked for anything else, and `compare` reports nothing else."""
     copy = Path(shutil.copytree(cell, tmp_path / "cell"))
@@ -97,6 +98,7 @@ def test_samples_join_by_the_settings_of_the_run(cell: Path, tmp_path: Path) -> 
     assert second.tolerance is not None
 
 
+@pytest.mark.journey
 def test_a_missed_tolerance_is_told_when_samples_join(
     cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
