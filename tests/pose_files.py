@@ -22,9 +22,9 @@ def stack(path: Path, poses: SE3) -> str:
     return str(path)
 
 
-def pose_files(folder: Path) -> dict[str, str]:
-    """Four poses for each stream, by the name of its option."""
-    return {name: stack(folder / f"{name}.txt", drawn(4, seed)) for seed, name in enumerate(NAMES)}
+def pose_files(folder: Path, count: int = 4) -> dict[str, str]:
+    """Files of so many poses for each stream, by the name of its option."""
+    return {name: stack(folder / f"{name}.txt", drawn(count, seed)) for seed, name in enumerate(NAMES)}
 
 
 def options(files: dict[str, str]) -> list[str]:

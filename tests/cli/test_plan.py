@@ -9,10 +9,16 @@ import shutil
 from dataclasses import replace
 
 import pytest
+from tests.shared.remembered import remembering
 
+from basecal.accuracy import calibrate as calibrating
 from basecal.cell import Driver
 from basecal.cell.files import latest_run, read_calibration, read_cell, read_plan, write_cell
 from basecal.cli import main
+from basecal.planning import plan as planning
+
+calibrated_once = remembering(calibrating, "calibrate")
+planned_once = remembering(planning, "plan_for_task")
 
 
 @pytest.fixture(scope="module")

@@ -162,10 +162,10 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
         assert main(words) == 3
         assert "not overwritten" in capsys.readouterr().err
     assert {path: path.read_bytes() for path in Path(folder).rglob("*") if path.is_file()} == before
-    importing = ["import", "poses", folder, *options(pose_files(tmp_path)), "--length-unit", "m"]
+    importing = ["import", "poses", folder, *options(pose_files(tmp_path, 3)), "--length-unit", "m"]
     assert main(importing) == 0
     count = len(read_recording(folder).samples)
-    assert count == 5
+    assert count == 4
     assert main(importing) == 3
     assert "is recorded already" in capsys.readouterr().err
     assert len(read_recording(folder).samples) == count

@@ -8,12 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.shared.remembered import remembering
 
+from basecal.accuracy.drift import verify as drift
 from basecal.cell import Driver
 from basecal.cell.files import read_calibration
 from basecal.cli import main
 from basecal.cli.verify import _next_command as next_command
 from basecal.simulation import Scenario, simulate
+
+verified_once = remembering(drift, "verify")
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +86,7 @@ def test_samples_join_where_nothing_moved(cell: Path, tmp_path: Path, capsys: py
     assert (copy / "runs" / told["run"] / "calibration.json").is_file()
 
 
+@pytest.mark.journey
 def test_samples_join_by_the_settings_of_the_run(cell: Path, tmp_path: Path) -> None:
     """Nobody asked for anything else, and `compare` reports nothing else."""
     copy = Path(shutil.copytree(cell, tmp_path / "cell"))
@@ -93,6 +98,7 @@ def test_samples_join_by_the_settings_of_the_run(cell: Path, tmp_path: Path) -> 
     assert second.tolerance is not None
 
 
+@pytest.mark.journey
 def test_a_missed_tolerance_is_told_when_samples_join(
     cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.cell import Recording, RobotState
+from basecal.cell import Calibration, Recording, RobotState
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.effects.smooth_in_time import LASTS_S, errors, kernel
 from basecal.geometry import SE3
@@ -60,9 +61,16 @@ def lagging(seed: int, size: float, stated_sigma: float | None = None) -> Stream
     return Streamed(cell, Recording(tuple(samples)), made.offset_s)
 
 
+@cache
+def calibrated(seed: int, size: float, stated_sigma: float | None = None) -> Calibration:
+    """The calibration of a stream that lags."""
+    made = lagging(seed, size, stated_sigma)
+    return calibrate(made.cell, made.recording)
+
+
 def test_they_are_named_where_they_are_and_only_there():
     """With what they come to at the flange."""
-    clean, late = (calibrate(made.cell, made.recording) for made in (lagging(0, 0.0), lagging(0, 1.0)))
+    clean, late = calibrated(0, 0.0), calibrated(0, 1.0)
     assert clean.noise["robots"]["arm"].get("smooth_in_time") is None
     told = late.noise["robots"]["arm"]["smooth_in_time"]
     assert told["lasts_s"] == LASTS_S
@@ -73,8 +81,7 @@ def test_an_arm_that_states_its_repeatability_may_lag():
     """By half a millimetre: no answer is doubtful, and sigmas are true."""
     distances = []
     for seed in range(2):
-        made = lagging(seed, 0.3, stated_sigma=1e-4)
-        found = calibrate(made.cell, made.recording)
+        found = calibrated(seed, 0.3, stated_sigma=1e-4)
         off = (found[NAME].mean.inverse() @ MOUNT).log()
         distances.append(off @ np.linalg.solve(found[NAME].covariance, off))
         assert found.verdict == "good"
@@ -85,8 +92,7 @@ def test_an_arm_that_lags_is_not_taken_for_one_that_is_stretched(monkeypatch):
     """Answers are good, with true sigmas. With an error for each stop alone, warnings are of poses and lengths."""
     distances = []
     for seed in (0, 2, 3):
-        made = lagging(seed, 1.0)
-        found = calibrate(made.cell, made.recording)
+        found = calibrated(seed, 1.0)
         off = (found[NAME].mean.inverse() @ MOUNT).log()
         distances.append(off @ np.linalg.solve(found[NAME].covariance, off))
         assert found.verdict == "good"

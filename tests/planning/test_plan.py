@@ -25,24 +25,29 @@ def cell():
     return made.cell, made.recording, bare, calibrate(made.cell, made.recording), point
 
 
-def test_a_tolerance_is_reached_with_as_many_as_are_needed(cell):
-    """All of the samples are needed, none has an observation, and they are numbered beyond the recording."""
+@pytest.fixture(scope="module")
+def planned(cell):
+    """A plan from nothing recorded, for 0.6 mm."""
     described, _, bare, calibration, point = cell
-    found = plan_for_task(described, bare, calibration, point, tolerance_m=6e-4)
-    assert found.reachable is True
-    assert found.needed == len(found.samples) > 0
-    assert found.expected_m <= 6e-4 * 1.001
-    assert [sample.sample for sample in found.samples] == list(range(12, 12 + found.needed))
-    assert not any(sample.observations for sample in found.samples)
-    assert sum(entry.share for entry in found.budget) == pytest.approx(1.0, rel=1e-2)
+    return plan_for_task(described, bare, calibration, point, tolerance_m=6e-4)
 
 
-def test_what_is_recorded_counts(cell):
+def test_a_tolerance_is_reached_with_as_many_as_are_needed(planned):
+    """All of the samples are needed, none has an observation, and they are numbered beyond the recording."""
+    assert planned.reachable is True
+    assert planned.needed == len(planned.samples) > 0
+    assert planned.expected_m <= 6e-4 * 1.001
+    assert [sample.sample for sample in planned.samples] == list(range(12, 12 + planned.needed))
+    assert not any(sample.observations for sample in planned.samples)
+    assert sum(entry.share for entry in planned.budget) == pytest.approx(1.0, rel=1e-2)
+
+
+def test_what_is_recorded_counts(cell, planned):
     """Fewer samples are needed beside a recording, and none where it is enough."""
-    described, recording, bare, calibration, point = cell
+    described, recording, _, calibration, point = cell
     beside = plan_for_task(described, recording, calibration, point, tolerance_m=6e-4)
     assert beside.recorded == 12
-    assert beside.needed < plan_for_task(described, bare, calibration, point, tolerance_m=6e-4).needed
+    assert beside.needed < planned.needed
     enough = plan_for_task(described, recording, calibration, point, tolerance_m=0.1)
     assert (enough.needed, enough.samples, enough.reachable) == (0, (), True)
 

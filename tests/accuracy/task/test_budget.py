@@ -60,10 +60,9 @@ def test_sources_add_to_the_total(scenario, seed):
         assert 0.249 * total < entry.halved_rms_m**2 < 1.001 * total - 0.75 * entry.rms_m**2
 
 
-def test_what_is_added_is_a_source():
+def test_what_is_added_is_a_source(of_poses):
     """A widening has its own line, is quartered when halved, and what remains is said to be of the sigmas."""
-    made = simulate(Scenario(samples=12, target="pose", robot_noise=(1e-4, 2e-4)), 3)
-    solution = solve(made.cell, made.recording)
+    made, solution, _ = of_poses
     task, total = at(made, solution, "eye_base_from_hand_base")
     entries = {e.source: e for e in budget(solution, task, 3 * total, {"clocks": total})}
     assert entries["clocks"].share == pytest.approx(1 / 3)
@@ -115,12 +114,18 @@ def test_a_calibration_has_a_budget_where_a_task_is_named():
     assert calibrate(made.cell, made.recording).budget is None
 
 
-@pytest.mark.parametrize("common", [{}, {"smooth": {"eye": np.array([1e-4, 1e-4])}}])
-def test_what_is_left_over_is_called_by_what_was_estimated(common):
-    """How well the noise is known; where arms' poses have errors in common, these too."""
+@pytest.fixture(scope="module")
+def of_poses():
+    """A cell with the noise of its poses stated, its solution, and its calibration for the task."""
     made = simulate(Scenario(samples=12, target="pose", robot_noise=(1e-4, 2e-4)), 3)
-    solution = solve(made.cell, made.recording)
-    calibration = calibrate(made.cell, made.recording, Settings(task_point=POINT))
+    settings = Settings(task_point=POINT)
+    return made, solve(made.cell, made.recording), calibrate(made.cell, made.recording, settings)
+
+
+@pytest.mark.parametrize("common", [{}, {"smooth": {"eye": np.array([1e-4, 1e-4])}}])
+def test_what_is_left_over_is_called_by_what_was_estimated(of_poses, common):
+    """How well the noise is known; where arms' poses have errors in common, these too."""
+    made, solution, calibration = of_poses
     total = at(made, solution, "eye_base_from_hand_base")[1]
     wide = replace(calibration.meeting, sigma_m=np.sqrt(total))  # three times the variance
     solution = replace(solution, noise=replace(solution.noise, common=common))

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import textwrap
 import threading
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 import pytest
 from pydantic import ValidationError
@@ -79,39 +79,49 @@ def test_another_program_at_the_port():
             session(other.getsockname()[1])
 
 
-@pytest.mark.parametrize(
-    "answer",
-    [
-        bytes(4000),
-        b"ACKF\xff\xff\xff\x7f" + bytes(1000),
-        b"ERRF" + struct.pack("<I8s", 16, b"\xff" * 8),
-        b"ACKF" + struct.pack("<6I", 28, 0, *[2**16] * 4) + b"OPNF" + struct.pack("<I52s", 60, b"\xff" * 52),
-    ],
-    ids=["zeros", "huge", "error", "channel"],
-)
-def test_a_hostile_server_is_one_line(answer):
-    """Whatever it answers, the library's own tracebacks do not reach the terminal."""
-    words = """
-        from basecal.acquisition.opcua.options import OpcuaOptions
-        from basecal.acquisition.opcua.session import Session
-        from basecal.errors import DriverError
-        options = OpcuaOptions(url="opc.tcp://127.0.0.1:PORT", joints=["ns=2;s=j"], unit="rad")
+HOSTILE = {
+    "zeros": bytes(4000),
+    "huge": b"ACKF\xff\xff\xff\x7f" + bytes(1000),
+    "error": b"ERRF" + struct.pack("<I8s", 16, b"\xff" * 8),
+    "channel": b"ACKF" + struct.pack("<6I", 28, 0, *[2**16] * 4) + b"OPNF" + struct.pack("<I52s", 60, b"\xff" * 52),
+}
+ASKING = """
+    import sys
+    from basecal.acquisition.opcua.options import OpcuaOptions
+    from basecal.acquisition.opcua.session import Session
+    from basecal.errors import DriverError
+    for port in sys.argv[1:]:
+        options = OpcuaOptions(url=f"opc.tcp://127.0.0.1:{port}", joints=["ns=2;s=j"], unit="rad")
         try:
             Session("eye", options, lambda client: [client.get_node("ns=2;s=j")])
         except DriverError as error:
             print(error)
-    """
+"""
 
-    def serve(other):
-        for _ in range(2):
-            with other.accept()[0] as connection, suppress(OSError):
-                connection.recv(4096)
-                connection.sendall(answer)
 
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        threading.Thread(target=serve, args=(other,), daemon=True).start()
-        words = textwrap.dedent(words).replace("PORT", str(other.getsockname()[1]))
-        ended = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, timeout=60, check=True)
-    assert ended.stdout.startswith("eye: the server")
-    assert ended.stdout.count("\n") == 1
-    assert ended.stderr == ""
+def serve(server, answer):
+    """Answer two connections by the same bytes."""
+    for _ in range(2):
+        with server.accept()[0] as connection, suppress(OSError):
+            connection.recv(4096)
+            connection.sendall(answer)
+
+
+@pytest.fixture(scope="module")
+def asked():
+    """A process that has asked each hostile server."""
+    with ExitStack() as stack:
+        servers = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in HOSTILE]
+        for server, answer in zip(servers, HOSTILE.values(), strict=True):
+            threading.Thread(target=serve, args=(server, answer), daemon=True).start()
+        ports = [str(server.getsockname()[1]) for server in servers]
+        command = [sys.executable, "-c", textwrap.dedent(ASKING), *ports]
+        yield subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_server_is_one_line(asked, name):
+    """Whatever it answers, the library's own tracebacks do not reach the terminal."""
+    lines = dict(zip(HOSTILE, asked.stdout.splitlines(), strict=True))
+    assert lines[name].startswith("eye: the server")
+    assert asked.stderr == ""

@@ -39,6 +39,7 @@ def views(simulated: SimulatedCell) -> list[str]:
     return ["--view", *(f"{view.camera},{view.target}=/{view.camera}/{view.target}" for view in seen)]
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", quick(KINDS, ["mcap"]))
 def test_the_same_base_as_from_the_cell(
     kind: Kind, tmp_path: Path, simulated: SimulatedCell, expected: Calibration, capsys: pytest.CaptureFixture[str]
@@ -62,6 +63,7 @@ def test_the_same_base_as_from_the_cell(
     assert "is recorded already" in capsys.readouterr().err
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", quick(KINDS, ["sqlite3"]))
 def test_a_bag_that_was_cut_off(
     kind: Kind, tmp_path: Path, simulated: SimulatedCell, capsys: pytest.CaptureFixture[str]
@@ -91,6 +93,7 @@ def test_a_bag_that_was_cut_off(
     assert (max(counts) > 0) == (kind != "ros1")  # whose index stands at its end
 
 
+@pytest.mark.journey
 def test_joints_and_the_urdf_of_the_bag(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
     """The URDF is written into the cell; with --tf joints are left alone; images stay as they were to the bit."""
     rng = np.random.default_rng(0)
