@@ -7,8 +7,8 @@ from io import StringIO
 import numpy as np
 import pytest
 
+from basecal.exchange.controller_poses import read_poses
 from basecal.exchange.exporters.matrix import EXPORTER
-from basecal.exchange.poses import read_poses
 from export_example import FIXED, all_poses, wanted
 
 

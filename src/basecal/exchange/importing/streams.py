@@ -11,12 +11,13 @@ from typing import Literal, TypeVar
 from basecal.cell import Cell, CellCamera, CellTarget
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.assemble import recording_from_streams
+from basecal.exchange.controller_poses import PoseStream, read_poses
 from basecal.exchange.importing.carriers import choose_name
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.template import cell_text
 from basecal.exchange.pixels import read_pixels
-from basecal.exchange.poses import LengthUnit, PoseStream, read_poses
+from basecal.exchange.poses import LengthUnit
 
 Thing = TypeVar("Thing")
 Inverted = Literal["base-from-flange", "eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
