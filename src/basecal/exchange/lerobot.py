@@ -61,7 +61,10 @@ def read_episode(folder: Path, number: int) -> Episode:
         MissingExtra: if the library of parquet is not installed.
         DatasetError: if the folder is no dataset of LeRobot, or has no such episode.
     """
-    names = _names(folder / "meta" / "info.json")
+    features = read_fields(folder / "meta" / "info.json", LARGEST_INFO).find("features")
+    told = features.find(_STATE).find("names")
+    listed = told.find(*told.names()) if told.names() else told
+    names = tuple(name.text().removesuffix(".pos") for name in listed.items("names of motors"))
     rows = read_columns(folder, folder / "data", number, ["timestamp", _STATE], 1 + len(names))
     return Episode(names, rows[:, 1:], rows[:, 0])
 
@@ -218,12 +221,6 @@ def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
         if not 0 <= motor["range_min"] < motor["range_max"] <= _TICKS:
             raise DatasetError(str(path), f"range_min and range_max are not 0 to {_TICKS}, rising", field=name)
     return found
-
-
-def _names(path: Path) -> tuple[str, ...]:
-    names = read_fields(path, LARGEST_INFO).find("features").find(_STATE).find("names")
-    listed = names.find(*names.names()) if names.names() else names
-    return tuple(name.text().removesuffix(".pos") for name in listed.items("names of motors"))
 
 
 def _radians(

@@ -34,7 +34,7 @@ def touch_names(path: str, names: Sequence[str], robot: str, mark: str | None) -
     return [mark or ""] * len(table.rows) if marks is None else marks
 
 
-def new_rows(folder: str | Path, cell: Cell | None, rows: Sequence[Row]) -> list[Row]:
+def new_rows(folder: str | Path, cell: Cell | None, rows: Sequence[Row]) -> tuple[Row, ...]:
     """Rows that are samples of their own, after those that are recorded; numbers that rows have stay."""
     first = max((sample.sample for sample in recorded_samples(folder, cell)), default=-1) + 1
-    return [replace(row, sample=first + k if row.sample is None else row.sample) for k, row in enumerate(rows)]
+    return tuple(replace(row, sample=first + k if row.sample is None else row.sample) for k, row in enumerate(rows))

@@ -7,7 +7,7 @@ only watched: moving them is the business of their own drivers.
 from __future__ import annotations
 
 import time
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
@@ -88,7 +88,10 @@ class Ros2Camera:
         Raises:
             DriverError: if none comes, or it is of an encoding or size that is not read.
         """
-        message = self._stream.newest(self._newer_message, lambda message: True)
+        last_s = max(self._last_s, 0.0)
+        message = self._stream.newest(
+            lambda message: message if stamp_s(message.header) > last_s else None, lambda message: True
+        )
         now_s = stamp_s(message.header)
         self._last_s = now_s
         try:
@@ -99,9 +102,6 @@ class Ros2Camera:
         if isinstance(grey, str):
             raise DriverError(f"{self._name}: an image of {self._topic} {grey}")
         return CameraImage(now_s, grey)
-
-    def _newer_message(self, message: Any) -> Any:
-        return message if stamp_s(message.header) > max(self._last_s, 0.0) else None
 
     def close(self) -> None:
         """Close: the driver holds nothing that the next one could not use as well."""

@@ -79,17 +79,13 @@ def open_bag(path: Path) -> Iterator[Bag]:
         MissingExtra: if the library of bags is not installed.
         DatasetError: if it is none, or is damaged from its start on.
     """
-    decode = _decoder(_is_first(path))
+    decode = _decoder(path.suffix == _BAG1 and not path.is_dir())
     _check_files(path)
     bag = Bag(str(path), {}, lambda names: _messages(bag, path, decode, set(names)))
     for (name, kind, count), _ in _frames(bag, path, ()):
         before = bag.topics.get(name, Topic(name, _EQUAL_TYPES.get(kind, kind), 0))  # of several types the first counts
         bag.topics[name] = before._replace(messages=before.messages + int(count))
     yield bag
-
-
-def _is_first(path: Path) -> bool:
-    return path.suffix == _BAG1 and not path.is_dir()
 
 
 def _decoder(is_first: bool) -> Callable[[bytes, str], Any]:

@@ -142,8 +142,7 @@ def _import_bag(
     """Rows and entries for the cell, images and URDFs being in a folder."""
     tracks = read_tracks(bag, survey, selection)
     instants = (stream_instants if streams else still_instants)(tracks, bag.path)
-    write_images(bag, selection, instants, folder)
-    rows = tuple(make_rows(tracks, instants, folder))
+    rows = tuple(make_rows(tracks, instants, write_images(bag, selection, instants, folder)))
     first = {name: path for row in reversed(rows) for name, path in row.images.items()}
     sizes = {name: size for name, path in first.items() if (size := image_size(path)) is not None}
     files = {}

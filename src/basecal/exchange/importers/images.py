@@ -72,7 +72,9 @@ def read_images(
     carrier = new["cameras"][camera].get("on")
     shown = target_entry(cell, target, shape, {target_name: target_on}, {camera: carrier})
     looked = _read_images(Path(folder), files, progress)
-    rows = tuple(_row(camera, path, by == "time") for path in files)
+    stamps_s = (read_time(path) if by == "time" else None for path in files)
+    named = zip(files, stamps_s, strict=True)
+    rows = tuple(Row(images={camera: path}, image=path.name, stamp_s=stamp_s) for path, stamp_s in named)
     entry = {
         "robots": {name: {} for name in (*new.get("robots", {}), *shown.get("robots", {}))},
         "cameras": {camera: {"size_px": list(looked.size_px), **new["cameras"][camera]}},
@@ -89,11 +91,6 @@ def read_images(
         advice="check --camera",
         warnings=looked.warnings,
     )
-
-
-def _row(camera: str, path: Path, is_timed: bool) -> Row:
-    """An image, with the time that its name is if it `is_timed`."""
-    return Row(images={camera: path}, image=path.name, stamp_s=read_time(path) if is_timed else None)
 
 
 def _describe(

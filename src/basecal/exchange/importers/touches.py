@@ -14,7 +14,7 @@ from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.poses import POSE_ADVICE, table_reading
 from basecal.exchange.importing.cell_content import known_cell
-from basecal.exchange.importing.imported import Imported, OneOf, Row, controller_places
+from basecal.exchange.importing.imported import By, Imported, OneOf, Row, controller_places
 from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.joints import read_joints
 from basecal.exchange.poses import LengthUnit
@@ -87,26 +87,21 @@ def read_touches(
         entry["clamp"] = _clamp(known, clamp, robot, hinge)
     elif known is None or own_tip not in known.cameras:
         entry["tips"] = {own_tip: {"on": robot, "offset": {"status": "free"}}}
-    if meets is not None:
-        met, what = TouchObservation(own_tip, meets, sigma_m, "tip2"), f"meetings of {own_tip} and {meets}"
-        return _join_rows(str(file), rows, met, f"{len(rows)} {what}, {how}", entry, advice)
+    contacts = [TouchObservation(own_tip, meets or "", sigma_m, "tip2")] * len(rows)
+    what = f"{len(rows)} meetings of {own_tip} and {meets}"
     if clamp is not None:
-        met, what = TouchObservation(clamp, grip_name(clamp), sigma_m, "clamp"), f"places of {robot} holding {clamp}"
-        return _join_rows(str(file), rows, met, f"{len(rows)} {what}, {how}", entry, advice)
-    marks = touch_names(str(file), names, robot, mark)
-    entry["marks"] = {name: {} for name in dict.fromkeys(marks) if known is None or name not in known.targets}
-    touched = zip(new_rows(cell, known, rows), marks, strict=True)
-    seen = tuple(replace(row, observations=(TouchObservation(own_tip, at, sigma_m),)) for row, at in touched)
-    what = f"{len(seen)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}, {how}"
-    return Imported(str(file), what, seen, entry, defaults=controller_places([robot]), by="sample", advice=advice)
-
-
-def _join_rows(
-    source: str, rows: Sequence[Row], contact: TouchObservation, summary: str, entry: dict[str, Any], advice: str
-) -> Imported:
-    """Rows that join the samples that are there, in order, each with the same observation."""
-    joined = tuple(replace(row, observations=(contact,)) for row in rows)
-    return Imported(source, summary, joined, entry, defaults=controller_places(entry["robots"]), advice=advice)
+        contacts = [TouchObservation(clamp, grip_name(clamp), sigma_m, "clamp")] * len(rows)
+        what = f"{len(rows)} places of {robot} holding {clamp}"
+    elif meets is None:
+        marks = touch_names(str(file), names, robot, mark)
+        entry["marks"] = {name: {} for name in dict.fromkeys(marks) if known is None or name not in known.targets}
+        contacts = [TouchObservation(own_tip, at, sigma_m) for at in marks]
+        rows = new_rows(cell, known, rows)
+        what = f"{len(rows)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}"
+    touched = tuple(replace(row, observations=(seen,)) for row, seen in zip(rows, contacts, strict=True))
+    places = controller_places([robot])
+    by: By | None = "sample" if "marks" in entry else None
+    return Imported(str(file), f"{what}, {how}", touched, entry, defaults=places, by=by, advice=advice)
 
 
 def _read_rows(

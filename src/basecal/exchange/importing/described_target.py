@@ -53,11 +53,6 @@ UNSAID = Shape()
 """Of a target of which nothing is said."""
 
 
-def is_described(shape: Shape) -> bool:
-    """Whether any of it was said."""
-    return shape != UNSAID
-
-
 def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
     """The fields of a target in `cell.yaml`, with its kind.
 
@@ -103,7 +98,7 @@ def target_entry(
     if not isinstance(shape, Shape):
         raise InputError(f"shape is {shape!r}, expected a basecal.Shape, such as Shape(squares='5x7', square='40mm')")
     if kind is None:
-        if carrier is not None or is_described(shape):
+        if carrier is not None or shape != UNSAID:
             raise UsageError("a target is described, but not its kind: add --target charuco, or another kind")
         return {}
     fields = target_fields(kind, shape)

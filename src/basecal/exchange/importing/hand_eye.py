@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from basecal.cell import WORLD, Cell, CellCamera, PoseObservation, RobotState, Unknown
+from basecal.cell import WORLD, Cell, PoseObservation, RobotState, Unknown
 from basecal.cell.format.plain import pose_dict
 from basecal.errors import InputError, list_names
 from basecal.exchange.hand_eye.moveit import JointStates
@@ -116,15 +116,13 @@ def is_camera_on_robot(
     if camera_on is None and cell is not None and (camera is not None or len(cell.cameras) == 1):
         found = cell.cameras.get(camera or next(iter(cell.cameras)))
         camera_on = None if found is None else found.on
-        if robot is None and found is not None and _both_carry(cell, found):
-            return None  # either robot may be the one that moved
+        if robot is None and camera_on not in (None, WORLD):
+            others = {target.on for target in cell.targets.values()} - {WORLD, camera_on}
+            if others:  # either robot may be the one that moved
+                return None
     if camera_on is None:
         return None
     return camera_on == "robot" or (camera_on != WORLD and robot in (None, camera_on))
-
-
-def _both_carry(cell: Cell, camera: CellCamera) -> bool:
-    return camera.on != WORLD and any(target.on not in (WORLD, camera.on) for target in cell.targets.values())
 
 
 def imported_hand_eye(
