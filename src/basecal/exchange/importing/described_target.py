@@ -17,7 +17,7 @@ from basecal.exchange.importing.cell_content import known_cell
 from basecal.fields.typed_length import columns_rows, length_m
 
 _COUNTED = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows
-_MARKER = 0.75  # of the square, as `basecal target` prints
+MARKER_SHARE = 0.75  # of the square
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,14 +64,22 @@ def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
     counts = {name: text for name in _COUNTED if (text := getattr(shape, name)) is not None}
     numbers = [columns_rows(text, f"--{name}") for name, text in counts.items()]
     columns, rows = numbers[0] if numbers else (1, 1)
-    square = 1.0 if shape.square is None else length_m(shape.square, "--square", "40mm")
-    marker = _MARKER * square if shape.marker is None else length_m(shape.marker, "--marker", "30mm")
-    by_count = smallest_dictionary("DICT_4X4_50", columns * rows // 2)
-    named = (shape.dictionary or by_count, shape.family or "tag36h11", shape.tag or 0)
-    sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), *named)
+    square_m = 1.0 if shape.square is None else length_m(shape.square, "--square", "40mm")
+    marker_m = None if shape.marker is None else length_m(shape.marker, "--marker", "30mm")
+    family, tag = shape.family or "tag36h11", shape.tag or 0
+    sizes = print_sizes(columns, rows, square_m, marker_m, shape.dictionary, family, tag)
     fields = printed_fields(kind, sizes, shape.set)
     _check_description(kind, shape, fields, list(counts))
     return {"kind": kind, **fields}
+
+
+def print_sizes(
+    columns: int, rows: int, square_m: float, marker_m: float | None, dictionary: str | None, family: str, tag: int
+) -> PrintSizes:
+    """Sizes of a target; a marker and its dictionary are the usual ones where they are not stated."""
+    marker_m = MARKER_SHARE * square_m if marker_m is None else marker_m
+    dictionary = dictionary or smallest_dictionary("DICT_4X4_50", columns * rows // 2)
+    return PrintSizes(columns, rows, round(square_m, 9), round(marker_m, 9), dictionary, family, tag)
 
 
 def target_entry(
