@@ -101,9 +101,13 @@ def plan(
     from dataclasses import replace
     from math import radians
 
+    from numpy import array
+
     from basecal.cell import Recording
     from basecal.cell.files import read_cell
     from basecal.exchange.motions.way import make_way
+    from basecal.planning.plan import plan_for_task, plan_stations
+    from basecal.planning.touches import plan_touches
 
     options = {"--task-point": task_point, "--task-box": task_box, "--tolerance": tolerance, "--samples": samples}
     options |= {"--pattern": pattern != "poses" and pattern, "--touches": touches, "--anew": anew, "--seed": seed}
@@ -115,9 +119,11 @@ def plan(
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     left = Recording(tuple(replace(each, observations=()) for each in recording.samples)) if anew else recording
+    planned = plan_touches if touches else plan_for_task if pattern == "poses" else plan_stations
     with progress("planning"):
         calibration = _find_calibration(cell, described, recording, points, task_box)
-        found = _make_plan(described, left, calibration, points, needed_m, samples, seed, pattern, touches)
+        points_m = array(points, dtype=float).reshape(-1, 3)
+        found = planned(described, left, calibration, points_m, needed_m, samples, seed)
     way = make_way(described, found.samples, robot, radians(speed_limit_deg_s), hold_s)
     motion = None if to is None else MOTIONS[to].text(way)
     steps = _next_steps(described, found, needed_m, cell, output, options)
@@ -125,28 +131,6 @@ def plan(
     if report or opens_page:
         _write_page(described, found, calibration, needed_m, cell, steps, opens_page)
     return 5 if found.reachable is False else 0
-
-
-def _make_plan(
-    cell: Cell,
-    recording: Recording,
-    calibration: Calibration | None,
-    points: list[Point],
-    tolerance_m: float | None,
-    count: int | None,
-    seed: int,
-    pattern: str,
-    are_touches: bool,
-) -> Plan:
-    """Samples all around, whole stations of programmed shifts, or touches."""
-    from numpy import array
-
-    from basecal.planning.plan import plan_for_task, plan_stations
-    from basecal.planning.touches import plan_touches
-
-    planned = plan_touches if are_touches else plan_for_task if pattern == "poses" else plan_stations
-    points_m = array(points, dtype=float).reshape(-1, 3)
-    return planned(cell, recording, calibration, points_m, tolerance_m, count, seed)
 
 
 def _check_output(to: str | None, robot: str | None, output: Path | None, json: bool) -> None:

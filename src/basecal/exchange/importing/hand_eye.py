@@ -189,11 +189,10 @@ def _carriers(cell: Cell | None, record: HandEyeRecord, names: Names, carriers: 
 
 def _mount(unknown: Unknown | None, estimate: SE3 | None) -> dict[str, Any]:
     """A guess of a mount of which nothing is known."""
-    if unknown is None:
-        return {"mount": {"status": "free"} if estimate is None else {"status": "free", "guess": pose_dict(estimate)}}
-    if estimate is None or unknown.status != "free" or unknown.mean is not None:
+    if unknown is not None and (estimate is None or unknown.status != "free" or unknown.mean is not None):
         return {}
-    return {"mount": {"status": "free", "guess": pose_dict(estimate)}}
+    guess = {} if estimate is None else {"guess": pose_dict(estimate)}
+    return {"mount": {"status": "free", **guess}}
 
 
 def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:
