@@ -16,6 +16,7 @@ from basecal.exchange.importing.carriers import (
     seen_rows,
     sight_entry,
 )
+from basecal.exchange.importing.cell_content import NO_CELL, KnownCell
 from basecal.exchange.importing.imported import Row
 from basecal.geometry import SE3
 
@@ -55,11 +56,11 @@ def test_a_name_that_is_not_clear_is_asked_for(names: tuple[str, ...], usual: st
         (FULL, "new", "right", "right"),
         (FULL, "new", "world", "world"),
         (ONE, "new", None, "arm"),
-        (None, "new", "other", "other"),
+        (NO_CELL, "new", "other", "other"),
         (ONE, "new", "arm2", "arm2"),
     ],
 )
-def test_what_carries_a_camera(cell: Cell | None, name: str, stated: str | None, carrier: str) -> None:
+def test_what_carries_a_camera(cell: KnownCell, name: str, stated: str | None, carrier: str) -> None:
     """As the cell has it, as stated, or its only robot; a robot may be new."""
     assert choose_carrier(cell, "camera", name, stated) == carrier
 
@@ -74,11 +75,11 @@ def test_what_carries_a_camera(cell: Cell | None, name: str, stated: str | None,
             "camera 'eye' is on 'left' in cell.yaml, not on 'right': leave --on away, or correct it",
         ),
         (TWO, "eye", None, "camera 'eye' is new: say what carries it, --on with one of: left, right, world"),
-        (None, "eye", None, "--on with one of: a robot$"),
-        (None, "eye", "world", "camera 'eye' on the world needs a robot, and there is no cell.yaml"),
+        (NO_CELL, "eye", None, "--on with one of: a robot$"),
+        (NO_CELL, "eye", "world", "camera 'eye' on the world needs a robot, and there is no cell.yaml"),
     ],
 )
-def test_a_carrier_that_is_not_clear_is_asked_for(cell: Cell | None, name: str, stated: str | None, said: str) -> None:
+def test_a_carrier_that_is_not_clear_is_asked_for(cell: KnownCell, name: str, stated: str | None, said: str) -> None:
     """It contradicts the cell, or is missing."""
     with pytest.raises(InputError, match=said):
         choose_carrier(cell, "camera", name, stated, may_be_world=False)

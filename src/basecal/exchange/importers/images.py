@@ -153,6 +153,6 @@ def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> 
     known = known_cell(folder)
     carrier = choose_carrier(known, "camera", name, stated_carrier, may_be_world=False)
     check_robot(known, carrier)
-    if known is not None and name in known.cameras:
+    if name in known.cameras:
         return {"cameras": {name: {}}}, open_size(folder, known, name)
     return carried_entry("cameras", name, carrier, intrinsics={"status": "free"}), frozenset()

@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from basecal.cell import Cell, TouchObservation
+from basecal.cell import TouchObservation
 from basecal.cell.cell import grip_name
 from basecal.errors import UsageError
 from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.poses import POSE_ADVICE, table_reading
-from basecal.exchange.importing.cell_content import known_cell
+from basecal.exchange.importing.cell_content import KnownCell, known_cell
 from basecal.exchange.importing.imported import By, Imported, OneOf, Row, controller_places
 from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.joints import read_joints
@@ -85,7 +85,7 @@ def read_touches(
     entry: dict[str, Any] = {"robots": {robot: {} if writer is None else {"controller": {"format": writer}}}}
     if clamp is not None:
         entry["clamp"] = _clamp(known, clamp, robot, hinge)
-    elif known is None or own_tip not in known.cameras:
+    elif own_tip not in known.cameras:
         entry["tips"] = {own_tip: {"on": robot, "offset": {"status": "free"}}}
     contacts = [TouchObservation(own_tip, meets or "", sigma_m, "tip2")] * len(rows)
     what = f"{len(rows)} meetings of {own_tip} and {meets}"
@@ -94,7 +94,7 @@ def read_touches(
         what = f"{len(rows)} places of {robot} holding {clamp}"
     elif meets is None:
         marks = touch_names(str(file), names, robot, mark)
-        entry["marks"] = {name: {} for name in dict.fromkeys(marks) if known is None or name not in known.targets}
+        entry["marks"] = {name: {} for name in dict.fromkeys(marks) if name not in known.targets}
         contacts = [TouchObservation(own_tip, at, sigma_m) for at in marks]
         rows = new_rows(cell, known, rows)
         what = f"{len(rows)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}"
@@ -119,11 +119,11 @@ def _read_rows(
     return rows, reading.convention.names, f"poses as of {reading.name} ({reading.words})", POSE_ADVICE, reading.name
 
 
-def _clamp(context: Cell | None, name: str, robot: str, is_hinge: bool) -> dict[str, Any]:
+def _clamp(context: KnownCell, name: str, robot: str, is_hinge: bool) -> dict[str, Any]:
     """The section `clamp` with a part that a robot and the only other one hold."""
-    if context is not None and name in context.cameras:
+    if name in context.cameras:
         return {}
-    others = [other for other in (() if context is None else context.robots) if other != robot]
+    others = [other for other in context.robots if other != robot]
     if len(others) != 1:
         raise UsageError(f"--clamp needs one other robot in the cell, there are {len(others)}: import its poses first")
     return {name: {"robots": [others[0], robot], "axis": "free" if is_hinge else "fixed"}}

@@ -128,7 +128,7 @@ def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, 
         InputError: if not.
     """
     cell, of_kind = known_cell(folder), TARGETS[kind]
-    for other in cell.targets.values() if cell is not None else ():
+    for other in cell.targets.values():
         if other.name == name or other.target is None or other.target.kind != kind or not of_kind.marks(fields):
             continue
         if is_indistinguishable(of_kind, fields, other.target.options):
@@ -145,7 +145,7 @@ def _single_carrier(folder: str | Path, target: str, camera_on: Mapping[str, str
         InputError: if there are several such robots, or the cell's robots are not known yet.
     """
     known = known_cell(folder)
-    if known is None:
+    if not known.robots:
         raise InputError(f"say what carries the target {target!r}: --target-on ROBOT or --target-on world")
     ((camera, carrier),) = camera_on.items()
     carrier = carrier or known.cameras[camera].on

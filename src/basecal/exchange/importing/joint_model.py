@@ -61,7 +61,7 @@ def joint_model(
         prior = {"joint_offsets": {"status": "prior", "sigma_rad": round(math.radians(offset_sigma_deg), 5)}}
     if urdf is None or base_link is None or flange_link is None:
         cell = known_cell(folder)
-        known = None if cell is None or robot not in cell.robots else cell.robots[robot].chain
+        known = cell.robots[robot].chain if robot in cell.robots else None
         if known is None:
             give = "give --urdf FILE --base-link LINK --flange-link LINK"
             raise InputError(f"{folder} has no URDF of {robot!r}, which joints need: {give}")
