@@ -44,7 +44,7 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
         view.watch.notify("sample 4: arms move")
         view.report("camera wrist: images arrive late")
         view.note(step(), 1)
-        view.end("GOOD", "9 of 9 samples taken", "basecal calibrate mycell")
+        view.watch.end(End("GOOD", "9 of 9 samples taken", "basecal calibrate mycell"))
     assert of.arms.show == view.watch.note_state
     assert view.watch.snapshot.end.word == "GOOD"
     return stream.getvalue()

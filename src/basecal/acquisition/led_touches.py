@@ -27,7 +27,7 @@ def take_touches(rig: Rig, cell: Cell, folder: Path, answer: Answer, report: Not
         rig: Robots with drivers; those that can be led are free until a line is typed.
         cell: Its tips and marks.
         folder: Of the cell.
-        answer: What was touched: a mark, and a tip if there are several; an empty line repeats both.
+        answer: The typed line: a mark, and a tip if there are several. One without words repeats both, "" is the end.
         report: Receives what a person should know.
 
     Raises:
