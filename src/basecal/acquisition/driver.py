@@ -93,7 +93,7 @@ class Place:
 
     def error(self, message: str, field: str = "driver") -> DatasetError:
         """What is wrong with a field of its entry in `cell.yaml`."""
-        return DatasetError(str(self.folder / "cell.yaml"), message, field=f"{self.section}.{self.name}.{field}")
+        return DatasetError(self.folder / "cell.yaml", message, field=f"{self.section}.{self.name}.{field}")
 
 
 @runtime_checkable
