@@ -104,14 +104,14 @@ def test_sections_of_what_is_new() -> None:
 @pytest.mark.parametrize(
     ("cell", "sight", "carriers"),
     [
-        (None, Sight("eye", "tag", "left"), ("left", "world")),
+        (NO_CELL, Sight("eye", "tag", "left"), ("left", "world")),
         (ONE, Sight("eye", "tag"), ("arm", "world")),
         (ONE, Sight("eye", "tag", "world"), ("world", "arm")),
         (BOTH, Sight("eye", "tag", "a", "b"), ("a", "b")),
         (BOTH, Sight("eye", "tag", "world", "b"), ("world", "b")),
     ],
 )
-def test_carriers_of_what_is_seen(cell: Cell | None, sight: Sight, carriers: tuple[str, str]) -> None:
+def test_carriers_of_what_is_seen(cell: KnownCell, sight: Sight, carriers: tuple[str, str]) -> None:
     entry = sight_entry(cell, sight)
     assert (entry["cameras"]["eye"]["on"], entry["targets"]["tag"]["on"]) == carriers
     assert set(entry["robots"]) == set(carriers) - {"world"}
@@ -126,13 +126,13 @@ def test_what_the_cell_says_stays() -> None:
     [
         (BOTH, Sight("eye", "tag"), "--on with one of: a, b, world"),
         (BOTH, Sight("eye", "tag", "world"), "--target-on with one of: a, b, world"),
-        (None, Sight("eye", "tag"), "--on with one of: a robot or world"),
+        (NO_CELL, Sight("eye", "tag"), "--on with one of: a robot or world"),
         (SEEN, Sight("eye", "tag", "b"), "camera 'eye' is on 'a' in cell.yaml, not on 'b'"),
         (SEEN, Sight("eye", "tag", None, "world"), "target 'tag' is on 'b' in cell.yaml, not on 'world'"),
         (ONE, Sight("eye", "tag", "arm", "arm"), "both on 'arm'"),
     ],
 )
-def test_what_is_not_clear_is_an_error(cell: Cell | None, sight: Sight, said: str) -> None:
+def test_what_is_not_clear_is_an_error(cell: KnownCell, sight: Sight, said: str) -> None:
     with pytest.raises(InputError, match=said):
         sight_entry(cell, sight)
 

@@ -14,7 +14,7 @@ from basecal.errors import InputError
 from basecal.exchange.hand_eye.moveit import JointStates
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.bring_in import add_to_cell
-from basecal.exchange.importing.cell_content import NO_CELL
+from basecal.exchange.importing.cell_content import NO_CELL, KnownCell
 from basecal.exchange.importing.hand_eye import (
     Carriers,
     Names,
@@ -41,7 +41,7 @@ def cell_in(folder: Path, **more: object) -> Cell:
     return read_cell(folder)
 
 
-def brought(folder: Path, cell: Cell | None, record: HandEyeRecord, names: Names) -> tuple[Cell, Recording]:
+def brought(folder: Path, cell: KnownCell, record: HandEyeRecord, names: Names) -> tuple[Cell, Recording]:
     done = add_to_cell(folder, imported_hand_eye(cell, record, names), lambda _, __: ())
     return done.cell, done.recording
 
@@ -52,7 +52,7 @@ def test_a_new_cell(tmp_path: Path, on_robot: bool, robot: str) -> None:
     names = chosen_names(NO_CELL, None, None, None, on_robot)
     assert names == Names(robot, "camera", "target")
     record = recorded(on_robot, frames={"base": "base_link"}, camera_mount=POSES[0])
-    cell, recording = brought(tmp_path, None, record, names)
+    cell, recording = brought(tmp_path, NO_CELL, record, names)
     assert (cell.cameras["camera"].on, cell.targets["target"].on) == (
         (robot, "world") if on_robot else ("world", robot)
     )
