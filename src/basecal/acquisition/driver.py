@@ -92,7 +92,7 @@ class Place:
         return "robots" if self.name in self.cell.robots else "cameras"
 
     def error(self, message: str, field: str = "driver") -> DatasetError:
-        """What is wrong with a field of its entry in `cell.yaml`."""
+        """An error of a field of its entry in `cell.yaml`."""
         return DatasetError(self.folder / "cell.yaml", message, field=f"{self.section}.{self.name}.{field}")
 
 

@@ -65,7 +65,7 @@ def check_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
         InputError: if there is no such cell, and no such driver.
     """
     if not check.is_in_cell:
-        return _opener_alone(check)
+        return _opener_without_cell(check)
     found = {place.name: (kind, place) for kind, place in openers(read_cell(check.device), Path(check.device))}
     if check.name not in found:
         known = ", ".join(found) or "none"
@@ -76,7 +76,7 @@ def check_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
     return kind, replace(place, allow_plaintext=check.allow_plaintext)
 
 
-def _opener_alone(check: DriverCheck) -> tuple[DriverKind, Place]:
+def _opener_without_cell(check: DriverCheck) -> tuple[DriverKind, Place]:
     """A driver of which no cell says anything, in a cell of its own."""
     kind, known = driver_kind(check.device), driver_names()
     if kind is None:

@@ -74,14 +74,14 @@ def write_images(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: 
     return written
 
 
-def make_rows(tracks: Tracks, instants: Sequence[Instant], written: Mapping[Look, Path]) -> Iterator[Row]:
+def make_rows(tracks: Tracks, instants: Sequence[Instant], paths: Mapping[Look, Path]) -> Iterator[Row]:
     """A row for each instant, with its images where they were written."""
     for instant in instants:
         images: dict[str, Path] = {}
         views: list[PoseObservation | PixelObservation] = []
         for look in instant.looks:
             if isinstance(look.channel, str):
-                images[look.channel] = written[look]
+                images[look.channel] = paths[look]
                 continue
             view = tracks.views[look.channel]
             if view.tags is not None:

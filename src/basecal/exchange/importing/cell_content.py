@@ -13,7 +13,7 @@ from basecal.fields.problems import Loc
 
 @dataclass(frozen=True)
 class NoCell:
-    """What there is where no `cell.yaml` is yet: nothing."""
+    """The content of a folder without a `cell.yaml`: nothing."""
 
     robots: Mapping[str, Robot] = field(default_factory=dict)
     cameras: Mapping[str, CellCamera] = field(default_factory=dict)
