@@ -86,13 +86,10 @@ def calibrate(
     from basecal.cell.files import calibration_to_dict, read_cell
     from basecal.estimation.settings import Settings
 
-    if scene == "also" and method == "axis-shift":
-        raise UsageError("--scene also has no effect on --method axis-shift: leave one of them out")
-    in_use = "scene" if scene is True else method
-    _refuse_unused_options(in_use, start, task_point, task_box, station_choice)
+    _refuse_unused_options(_method_in_use(method, scene), start, task_point, task_box, station_choice)
     described = read_cell(cell)
     settings = Settings(
-        method=in_use,
+        method="scene" if scene is True else method,
         start=start,
         task_point=task_point if task_box is None else task_points(task_point, task_box)[0],
         task_box=task_box,
@@ -133,6 +130,17 @@ class CalibratedFolder:
 
     calibration: Calibration
     run: Path
+
+
+def _method_in_use(method: str, scene: bool | str) -> str:
+    """The method, or `scene`.
+
+    Raises:
+        UsageError: if a scene cannot take part in the method.
+    """
+    if scene == "also" and method == "axis-shift":
+        raise UsageError("--scene also has no effect on --method axis-shift: leave one of them out")
+    return "scene" if scene is True else method
 
 
 def _refuse_unused_options(method: str, start: str, task_point: object, task_box: object, station_choice: str) -> None:

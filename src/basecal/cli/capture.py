@@ -159,23 +159,19 @@ def capture(
     if moving.touch:
         return capture_touches(cell, connecting, json, has_others=go or dry_run or freedrive or web)
     task = _checked_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
-    sketch, limits = known_sketch(cell, freedrive), moving.limits
+    sketch, count = known_sketch(cell, freedrive), samples or SAMPLES
     with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
         replanner = Replanner(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
         if not freedrive:
-            file = str(plan or pattern)
-            wanted, is_new = capture_plan(rig, sketch, cell, file, samples, seed, replanner, task, more)
+            wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), samples, seed, replanner, task, more)
             wanted = _check_capture(rig, sketch, wanted, is_new, moving, replanner, go=go, dry_run=dry_run, quiet=json)
             if not go:
-                if json:
-                    print_json({"cell": str(cell), "planned": len(wanted), "captured": [], "given_up": []})
-                return 0
+                return _finish_plan(cell, wanted, json)
             wanted = _store_plan(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, cell, web, port, quiet=json))
-        by = _taker(rig, sketch, cell, limits, view, stop_on_disagreement)
-        led = (samples or SAMPLES) if freedrive else None
-        steps = _take_samples(by, wanted, led, replanner, view, stop_on_disagreement)
+        by = _taker(rig, sketch, cell, moving.limits, view, stop_on_disagreement)
+        steps = _take_samples(by, wanted, count if freedrive else None, replanner, view, stop_on_disagreement)
         view.watch.end(_outcome(steps, replanner, f"basecal calibrate {quote_path(cell)}"))
     return _summarise(cell, steps, replanner, json)
 
@@ -308,6 +304,12 @@ def _taker(
         return taker
     watch = view.watch
     return replace(taker, notify=watch.notify, report=view.report, show=watch.note_image, send=watch.note_goal)
+
+
+def _finish_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:
+    if json:
+        print_json({"cell": str(cell), "planned": len(samples), "captured": [], "given_up": []})
+    return 0
 
 
 def _abandoned_steps(steps: Sequence[Step]) -> list[Step]:

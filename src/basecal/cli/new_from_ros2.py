@@ -80,11 +80,10 @@ def ros2_cell(
         for name, source in taken.robots.items()
         if isinstance(source, ByJoints) and source.urdf is not None
     }
-    text = yaml_text(data)
     with TemporaryDirectory() as folder:
         for name, urdf in urdfs.items():
             (Path(folder) / name).write_text(urdf, encoding="utf-8")
-        return NewCell(text, cell_from_dict(data, bag.path, folder), urdfs)
+        return NewCell(yaml_text(data), cell_from_dict(data, bag.path, folder), urdfs)
 
 
 def _add_drivers(data: dict[str, Any], selection: Taken, domain: int | None) -> None:

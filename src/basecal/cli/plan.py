@@ -98,39 +98,66 @@ def plan(
         opens_page: Show that page in a browser.
         json: Print one JSON object instead of words.
     """
-    from dataclasses import replace
-    from math import radians
-
-    from numpy import array
-
-    from basecal.cell import Recording
     from basecal.cell.files import read_cell
-    from basecal.exchange.motions.way import make_way
-    from basecal.planning.plan import plan_for_task, plan_stations
-    from basecal.planning.touches import plan_touches
 
     options = {"--task-point": task_point, "--task-box": task_box, "--tolerance": tolerance, "--samples": samples}
     options |= {"--pattern": pattern != "poses" and pattern, "--touches": touches, "--anew": anew, "--seed": seed}
     points = [] if task_point is None and task_box is None else task_points(task_point, task_box)
-    if tolerance is None and samples is None:
-        raise UsageError("give how many to plan: --tolerance LENGTH (such as 0.2mm), --samples COUNT, or both")
-    needed_m = None if tolerance is None else length_m(tolerance)
+    needed_m = _needed_m(tolerance, samples)
     _check_output(to, robot, output, json)
     described = read_cell(cell)
     recording = detected_recording(cell, described)
-    left = Recording(tuple(replace(each, observations=()) for each in recording.samples)) if anew else recording
-    planned = plan_touches if touches else plan_for_task if pattern == "poses" else plan_stations
     with progress("planning"):
         calibration = _find_calibration(cell, described, recording, points, task_box)
-        points_m = array(points, dtype=float).reshape(-1, 3)
-        found = planned(described, left, calibration, points_m, needed_m, samples, seed)
-    way = make_way(described, found.samples, robot, radians(speed_limit_deg_s), hold_s)
-    motion = None if to is None else MOTIONS[to].text(way)
+        counted = _without_observations(recording) if anew else recording
+        found = _make_plan(described, counted, calibration, points, needed_m, samples, seed, pattern, touches)
+    motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
     steps = _next_steps(described, found, needed_m, cell, output, options)
     _print_plan(found, needed_m, motion, steps, output, json)
     if report or opens_page:
         _write_page(described, found, calibration, needed_m, cell, steps, opens_page)
     return 5 if found.reachable is False else 0
+
+
+def _needed_m(tolerance: str | None, count: int | None) -> float | None:
+    """The tolerance [m], if one is stated.
+
+    Raises:
+        UsageError: if neither a tolerance nor a number of samples is.
+    """
+    if tolerance is None and count is None:
+        raise UsageError("give how many to plan: --tolerance LENGTH (such as 0.2mm), --samples COUNT, or both")
+    return None if tolerance is None else length_m(tolerance)
+
+
+def _without_observations(recording: Recording) -> Recording:
+    from dataclasses import replace
+
+    from basecal.cell import Recording
+
+    return Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
+
+
+def _make_plan(
+    cell: Cell,
+    recording: Recording,
+    calibration: Calibration | None,
+    points: list[Point],
+    tolerance_m: float | None,
+    count: int | None,
+    seed: int,
+    pattern: str,
+    are_touches: bool,
+) -> Plan:
+    """Samples all around, whole stations of programmed shifts, or touches."""
+    from numpy import array
+
+    from basecal.planning.plan import plan_for_task, plan_stations
+    from basecal.planning.touches import plan_touches
+
+    planned = plan_touches if are_touches else plan_for_task if pattern == "poses" else plan_stations
+    points_m = array(points, dtype=float).reshape(-1, 3)
+    return planned(cell, recording, calibration, points_m, tolerance_m, count, seed)
 
 
 def _check_output(to: str | None, robot: str | None, output: Path | None, json: bool) -> None:
@@ -253,6 +280,15 @@ def plan_dict(plan_result: Plan, needed_m: float | None) -> dict[str, Any]:
         "budget": [budget_entry(entry) for entry in plan_result.budget],
         "marks": {name: place.tolist() for name, place in plan_result.marks.items()},
     }
+
+
+def _motion(cell: Cell, plan_result: Plan, to: str, robot: str | None, speed_deg_s: float, hold_s: float) -> str:
+    """The samples as a robot's own program takes them."""
+    from math import radians
+
+    from basecal.exchange.motions.way import make_way
+
+    return MOTIONS[to].text(make_way(cell, plan_result.samples, robot, radians(speed_deg_s), hold_s))
 
 
 def _find_calibration(

@@ -82,8 +82,6 @@ def simulate(
         until_eof: End the process when its standard input ends.
         json: Print what was written, or how the process is reached, as JSON.
     """
-    from basecal.simulation.testbed import simulate as simulated
-
     if process:
         return run_process(cell, target, seed, port, speed, fault, renderer, until_eof, json)
     scenario = Scenario(
@@ -99,6 +97,12 @@ def simulate(
         joints=joints,
         joint_offset_rad=joint_offset_deg * pi / 180,
     )
+    return _record(cell, scenario, seed, images, json)
+
+
+def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool) -> int:
+    from basecal.simulation.testbed import simulate as simulated
+
     refuse_existing(cell)
     with progress("simulating"):
         made = simulated(scenario, seed)

@@ -72,9 +72,8 @@ def read_images(
     carrier = new["cameras"][camera].get("on")
     shown = target_entry(cell, target, shape, {target_name: target_on}, {camera: carrier})
     looked = _read_images(Path(folder), files, progress)
-    stamps_s = (read_time(path) if by == "time" else None for path in files)
-    named = zip(files, stamps_s, strict=True)
-    rows = tuple(Row(images={camera: path}, image=path.name, stamp_s=stamp_s) for path, stamp_s in named)
+    time: Callable[[Path], float | None] = read_time if by == "time" else lambda path: None
+    rows = tuple(Row(images={camera: path}, image=path.name, stamp_s=time(path)) for path in files)
     entry = {
         "robots": {name: {} for name in (*new.get("robots", {}), *shown.get("robots", {}))},
         "cameras": {camera: {"size_px": list(looked.size_px), **new["cameras"][camera]}},

@@ -14,8 +14,8 @@ from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.carriers import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, OneOf, controller_places
-from basecal.exchange.importing.streams import Inverted, Streams, read_streams
 from basecal.exchange.poses import LengthUnit, unit_length_m
+from basecal.exchange.streams import Inverted, Streams, read_streams
 
 _ONE_ROBOT = "for one robot's poses: CELL --robot NAME FILE --format FORMAT"
 POSE_ADVICE = "check --length-unit and --format"

@@ -95,13 +95,13 @@ def read_touches(
     elif meets is None:
         marks = touch_names(str(file), names, robot, mark)
         entry["marks"] = {name: {} for name in dict.fromkeys(marks) if name not in known.targets}
-        contacts = [TouchObservation(own_tip, at, sigma_m) for at in marks]
-        rows = new_rows(cell, known, rows)
+        contacts, rows = [TouchObservation(own_tip, at, sigma_m) for at in marks], new_rows(cell, known, rows)
         what = f"{len(rows)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}"
     touched = tuple(replace(row, observations=(seen,)) for row, seen in zip(rows, contacts, strict=True))
-    places = controller_places([robot])
     by: By | None = "sample" if "marks" in entry else None
-    return Imported(str(file), f"{what}, {how}", touched, entry, defaults=places, by=by, advice=advice)
+    return Imported(
+        str(file), f"{what}, {how}", touched, entry, defaults=controller_places([robot]), by=by, advice=advice
+    )
 
 
 def _read_rows(
