@@ -83,13 +83,12 @@ def read_touches(
     own_tip, known = tip or f"{robot}_tip", known_cell(cell)
     rows, names, how, advice, writer = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
     entry: dict[str, Any] = {"robots": {robot: {} if writer is None else {"controller": {"format": writer}}}}
-    if clamp is not None:
-        entry["clamp"] = _clamp(known, clamp, robot, hinge)
-    elif own_tip not in known.cameras:
+    if clamp is None and own_tip not in known.cameras:
         entry["tips"] = {own_tip: {"on": robot, "offset": {"status": "free"}}}
     contacts = [TouchObservation(own_tip, meets or "", sigma_m, "tip2")] * len(rows)
     what = f"{len(rows)} meetings of {own_tip} and {meets}"
     if clamp is not None:
+        entry["clamp"] = _clamp(known, clamp, robot, hinge)
         contacts = [TouchObservation(clamp, grip_name(clamp), sigma_m, "clamp")] * len(rows)
         what = f"{len(rows)} places of {robot} holding {clamp}"
     elif meets is None:
@@ -99,9 +98,8 @@ def read_touches(
         what = f"{len(rows)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}"
     touched = tuple(replace(row, observations=(seen,)) for row, seen in zip(rows, contacts, strict=True))
     by: By | None = "sample" if "marks" in entry else None
-    return Imported(
-        str(file), f"{what}, {how}", touched, entry, defaults=controller_places([robot]), by=by, advice=advice
-    )
+    places = controller_places([robot])
+    return Imported(str(file), f"{what}, {how}", touched, entry, defaults=places, by=by, advice=advice)
 
 
 def _read_rows(
