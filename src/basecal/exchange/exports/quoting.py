@@ -16,8 +16,11 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 def yaml_word(text: str) -> str:
     """A string of YAML, of both its versions, on one line and in ASCII."""
-    plain = (c.isascii() and c.isprintable() and c not in '"\\' for c in text)
-    return '"' + "".join(c if is_plain else f"\\U{ord(c):08x}" for c, is_plain in zip(text, plain, strict=True)) + '"'
+    return '"' + "".join(c if _is_plain(c) else f"\\U{ord(c):08x}" for c in text) + '"'
+
+
+def _is_plain(character: str) -> bool:
+    return character.isascii() and character.isprintable() and character not in '"\\'
 
 
 def csv_row(cells: Iterable[str], numbers: Iterable[str] = ()) -> str:

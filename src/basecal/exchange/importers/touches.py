@@ -80,26 +80,26 @@ def read_touches(
     """
     if sum(each is not None for each in (mark, meets, clamp)) > 1:
         raise UsageError("--mark, --meets and --clamp exclude one another: say what the robot touched")
-    own_tip, known = tip or f"{robot}_tip", known_cell(cell)
+    own_tip, known, places = tip or f"{robot}_tip", known_cell(cell), controller_places([robot])
     rows, names, how, advice, writer = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
     entry: dict[str, Any] = {"robots": {robot: {} if writer is None else {"controller": {"format": writer}}}}
     if clamp is None and own_tip not in known.cameras:
         entry["tips"] = {own_tip: {"on": robot, "offset": {"status": "free"}}}
-    contacts = [TouchObservation(own_tip, meets or "", sigma_m, "tip2")] * len(rows)
-    what = f"{len(rows)} meetings of {own_tip} and {meets}"
-    if clamp is not None:
+    if meets is not None:
+        contacts = [TouchObservation(own_tip, meets, sigma_m, "tip2")] * len(rows)
+        what = f"meetings of {own_tip} and {meets}"
+    elif clamp is not None:
         entry["clamp"] = _clamp(known, clamp, robot, hinge)
         contacts = [TouchObservation(clamp, grip_name(clamp), sigma_m, "clamp")] * len(rows)
-        what = f"{len(rows)} places of {robot} holding {clamp}"
-    elif meets is None:
+        what = f"places of {robot} holding {clamp}"
+    else:
         marks = touch_names(str(file), names, robot, mark)
         entry["marks"] = {name: {} for name in dict.fromkeys(marks) if name not in known.targets}
         contacts, rows = [TouchObservation(own_tip, at, sigma_m) for at in marks], new_rows(cell, known, rows)
-        what = f"{len(rows)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}"
+        what = f"touches of {', '.join(dict.fromkeys(marks))} by {own_tip}"
     touched = tuple(replace(row, observations=(seen,)) for row, seen in zip(rows, contacts, strict=True))
     by: By | None = "sample" if "marks" in entry else None
-    places = controller_places([robot])
-    return Imported(str(file), f"{what}, {how}", touched, entry, defaults=places, by=by, advice=advice)
+    return Imported(str(file), f"{len(rows)} {what}, {how}", touched, entry, defaults=places, by=by, advice=advice)
 
 
 def _read_rows(
