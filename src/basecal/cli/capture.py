@@ -159,7 +159,7 @@ def capture(
     if moving.touch:
         return capture_touches(cell, connecting, json, has_others=go or dry_run or freedrive or web)
     task = _checked_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
-    sketch, count = known_sketch(cell, freedrive), samples or SAMPLES
+    sketch, count, limits = known_sketch(cell, freedrive), samples or SAMPLES, moving.limits
     with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
         replanner = Replanner(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
@@ -170,7 +170,7 @@ def capture(
                 return _finish_plan(cell, wanted, json)
             wanted = _store_plan(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, cell, web, port, quiet=json))
-        by = _taker(rig, sketch, cell, moving.limits, view, stop_on_disagreement)
+        by = _taker(rig, sketch, cell, limits, view, stop_on_disagreement)
         steps = _take_samples(by, wanted, count if freedrive else None, replanner, view, stop_on_disagreement)
         view.watch.end(_outcome(steps, replanner, f"basecal calibrate {quote_path(cell)}"))
     return _summarise(cell, steps, replanner, json)
