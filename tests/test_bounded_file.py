@@ -13,12 +13,12 @@ from basecal.bounded_file import read_bounded
 from basecal.cell.files import read_calibration, read_cell, read_recording, read_truth
 from basecal.errors import DatasetError
 from basecal.exchange.colmap_images import read_colmap_images
+from basecal.exchange.controller_poses import read_poses
 from basecal.exchange.lens_files.camera_info import read_camera_info
 from basecal.exchange.lens_files.colmap import read_colmap
 from basecal.exchange.lens_files.mrcal import read_cameramodel
 from basecal.exchange.lens_files.opencv import read_opencv
 from basecal.exchange.pixels import read_pixels
-from basecal.exchange.poses import read_poses
 from basecal.kinematics import read_chain
 from cell_example import CELL, URDF
 

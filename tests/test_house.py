@@ -98,7 +98,6 @@ ROOM_SIZE = 14
 LISTS_OF_LIKE_THINGS = {
     "cli",
     "exchange",
-    "exchange/controllers",
     "exchange/exporters",
     "exchange/importers",
     "accuracy/findings",

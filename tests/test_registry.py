@@ -12,7 +12,7 @@ import pytest
 from basecal.acquisition.drivers.registry import DRIVERS
 from basecal.cell.targets.registry import TARGETS, TargetKindName
 from basecal.effects.registry import EFFECTS
-from basecal.exchange.controllers.registry import CONTROLLERS
+from basecal.exchange.exporters.pendants import PENDANTS
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.motions.registry import MOTIONS
 from basecal.geometry.lenses.registry import LENSES
@@ -81,8 +81,7 @@ def test_the_check_bites(source: str) -> None:
     [
         ("cell/targets", "KIND = ", TARGETS),
         ("geometry/lenses", "MODEL = ", LENSES),
-        ("exchange/exporters", "EXPORTER = ", EXPORTERS),
-        ("exchange/controllers", "CONVENTION = ", CONTROLLERS),
+        ("exchange/exporters", "EXPORTER = ", EXPORTERS.keys() - PENDANTS.keys()),
         ("exchange/motions", "MOTION = ", MOTIONS),
         ("acquisition/drivers", "def open_", DRIVERS),
         ("planning", "PATTERN = ", PATTERNS),

@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal import write_recording
 from basecal.exchange.assemble import recording_from_streams
-from basecal.exchange.poses import read_poses
+from basecal.exchange.controller_poses import read_poses
 
 COLUMNS = 5
 

@@ -52,9 +52,9 @@ def check_regular(path: str | Path) -> None:
         number, about = _open_descriptor(path)
         os.close(number)
     except (OSError, ValueError) as error:
-        raise DatasetError(str(path), f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        raise DatasetError(path, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not stat.S_ISREG(about.st_mode) and not stat.S_ISDIR(about.st_mode):
-        raise DatasetError(str(path), _NO_FILE)
+        raise DatasetError(path, _NO_FILE)
 
 
 def _open_descriptor(path: str | Path) -> tuple[int, os.stat_result]:

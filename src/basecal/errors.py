@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from numbers import Integral
+from pathlib import Path
 
 _SHOWN_NAMES = 20  # names in a message, and those of many that are looked at for a near one
 _LOOKED_AT = 1000
@@ -80,10 +81,10 @@ class DatasetError(InputError):
     The message is one line: path, line, field, what was expected, what to do.
     """
 
-    def __init__(self, path: str, message: str, line: int | None = None, field: str | None = None) -> None:
+    def __init__(self, path: str | Path, message: str, line: int | None = None, field: str | None = None) -> None:
         message, field = printable(message), None if field is None else printable(field)
-        self.path, self.line, self.field, self.reason = path, line, field, message
-        where = printable(path if line is None else f"{path}:{line}")
+        self.path, self.line, self.field, self.reason = str(path), line, field, message
+        where = printable(self.path if line is None else f"{path}:{line}")
         super().__init__(f"{where}: {field}: {message}" if field else f"{where}: {message}")
 
 

@@ -39,7 +39,7 @@ class Arm:
 
 def taken(tmp_path, arms, *lines):
     """Samples at these lines, and what was reported."""
-    typed, told = iter([*lines, None]), []
+    typed, told = iter([*(f"{line}\n" for line in lines), ""]), []
     (tmp_path / "recording").mkdir(exist_ok=True)
     found = list(take_touches(Rig(arms, {}), touch_cell(), tmp_path, lambda: next(typed), told.append))
     return found, told

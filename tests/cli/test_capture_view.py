@@ -41,10 +41,10 @@ def rig(is_live: bool = True) -> Rig:
 def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: bool = False) -> str:
     monkeypatch.setattr(sys, "stdout", stream)
     with capture_view(of, CELL, Path(), web=False, port=0, quiet=quiet) as view:
-        view.notify("sample 4: arms move")
+        view.watch.notify("sample 4: arms move")
         view.report("camera wrist: images arrive late")
         view.note(step(), 1)
-        view.end("GOOD", "9 of 9 samples taken", "basecal calibrate mycell")
+        view.watch.end(End("GOOD", "9 of 9 samples taken", "basecal calibrate mycell"))
     assert of.arms.show == view.watch.note_state
     assert view.watch.snapshot.end.word == "GOOD"
     return stream.getvalue()

@@ -8,7 +8,7 @@ import pytest
 from basecal.cell import PixelObservation, PoseObservation
 from basecal.errors import InputError
 from basecal.exchange.assemble import recording_from_streams
-from basecal.exchange.poses import PoseStream
+from basecal.exchange.controller_poses import PoseStream
 from basecal.geometry import SE3
 
 

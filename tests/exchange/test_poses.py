@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.poses import read_poses
+from basecal.exchange.controller_poses import read_poses
 from basecal.geometry import SE3
 
 
@@ -93,20 +93,21 @@ BOTTOM = "0 0 0 1"
     [
         ("a.txt", "1 0 0 0\n0 1 0 0\n0 0 1\n" + BOTTOM, 3, "rows of 4"),
         ("a.txt", "1 0 0 0\n0 1 0 0\n0 0 1 0\n", None, "3 rows"),
-        ("a.txt", "", None, "at least one matrix"),
+        ("a.txt", "", None, "no row of numbers, expected m00"),
         ("a.txt", f"1 0 0 0\n0 1 0 0\n0 0 one 0\n{BOTTOM}", 3, "not a row of numbers"),
         ("a.txt", f"1 0 0 0\n0 1 0 0\n0 0 1 nan\n{BOTTOM}", 1, "NaN"),
         ("a.txt", f"# one\n2 0 0 0\n0 2 0 0\n0 0 2 0\n{BOTTOM}", 2, "not a rotation"),
         ("a.txt", f"1 0 0 0\n0 1 0 0\n0 0 -1 0\n{BOTTOM}", 1, "not a rotation"),
         ("a.txt", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 2", 1, "last row"),
         ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0,0,0,1,1,0,0\n", 3, "norm"),
-        ("a.csv", "x,y,z,qx,qy,qz\n0,0,0,0,0,0\n", 1, "qw"),
-        ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,1\n", 2, "6 columns"),
+        ("a.csv", "x,y,z,qx,qy,qz\n0,0,0,0,0,0\n", None, "no column 'qw'"),
+        ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,1\n", 2, "is empty in this row"),
         ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,inf,1\n", 2, "not finite"),
         ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,?,1\n", 2, "'?' is not a number"),
-        ("a.csv", "x,x,z,qx,qy,qz,qw\n", 1, "twice"),
-        ("a.csv", "x,y,z,qx,qy,qz,qw\n", None, "no rows"),
-        ("a.csv", "", None, "header"),
+        ("a.csv", "x,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n", None, "names the column 'x' twice"),
+        ("a.csv", "x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,1\n", None, "says mm, and it is read otherwise"),
+        ("a.csv", "x,y,z,qx,qy,qz,qw\n", None, "no row of numbers"),
+        ("a.csv", "", None, "no row of numbers"),
     ],
 )
 def test_bad_text_names_file_and_line(tmp_path: Path, name: str, text: str, line: int | None, said: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from basecal.errors import DatasetError
+from basecal.exchange.importing.cell_content import NO_CELL
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.touch_table import new_rows, touch_names
 
@@ -29,4 +30,4 @@ def test_a_row_without_its_mark_is_an_error_with_its_line(tmp_path):
 
 def test_new_rows_count_on(tmp_path: Path):
     """From the first number that is free; numbers that rows have stay."""
-    assert [row.sample for row in new_rows(tmp_path, None, [Row(), Row(sample=7), Row()])] == [0, 7, 2]
+    assert [row.sample for row in new_rows(tmp_path, NO_CELL, [Row(), Row(sample=7), Row()])] == [0, 7, 2]

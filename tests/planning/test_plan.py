@@ -9,7 +9,7 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Recording, Sample
 from basecal.errors import InputError
 from basecal.geometry import PoseEstimate
-from basecal.planning.plan import MOST_SAMPLES, OUTLOOK_COUNTS, draw_offers, offered_stations, outlook, plan_for_task
+from basecal.planning.plan import MOST_SAMPLES, OUTLOOK_COUNTS, draw_offers, outlook, plan_for_task, plan_stations
 from basecal.planning.prospects import sketches
 from basecal.planning.stations import STATION_SAMPLES
 from basecal.simulation import Scenario, simulate
@@ -141,11 +141,7 @@ def test_more_samples_bring_less_and_less(cell):
 def test_stations_of_shifts_are_planned_for_a_task(cell):
     """Whole stations are taken, each with its camera still, and more of them leave a smaller error."""
     described, _, bare, calibration, point = cell
-    offered = offered_stations(described, bare, calibration)
-    found = [
-        plan_for_task(described, bare, calibration, point, count=count, offers=offered, group_size=STATION_SAMPLES)
-        for count in (28, 42)
-    ]
+    found = [plan_stations(described, bare, calibration, point, count=count) for count in (28, 42)]
     assert [len(plan.samples) for plan in found] == [28, 42]
     for at in range(0, 42, STATION_SAMPLES):
         station = found[1].samples[at : at + STATION_SAMPLES]

@@ -21,9 +21,10 @@ from basecal.acquisition.stillness import Unfit
 from basecal.acquisition.taking import Taker
 from basecal.bounded_file import read_bounded
 from basecal.cell import Cell, Recording, RobotState, Sample
-from basecal.cell.files import append_sample, parse_plan, read_plan, read_recording, sample_to_dict, write_plan
+from basecal.cell.files import append_sample, parse_plan, read_plan, sample_to_dict, write_plan
 from basecal.cell.format.writing import append_durably
 from basecal.errors import InputError
+from basecal.exchange.importing.cell_content import recorded_samples
 from basecal.vision.detect import detect
 
 PLAN_FILE = Path("recording", "plan.jsonl")
@@ -204,12 +205,6 @@ def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> 
             with suppress(Unfit):
                 taker.scene.check(sample)
     return _Captured(taker, planned_count, detect(taker.sketch.cell, recording).samples, check)
-
-
-def recorded_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
-    """Samples of a cell's recording; none if there is no recording."""
-    has_journal = (folder / "recording" / "samples.jsonl").exists()
-    return read_recording(folder, cell).samples if has_journal else ()
 
 
 def abandoned_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:

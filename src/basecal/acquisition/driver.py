@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from basecal.box import is_own_fault
 from basecal.cell import Cell, RobotState
 from basecal.cell.schema.errors import check_entry
-from basecal.errors import BasecalError, DriverError
+from basecal.errors import BasecalError, DatasetError, DriverError
 from basecal.fields.values import Entry
 
 Grey = NDArray[np.integer[Any]]
@@ -85,6 +85,15 @@ class Place:
     folder: Path
     options: Mapping[str, Any] = field(default_factory=dict)
     allow_plaintext: bool = False
+
+    @property
+    def section(self) -> Literal["robots", "cameras"]:
+        """The section of `cell.yaml` that it stands in."""
+        return "robots" if self.name in self.cell.robots else "cameras"
+
+    def error(self, message: str, field: str = "driver") -> DatasetError:
+        """An error of a field of its entry in `cell.yaml`."""
+        return DatasetError(self.folder / "cell.yaml", message, field=f"{self.section}.{self.name}.{field}")
 
 
 @runtime_checkable
@@ -257,7 +266,5 @@ def checked_options(place: Place, kind: type[Options]) -> Options:
     Raises:
         DatasetError: if one is unknown or not as expected; it names the field in `cell.yaml`.
     """
-    section = "robots" if place.name in place.cell.robots else "cameras"
-    return check_entry(
-        kind, dict(place.options), str(place.folder / "cell.yaml"), place=(section, place.name, "driver")
-    )
+    where = (place.section, place.name, "driver")
+    return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), place=where)

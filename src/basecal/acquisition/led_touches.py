@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from basecal.acquisition.capture import recorded_samples
 from basecal.acquisition.freedrive import END_KEY, release_arms
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.stillness import Unfit, wait_for_arms
@@ -13,8 +12,9 @@ from basecal.acquisition.taking import Notify
 from basecal.cell import Cell, Sample, TouchObservation
 from basecal.cell.files import append_sample
 from basecal.errors import InputError, list_names, nearest
+from basecal.exchange.importing.cell_content import recorded_samples
 
-Answer = Callable[[], str | None]
+Answer = Callable[[], str]
 """The line that a person typed; None where the input has ended."""
 
 _PATIENCE_S = 5.0  # for an arm that a person has just let go
@@ -27,7 +27,7 @@ def take_touches(rig: Rig, cell: Cell, folder: Path, answer: Answer, report: Not
         rig: Robots with drivers; those that can be led are free until a line is typed.
         cell: Its tips and marks.
         folder: Of the cell.
-        answer: What was touched: a mark, and a tip if there are several; an empty line repeats both.
+        answer: The typed line: a mark, and a tip if there are several. One without words repeats both, "" is the end.
         report: Receives what a person should know.
 
     Raises:
@@ -44,7 +44,7 @@ def take_touches(rig: Rig, cell: Cell, folder: Path, answer: Answer, report: Not
         report(f"Lead a tip to a mark, type the mark{' and the tip' if len(tips) > 1 else ''}, Enter; q ends.")
         with release_arms(rig.robots.values()):
             line = answer()
-        if line is None or line.strip() == END_KEY:
+        if not line or line.strip() == END_KEY:
             return
         try:
             mark, tip = _parse_contact(line.split() or last, marks, tips)

@@ -20,10 +20,9 @@ from basecal.errors import BasecalError, InputError
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import Array
-from basecal.planning.plan import Offer, Plan, draw_offers, offered_stations, plan_for_task
+from basecal.planning.plan import Offer, Plan, draw_offers, plan_for_task, plan_stations
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch, View
-from basecal.planning.stations import STATION_SAMPLES
 
 OFFERED_SAMPLES = 240
 """Candidates, drawn once: planning among them takes a fraction of a second while the arms stand."""
@@ -135,10 +134,7 @@ def stations_for_task(
     """
     calibration = _current_calibration(cell, samples, _task_settings(points_m))
     recording = _with_home(Sample(0, robots=home), samples)
-    offered = offered_stations(cell, recording, calibration, seed)
-    return plan_for_task(
-        cell, recording, calibration, points_m, tolerance_m, count, seed, offers=offered, group_size=STATION_SAMPLES
-    )
+    return plan_stations(cell, recording, calibration, points_m, tolerance_m, count, seed)
 
 
 def _with_home(home: Sample, samples: Sequence[Sample]) -> Recording:

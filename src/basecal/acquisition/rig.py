@@ -16,8 +16,8 @@ from basecal.acquisition.images.feed import feed_camera
 from basecal.acquisition.images.latency import ArmMotion
 from basecal.acquisition.supervision.arms import Arms
 from basecal.acquisition.supervision.signals import interrupt_main_thread, routed_signals
-from basecal.cell import Cell, Driver, RobotState
-from basecal.errors import DatasetError, InputError, UsageError, nearest
+from basecal.cell import Cell, RobotState
+from basecal.errors import InputError, UsageError, nearest
 from basecal.estimation.settings import LOG
 from basecal.planning.sketch import Sketch
 
@@ -183,18 +183,18 @@ def _places(cell: Cell, folder: Path, section: Literal["robots", "cameras"], all
     found = {}
     for name, thing in things.items():
         if thing.driver is not None:
-            kind = _kind(thing.driver, f"{section}.{name}.driver.kind", folder, section)
-            found[name] = (kind, Place(name, cell, folder, thing.driver.options, allow_plaintext))
+            place = Place(name, cell, folder, thing.driver.options, allow_plaintext)
+            found[name] = (_kind(thing.driver.kind, place), place)
     return found
 
 
-def _kind(driver: Driver, field: str, folder: Path, section: Literal["robots", "cameras"]) -> DriverKind:
-    kind = driver_kind(driver.kind)
+def _kind(name: str, place: Place) -> DriverKind:
+    kind = driver_kind(name)
     if kind is None:
         known = driver_names()
-        message = f"no driver {driver.kind!r}{nearest(driver.kind, known)}; there are: {', '.join(known)}"
-        raise DatasetError(str(folder / "cell.yaml"), message, field=field)
-    if (kind.open_robot if section == "robots" else kind.open_camera) is None:
-        message = f"driver {driver.kind!r} is for {'cameras' if section == 'robots' else 'robots'} only"
-        raise DatasetError(str(folder / "cell.yaml"), message, field=field)
+        there = f"there are: {', '.join(known)}"
+        raise place.error(f"no driver {name!r}{nearest(name, known)}; {there}", "driver.kind")
+    if (kind.open_robot if place.section == "robots" else kind.open_camera) is None:
+        others = "cameras" if place.section == "robots" else "robots"
+        raise place.error(f"driver {name!r} is for {others} only", "driver.kind")
     return kind

@@ -65,8 +65,10 @@ def wait_for_arms(
     while True:
         for name, robot in robots.items():
             if robot.is_live or not latest[name]:
-                latest[name].append(_checked_state(name, robot))
-                note(name, latest[name][-1])
+                reading = robot.state()
+                check_reading(name, reading)
+                latest[name].append(reading)
+                note(name, reading)
         live = [name for name, robot in robots.items() if robot.is_live]
         moving = [name for name in live if not _is_still(latest[name], goals.get(name))]
         if not moving:
@@ -75,12 +77,6 @@ def wait_for_arms(
             stuck = [name for name in moving if _is_still(latest[name], None)]
             what = "arm not where it was sent" if stuck else "arm still moving"
             raise Moving(f"{what}: {', '.join(stuck or moving)}{waited.cause}")
-
-
-def _checked_state(name: str, robot: Robot) -> Reading:
-    reading = robot.state()
-    check_reading(name, reading)
-    return reading
 
 
 def wait_until_led(
@@ -177,7 +173,10 @@ def wait_for_image(
 
     def look() -> _Look:
         """The next image, with the targets in it."""
-        return _find_lights(wait_for_image_after(camera, after_s, patience_s, show), targets)
+        image = wait_for_image_after(camera, after_s, patience_s, show)
+        found = [find(image.grey, target) for target in targets if target.found_by == LIGHT]
+        lights = tuple(None if each is None else each.pixels[0] for each in found)
+        return _Look(image, reduce_image(image.grey), lights)
 
     looks = [look()]
     if not camera.is_live:
@@ -199,11 +198,6 @@ class _Look:
     image: CameraImage
     small: Levels
     lights: tuple[Array | None, ...]
-
-
-def _find_lights(image: CameraImage, targets: Sequence[Target]) -> _Look:
-    found = [find(image.grey, target) for target in targets if target.found_by == LIGHT]
-    return _Look(image, reduce_image(image.grey), tuple(None if each is None else each.pixels[0] for each in found))
 
 
 def _has_moved(states: _Look, second: _Look) -> bool:

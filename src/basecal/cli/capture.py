@@ -10,19 +10,18 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
-from basecal.cli.capture_plan import capture_plan, checked_plan, known_sketch, refuse, say_plan, say_ways
+from basecal.cli.capture_plan import SAMPLES, capture_plan, checked_plan, known_sketch, refuse, say_plan, say_ways
 from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASKING, Connecting, allowed_rig
 from basecal.cli.option_types import Port, Seed, number_range
-from basecal.cli.replanning import Replanner, ShiftsForTask, Task, requested_task
+from basecal.cli.replanning import Replanner, Task, requested_task
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import print_json, quote_path, say, say_next
 from basecal.errors import UsageError
 from basecal.fields.typed_length import length_m
 from basecal.planning.patterns import PATTERNS
 
-_SAMPLES = 25  # where nobody says how many
 _PLANS = 20  # that are tried for a task until one is not refused
 _SHIFTS = "shifts"
 _FASTEST_M_S = 2.0  # of any point of an arm
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from basecal.acquisition.capture import Step
     from basecal.acquisition.rig import Rig
     from basecal.acquisition.taking import Taker
+    from basecal.acquisition.watching import End
     from basecal.cell import Sample
     from basecal.planning.plan_check import SpeedLimits
     from basecal.planning.sketch import Sketch
@@ -159,12 +159,12 @@ def capture(
     if moving.touch:
         return capture_touches(cell, connecting, json, has_others=go or dry_run or freedrive or web)
     task = _checked_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
-    sketch, count, limits = known_sketch(cell, freedrive), samples or _SAMPLES, moving.limits
+    sketch, count, limits = known_sketch(cell, freedrive), samples or SAMPLES, moving.limits
     with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
-        replanner, shifts = _planners(rig, sketch, cell, task, pattern, plan, samples, seed)
+        replanner = Replanner(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
         if not freedrive:
-            wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), count, seed, replanner, shifts, more)
+            wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), samples, seed, replanner, task, more)
             wanted = _check_capture(rig, sketch, wanted, is_new, moving, replanner, go=go, dry_run=dry_run, quiet=json)
             if not go:
                 return _finish_plan(cell, wanted, json)
@@ -172,23 +172,8 @@ def capture(
         view = shown.enter_context(capture_view(rig, sketch.cell, cell, web, port, quiet=json))
         by = _taker(rig, sketch, cell, limits, view, stop_on_disagreement)
         steps = _take_samples(by, wanted, count if freedrive else None, replanner, view, stop_on_disagreement)
-        view.end(*_outcome(steps, replanner), f"basecal calibrate {quote_path(cell)}")
+        view.watch.end(_outcome(steps, replanner, f"basecal calibrate {quote_path(cell)}"))
     return _summarise(cell, steps, replanner, json)
-
-
-def _planners(
-    rig: Rig,
-    sketch: Sketch,
-    cell: Path,
-    task: Task | None,
-    pattern: str,
-    plan: Path | None,
-    samples: int | None,
-    seed: int,
-) -> tuple[Replanner | None, ShiftsForTask | None]:
-    """Planners for a task: samples anew after each, or stations of shifts once."""
-    replanner = Replanner(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
-    return replanner, ShiftsForTask(task, samples) if task and replanner is None else None
 
 
 def _check_capture(
@@ -317,7 +302,8 @@ def _taker(
     taker = Taker(rig, sketch, folder, settings, scene=scene)
     if view is None:
         return taker
-    return replace(taker, notify=view.notify, report=view.report, show=view.watch.note_image, send=view.watch.note_goal)
+    watch = view.watch
+    return replace(taker, notify=watch.notify, report=view.report, show=watch.note_image, send=watch.note_goal)
 
 
 def _finish_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:
@@ -336,15 +322,18 @@ def _lasting_doubts(steps: Sequence[Step]) -> list[str]:
     return [doubt.message for step in steps for doubt in step.doubts if doubt.is_lasting]
 
 
-def _outcome(steps: Sequence[Step], replanner: Replanner | None) -> tuple[str, str]:
-    """The verdict of a capture in a word, and why in a sentence."""
+def _outcome(steps: Sequence[Step], replanner: Replanner | None, command: str) -> End:
+    """The verdict of a capture, why, and what to type next."""
+    from basecal.acquisition.watching import End
+
     doubts, missing = _lasting_doubts(steps), _abandoned_steps(steps)
     if replanner is not None:
-        return ("PASS" if replanner.is_reached else "FAIL"), replanner.words()
+        return End("PASS" if replanner.is_reached else "FAIL", replanner.words(), command)
     if doubts:
-        return "DOUBTFUL", doubts[0]
+        return End("DOUBTFUL", doubts[0], command)
     counted = f"{len(steps) - len(missing)} of {len(steps)} samples taken"
-    return ("DOUBTFUL", f"{counted}; the first missing one: {missing[0].why_not}") if missing else ("GOOD", counted)
+    first = f"; the first missing one: {missing[0].why_not}" if missing else ""
+    return End("DOUBTFUL" if missing else "GOOD", f"{counted}{first}", command)
 
 
 def _summarise(cell: Path, steps: Sequence[Step], replanner: Replanner | None, json: bool) -> int:

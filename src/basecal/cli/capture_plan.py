@@ -16,11 +16,12 @@ if TYPE_CHECKING:
 
     from basecal.acquisition.rig import Rig
     from basecal.cell import Calibration, Cell, Sample
-    from basecal.cli.replanning import Replanner, ShiftsForTask
+    from basecal.cli.replanning import Replanner, Task
     from basecal.planning.plan_check import PlanCheck, SpeedLimits
     from basecal.planning.sketch import Sketch
 
 _CELL = "cell.yaml"
+SAMPLES = 25  # where nobody says how many
 _SHOWN_SAMPLES = 20  # refusals, each a line
 
 
@@ -60,16 +61,17 @@ def capture_plan(
     sketch: Sketch,
     folder: Path,
     pattern: str,
-    samples: int,
+    samples: int | None,
     seed: int,
     replanner: Replanner | None = None,
-    shifts: ShiftsForTask | None = None,
+    task: Task | None = None,
     is_continued: bool = True,
 ) -> tuple[Sequence[Sample], bool]:
     """The rest of an interrupted plan, or a new plan, and whether it is new."""
     from basecal.acquisition.capture import remaining_samples
     from basecal.acquisition.rig import starting_states
     from basecal.cell.files import read_plan
+    from basecal.cli.replanning import shifts_for_task
     from basecal.errors import nearest
 
     if replanner is not None:
@@ -77,16 +79,18 @@ def capture_plan(
     left = remaining_samples(folder, sketch.cell)
     if left:
         return left, False
-    seed += _finished_count(folder, sketch, samples, is_continued)
+    count = samples or SAMPLES
+    seed += _finished_count(folder, sketch, count, is_continued)
     if pattern not in PATTERNS:
         if not Path(pattern).is_file():
             names = ", ".join(PATTERNS)
             raise InputError(f"no pattern {pattern!r}{nearest(pattern, PATTERNS)}; it is one of {names}, or a file")
         return read_plan(pattern, folder, sketch.cell), True
     home = starting_states(rig, sketch)
-    if shifts is not None:
-        return shifts.plan_samples(sketch.cell, folder, home, samples, seed), True
-    return PATTERNS[pattern].plan(sketch, home, samples, seed), True
+    if task is not None:
+        most = count if task.tolerance_m is None else samples
+        return shifts_for_task(task, sketch.cell, folder, home, most, seed), True
+    return PATTERNS[pattern].plan(sketch, home, count, seed), True
 
 
 def _finished_count(folder: Path, sketch: Sketch, count: int, is_continued: bool) -> int:

@@ -23,7 +23,7 @@ def capture_touches(cell: Path, connecting: Connecting, json: bool, has_others: 
         raise UsageError("--touch takes touches alone: leave --go, --dry-run, --freedrive and --web out")
     described, taken = read_cell(cell), list[int]()
     with allowed_rig(described, cell, connecting) as rig:
-        for sample in take_touches(rig, described, cell, _typed_line, lambda words: say(words, sys.stderr)):
+        for sample in take_touches(rig, described, cell, sys.stdin.readline, lambda words: say(words, sys.stderr)):
             taken.append(sample.sample)
             for seen in sample.observations if not json else ():
                 say(f"sample {sample.sample}: {seen.camera} at {seen.target}")
@@ -33,8 +33,3 @@ def capture_touches(cell: Path, connecting: Connecting, json: bool, has_others: 
         say(f"{len(taken)} touches taken")
         say_next(f"basecal calibrate {quote_path(cell)}")
     return 0 if taken else 1
-
-
-def _typed_line() -> str | None:
-    line = sys.stdin.readline()
-    return line.rstrip("\n") if line else None

@@ -36,10 +36,6 @@ class CaptureView:
     key: Callable[[], str]
     has_lines: bool
 
-    def notify(self, words: str) -> None:
-        """Report what is done now."""
-        self.watch.notify(words)
-
     def report(self, words: str) -> None:
         """Report what a person should know."""
         self.watch.report(words)
@@ -51,12 +47,6 @@ class CaptureView:
         self.watch.note(step)
         if self.has_lines:
             say_step(step, place)
-
-    def end(self, word: str, sentence: str, command: str) -> None:
-        """Report how it ended, and what to type next."""
-        from basecal.acquisition.watching import End
-
-        self.watch.end(End(word, sentence, command))
 
 
 @contextmanager

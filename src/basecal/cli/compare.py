@@ -44,10 +44,7 @@ def compare(*runs: Path, json: bool = False) -> int:
         print_json(comparison_dict(names, found))
     else:
         say_verdict(comparison_text(names, found), "good" if agree else "refused")
-        say_next(f"the figures of a run: basecal report {quote_path(_cell_folder(runs[-1]))}")
+        last = runs[-1]
+        cell = last if (last / "cell.yaml").is_file() else last.parent.parent
+        say_next(f"the figures of a run: basecal report {quote_path(cell)}")
     return 0 if agree else 1
-
-
-def _cell_folder(run: Path) -> Path:
-    """The cell of a run, or the cell itself."""
-    return run if (run / "cell.yaml").is_file() else run.parent.parent

@@ -17,7 +17,6 @@ from basecal.cli.terminal import ask, can_ask, say
 from basecal.errors import UsageError, printable
 
 if TYPE_CHECKING:
-    from basecal.acquisition.driver import Secret
     from basecal.acquisition.rig import Rig
     from basecal.cell import Cell
 
@@ -70,7 +69,9 @@ def allow_drivers(cell: Cell, folder: Path, connecting: Connecting, name: str | 
     found = [opener for opener in openers(cell, folder) if name in (None, opener[1].name)]
     allow_places(folder, reachable_places(found), connecting.yes)
     for secret in missing_secrets(found):
-        os.environ[secret.variable] = _typed_secret(secret)
+        if not can_ask():
+            raise UsageError(f"the password of {printable(secret.owner)} is missing: put it into {secret.variable}")
+        os.environ[secret.variable] = getpass(f"password of {printable(secret.owner)}: ")
 
 
 def allow_places(folder: Path, places: Sequence[str], yes: bool) -> None:
@@ -91,9 +92,3 @@ def allow_places(folder: Path, places: Sequence[str], yes: bool) -> None:
     unasked = f"the cell connects to {'; '.join(map(printable, new))}. Add --yes to allow it"
     ask("Connect?", unasked, "not connected")
     allow(folder, new)
-
-
-def _typed_secret(secret: Secret) -> str:
-    if not can_ask():
-        raise UsageError(f"the password of {printable(secret.owner)} is missing: put it into {secret.variable}")
-    return getpass(f"password of {printable(secret.owner)}: ")

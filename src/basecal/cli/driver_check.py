@@ -55,12 +55,12 @@ def driver_check(
         connecting: What the cell may reach.
         json: Print the measurements as JSON.
     """
-    from basecal.acquisition.driver_check.check_process import DriverCheck, check_place, measured_promises
+    from basecal.acquisition.driver_check.check_process import DriverCheck, check_opener, measured_promises
     from basecal.cell.format.locking import locked_folder
 
     options = dict(_option(each) for each in option or [])
     check = DriverCheck(device, name, options, camera, go, cut, connecting.allow_plaintext)
-    place = check_place(check)
+    _, place = check_opener(check)
     if check.is_in_cell:
         if option or camera:
             raise UsageError("--option and --camera go with the name of a driver; the cell states its own options")

@@ -135,7 +135,7 @@ def finish_import(
 
 def _written_files(folder: Path, import_result: Brought) -> str:
     """Description of the written files."""
-    if import_result.pairing is None:
+    if not import_result.pairing.numbers:
         return f"wrote {folder / 'cell.yaml'}"
     count = len(import_result.recording.samples)
     told = f"wrote {count} samples" if import_result.made == count else f"completed the {count} samples"
@@ -147,8 +147,6 @@ def _written_files(folder: Path, import_result: Brought) -> str:
 
 def _pairing_lines(import_result: Brought) -> list[str]:
     pairing = import_result.pairing
-    if pairing is None:
-        return []
     lines = []
     joined = sum(number is not None for number in pairing.numbers) - import_result.made
     if joined:

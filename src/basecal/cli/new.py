@@ -20,7 +20,6 @@ from basecal.exchange.importing.described_target import (
     UNSAID,
     Shape,
     are_indistinguishable,
-    is_described,
     target_fields,
 )
 from basecal.exchange.importing.name_options import parse_name_options
@@ -80,9 +79,9 @@ def new(
 
     if names and robots not in (None, len(names)):
         raise CycloptsError(msg=f"--robots {robots} and {len(names)} --names: leave --robots away")
-    if target == "pose" and is_described(shape):
+    if target == "pose" and shape != UNSAID:
         raise CycloptsError(msg="--target pose is seen as poses, and has no sizes: leave them away")
-    fields = target_fields(target, shape) if is_described(shape) else None
+    fields = target_fields(target, shape) if shape != UNSAID else None
     if (robot or domain is not None or yes) if from_ is None else (names or robots is not None):
         raise CycloptsError(msg="--robot, --domain and --yes go with --from ros2, --robots and --names without it")
     if from_ is None:

@@ -59,6 +59,7 @@ def ros2_cell(
     from basecal.exchange.bags.choice import choose_sources
     from basecal.exchange.bags.entry import bag_entry, urdf_name
     from basecal.exchange.bags.sources import Asked, ByJoints
+    from basecal.exchange.importing.cell_content import NO_CELL
 
     allow_places(cell, [domain_words(choose_domain(domain))], yes)
     bag = listen_to_topics(choose_domain(domain), LISTEN_S)
@@ -66,11 +67,11 @@ def ros2_cell(
     for topic in sorted(bag.topics.values()):
         say(f"  {topic.messages:>8}  {topic.name}  {topic.kind}")
     survey, asked = survey_live_topics(bag), Asked(robots=robots)
-    taken = choose_sources(bag, survey, asked, None)
+    taken = choose_sources(bag, survey, asked, NO_CELL)
     for line in taken.words:
         say(f"taking {line}")
     sizes = {name: _size(bag, camera.topic) for name, camera in taken.cameras.items()}
-    entry = bag_entry(None, bag.path, survey, taken, asked, {name: size for name, size in sizes.items() if size})
+    entry = bag_entry(NO_CELL, bag.path, survey, taken, asked, {name: size for name, size in sizes.items() if size})
     data: dict[str, Any] = {"schema": "basecal/cell/1", **entry}
     _add_drivers(data, taken, domain)
     _add_target(data, fields, target)
@@ -79,11 +80,10 @@ def ros2_cell(
         for name, source in taken.robots.items()
         if isinstance(source, ByJoints) and source.urdf is not None
     }
-    text = yaml_text(data)
     with TemporaryDirectory() as folder:
         for name, urdf in urdfs.items():
             (Path(folder) / name).write_text(urdf, encoding="utf-8")
-        return NewCell(text, cell_from_dict(data, bag.path, folder), urdfs)
+        return NewCell(yaml_text(data), cell_from_dict(data, bag.path, folder), urdfs)
 
 
 def _add_drivers(data: dict[str, Any], selection: Taken, domain: int | None) -> None:

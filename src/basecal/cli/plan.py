@@ -152,19 +152,12 @@ def _make_plan(
     """Samples all around, whole stations of programmed shifts, or touches."""
     from numpy import array
 
-    from basecal.planning.plan import offered_stations, plan_for_task
-    from basecal.planning.stations import STATION_SAMPLES
+    from basecal.planning.plan import plan_for_task, plan_stations
     from basecal.planning.touches import plan_touches
 
+    planned = plan_touches if are_touches else plan_for_task if pattern == "poses" else plan_stations
     points_m = array(points, dtype=float).reshape(-1, 3)
-    if are_touches:
-        return plan_touches(cell, recording, calibration, points_m, tolerance_m, count, seed)
-    if pattern == "poses":
-        return plan_for_task(cell, recording, calibration, points_m, tolerance_m, count, seed)
-    offered = offered_stations(cell, recording, calibration, seed)
-    return plan_for_task(
-        cell, recording, calibration, points_m, tolerance_m, count, seed, offers=offered, group_size=STATION_SAMPLES
-    )
+    return planned(cell, recording, calibration, points_m, tolerance_m, count, seed)
 
 
 def _check_output(to: str | None, robot: str | None, output: Path | None, json: bool) -> None:

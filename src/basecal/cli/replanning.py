@@ -126,22 +126,13 @@ class Replanner:
         return f"{asked} cannot be reached{by}"
 
 
-class ShiftsForTask(NamedTuple):
-    """Stations of programmed shifts for a task: as many as its tolerance needs, or so many samples."""
+def shifts_for_task(
+    task: Task, cell: Cell, folder: Path, home: Mapping[str, RobotState], count: int | None, seed: int
+) -> Sequence[Sample]:
+    """Stations of programmed shifts, one after another: as many as a task needs, or of so many samples."""
+    import numpy as np
 
-    task: Task
-    samples: int | None
+    from basecal.acquisition.replanning import stations_for_task
 
-    def plan_samples(
-        self, cell: Cell, folder: Path, home: Mapping[str, RobotState], usual: int, seed: int
-    ) -> Sequence[Sample]:
-        """The samples, those of a station one after another; as many as usual where nothing says how many."""
-        import numpy as np
-
-        from basecal.acquisition.replanning import stations_for_task
-
-        count = usual if self.task.tolerance_m is None else self.samples
-        points = np.array(self.task.points_m)
-        return stations_for_task(
-            cell, taken_so_far(folder, cell), home, points, self.task.tolerance_m, count, seed
-        ).samples
+    taken, points = taken_so_far(folder, cell), np.array(task.points_m)
+    return stations_for_task(cell, taken, home, points, task.tolerance_m, count, seed).samples

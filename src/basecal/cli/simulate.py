@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from math import pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from basecal.cli.detection import counting
 from basecal.cli.option_types import Port, Seed, number_range
@@ -87,7 +87,8 @@ def simulate(
     scenario = Scenario(
         samples=samples,
         target=target,
-        **_layout(robots),
+        layout="eye_in_hand" if robots == 1 else "dual" if robots == 2 else "chain",
+        robots=max(robots, 2),
         camera_mount=mounts,
         target_mount=mounts,
         pixel_px=pixel_px,
@@ -97,10 +98,6 @@ def simulate(
         joint_offset_rad=joint_offset_deg * pi / 180,
     )
     return _record(cell, scenario, seed, images, json)
-
-
-def _layout(robots: int) -> dict[str, Any]:
-    return {"layout": {1: "eye_in_hand", 2: "dual"}.get(robots, "chain"), "robots": max(robots, 2)}
 
 
 def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool) -> int:

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from basecal.cell.targets.registry import TargetKindName
 from basecal.cli.terminal import say
 from basecal.errors import InputError
-from basecal.exchange.importing.described_target import printed_fields
+from basecal.exchange.importing.described_target import MARKER_SHARE, print_sizes, printed_fields
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from basecal.cell import Target
     from basecal.cell.targets.kind import PrintSizes
 
-_MARKER_SHARE = 0.75  # of a square, that a ChArUco marker takes unless its size is given
 _SQUARE_MM = 40.0  # of a target whose layout is tried before it is scaled, and of templates
 _PAPER_NAMES = {"letter": "letter", **{name.lower(): name for name in ("A4", "A3", "A2", "A1", "A0")}}
 
@@ -71,17 +70,14 @@ def target(
         tag: Number of the AprilTag.
         field: FIELD=VALUE as in cell.yaml, such as legacy_pattern=true; may be given several times.
     """
-    from basecal.cell.targets.fiducials import smallest_dictionary
-    from basecal.cell.targets.kind import PrintSizes
     from basecal.reporting.target_sheet import printed_pages, write_pages
 
     if cell is not None:
         title, shape = _cell_target(cell, name)
     else:
-        markers = dictionary or smallest_dictionary("DICT_4X4_50", columns * rows // 2)
-        square = _SQUARE_MM if square_mm is None else square_mm
-        marker = _MARKER_SHARE * square if marker_mm is None else marker_mm
-        sizes = PrintSizes(columns, rows, round(square / 1e3, 9), round(marker / 1e3, 9), markers, family, tag)
+        square_m = (_SQUARE_MM if square_mm is None else square_mm) / 1e3
+        marker_m = None if marker_mm is None else marker_mm / 1e3
+        sizes = print_sizes(columns, rows, square_m, marker_m, dictionary, family, tag)
         largest_on = None if square_mm is not None else _PAPER_NAMES[paper or "a4"]
         fields, shape = _sized_target(kind, sizes, field, largest_on, marker_mm is None)
         title = ", ".join([kind, *option_words(fields)])
@@ -106,7 +102,7 @@ def _sized_target(
     if largest_on is None or not shape.sheets:
         return fields, shape
     square_m = round(largest_pitch_mm(shape, largest_on) / 1e3, 9)
-    marker_m = round(_MARKER_SHARE * square_m, 9) if scales_marker else sizes.marker_m
+    marker_m = round(MARKER_SHARE * square_m, 9) if scales_marker else sizes.marker_m
     return _sized_target(kind, replace(sizes, square_m=square_m, marker_m=marker_m), field, None, scales_marker)
 
 

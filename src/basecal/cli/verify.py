@@ -125,7 +125,7 @@ def _require_images(sample: Sample, home: Path, journal: Path) -> None:
     for camera, image in sample.images.items():
         if camera not in seen and not (home / image).is_file():
             what = f"the image of {camera!r} is missing, looked for at {home / image}"
-            raise DatasetError(str(journal), f"sample {sample.sample}: {what}; put it there, or correct its path")
+            raise DatasetError(journal, f"sample {sample.sample}: {what}; put it there, or correct its path")
 
 
 def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification:

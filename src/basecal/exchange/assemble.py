@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.cell import Observation, PixelObservation, PoseObservation, Recording, RobotState, Sample
 from basecal.errors import InputError
-from basecal.exchange.poses import PoseStream
+from basecal.exchange.controller_poses import PoseStream
 from basecal.geometry import Array, IntArray
 
 

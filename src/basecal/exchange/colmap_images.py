@@ -50,7 +50,7 @@ def read_colmap_images(path: str | Path) -> list[ReconstructedImage]:
     file = reconstruction_file(path, "images")
     images = list(_binary(file) if file.suffix.lower() == ".bin" else _text(file))
     if not images:
-        raise DatasetError(str(file), f"holds no image, expected lines `{_LINE}`")
+        raise DatasetError(file, f"holds no image, expected lines `{_LINE}`")
     return sorted(images, key=lambda image: natural_order(Path(image.name)))
 
 
@@ -76,7 +76,7 @@ def _text(path: Path) -> Iterator[ReconstructedImage]:
 def _binary(path: Path) -> Iterator[ReconstructedImage]:
     """Little-endian: how many, then number, pose, camera's number, name and points of each."""
     data = read_bounded(path, _LARGEST)
-    cut = DatasetError(str(path), "is cut off, or is not images.bin of COLMAP")
+    cut = DatasetError(path, "is cut off, or is not images.bin of COLMAP")
     try:
         (count,), at = struct.unpack_from("<Q", data), 8
     except struct.error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ from basecal.exchange.importing.text_table import (
     rows_of_numbers,
     select_robot,
 )
-from basecal.exchange.poses import METRES, read_poses
+from basecal.exchange.poses import METRES, LengthUnit, is_archive, read_matrices, unit_length_m
 from basecal.exchange.tf_echo import transform_rows
 from basecal.exchange.yaskawa_job import is_job, job_positions
 from basecal.geometry import SE3, Array
@@ -117,6 +118,21 @@ class Reading:
         return f"{', '.join(how.names)}: {length}, {how.form.words}{angle}"
 
 
+@dataclass(frozen=True, eq=False)
+class PoseStream:
+    """Poses from one file, in its order.
+
+    Attributes:
+        path: Where they were read.
+        poses: (n,) transforms, lengths in metres.
+        stamps_s: (n,) times; None if the file has none.
+    """
+
+    path: str
+    poses: SE3
+    stamps_s: Array | None = None
+
+
 class PoseRows(NamedTuple):
     """Poses of a file, (n,), and for each a row with what says where it belongs."""
 
@@ -152,13 +168,20 @@ def read_pose_rows(path: str, reading: Reading, is_stream: bool = False, robot: 
     return found
 
 
+def read_poses(path: str | Path, length_unit: LengthUnit) -> PoseStream:
+    """Poses of a file that says alone how they are written, without what says where they belong but their times."""
+    name = str(path)
+    reading = Reading(guessed_format(name) or "ros", unit_length_m(length_unit))
+    poses, rows = read_pose_rows(name, reading)
+    stamps_s = [row.stamp_s for row in rows if row.stamp_s is not None]
+    return PoseStream(name, poses, np.array(stamps_s) if stamps_s else None)
+
+
 def _pose_rows(path: str, reading: Reading, is_stream: bool, robot: str | None) -> PoseRows:
     how = reading.convention
     if reading.name == "matrix" and _is_stacked(path):
-        stream = read_poses(path, "m")
-        poses = SE3(stream.poses.rotation, stream.poses.translation * how.length)
-        stamps = [None] * len(poses) if stream.stamps_s is None else stream.stamps_s.tolist()
-        return PoseRows(poses, tuple(Row(stamp_s=stamp) for stamp in stamps))
+        poses = read_matrices(path)
+        return PoseRows(SE3(poses.rotation, poses.translation * how.length), (Row(),) * len(poses))
     names = (_STAMP, *how.names) if is_stream else how.names
     table = read_text_table(_table_text(path, reading), path, names)
     table = table if robot is None else select_robot(table, robot)
@@ -193,27 +216,19 @@ def _table_text(path: str, reading: Reading) -> str:
 
 def _is_stacked(path: str) -> bool:
     """Whether a file is an archive, or has the four rows of a matrix one below the other."""
-    if ".npz" in path.lower() or path.lower().endswith(".npy"):
+    if is_archive(path):
         return True
     lines = (line.split("#")[0].replace(",", " ").split() for line in read_table_text(path, "matrices").splitlines())
     return len(next(filter(None, lines), [])) == _ROW
 
 
 def guessed_format(path: str) -> str:
-    """The format of a file that says it alone: of matrices, or of a header with quaternions as of ROS.
-
-    Raises:
-        DatasetError: if it does not.
-    """
+    """The format of a file that says it alone: of matrices, or of a header with quaternions as of ROS; else empty."""
     if not path.lower().endswith((".csv", ".xlsx")):
         return "matrix"
     first = next(iter(read_table_text(path, "a table of poses").splitlines()), "")
-    names = {plain_column(cell.strip("# \"'")) for cell in re.split("[,;\t]", first)}
-    if "m00" in names:
-        return "matrix"
-    if {"qx", "qy", "qz", "qw"} <= names or {f"q_{axis}" for axis in "xyzw"} <= names:
-        return "ros"
-    raise DatasetError(path, f"does not state what its numbers are: give --format {list_names(list(CONTROLLERS))}")
+    names = {plain_column(cell.strip("# \"'")).replace("_", "") for cell in re.split("[,;\t]", first)}
+    return "matrix" if "m00" in names else "ros" if {"qx", "qy", "qz", "qw"} <= names else ""
 
 
 def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[str]:
@@ -221,14 +236,19 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
     if table.header is None:
         first = {name.lower(): name for name in table.rows[0].cells}
         return [first.get(name.lower(), name) for name in names]
-    by_name = {plain_column(column): column for column in table.header}
+    by_name: dict[str, list[str]] = {}
+    for column in table.header:
+        by_name.setdefault(plain_column(column), []).append(column)
     found = []
     for name in map(str.lower, names):
-        others = [each for each in by_name if re.fullmatch(_ALIASES.get(name, name), each)]
-        if name not in by_name and len(others) != 1:
+        alike = [name] if name in by_name else [n for n in by_name if re.fullmatch(_ALIASES.get(name, name), n)]
+        chosen = [column for each in alike for column in by_name[each]]
+        if len(chosen) > 1:
+            raise DatasetError(table.path, f"names the column {name!r} twice: {list_names(chosen)}")
+        if not chosen:
             what = f"has no column {name!r} but {', '.join(table.header)}; {reading.name} writes {', '.join(names)}"
             raise DatasetError(table.path, what + _column_hint(set(by_name)))
-        found.append(by_name[name if name in by_name else others[0]])
+        found += chosen
     _check_units(table.path, found, reading)
     return found
 

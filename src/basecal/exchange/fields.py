@@ -169,12 +169,11 @@ class Field:
         try:
             if isinstance(self.data, list):
                 return SE3.from_matrix([self.numbers(16)[i : i + 4] for i in range(0, 16, 4)])
+            place, turn, mark = self, self, "q"
             if self.first("translation", "position") is not None:
-                place, turn = self.find("translation", "position"), self.find("rotation", "orientation")
-                turns = [turn.find(axis).number() for axis in "xyzw"]
-                return SE3.from_quaternion(turns, [place.find(axis).number() for axis in "xyz"], "quaternion")
-            turns = [self.find(f"q{axis}").number() for axis in "xyzw"]
-            return SE3.from_quaternion(turns, [self.find(axis).number() for axis in "xyz"], "quaternion")
+                place, turn, mark = self.find("translation", "position"), self.find("rotation", "orientation"), ""
+            turns = [turn.find(f"{mark}{axis}").number() for axis in "xyzw"]
+            return SE3.from_quaternion(turns, [place.find(axis).number() for axis in "xyz"], "quaternion")
         except DatasetError:
             raise
         except InputError as error:

@@ -50,7 +50,7 @@ def list_images(folder: Path) -> tuple[Path, ...]:
         DatasetError: if there is none, or the folder is not one; it says what is there instead.
     """
     if not folder.is_dir():
-        raise DatasetError(str(folder), "is no folder; give the folder of one camera's images")
+        raise DatasetError(folder, "is no folder; give the folder of one camera's images")
     files = [path for path in folder.iterdir() if not path.name.startswith(".")]
     found = [path for path in files if path.suffix.lower() in ENDINGS and path.is_file()]
     if not found:
@@ -59,13 +59,13 @@ def list_images(folder: Path) -> tuple[Path, ...]:
         ]
         if inner:
             what = f"holds no images but folders of them: {list_names(sorted(inner))}; import one camera's at a time"
-            raise DatasetError(str(folder), what)
+            raise DatasetError(folder, what)
         others = Counter(path.suffix.lower() or "no ending" for path in files if path.is_file())
         there = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
         expected = f"expected {', '.join(ENDINGS)}"
-        raise DatasetError(str(folder), f"holds no images that are read, but {there}; {expected}")
+        raise DatasetError(folder, f"holds no images that are read, but {there}; {expected}")
     if len(found) > _MOST_IMAGES:
-        raise DatasetError(str(folder), f"{len(found)} images, expected at most {_MOST_IMAGES}")
+        raise DatasetError(folder, f"{len(found)} images, expected at most {_MOST_IMAGES}")
     return tuple(sorted(found, key=natural_order))
 
 
@@ -83,7 +83,7 @@ def check_image(path: Path) -> None:
     check_regular(path)
     with path.open("rb") as file:
         if not file.read(_START).startswith(_STARTS):
-            raise DatasetError(str(path), f"is no image, whatever its name; expected {', '.join(ENDINGS)}")
+            raise DatasetError(path, f"is no image, whatever its name; expected {', '.join(ENDINGS)}")
 
 
 def unreadable_images(folder: Path) -> tuple[str, ...]:

@@ -61,7 +61,10 @@ def read_episode(folder: Path, number: int) -> Episode:
         MissingExtra: if the library of parquet is not installed.
         DatasetError: if the folder is no dataset of LeRobot, or has no such episode.
     """
-    names = _names(folder / "meta" / "info.json")
+    features = read_fields(folder / "meta" / "info.json", LARGEST_INFO).find("features")
+    told = features.find(_STATE).find("names")
+    listed = told.find(*told.names()) if told.names() else told
+    names = tuple(name.text().removesuffix(".pos") for name in listed.items("names of motors"))
     rows = read_columns(folder, folder / "data", number, ["timestamp", _STATE], 1 + len(names))
     return Episode(names, rows[:, 1:], rows[:, 0])
 
@@ -89,13 +92,13 @@ def read_columns(folder: Path, tables: Path, number: int, columns: Sequence[str]
     for (count, *ends), content in _frames(folder, tables, number, columns):
         known = [min(known + ends), max(known + ends)]
         if content and count != width:
-            raise DatasetError(str(folder), expected)
+            raise DatasetError(folder, expected)
         parts += [np.frombuffer(content).reshape(-1, width)] if content else []
     if not parts:
-        raise DatasetError(str(folder), f"has no episode {number}; it has {' to '.join(map(str, known)) or 'none'}")
+        raise DatasetError(folder, f"has no episode {number}; it has {' to '.join(map(str, known)) or 'none'}")
     rows = np.concatenate(parts)
     if not np.isfinite(rows).all():
-        raise DatasetError(str(folder), expected)
+        raise DatasetError(folder, expected)
     return rows
 
 
@@ -110,7 +113,7 @@ def _frames(folder: Path, tables: Path, number: int, columns: Sequence[str]) -> 
     except DatasetError:
         raise
     except InputError as error:
-        raise DatasetError(str(folder), str(error)) from None
+        raise DatasetError(folder, str(error)) from None
 
 
 def select_motors(episode: Episode, pattern: str) -> Episode:
@@ -216,14 +219,8 @@ def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
     }
     for name, motor in found.items():
         if not 0 <= motor["range_min"] < motor["range_max"] <= _TICKS:
-            raise DatasetError(str(path), f"range_min and range_max are not 0 to {_TICKS}, rising", field=name)
+            raise DatasetError(path, f"range_min and range_max are not 0 to {_TICKS}, rising", field=name)
     return found
-
-
-def _names(path: Path) -> tuple[str, ...]:
-    names = read_fields(path, LARGEST_INFO).find("features").find(_STATE).find("names")
-    listed = names.find(*names.names()) if names.names() else names
-    return tuple(name.text().removesuffix(".pos") for name in listed.items("names of motors"))
 
 
 def _radians(

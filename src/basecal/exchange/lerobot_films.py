@@ -47,7 +47,7 @@ def find_film(folder: Path, number: int, name: str | None) -> Film:
         return _shared_film(folder, number, key)
     found = sorted((folder / "videos").glob(f"*/{key}/episode_{number:06d}.mp4"))
     if not found:
-        raise DatasetError(str(folder), f"has no film videos/*/{key}/episode_{number:06d}.mp4")
+        raise DatasetError(folder, f"has no film videos/*/{key}/episode_{number:06d}.mp4")
     return Film(found[0], 0.0)
 
 
@@ -69,9 +69,9 @@ def write_images(film: Film, stamps_s: Array, folder: Path) -> list[Path]:
         raise
     except InputError as error:
         advice = "save its frames under their times, and import them by `basecal import images --by time`"
-        raise DatasetError(str(film.path), f"{error}; {advice}") from None
+        raise DatasetError(film.path, f"{error}; {advice}") from None
     if done < len(paths):
-        raise DatasetError(str(film.path), f"ends before {stamps_s[done]:g} s of the episode")
+        raise DatasetError(film.path, f"ends before {stamps_s[done]:g} s of the episode")
     return paths
 
 
@@ -88,7 +88,7 @@ def _choose_feature(folder: Path, name: str | None) -> str:
     if len(chosen) == 1:
         return chosen[0]
     short = list_names([key.removeprefix(_PREFIX) for key in films])
-    raise DatasetError(str(folder), f"has the films {short}: say which one by --film")
+    raise DatasetError(folder, f"has the films {short}: say which one by --film")
 
 
 def _shared_film(folder: Path, number: int, key: str) -> Film:
@@ -96,8 +96,8 @@ def _shared_film(folder: Path, number: int, key: str) -> Film:
     rows = read_columns(folder, folder.joinpath(*_EPISODES), number, names)
     chunk, file, start_s = (float(value) for value in rows[0])
     if not (0 <= chunk < _MOST_FILES and 0 <= file < _MOST_FILES):
-        raise DatasetError(str(folder), f"has the film of episode {number} in chunk {chunk:g}, file {file:g}")
+        raise DatasetError(folder, f"has the film of episode {number} in chunk {chunk:g}, file {file:g}")
     path = folder / "videos" / key / f"chunk-{int(chunk):03d}" / f"file-{int(file):03d}.mp4"
     if not path.is_file():
-        raise DatasetError(str(path), "is not there, though meta/episodes names it")
+        raise DatasetError(path, "is not there, though meta/episodes names it")
     return Film(path, start_s)

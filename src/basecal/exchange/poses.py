@@ -1,18 +1,16 @@
-"""Stacks of poses as other programs write them: 4x4 text, NumPy archives and CSV."""
+"""Units of lengths, and poses as 4x4 matrices one below the other, in text or NumPy archives."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 from io import StringIO
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from basecal.errors import DatasetError, InputError, list_names
-from basecal.exchange.columns import MOST_POSES, read_columns, read_table_text
+from basecal.exchange.columns import MOST_POSES, read_table_text
 from basecal.exchange.fields import written_number
 from basecal.exchange.npz import read_arrays
 from basecal.fields.problems import shorten
@@ -22,20 +20,6 @@ from basecal.geometry import SE3, Array
 LengthUnit = Literal["m", "mm", "inch"]
 METRES: dict[LengthUnit, float] = {"m": 1.0, "mm": 1e-3, "inch": 0.0254}
 """Of a length in a unit."""
-
-_QUATERNION = ("x", "y", "z", "qx", "qy", "qz", "qw")
-_MATRIX = tuple(f"m{row}{column}" for row in range(3) for column in range(4))
-_ALIASES = {
-    "x": ("t_x", "tx", "x_m", "x_mm"),
-    "y": ("t_y", "ty", "y_m", "y_mm"),
-    "z": ("t_z", "tz", "z_m", "z_mm"),
-    **{f"q{axis}": (f"q_{axis}",) for axis in "xyzw"},
-    "stamp_s": ("stamp", "time_s", "time", "t"),
-}
-_ACCEPTED = (
-    "a CSV file needs a header that names x, y, z, qx, qy, qz, qw (or t_x ..., q_x ...), or m00 ... m23 row by row, "
-    "and may name stamp_s"
-)
 
 
 def unit_length_m(unit: str) -> float:
@@ -50,63 +34,33 @@ def unit_length_m(unit: str) -> float:
     return known[unit]
 
 
-@dataclass(frozen=True, eq=False)
-class PoseStream:
-    """Poses from one file, in its order.
-
-    Attributes:
-        path: Where they were read.
-        poses: (n,) transforms, lengths in metres.
-        stamps_s: (n,) times; None if the file has none.
-    """
-
-    path: str
-    poses: SE3
-    stamps_s: Array | None = None
-
-
-def read_poses(path: str | Path, length_unit: LengthUnit) -> PoseStream:
-    """Poses of a file whose name ends in `.csv`, `.npz`, `.npz:key` or `.npy`; any other is 4x4 text.
+def read_matrices(path: str) -> SE3:
+    """Poses of 4x4 matrices, (n,), with lengths as they are written.
 
     Args:
-        path: The file; an archive of several arrays needs `file.npz:key`.
-        length_unit: What its translations are in; no file says so itself.
+        path: Text of matrices one below the other, or a NumPy archive, as `file.npz:key` where it holds several arrays.
 
     Raises:
-        DatasetError: naming the file and the row, if it holds anything else than poses.
+        DatasetError: naming the file and line, if it holds anything else or no rotation.
     """
-    name = str(path)
-    if name.lower().endswith(".csv"):
-        stream = _from_csv(name)
-    elif ".npz" in name.lower() or name.lower().endswith(".npy"):
-        poses = _make_poses(_from_archive(name), _matrix_pose, name, lambda i: (None, f"matrix {i}"))
-        stream = PoseStream(name, poses)
-    else:
-        matrices, lines = _from_text(name)
-        stream = PoseStream(name, _make_poses(matrices, _matrix_pose, name, lambda i: (lines[4 * i], None)))
-    scaled = SE3(stream.poses.rotation, stream.poses.translation * unit_length_m(length_unit))
-    return replace(stream, poses=scaled)
-
-
-def _make_poses(
-    rows: Array, make: Callable[[Array], SE3], path: str, place: Callable[[int], tuple[int | None, str | None]]
-) -> SE3:
-    """`make` of every row; an error says which one by `place`, a line and a field."""
-    if len(rows) > MOST_POSES:
-        raise DatasetError(path, f"{len(rows)} poses, expected at most {MOST_POSES}")
+    matrices, lines = (_from_archive(path), None) if is_archive(path) else _from_text(path)
+    if len(matrices) > MOST_POSES:
+        raise DatasetError(path, f"{len(matrices)} poses, expected at most {MOST_POSES}")
     found = []
-    for i, row in enumerate(rows):
+    for i, matrix in enumerate(matrices):
+        place = (None, f"matrix {i}") if lines is None else (lines[4 * i], None)
         try:
-            found.append(make(row))
+            found.append(SE3.from_matrix(matrix, "pose"))
         except InputError as error:
-            raise DatasetError(path, str(error), *place(i)) from None
+            raise DatasetError(path, str(error), *place) from None
         if not np.all(np.abs(found[-1].translation) <= LARGEST_VALUE):
-            raise DatasetError(path, f"a translation is beyond {LARGEST_VALUE:g}: is this the length unit?", *place(i))
+            raise DatasetError(path, f"a translation is beyond {LARGEST_VALUE:g}: is this the length unit?", *place)
     return SE3.stack(found)
 
 
-def _matrix_pose(matrix: Array) -> SE3:
-    return SE3.from_matrix(matrix, "pose")
+def is_archive(path: str) -> bool:
+    """Whether a file is one of NumPy by its name."""
+    return ".npz" in path.lower() or path.lower().endswith(".npy")
 
 
 def _from_text(path: str) -> tuple[Array, Sequence[int]]:
@@ -141,22 +95,3 @@ def _from_archive(path: str) -> Array:
     if matrices.ndim != 3 or matrices.shape[1:] != (4, 4) or not len(matrices):
         raise DatasetError(name, f"has shape {matrices.shape}, expected (n, 4, 4)", field=key)
     return matrices
-
-
-def _from_csv(path: str) -> PoseStream:
-    table = read_columns(path, _ALIASES)
-
-    def place(i: int) -> tuple[int | None, str | None]:
-        """Line and field of a row, for errors."""
-        return table.lines[i], None
-
-    if all(column in table.values for column in _QUATERNION):
-        rows = table.stack(_QUATERNION)
-        poses = _make_poses(rows, lambda row: SE3.from_quaternion(row[3:], row[:3]), path, place)
-    elif all(column in table.values for column in _MATRIX):
-        matrices = np.tile(np.eye(4), (len(table.lines), 1, 1))
-        matrices[:, :3] = table.stack(_MATRIX).reshape(-1, 3, 4)
-        poses = _make_poses(matrices, _matrix_pose, path, place)
-    else:
-        raise DatasetError(path, f"has columns {', '.join(table.values)}; {_ACCEPTED}", 1)
-    return PoseStream(path, poses, table.values.get("stamp_s"))

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from basecal.cell import Cell
 from basecal.errors import UsageError
 from basecal.exchange.columns import read_table_text
-from basecal.exchange.importing.cell_content import recorded_samples
+from basecal.exchange.importing.cell_content import KnownCell, recorded_samples
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.text_table import read_text_table, select_robot
 
@@ -34,7 +33,7 @@ def touch_names(path: str, names: Sequence[str], robot: str, mark: str | None) -
     return [mark or ""] * len(table.rows) if marks is None else marks
 
 
-def new_rows(folder: str | Path, cell: Cell | None, rows: Sequence[Row]) -> list[Row]:
+def new_rows(folder: str | Path, cell: KnownCell, rows: Sequence[Row]) -> tuple[Row, ...]:
     """Rows that are samples of their own, after those that are recorded; numbers that rows have stay."""
     first = max((sample.sample for sample in recorded_samples(folder, cell)), default=-1) + 1
-    return [replace(row, sample=first + k if row.sample is None else row.sample) for k, row in enumerate(rows)]
+    return tuple(replace(row, sample=first + k if row.sample is None else row.sample) for k, row in enumerate(rows))

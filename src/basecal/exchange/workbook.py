@@ -64,19 +64,14 @@ def _part(archive: ZipFile, name: str, path: str) -> Any:
 
 
 def _rows(sheet: Any, strings: list[str]) -> Iterator[list[str]]:
-    """Rows at their numbers; those that the workbook leaves out are empty."""
+    """Rows at their numbers, from the first column on; rows and cells that the workbook leaves out are empty."""
     count = 0
     for row in (each for each in sheet.iter() if _tag(each) == "row"):
         number = min(int(row.get("r", count + 1)), _MOST_ROWS)
         yield from ([] for _ in range(count + 1, number))
         count = max(number, count + 1)
-        yield _cells(row, strings)
-
-
-def _cells(row: Any, strings: list[str]) -> list[str]:
-    """The cells of a row from its first column on; those that are left out are empty."""
-    found = dict(_text_cells(row, strings))
-    return [found.get(column, "") for column in range(max(found, default=-1) + 1)]
+        found = dict(_text_cells(row, strings))
+        yield [found.get(column, "") for column in range(max(found, default=-1) + 1)]
 
 
 def _text_cells(row: Any, strings: list[str]) -> Iterator[tuple[int, str]]:

@@ -28,7 +28,7 @@ from basecal.planning.feasible import is_in_view
 from basecal.planning.poses import order_samples
 from basecal.planning.prospects import Prospects, prospects, sketches
 from basecal.planning.sketch import Sketch
-from basecal.planning.stations import stations
+from basecal.planning.stations import STATION_SAMPLES, stations
 
 MOST_SAMPLES = 60
 """Of a plan: with twice as many the error falls by a third at most, and an hour of an arm's time is gone."""
@@ -311,15 +311,28 @@ def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: in
     return found
 
 
-def offered_stations(cell: Cell, recording: Recording, calibration: Calibration | None, seed: int = 0) -> list[Offer]:
-    """Stations of programmed shifts, of the first camera and target that were seen, or that taught poses show.
+def plan_stations(
+    cell: Cell,
+    recording: Recording,
+    calibration: Calibration | None,
+    points_m: ArrayLike,
+    tolerance_m: float | None = None,
+    count: int | None = None,
+    seed: int = 0,
+) -> Plan:
+    """As `plan_for_task`, of whole stations of programmed shifts.
+
+    They are those of the first camera and target that were seen, or that taught poses show.
 
     Raises:
         InputError: if no pose is taught, or no station can be shifted from.
     """
     known = sketches(cell, calibration)
     (sketch, _), *_ = draw_offers(known, recording, 1, seed)
-    return [(sketch, stations(sketch, _taught_states(sketch, _teaching_samples(sketch, recording)), seed))]
+    offered = [(sketch, stations(sketch, _taught_states(sketch, _teaching_samples(sketch, recording)), seed))]
+    return plan_for_task(
+        cell, recording, calibration, points_m, tolerance_m, count, seed, offers=offered, group_size=STATION_SAMPLES
+    )
 
 
 def _teaching_samples(sketch: Sketch, recording: Recording) -> list[Sample]:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from basecal.acquisition.driver_check import check_process
-from basecal.acquisition.driver_check.check_process import DriverCheck, check_place, measured_promises
+from basecal.acquisition.driver_check.check_process import DriverCheck, check_opener, measured_promises
 from basecal.acquisition.driver_check.promises import Promise
 from basecal.box import BoxError
 from basecal.errors import DriverError, InputError, UsageError
@@ -46,12 +46,12 @@ def test_a_driver_that_crashes_is_named(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_a_place_is_of_a_driver_or_of_a_cell(tmp_path: Path) -> None:
     """A name that neither has is an error with those that are there."""
-    assert check_place(FOLDER).name == "camera"
+    assert check_opener(FOLDER)[1].name == "camera"
     (tmp_path / "cell.yaml").write_text(
         "schema: basecal/cell/1\nreference: eye\nrobots:\n  eye: {driver: {kind: typed}}\n"
     )
-    assert check_place(DriverCheck(str(tmp_path), "eye")).options == {}
+    assert check_opener(DriverCheck(str(tmp_path), "eye"))[1].options == {}
     with pytest.raises(UsageError, match="there are: eye"):
-        check_place(DriverCheck(str(tmp_path), "hand"))
+        check_opener(DriverCheck(str(tmp_path), "hand"))
     with pytest.raises(InputError, match="no driver and no cell"):
-        check_place(DriverCheck("folderr"))
+        check_opener(DriverCheck("folderr"))

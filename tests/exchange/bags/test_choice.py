@@ -14,6 +14,7 @@ from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.frames import Hang, Tree
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses
 from basecal.exchange.bags.survey import Survey
+from basecal.exchange.importing.cell_content import NO_CELL
 from basecal.exchange.urdf import chain_urdf
 from basecal.kinematics import SerialChain
 
@@ -51,7 +52,7 @@ ARM = tree(("base_link", "link_1"), ("link_1", "tool0"))
     ],
 )
 def test_robots_by_usual_names(frames: Tree, found: dict[str, tuple[str, str]]) -> None:
-    taken = choose_sources(bag_of(), Survey(frames), Asked(), None)
+    taken = choose_sources(bag_of(), Survey(frames), Asked(), NO_CELL)
     assert taken.robots == {name: ByFrames(*each) for name, each in found.items()}
 
 
@@ -59,9 +60,9 @@ def test_no_usual_name() -> None:
     with pytest.raises(
         InputError, match=r"give --robot NAME=BASE,FLANGE or NAME=/TOPIC; frames of tf are: gripper, root"
     ):
-        choose_sources(bag_of(), Survey(tree(("root", "gripper"))), Asked(), None)
+        choose_sources(bag_of(), Survey(tree(("root", "gripper"))), Asked(), NO_CELL)
     with pytest.raises(InputError, match=r"topics of poses are: /left/pose$"):
-        choose_sources(bag_of(Topic("/left/pose", POSE, 3), Topic("/x", JOINTS, 3)), Survey(tree()), Asked(), None)
+        choose_sources(bag_of(Topic("/left/pose", POSE, 3), Topic("/x", JOINTS, 3)), Survey(tree()), Asked(), NO_CELL)
 
 
 def test_a_cell_says_its_frames() -> None:
@@ -78,12 +79,12 @@ def test_joints_before_tf(arm: SerialChain) -> None:
     urdf = {"/robot_description": chain_urdf(arm, "base_link", "tool0")}
     joints = {"/joint_states": frozenset(arm.joint_names)}
     survey = Survey(ARM, urdfs={"/other_description": "<robot", **urdf}, joints=joints)
-    source = choose_sources(bag_of(Topic("/joint_states", JOINTS, 9)), survey, Asked(), None).robots["arm"]
+    source = choose_sources(bag_of(Topic("/joint_states", JOINTS, 9)), survey, Asked(), NO_CELL).robots["arm"]
     assert isinstance(source, ByJoints)
     assert (source.topic, source.urdf) == ("/joint_states", "/robot_description")
-    assert isinstance(choose_sources(bag_of(), survey, Asked(by_tf=True), None).robots["arm"], ByFrames)
+    assert isinstance(choose_sources(bag_of(), survey, Asked(by_tf=True), NO_CELL).robots["arm"], ByFrames)
     few = Survey(ARM, urdfs=urdf, joints={"/joint_states": frozenset(arm.joint_names[1:])})
-    assert isinstance(choose_sources(bag_of(), few, Asked(), None).robots["arm"], ByFrames)
+    assert isinstance(choose_sources(bag_of(), few, Asked(), NO_CELL).robots["arm"], ByFrames)
     known = Cell(
         "arm", {"arm": Robot("arm", chain=arm, urdf="a.urdf", base_link="base_link", flange_link="tool0")}, {}, {}, {}
     )
@@ -95,17 +96,17 @@ def test_joints_before_tf(arm: SerialChain) -> None:
 def test_poses_by_topic() -> None:
     bag = bag_of(Topic("/arm/pose", POSE, 5), Topic("/tag", POSE, 5))
     asked = Asked(robots={"arm": "/arm/pose"}, views={("eye", "tag"): "/tag", ("eye", "box"): "tool0, base_link"})
-    taken = choose_sources(bag, Survey(ARM), asked, None)
+    taken = choose_sources(bag, Survey(ARM), asked, NO_CELL)
     assert taken.robots == {"arm": ByPoses("/arm/pose")}
     assert taken.views == {("eye", "tag"): ByPoses("/tag"), ("eye", "box"): ByFrames("tool0", "base_link")}
     with pytest.raises(FrameNotFound):
-        choose_sources(bag, Survey(ARM), Asked(robots={"arm": "/arm/poses"}), None)
+        choose_sources(bag, Survey(ARM), Asked(robots={"arm": "/arm/poses"}), NO_CELL)
 
 
 def test_cameras_by_usual_names() -> None:
     """One topic of each namespace, the raw one; depth is none."""
     topics = ("/w/image_raw", "/w/image_rect", "/w/image_raw/compressed", "/d/depth/image_raw", "/image", "/x/mask")
-    taken = choose_sources(bag_of(), Survey(ARM, **images(*topics)), Asked(), None)
+    taken = choose_sources(bag_of(), Survey(ARM, **images(*topics)), Asked(), NO_CELL)
     assert {name: source.topic for name, source in taken.cameras.items()} == {"camera": "/image", "w": "/w/image_raw"}
     assert taken.cameras["w"].info is None
     cell = Cell("arm", {"arm": Robot("arm")}, {}, {"wrist": CellCamera("wrist", "world")}, {})
@@ -123,8 +124,8 @@ def test_what_carries_a_camera() -> None:
     survey = Survey(
         frames, **images("/a/image_raw", "/b/image_raw", frames={"/a/image_raw": "eye", "/b/image_raw": "post"})
     )
-    taken = choose_sources(bag_of(), survey, Asked(), None)
+    taken = choose_sources(bag_of(), survey, Asked(), NO_CELL)
     assert {name: source.on for name, source in taken.cameras.items()} == {"a": "arm", "b": "world"}
-    assert choose_sources(bag_of(), survey, Asked(on={"b": "arm"}), None).cameras["b"].on == "arm"
+    assert choose_sources(bag_of(), survey, Asked(on={"b": "arm"}), NO_CELL).cameras["b"].on == "arm"
     with pytest.raises(InputError, match="there is no such robot"):
-        choose_sources(bag_of(), survey, Asked(on={"b": "leg"}), None)
+        choose_sources(bag_of(), survey, Asked(on={"b": "leg"}), NO_CELL)

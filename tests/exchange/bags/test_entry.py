@@ -12,6 +12,7 @@ from basecal.exchange.bags.entry import bag_entry, urdf_name
 from basecal.exchange.bags.frames import Tree
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, CameraSource, Taken
 from basecal.exchange.bags.survey import Survey
+from basecal.exchange.importing.cell_content import NO_CELL
 from basecal.kinematics import SerialChain
 
 
@@ -24,7 +25,7 @@ def test_a_new_cell(tmp_path: Path, arm: SerialChain) -> None:
         {"w": CameraSource("/w/image_raw", "/w/camera_info", "a"), "d": CameraSource("/d/image_raw", None, "world")},
         {("w", "tag"): ByPoses("/tag")},
     )
-    entry = bag_entry(None, "x", survey, taken, Asked(on={"tag": "b"}), {"d": (32, 24), "w": (64, 48)})
+    entry = bag_entry(NO_CELL, "x", survey, taken, Asked(on={"tag": "b"}), {"d": (32, 24), "w": (64, 48)})
     assert entry["reference"] == "a"
     frames = {"frames": {"base": "b0", "flange": "b6"}}
     assert entry["robots"] == {"a": {"urdf": urdf_name("a"), "base_link": "base", "flange_link": "tool"}, "b": frames}

@@ -24,7 +24,7 @@ TAG = Track(TIMES[5:7], SE3.exp(np.ones((2, 6)) * 0.1))
 def test_a_row_for_each_record_and_look(tmp_path: Path) -> None:
     """By time, robots and looks in lines of their own."""
     tracks = Tracks({"arm": ARM}, {("eye", "tag"): TAG}, {})
-    rows = list(make_rows(tracks, stream_instants(tracks, "x"), tmp_path))
+    rows = list(make_rows(tracks, stream_instants(tracks, "x"), {}))
     assert len(rows) == 22
     assert [row.stamp_s for row in rows] == sorted(row.stamp_s for row in rows)
     assert sum(bool(row.robots) for row in rows) == 20
@@ -42,8 +42,8 @@ def test_images_of_stops_only(tmp_path: Path) -> None:
     folder.mkdir()
     with open_bag(writer.close()) as bag:
         taken = Taken(cameras={"eye": CameraSource("/eye/image_raw", None, "arm")})
-        write_images(bag, taken, instants, folder)
-    (row,) = make_rows(tracks, instants, folder)
+        written = write_images(bag, taken, instants, folder)
+    (row,) = make_rows(tracks, instants, written)
     assert [path.name for path in folder.rglob("*.*")] == [f"{seen[1]:.6f}.pgm"]
     assert row.images["eye"].read_bytes().endswith(bytes([1] * 12))
     assert isinstance(row.observations[0], PoseObservation)

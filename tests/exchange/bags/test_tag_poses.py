@@ -101,7 +101,7 @@ def views(path: Path, target: str, folder: Path) -> list[SE3]:
     with open_bag(path) as bag:
         survey = survey_bag(bag)
         tracks = read_tracks(bag, survey, choose_sources(bag, survey, asked, cell()))
-        rows = list(make_rows(tracks, stream_instants(tracks, bag.path), folder))
+        rows = list(make_rows(tracks, stream_instants(tracks, bag.path), {}))
     seen = [view for row in rows for view in row.observations]
     assert all(isinstance(view, PoseObservation) for view in seen)
     return [view.camera_from_target for view in seen if isinstance(view, PoseObservation)]

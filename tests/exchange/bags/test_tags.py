@@ -104,7 +104,7 @@ def test_a_bag_of_detections_gives_rows(kind: Kind, tmp_path: Path) -> None:
         survey = survey_bag(bag)
         taken = choose_sources(bag, survey, asked, cell)
         tracks = read_tracks(bag, survey, taken)
-        rows = list(make_rows(tracks, stream_instants(tracks, bag.path), tmp_path))
+        rows = list(make_rows(tracks, stream_instants(tracks, bag.path), {}))
         with pytest.raises(InputError, match=r"'none' must be in cell\.yaml, with tag sizes; there is board"):
             choose_sources(bag, survey, Asked(asked.robots, views={("wrist", "none"): "/detections"}), cell)
     views = [view for row in rows for view in row.observations]

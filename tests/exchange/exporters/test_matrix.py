@@ -7,8 +7,8 @@ from io import StringIO
 import numpy as np
 import pytest
 
-from basecal.exchange.exporters.matrix import export_text
-from basecal.exchange.poses import read_poses
+from basecal.exchange.controller_poses import read_poses
+from basecal.exchange.exporters.matrix import EXPORTER
 from export_example import FIXED, all_poses, wanted
 
 
@@ -16,18 +16,18 @@ from export_example import FIXED, all_poses, wanted
 def test_numpy_reads_it(name):
     """Comments are skipped, rows are rows."""
     (one,) = wanted(name).transforms
-    read = np.loadtxt(StringIO(export_text(wanted(name))))
+    read = np.loadtxt(StringIO(EXPORTER.text(wanted(name))))
     np.testing.assert_allclose(read, one.estimate.mean.matrix, atol=1e-6)
 
 
 def test_what_is_exact_is_exact():
     """To 1e-9."""
     (one,) = wanted(FIXED).transforms
-    np.testing.assert_allclose(np.loadtxt(StringIO(export_text(wanted(FIXED)))), one.estimate.mean.matrix, atol=1e-9)
+    np.testing.assert_allclose(np.loadtxt(StringIO(EXPORTER.text(wanted(FIXED)))), one.estimate.mean.matrix, atol=1e-9)
 
 
 def test_our_own_import_reads_it(tmp_path):
     """As a stream of one pose."""
-    (tmp_path / "a.txt").write_text(export_text(wanted()))
+    (tmp_path / "a.txt").write_text(EXPORTER.text(wanted()))
     (one,) = wanted().transforms
     np.testing.assert_allclose(read_poses(tmp_path / "a.txt", "m").poses[0].matrix, one.estimate.mean.matrix, atol=1e-6)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.exchange.controllers.abb import CONVENTION as ABB
-from basecal.exchange.controllers.kuka import CONVENTION as KUKA
-from basecal.exchange.controllers.ur import CONVENTION as UR
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.exports.digits import (
     angle_decimals,
     format_decimals,
@@ -45,7 +43,7 @@ def test_quaternions_stay_of_norm_one():
 
 def test_rounding_is_a_hundredth_of_a_sigma_at_most():
     """For every convention, of the pose that the numbers give back."""
-    for kind in (UR, KUKA, ABB):
+    for kind in (CONTROLLERS["ur"], CONTROLLERS["kuka"], CONTROLLERS["abb"]):
         again = kind.read(np.array([float(number) for number in written_numbers(kind, ESTIMATE)]))
         off = np.abs((ESTIMATE.mean.inverse() @ again).log())
         assert np.all(off[:3] < 0.01 * ESTIMATE.sigma_t.min())

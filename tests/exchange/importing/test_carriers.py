@@ -16,6 +16,7 @@ from basecal.exchange.importing.carriers import (
     seen_rows,
     sight_entry,
 )
+from basecal.exchange.importing.cell_content import NO_CELL, KnownCell
 from basecal.exchange.importing.imported import Row
 from basecal.geometry import SE3
 
@@ -55,11 +56,11 @@ def test_a_name_that_is_not_clear_is_asked_for(names: tuple[str, ...], usual: st
         (FULL, "new", "right", "right"),
         (FULL, "new", "world", "world"),
         (ONE, "new", None, "arm"),
-        (None, "new", "other", "other"),
+        (NO_CELL, "new", "other", "other"),
         (ONE, "new", "arm2", "arm2"),
     ],
 )
-def test_what_carries_a_camera(cell: Cell | None, name: str, stated: str | None, carrier: str) -> None:
+def test_what_carries_a_camera(cell: KnownCell, name: str, stated: str | None, carrier: str) -> None:
     """As the cell has it, as stated, or its only robot; a robot may be new."""
     assert choose_carrier(cell, "camera", name, stated) == carrier
 
@@ -74,11 +75,11 @@ def test_what_carries_a_camera(cell: Cell | None, name: str, stated: str | None,
             "camera 'eye' is on 'left' in cell.yaml, not on 'right': leave --on away, or correct it",
         ),
         (TWO, "eye", None, "camera 'eye' is new: say what carries it, --on with one of: left, right, world"),
-        (None, "eye", None, "--on with one of: a robot$"),
-        (None, "eye", "world", "camera 'eye' on the world needs a robot, and there is no cell.yaml"),
+        (NO_CELL, "eye", None, "--on with one of: a robot$"),
+        (NO_CELL, "eye", "world", "camera 'eye' on the world needs a robot, and there is no cell.yaml"),
     ],
 )
-def test_a_carrier_that_is_not_clear_is_asked_for(cell: Cell | None, name: str, stated: str | None, said: str) -> None:
+def test_a_carrier_that_is_not_clear_is_asked_for(cell: KnownCell, name: str, stated: str | None, said: str) -> None:
     """It contradicts the cell, or is missing."""
     with pytest.raises(InputError, match=said):
         choose_carrier(cell, "camera", name, stated, may_be_world=False)
@@ -103,14 +104,14 @@ def test_sections_of_what_is_new() -> None:
 @pytest.mark.parametrize(
     ("cell", "sight", "carriers"),
     [
-        (None, Sight("eye", "tag", "left"), ("left", "world")),
+        (NO_CELL, Sight("eye", "tag", "left"), ("left", "world")),
         (ONE, Sight("eye", "tag"), ("arm", "world")),
         (ONE, Sight("eye", "tag", "world"), ("world", "arm")),
         (BOTH, Sight("eye", "tag", "a", "b"), ("a", "b")),
         (BOTH, Sight("eye", "tag", "world", "b"), ("world", "b")),
     ],
 )
-def test_carriers_of_what_is_seen(cell: Cell | None, sight: Sight, carriers: tuple[str, str]) -> None:
+def test_carriers_of_what_is_seen(cell: KnownCell, sight: Sight, carriers: tuple[str, str]) -> None:
     entry = sight_entry(cell, sight)
     assert (entry["cameras"]["eye"]["on"], entry["targets"]["tag"]["on"]) == carriers
     assert set(entry["robots"]) == set(carriers) - {"world"}
@@ -125,13 +126,13 @@ def test_what_the_cell_says_stays() -> None:
     [
         (BOTH, Sight("eye", "tag"), "--on with one of: a, b, world"),
         (BOTH, Sight("eye", "tag", "world"), "--target-on with one of: a, b, world"),
-        (None, Sight("eye", "tag"), "--on with one of: a robot or world"),
+        (NO_CELL, Sight("eye", "tag"), "--on with one of: a robot or world"),
         (SEEN, Sight("eye", "tag", "b"), "camera 'eye' is on 'a' in cell.yaml, not on 'b'"),
         (SEEN, Sight("eye", "tag", None, "world"), "target 'tag' is on 'b' in cell.yaml, not on 'world'"),
         (ONE, Sight("eye", "tag", "arm", "arm"), "both on 'arm'"),
     ],
 )
-def test_what_is_not_clear_is_an_error(cell: Cell | None, sight: Sight, said: str) -> None:
+def test_what_is_not_clear_is_an_error(cell: KnownCell, sight: Sight, said: str) -> None:
     with pytest.raises(InputError, match=said):
         sight_entry(cell, sight)
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from basecal.cli import main
-from basecal.exchange.importing.cell_content import known_cell, open_size, recorded_samples
+from basecal.exchange.importing.cell_content import NO_CELL, known_cell, open_size, recorded_samples
 
 
 def test_a_cell_that_may_be_there(tmp_path: Path) -> None:
     """None before it is made, and no samples before they are recorded."""
-    assert known_cell(tmp_path / "c") is None
+    assert known_cell(tmp_path / "c") is NO_CELL
     main(["new", str(tmp_path / "c"), "--names", "left"])
     cell = known_cell(tmp_path / "c")
     assert cell is not None

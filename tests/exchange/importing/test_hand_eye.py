@@ -14,6 +14,7 @@ from basecal.errors import InputError
 from basecal.exchange.hand_eye.moveit import JointStates
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.bring_in import add_to_cell
+from basecal.exchange.importing.cell_content import NO_CELL, KnownCell
 from basecal.exchange.importing.hand_eye import (
     Carriers,
     Names,
@@ -40,7 +41,7 @@ def cell_in(folder: Path, **more: object) -> Cell:
     return read_cell(folder)
 
 
-def brought(folder: Path, cell: Cell | None, record: HandEyeRecord, names: Names) -> tuple[Cell, Recording]:
+def brought(folder: Path, cell: KnownCell, record: HandEyeRecord, names: Names) -> tuple[Cell, Recording]:
     done = add_to_cell(folder, imported_hand_eye(cell, record, names), lambda _, __: ())
     return done.cell, done.recording
 
@@ -48,10 +49,10 @@ def brought(folder: Path, cell: Cell | None, record: HandEyeRecord, names: Names
 @pytest.mark.parametrize(("on_robot", "robot"), [(True, "eye"), (False, "hand")])
 def test_a_new_cell(tmp_path: Path, on_robot: bool, robot: str) -> None:
     """The robot carries the camera or the target, the other stands on the world; frames and guesses are kept."""
-    names = chosen_names(None, None, None, None, on_robot)
+    names = chosen_names(NO_CELL, None, None, None, on_robot)
     assert names == Names(robot, "camera", "target")
     record = recorded(on_robot, frames={"base": "base_link"}, camera_mount=POSES[0])
-    cell, recording = brought(tmp_path, None, record, names)
+    cell, recording = brought(tmp_path, NO_CELL, record, names)
     assert (cell.cameras["camera"].on, cell.targets["target"].on) == (
         (robot, "world") if on_robot else ("world", robot)
     )
@@ -76,7 +77,7 @@ def test_a_cell_that_is_there_tells_names_and_arrangement(tmp_path: Path) -> Non
     after, recording = brought(tmp_path, cell, recorded(True, camera_mount=POSES[0]), names)
     assert after.cameras["wrist"].mount.status == "fixed"
     assert len(recording.samples) == 3
-    assert is_camera_on_robot(None, None) is None
+    assert is_camera_on_robot(NO_CELL, None) is None
     assert is_camera_on_robot(cell, "other") is None
 
 
@@ -131,6 +132,6 @@ def test_joint_states_by_the_names_of_the_joints(tmp_path: Path) -> None:
     assert joints is not None
     np.testing.assert_array_equal(joints, rows[1, :-1][::-1])
     with pytest.raises(InputError, match=r"joint states need a robot with a URDF in cell.yaml"):
-        imported_joint_states(None, JointStates(names, rows), "j.yaml", None)
+        imported_joint_states(NO_CELL, JointStates(names, rows), "j.yaml", None)
     with pytest.raises(InputError, match=r"j.yaml: has joints gripper, the chain of 'arm' in its URDF .* not recorded"):
         imported_joint_states(cell, JointStates(("gripper",), rows[:, -1:]), "j.yaml", "arm")

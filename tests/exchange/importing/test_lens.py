@@ -12,6 +12,7 @@ from basecal.cell.files import read_cell
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import InputError
 from basecal.exchange.importing.bring_in import add_to_cell
+from basecal.exchange.importing.cell_content import NO_CELL
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.lens import imported_target, lens_of_file, mount_by_chain
 from basecal.exchange.lens_files.stated_lens import StatedLens
@@ -89,14 +90,14 @@ def test_a_chain_of_cameras_gives_a_guess(tmp_path: Path) -> None:
     assert after.cameras["cam1"].mount.mean is not None
     np.testing.assert_allclose(after.cameras["cam1"].mount.mean.matrix, mount.matrix, atol=1e-12)
     assert mount_by_chain(cell, (first, second), "cam0") is None
-    assert mount_by_chain(None, (first, second), "cam1") is None
+    assert mount_by_chain(NO_CELL, (first, second), "cam1") is None
 
 
 def test_targets(tmp_path: Path) -> None:
     """A description completes the only target, or makes one where it is told what carries it."""
     board = {"kind": "chessboard", "corners": [6, 7], "square_m": 0.06}
     with pytest.raises(InputError, match=r"there is no cell.yaml to put the target of t.yaml into"):
-        imported_target(None, board, "t.yaml", None, None)
+        imported_target(NO_CELL, board, "t.yaml", None, None)
     cell = cell_in(tmp_path, robots={"arm": {}, "other": {}})
     with pytest.raises(InputError, match=r"target 'target' is new: say what carries it"):
         imported_target(cell, board, "t.yaml", None, None)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.coverage import COVERAGE_GRID
-from basecal.acquisition.watching import End
+from basecal.acquisition.watching import End, Sigma, Snapshot
 from basecal.cell import RobotState, Unknown
 from basecal.errors import DriverError
 from basecal.geometry import SE3
@@ -130,3 +130,16 @@ def test_a_part_of_the_image_is_a_square(cell):
     drawn = shown[shown.index("covered-live") :].partition("</svg>")[0]
     assert (drawn.count("<rect"), drawn.count('class="tile"')) == (np.prod(COVERAGE_GRID), 2)
     assert "<title>8 % of the image is covered</title>" in drawn
+
+
+def test_the_error_of_a_capture_is_drawn_beside_its_tolerance() -> None:
+    """Else the sigma of the base; one point is no line."""
+    sigmas = tuple(Sigma(k, 2e-3 / k, 1e-3) for k in range(1, 6))
+    assert page._progress_figure(Snapshot(sigmas=sigmas[:1])) is None
+    alone = page._progress_figure(Snapshot(sigmas=sigmas))
+    assert alone is not None
+    assert "2.0 mm with 1, 0.40 mm with 5 samples." in alone.caption
+    task = page._progress_figure(Snapshot(sigmas=sigmas, errors=((4, 1e-3), (5, 8e-4)), tolerance_m=5e-4))
+    assert task is not None
+    assert "1.0 mm with 4, 0.80 mm with 5 samples. Dashed: the tolerance, 0.5 mm." in task.caption
+    assert task.svg.count('class="level"') == 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,9 @@ from basecal.acquisition.driver_check.promises import (
     robot_promises,
 )
 from basecal.acquisition.drivers.registry import driver_kind, driver_names
+from basecal.acquisition.rig import openers
 from basecal.box import BoxError, Frame, frames
-from basecal.cell import Cell, CellCamera, Driver, Robot
+from basecal.cell import Cell, CellCamera, Robot
 from basecal.cell.files import read_cell
 from basecal.errors import DriverError, InputError, UsageError, nearest
 
@@ -56,37 +57,36 @@ class DriverCheck:
         return (Path(self.device) / "cell.yaml").is_file()
 
 
-def check_place(check: DriverCheck) -> Place:
-    """The robot or camera to measure.
+def check_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
+    """The driver and place of the robot or camera to measure.
 
     Raises:
         UsageError: if the cell has none of that name.
         InputError: if there is no such cell, and no such driver.
     """
-    if check.is_in_cell:
-        return _place_in_cell(check)
-    known = driver_names()
-    if check.device not in known:
+    if not check.is_in_cell:
+        return _opener_without_cell(check)
+    found = {place.name: (kind, place) for kind, place in openers(read_cell(check.device), Path(check.device))}
+    if check.name not in found:
+        known = ", ".join(found) or "none"
+        raise UsageError(
+            f"no robot or camera {check.name!r} with a driver{nearest(check.name, found)}; there are: {known}"
+        )
+    kind, place = found[check.name]
+    return kind, replace(place, allow_plaintext=check.allow_plaintext)
+
+
+def _opener_without_cell(check: DriverCheck) -> tuple[DriverKind, Place]:
+    """A driver of which no cell says anything, in a cell of its own."""
+    kind, known = driver_kind(check.device), driver_names()
+    if kind is None:
         hint = nearest(check.device, known)
         raise InputError(f"no driver and no cell {check.device!r}{hint}; drivers are: {', '.join(known)}")
-    driver = Driver(check.device, check.options)
-    if check.is_camera:
-        cameras = {"camera": CellCamera("camera", "world", driver=driver)}
-        cell = Cell("robot", {"robot": Robot("robot")}, cameras=cameras)
-        return Place("camera", cell, Path("."), driver.options)
-    return Place("robot", Cell("robot", {"robot": Robot("robot", driver=driver)}), Path("."), driver.options)
-
-
-def _place_in_cell(check: DriverCheck) -> Place:
-    cell, folder = read_cell(check.device), Path(check.device)
-    things = {each: robot.driver for each, robot in cell.robots.items() if robot.driver}
-    things |= {each: camera.driver for each, camera in cell.cameras.items() if camera.driver}
-    if check.name not in things:
-        known = ", ".join(things) or "none"
-        raise UsageError(
-            f"no robot or camera {check.name!r} with a driver{nearest(check.name, things)}; there are: {known}"
-        )
-    return Place(check.name, cell, folder, things[check.name].options, check.allow_plaintext)
+    if (kind.open_camera if check.is_camera else kind.open_robot) is None:
+        raise InputError(f"no driver of that name is for {'cameras' if check.is_camera else 'robots'}")
+    cameras = {"camera": CellCamera("camera", "world")} if check.is_camera else {}
+    cell = Cell("robot", {"robot": Robot("robot")}, cameras=cameras)
+    return kind, Place("camera" if check.is_camera else "robot", cell, Path("."), check.options)
 
 
 def measured_promises(check: DriverCheck) -> Iterator[Promise | str]:
@@ -115,10 +115,8 @@ def read_frames(words: Sequence[str]) -> Iterator[Frame]:
 
 
 def _measure(check: DriverCheck) -> Iterator[Promise | str]:
-    place = check_place(check)
-    is_robot = place.name in place.cell.robots
-    kind = _kind(place, is_robot)
-    if not is_robot:
+    kind, place = check_opener(check)
+    if place.name in place.cell.cameras:
         with closing(kind.camera(place)) as camera:
             yield from camera_promises(camera)
         return
@@ -127,11 +125,3 @@ def _measure(check: DriverCheck) -> Iterator[Promise | str]:
         if check.cut:
             yield f"Cut the connection of {place.name} now, for three seconds, and restore it."
             yield reconnection_promise(place.name, robot, _CUT_S)
-
-
-def _kind(place: Place, is_robot: bool) -> DriverKind:
-    driver = (place.cell.robots if is_robot else place.cell.cameras)[place.name].driver
-    kind = None if driver is None else driver_kind(driver.kind)
-    if kind is None or (kind.open_robot if is_robot else kind.open_camera) is None:
-        raise InputError(f"no driver of that name is for {'robots' if is_robot else 'cameras'}")
-    return kind

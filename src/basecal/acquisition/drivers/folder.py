@@ -16,7 +16,7 @@ from pydantic import Field
 
 from basecal.acquisition.driver import CameraImage, Place, checked_options
 from basecal.acquisition.reaching import external_path
-from basecal.errors import DatasetError, DriverError
+from basecal.errors import DriverError
 from basecal.fields.values import Entry, PathText
 from basecal.vision.image_file import grey_image, read_bytes
 
@@ -109,6 +109,5 @@ def open_camera(place: Place) -> FolderCamera:
     options = checked_options(place, FolderOptions)
     folder = place.folder / options.path
     if not folder.is_dir():
-        message = f"there is no folder {folder}; make it, and have images saved into it"
-        raise DatasetError(str(place.folder / "cell.yaml"), message, field=f"cameras.{place.name}.driver.path")
+        raise place.error(f"there is no folder {folder}; make it, and have images saved into it", "driver.path")
     return FolderCamera(folder, options.wait_s, options.existing)

@@ -16,7 +16,7 @@ from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radian
 from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.acquisition.opcua.session import Session
 from basecal.cell import RobotState
-from basecal.errors import DatasetError, DriverError
+from basecal.errors import DriverError
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.geometry import Array
 
@@ -106,6 +106,6 @@ def open_robot(place: Place) -> OpcuaRobot:
     chain = place.cell.robots[place.name].chain
     if chain is None and options.pose is None:
         message = "joints need urdf, base_link and flange_link of the robot; without them name the nodes of its `pose`"
-        raise DatasetError(str(place.folder / "cell.yaml"), message, field=f"robots.{place.name}.driver")
+        raise place.error(message)
     joints = 0 if chain is None else len(chain.joint_names)
     return OpcuaRobot(place.name, options, joints, place.allow_plaintext)

@@ -19,7 +19,7 @@ from basecal.acquisition.reaching import external_path
 from basecal.acquisition.states import state_vector
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
-from basecal.errors import DatasetError, DriverError
+from basecal.errors import DriverError
 from basecal.fields.values import Entry, PathText
 from basecal.vision.image_file import grey_image, read_bytes
 
@@ -157,7 +157,7 @@ def open_robot(place: Place) -> ReplayRobot:
     Raises:
         DatasetError: if an option is wrong, or the recording cannot be read or has no robot of this name.
     """
-    return ReplayRobot(place.name, _tape_with(place, "robots"))
+    return ReplayRobot(place.name, _tape_with(place))
 
 
 def open_camera(place: Place) -> ReplayCamera:
@@ -166,18 +166,17 @@ def open_camera(place: Place) -> ReplayCamera:
     Raises:
         DatasetError: if an option is wrong, or the recording cannot be read or has no camera of this name.
     """
-    return ReplayCamera(place.name, _tape_with(place, "cameras"))
+    return ReplayCamera(place.name, _tape_with(place))
 
 
 def _recording(place: Place) -> Path:
     return place.folder / checked_options(place, ReplayOptions).recording
 
 
-def _tape_with(place: Place, section: str) -> Tape:
+def _tape_with(place: Place) -> Tape:
     tape = _tape(_recording(place).resolve())
-    if place.name not in getattr(tape.cell, section):
-        message = f"{tape.folder} has no {section[:-1]} {place.name!r}"
-        raise DatasetError(str(place.folder / "cell.yaml"), message, field=f"{section}.{place.name}.driver.recording")
+    if place.name not in getattr(tape.cell, place.section):
+        raise place.error(f"{tape.folder} has no {place.section[:-1]} {place.name!r}", "driver.recording")
     return tape
 
 

@@ -7,7 +7,7 @@ only watched: moving them is the business of their own drivers.
 from __future__ import annotations
 
 import time
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
@@ -17,7 +17,7 @@ from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.ros2.dds import LAST_DOMAIN, choose_domain, domain_words
 from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
-from basecal.errors import BasecalError, DatasetError, DriverError
+from basecal.errors import BasecalError, DriverError
 from basecal.exchange.bags.bag import COMPRESSED, IMAGE, Message, Topic
 from basecal.exchange.bags.images import image_file
 from basecal.fields.values import Entry
@@ -88,7 +88,10 @@ class Ros2Camera:
         Raises:
             DriverError: if none comes, or it is of an encoding or size that is not read.
         """
-        message = self._stream.newest(self._newer_message, lambda message: True)
+        last_s = max(self._last_s, 0.0)
+        message = self._stream.newest(
+            lambda message: message if stamp_s(message.header) > last_s else None, lambda message: True
+        )
         now_s = stamp_s(message.header)
         self._last_s = now_s
         try:
@@ -99,9 +102,6 @@ class Ros2Camera:
         if isinstance(grey, str):
             raise DriverError(f"{self._name}: an image of {self._topic} {grey}")
         return CameraImage(now_s, grey)
-
-    def _newer_message(self, message: Any) -> Any:
-        return message if stamp_s(message.header) > max(self._last_s, 0.0) else None
 
     def close(self) -> None:
         """Close: the driver holds nothing that the next one could not use as well."""
@@ -129,14 +129,14 @@ def open_robot(place: Place) -> Ros2Robot:
     domain = choose_domain(options.domain)
     if options.frames is not None:
         if options.topic is not None:
-            raise _wrong(place, "robots", "topic and frames are both stated; expected one of them")
+            raise place.error("topic and frames are both stated; expected one of them")
         base, flange = options.frames
         return Ros2Robot(place.name, StatesByFrames(place.name, domain, base, flange, options.reconnect_s))
     chain = place.cell.robots[place.name].chain
     joints = () if chain is None else chain.joint_names
     if chain is None and options.topic is None:
         message = "joint states need urdf, base_link and flange_link; or state `frames: [BASE, FLANGE]`"
-        raise _wrong(place, "robots", message)
+        raise place.error(message)
     topic = options.topic or "/joint_states"
     return Ros2Robot(place.name, StatesByTopic(place.name, domain, topic, joints, options.reconnect_s))
 
@@ -151,12 +151,8 @@ def open_camera(place: Place) -> Ros2Camera:
     """
     options = checked_options(place, Ros2Options)
     if options.topic is None or options.frames is not None:
-        raise _wrong(place, "cameras", "expected the topic of its images, as `topic: /camera/image_raw`")
+        raise place.error("expected the topic of its images, as `topic: /camera/image_raw`")
     domain = choose_domain(options.domain)
     stream = Stream(place.name, domain, options.topic, (IMAGE, COMPRESSED), _QUEUE_SIZE, options.reconnect_s)
     size_px = place.cell.cameras[place.name].size_px
     return Ros2Camera(place.name, stream, options.topic, size_px, options.reconnect_s + _STOP_S)
-
-
-def _wrong(place: Place, section: str, message: str) -> DatasetError:
-    return DatasetError(str(place.folder / "cell.yaml"), message, field=f"{section}.{place.name}.driver")

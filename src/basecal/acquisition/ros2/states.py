@@ -56,14 +56,14 @@ class StatesByTopic:
             self._names.update(message.name)
         if not now_s > 0 or now_s <= self._last_s:
             return None
-        state = self._pose(message) if self._stream.kind == POSE else self._joint_state(message)
-        if state is None:
+        if self._stream.kind == POSE:
+            state = RobotState(pose_from_values(pose_values(message.pose), f"{self._name}, {self._topic}"))
+        elif (found := self._joint_state(message)) is not None:
+            state = found
+        else:
             return None
         self._last_s = now_s
         return Reading(now_s, state)
-
-    def _pose(self, message: Any) -> RobotState:
-        return RobotState(pose_from_values(pose_values(message.pose), f"{self._name}, {self._topic}"))
 
     def _joint_state(self, message: Any) -> RobotState | None:
         """The joints of a message; None if it is of other joints, or only of some."""

@@ -76,11 +76,8 @@ class BackgroundCheck:
             if not future.set_running_or_notify_cancel():
                 continue
             try:
-                future.set_result(self._check_request(sample))
+                doubts = self._check.add(sample)
+                estimate = self._check.estimate
+                future.set_result(Checked(None if estimate is None else estimate.sigma, doubts))
             except Exception as error:  # whoever asks for the result is told
                 future.set_exception(error)
-
-    def _check_request(self, sample: Sample) -> Checked:
-        doubts = self._check.add(sample)
-        estimate = self._check.estimate
-        return Checked(None if estimate is None else estimate.sigma, doubts)

@@ -86,16 +86,13 @@ class Supervisor:
 
     def run(self) -> None:
         """Go on until all arms are closed."""
-        while not self._is_over():
+        while self._closed_s is None or not all(arm.is_gone for arm in self._arms):
             self._ready.select(TICK_S)
             self._hear_signals()
             self._hear_parent()
             for arm in self._arms:
                 self._hear_arm(arm)
             self._judge(time.monotonic())
-
-    def _is_over(self) -> bool:
-        return self._closed_s is not None and all(arm.is_gone for arm in self._arms)
 
     def stop(self, reason: str) -> None:
         """Stop all arms now; the first reason is the one that counts."""
@@ -151,7 +148,9 @@ class Supervisor:
         except EOFError:
             self._drop(arm)
             if self._closed_s is None:
-                self.stop(f"{arm.name}: the process of its driver ended ({_exit_phrase(arm.process.wait())})")
+                code = arm.process.wait()
+                how = f"signal {-code}" if code < 0 else f"exit code {code}"
+                self.stop(f"{arm.name}: the process of its driver ended ({how})")
 
     def _drop(self, arm: _Arm) -> None:
         """Kill the process of an arm, whatever it does; the watchdog of its controller stops the arm."""
@@ -221,10 +220,6 @@ class Supervisor:
         if self._closed_s is not None and now_s - self._closed_s > CLOSE_S:
             for arm in self._arms:
                 self._drop(arm)
-
-
-def _exit_phrase(code: int) -> str:
-    return f"signal {-code}" if code < 0 else f"exit code {code}"
 
 
 def main() -> None:

@@ -79,17 +79,13 @@ def open_bag(path: Path) -> Iterator[Bag]:
         MissingExtra: if the library of bags is not installed.
         DatasetError: if it is none, or is damaged from its start on.
     """
-    decode = _decoder(_is_first(path))
+    decode = _decoder(path.suffix == _BAG1 and not path.is_dir())
     _check_files(path)
     bag = Bag(str(path), {}, lambda names: _messages(bag, path, decode, set(names)))
     for (name, kind, count), _ in _frames(bag, path, ()):
         before = bag.topics.get(name, Topic(name, _EQUAL_TYPES.get(kind, kind), 0))  # of several types the first counts
         bag.topics[name] = before._replace(messages=before.messages + int(count))
     yield bag
-
-
-def _is_first(path: Path) -> bool:
-    return path.suffix == _BAG1 and not path.is_dir()
 
 
 def _decoder(is_first: bool) -> Callable[[bytes, str], Any]:
@@ -117,13 +113,13 @@ def _check_files(path: Path) -> None:
         DatasetError: if not.
     """
     if not path.exists():
-        raise DatasetError(str(path), f"there is no such bag; {_EXPECTED}")
+        raise DatasetError(path, f"there is no such bag; {_EXPECTED}")
     if not path.is_dir() and path.suffix not in (_BAG1, *_BAG2):
-        raise DatasetError(str(path), f"is no bag by its name; {_EXPECTED}")
+        raise DatasetError(path, f"is no bag by its name; {_EXPECTED}")
     if path.is_dir() and not (path / _METADATA).exists():
         bags = sorted(each.name for each in path.iterdir() if each.suffix in (_BAG1, *_BAG2))
         held = f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is no bag"
-        raise DatasetError(str(path), f"{held}; {_EXPECTED}")
+        raise DatasetError(path, f"{held}; {_EXPECTED}")
     for each in _files(path):
         check_regular(each)
     if path.is_dir():
@@ -163,9 +159,9 @@ def _name_errors(path: Path) -> Iterator[None]:
     except LibraryError as error:
         raise _damage_error(path, error) from None
     except InputError as error:
-        raise error if isinstance(error, DatasetError) else DatasetError(str(path), str(error)) from None
+        raise error if isinstance(error, DatasetError) else DatasetError(path, str(error)) from None
     except OSError as error:
-        raise DatasetError(str(path), f"cannot be read: {error.strerror or error}") from None
+        raise DatasetError(path, f"cannot be read: {error.strerror or error}") from None
     except Exception as error:
         if is_own_fault(error):
             raise
@@ -174,7 +170,7 @@ def _name_errors(path: Path) -> Iterator[None]:
 
 def _damage_error(path: Path, error: Exception) -> DatasetError:
     cause = f"is damaged or was cut off ({error_words(error)})"
-    return DatasetError(str(path), f"{cause}; {repair_command(path)} may save it")
+    return DatasetError(path, f"{cause}; {repair_command(path)} may save it")
 
 
 def repair_command(path: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from basecal.cell import WORLD, Cell
+from basecal.cell import WORLD
 from basecal.errors import BasecalError, FrameNotFound, InputError, list_names
 from basecal.exchange.bags.bag import POSE, Bag
 from basecal.exchange.bags.frames import Tree, hint
@@ -13,6 +13,7 @@ from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, By
 from basecal.exchange.bags.survey import Survey, plain
 from basecal.exchange.bags.tag_poses import TAG_POSES, frames_of_tags
 from basecal.exchange.bags.tags import TAGS
+from basecal.exchange.importing.cell_content import KnownCell
 from basecal.kinematics import SerialChain, parse_chain
 
 # As URDFs of Universal Robots, Franka, KUKA, ABB, FANUC, Yaskawa, UFACTORY and Doosan name them, the first that is.
@@ -24,7 +25,7 @@ _COMPRESSED = "/compressed"
 _DEPTH_WORD = "depth"
 
 
-def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: Cell | None) -> Taken:
+def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: KnownCell) -> Taken:
     """The chosen sources.
 
     Raises:
@@ -39,11 +40,11 @@ def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: Cell | None) 
     return Taken(robots, cameras, views)
 
 
-def _frames_of_robots(bag: Bag, tree: Tree, request: Asked, cell: Cell | None) -> dict[str, str]:
+def _frames_of_robots(bag: Bag, tree: Tree, request: Asked, cell: KnownCell) -> dict[str, str]:
     """`BASE,FLANGE`, or a topic, by robot."""
     if request.robots:
         return dict(request.robots)
-    known = {} if cell is None else cell.robots
+    known = cell.robots
     stated = {}
     for name, robot in known.items():
         base, flange = robot.frames.get("base", robot.base_link), robot.frames.get("flange", robot.flange_link)
@@ -80,10 +81,10 @@ def _usual_frames(tree: Tree) -> dict[str, str]:
 
 
 def _robot(
-    bag: Bag, survey: Survey, name: str, words: str, request: Asked, cell: Cell | None
+    bag: Bag, survey: Survey, name: str, words: str, request: Asked, cell: KnownCell
 ) -> ByFrames | ByPoses | ByJoints:
     """The source of a robot: joints if they and a URDF are there, else tf; or the one that the words state."""
-    known = None if cell is None else cell.robots.get(name)
+    known = cell.robots.get(name)
     base, comma, flange = words.partition(",")
     if not comma:
         return _parse_choice(bag, survey.tree, words)
@@ -122,16 +123,16 @@ def _parse_choice(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
     return ByPoses(words)
 
 
-def _view(bag: Bag, tree: Tree, target: str, words: str, cell: Cell | None) -> ByFrames | ByPoses | ByTags | ByTagPoses:
+def _view(bag: Bag, tree: Tree, target: str, words: str, cell: KnownCell) -> ByFrames | ByPoses | ByTags | ByTagPoses:
     """The source of a view, which may be a topic of tags; corners are none without the sizes of their target."""
     kind = bag.topics[words].kind if words in bag.topics else ""
-    shape = cell.targets[target].target if cell is not None and target in cell.targets else None
+    shape = cell.targets[target].target if target in cell.targets else None
     if kind in TAG_POSES:
         return ByTagPoses(words, frames_of_tags(shape))
     if kind != TAGS:
         return _parse_choice(bag, tree, words)
     if shape is None or shape.tags is None:
-        known = [name for name, each in (cell.targets if cell else {}).items() if each.target and each.target.tags]
+        known = [name for name, each in cell.targets.items() if each.target and each.target.tags]
         do = (
             f"there is {list_names(known)}"
             if known
@@ -141,7 +142,7 @@ def _view(bag: Bag, tree: Tree, target: str, words: str, cell: Cell | None) -> B
     return ByTags(words, shape.tags)
 
 
-def _topics_of_cameras(survey: Survey, request: Asked, cell: Cell | None) -> dict[str, str]:
+def _topics_of_cameras(survey: Survey, request: Asked, cell: KnownCell) -> dict[str, str]:
     """Topics of images by camera."""
     there = [topic.name for topic in survey.images]
     for topic in request.cameras.values():
@@ -150,7 +151,7 @@ def _topics_of_cameras(survey: Survey, request: Asked, cell: Cell | None) -> dic
     if request.cameras:
         return dict(request.cameras)
     found = _usual_cameras(there)
-    known = [] if cell is None else list(cell.cameras)
+    known = list(cell.cameras)
     if len(known) == len(found) == 1:
         return {known[0]: next(iter(found.values()))}
     strangers = [name for name in found if known and name not in known]
@@ -181,11 +182,11 @@ def _camera(
     name: str,
     topic: str,
     request: Asked,
-    cell: Cell | None,
+    cell: KnownCell,
 ) -> CameraSource:
     space = topic.removesuffix(_COMPRESSED).rpartition("/")[0]
     info = f"{space}/camera_info"
-    known = None if cell is None else cell.cameras.get(name)
+    known = cell.cameras.get(name)
     on = request.on.get(name) if known is None else known.on
     if on is None:
         on = _carrier(survey.tree, robots, survey.frame_ids[topic])
@@ -193,7 +194,7 @@ def _camera(
         frame = survey.frame_ids[topic] or "of no name"
         why = f"its frame {frame} is not in tf" if len(robots) > 1 else "it is new"
         raise InputError(f"what carries camera {name!r}? {why}: give --on {name}=ROBOT or {name}={WORLD}")
-    if on != WORLD and on not in robots and (cell is None or on not in cell.robots):
+    if on != WORLD and on not in robots and on not in cell.robots:
         raise InputError(f"camera {name!r} on {on!r}: there is no such robot; there are {list_names([*robots, WORLD])}")
     return CameraSource(topic, info if info in survey.infos else None, on)
 

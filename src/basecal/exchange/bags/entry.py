@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from basecal.cell import Cell
 from basecal.cell.schema.cell_schema import is_frame_name
 from basecal.exchange.bags.lenses import bag_lens
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey, plain
 from basecal.exchange.importing.carriers import Sight, sight_entry
+from basecal.exchange.importing.cell_content import KnownCell, NoCell
 from basecal.exchange.lens_files.stated_lens import camera_entry
 
 
 def bag_entry(
-    cell: Cell | None,
+    cell: KnownCell,
     path: str,
     survey: Survey,
     sources: Taken,
@@ -35,16 +35,16 @@ def bag_entry(
     Raises:
         InputError: if a lens has no equal here, or it is not clear what carries a target.
     """
-    data: dict[str, Any] = {"reference": next(iter(sources.robots))} if cell is None else {}
+    data: dict[str, Any] = {"reference": next(iter(sources.robots))} if isinstance(cell, NoCell) else {}
     data |= {"robots": {}, "cameras": {}, "targets": {}}
     for name, source in sources.robots.items():
         is_new = isinstance(source, ByJoints) and source.urdf is not None
         links = {"base_link": source.base, "flange_link": source.flange} if isinstance(source, ByJoints) else {}
         data["robots"][name] = {"urdf": urdf_name(name), **links} if is_new else {}
-        if isinstance(source, ByFrames) and (cell is None or name not in cell.robots):
+        if isinstance(source, ByFrames) and name not in cell.robots:
             data["robots"][name] = _frames({"base": source.parent, "flange": source.child})
     for name, camera in sources.cameras.items():
-        if cell is not None and name in cell.cameras:
+        if name in cell.cameras:
             data["cameras"][name] = {}
             continue
         info = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from basecal.cell import PixelObservation, PoseObservation, RobotState
@@ -14,7 +14,6 @@ from basecal.exchange.bags.stops import Instant, Look, collect_looks, explain_no
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.exchange.importing.imported import Row
 
-_ENDINGS = (".jpg", ".png", ".pgm", ".ppm")
 _MOST_ROWS = 200_000  # as many as a recording may have samples
 
 
@@ -47,13 +46,15 @@ def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
     return tuple(sorted(found, key=lambda instant: instant.stamp_s))
 
 
-def write_images(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: Path) -> None:
-    """The images of instants are in a folder, each written as it is read.
+def write_images(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: Path) -> dict[Look, Path]:
+    """The images of instants, each written into a folder as it is read: under its time, to be imported again by it.
 
     Raises:
         InputError: if one cannot be read, or written.
     """
-    wanted = {(look.channel, look.place): look for instant in instants for look in instant.looks}
+    looks = {look for instant in instants for look in instant.looks if isinstance(look.channel, str)}
+    wanted = {(look.channel, look.place): look for look in looks}
+    written = {}
     cameras = {source.topic: name for name, source in sources.cameras.items()}
     seen = dict.fromkeys(cameras.values(), 0)
     for message in bag.read(cameras):
@@ -65,19 +66,22 @@ def write_images(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: 
         if message_time(message.data.header, message.recorded_s) != look.stamp_s:
             raise DatasetError(bag.path, f"{message.topic.name} was read in another order than before")
         image = image_file(message, bag.path)
-        target = _with_ending(_file(folder, look), image.ending)
-        target.parent.mkdir(exist_ok=True)
-        target.write_bytes(image.content)
+        written[look] = folder / camera / f"{look.stamp_s:.6f}{image.ending}"
+        written[look].parent.mkdir(exist_ok=True)
+        written[look].write_bytes(image.content)
+    for look in looks - written.keys():
+        raise InputError(f"an image of {look.channel} at {look.stamp_s:.6f} s was there, and is not when read again")
+    return written
 
 
-def make_rows(tracks: Tracks, instants: Sequence[Instant], folder: Path) -> Iterator[Row]:
+def make_rows(tracks: Tracks, instants: Sequence[Instant], paths: Mapping[Look, Path]) -> Iterator[Row]:
     """A row for each instant, with its images where they were written."""
     for instant in instants:
         images: dict[str, Path] = {}
         views: list[PoseObservation | PixelObservation] = []
         for look in instant.looks:
             if isinstance(look.channel, str):
-                images[look.channel] = _written_path(_file(folder, look))
+                images[look.channel] = paths[look]
                 continue
             view = tracks.views[look.channel]
             if view.tags is not None:
@@ -87,24 +91,8 @@ def make_rows(tracks: Tracks, instants: Sequence[Instant], folder: Path) -> Iter
         yield Row(instant.robots, tuple(views), images, stamp_s=instant.stamp_s)
 
 
-def _file(folder: Path, look: Look) -> Path:
-    """Where an image goes, but for its ending: under its time, by which it can be imported again."""
-    return folder / str(look.channel) / f"{look.stamp_s:.6f}"
-
-
-def _written_path(path: Path) -> Path:
-    found = next((each for ending in _ENDINGS if (each := _with_ending(path, ending)).exists()), None)
-    if found is None:
-        raise InputError(f"an image of {path.parent.name} at {path.name} s was there, and is not when it is read again")
-    return found
-
-
 def _state(track: Track, k: int) -> RobotState:
     if track.joints is not None:
         return RobotState(joints_rad=track.joints[k])
     assert track.poses is not None
     return RobotState(track.poses[k])
-
-
-def _with_ending(path: Path, ending: str) -> Path:
-    return path.with_name(path.name + ending)

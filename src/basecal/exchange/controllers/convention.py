@@ -90,17 +90,17 @@ class MatrixConvention:
             InputError: if they are no rigid transform.
         """
         matrix = numbers.reshape(*numbers.shape[:-1], 4, 4)
-        if _is_homogeneous(matrix) and self.is_by_columns and not _is_homogeneous(_transpose(matrix)):
+        if _is_homogeneous(matrix) and self.is_by_columns and not _is_homogeneous(matrix.mT):
             raise InputError("the last row of the matrix is 0 0 0 1: it is written by rows, give --format matrix")
-        if _is_homogeneous(_transpose(matrix)) and not self.is_by_columns and not _is_homogeneous(matrix):
+        if _is_homogeneous(matrix.mT) and not self.is_by_columns and not _is_homogeneous(matrix):
             raise InputError("the last column of the matrix is 0 0 0 1: it is transposed, give --format franka")
-        pose = SE3.from_matrix(_transpose(matrix) if self.is_by_columns else matrix)
+        pose = SE3.from_matrix(matrix.mT if self.is_by_columns else matrix)
         return SE3(pose.rotation, pose.translation * self.length)
 
     def to_numbers(self, pose: SE3) -> Array:
         """Numbers of poses, (..., 16)."""
         matrix = SE3(pose.rotation, pose.translation / self.length).matrix
-        whole = _transpose(matrix) if self.is_by_columns else matrix
+        whole = matrix.mT if self.is_by_columns else matrix
         return whole.reshape(*whole.shape[:-2], 16)
 
 
@@ -131,10 +131,6 @@ def _rotation_from_unit(q_xyzw: Array) -> Array:
     return SE3.from_quaternion(q_xyzw, np.zeros((*q_xyzw.shape[:-1], 3))).rotation
 
 
-def _transpose(rotation: Array) -> Array:
-    return rotation.mT
-
-
 ROTATION_VECTOR = RotationForm(rotation_exp, rotation_log, "rotation vector")
 FIXED_XYZ = RotationForm(_rotation_from_rpy, rpy_of_rotation, "angles about fixed x, y, z")
 """About the fixed axes x, y, z: Rz(c) Ry(b) Rx(a)."""
@@ -145,8 +141,8 @@ MOVING_ZYX = RotationForm(
 )
 """About z, the new y, the new x: Rz(a) Ry(b) Rx(c); the angles of `FIXED_XYZ` the other way round."""
 MOVING_XYZ = RotationForm(
-    lambda abc: _transpose(_rotation_from_rpy(-abc)),
-    lambda r: -rpy_of_rotation(_transpose(r)),
+    lambda abc: _rotation_from_rpy(-abc).mT,
+    lambda r: -rpy_of_rotation(r.mT),
     "angles about x, the new y, the new z",
 )
 """About x, the new y, the new z: Rx(a) Ry(b) Rz(c)."""

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+import numpy as np
+
 from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.quoting import xml_comment
 from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.tree import Place, places
 from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.urdf import exactly
 
 
 def export_text(request: Wanted) -> str:
@@ -29,15 +32,10 @@ def export_text(request: Wanted) -> str:
 def _add(parent: Element, place: Place) -> None:
     body = SubElement(parent, "body", name=place.name)
     if place.parent_from_frame is not None:
-        body.set("pos", _number_words(place.parent_from_frame.translation.tolist()))
-        x, y, z, w = place.parent_from_frame.quaternion.tolist()
-        body.set("quat", _number_words([w, x, y, z]))
+        body.set("pos", exactly(place.parent_from_frame.translation))
+        body.set("quat", exactly(np.roll(place.parent_from_frame.quaternion, 1)))
     for child in place.children:
         _add(body, child)
-
-
-def _number_words(values: list[float]) -> str:
-    return " ".join(repr(value + 0.0) for value in values)
 
 
 EXPORTER = Exporter("bodies of an MJCF model", export_text, is_pasted=True)

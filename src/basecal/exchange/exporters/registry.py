@@ -1,4 +1,4 @@
-"""Every exporter: a new one is a module, and a line here."""
+"""Every exporter: a new one is a module, or an entry of `pendants`, and a line here."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ from basecal.exchange.exporters import (
     abb,
     camera_info,
     csv,
-    denso,
-    doosan,
-    fanuc,
     json,
     kuka,
     matrix,
@@ -18,27 +15,24 @@ from basecal.exchange.exporters import (
     opencv,
     ros,
     ros2,
-    staubli,
-    ur,
     urdf,
     urdf_cell,
     urdf_joint,
     usd,
-    xarm,
-    yaskawa,
 )
+from basecal.exchange.exporters.pendants import PENDANTS
 from basecal.exchange.exports.exporter import Exporter
 
 EXPORTERS: Mapping[str, Exporter] = {
-    "ur": ur.EXPORTER,
+    "ur": PENDANTS["ur"],
     "kuka": kuka.EXPORTER,
     "abb": abb.EXPORTER,
-    "fanuc": fanuc.EXPORTER,
-    "yaskawa": yaskawa.EXPORTER,
-    "staubli": staubli.EXPORTER,
-    "denso": denso.EXPORTER,
-    "doosan": doosan.EXPORTER,
-    "xarm": xarm.EXPORTER,
+    "fanuc": PENDANTS["fanuc"],
+    "yaskawa": PENDANTS["yaskawa"],
+    "staubli": PENDANTS["staubli"],
+    "denso": PENDANTS["denso"],
+    "doosan": PENDANTS["doosan"],
+    "xarm": PENDANTS["xarm"],
     "ros": ros.EXPORTER,
     "ros2": ros2.EXPORTER,
     "matrix": matrix.EXPORTER,

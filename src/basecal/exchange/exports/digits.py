@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from basecal.exchange.controllers.convention import Convention
+from basecal.exchange.controllers.convention import AnyConvention
 from basecal.geometry import PoseEstimate
 
 _EXTRA_DIGITS = 2  # rounding then adds less than a hundredth of a sigma
@@ -29,8 +29,8 @@ def unit_decimals(estimate: PoseEstimate) -> int:
     return max(angle_decimals(estimate, 1.0), _FEWEST_OF_UNIT)
 
 
-def written_numbers(convention: Convention, estimate: PoseEstimate) -> list[str]:
-    """A pose in a controller's numbers."""
+def written_numbers(convention: AnyConvention, estimate: PoseEstimate) -> list[str]:
+    """A pose in a controller's numbers, of which three are lengths and the rest a rotation."""
     numbers, is_unit = convention.to_numbers(estimate.mean), len(convention.names) == _QUATERNION
     rotation = unit_decimals(estimate) if is_unit else angle_decimals(estimate, convention.angle)
     return format_decimals(numbers[:3], length_decimals(estimate, convention.length)) + format_decimals(

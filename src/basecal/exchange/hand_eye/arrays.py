@@ -51,7 +51,7 @@ def record_of_arrays(
         InputError: if one is missing, or is no rotation or translation, their lengths differ, or two are one.
     """
     arrays = _rename_arrays(arrays)
-    wanted = next((kind for kind in _KINDS if _holds(arrays, kind)), None)
+    wanted = next((kind for kind in _KINDS if arrays.keys() >= {*_keys(kind)}), None)
     if wanted is None:
         keys = " or ".join(list_names(_keys(kind)) for kind in (HAND_EYE, ROBOT_WORLD, BASE_TO_BASE))
         raise InputError(f"{source}: holds {list_names(list(arrays))}, expected {keys}")
@@ -124,10 +124,6 @@ def _plain_matrices(value: Any) -> Any:
 
 def _keys(kind: tuple[str, ...]) -> list[str]:
     return [f"{letter}_{name}" for name in kind for letter in "Rt"]
-
-
-def _holds(arrays: Mapping[str, ArrayLike], kind: tuple[str, ...]) -> bool:
-    return all(key in arrays for key in _keys(kind))
 
 
 def _poses(arrays: Mapping[str, ArrayLike], name: str, metres: float) -> SE3:

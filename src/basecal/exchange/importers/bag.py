@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from basecal.cell import Cell
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError
 from basecal.exchange.bags.bag import Bag, Message, open_bag, repair_command
@@ -17,7 +16,7 @@ from basecal.exchange.bags.sources import Asked, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey, survey_bag
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.exchange.images import image_size
-from basecal.exchange.importing.cell_content import known_cell
+from basecal.exchange.importing.cell_content import KnownCell, known_cell
 from basecal.exchange.importing.cell_files import scratch_folder
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import Imported
@@ -104,7 +103,7 @@ def read_bag(
         return replace(imported, scratch=scratch, notes=notes, warnings=_damage(there))
 
 
-def _preview(bag: Bag, survey: Survey, request: Asked, present_cell: Cell | None) -> Imported:
+def _preview(bag: Bag, survey: Survey, request: Asked, present_cell: KnownCell) -> Imported:
     """Content of a bag, and the parts that would be imported, or why none would."""
     try:
         would = choose_sources(bag, survey, request, present_cell).words
@@ -137,13 +136,12 @@ def _damage(bag: Bag) -> tuple[str, ...]:
 
 
 def _import_bag(
-    bag: Bag, survey: Survey, selection: Taken, request: Asked, present_cell: Cell | None, folder: Path, streams: bool
+    bag: Bag, survey: Survey, selection: Taken, request: Asked, present_cell: KnownCell, folder: Path, streams: bool
 ) -> Imported:
     """Rows and entries for the cell, images and URDFs being in a folder."""
     tracks = read_tracks(bag, survey, selection)
     instants = (stream_instants if streams else still_instants)(tracks, bag.path)
-    write_images(bag, selection, instants, folder)
-    rows = tuple(make_rows(tracks, instants, folder))
+    rows = tuple(make_rows(tracks, instants, write_images(bag, selection, instants, folder)))
     first = {name: path for row in reversed(rows) for name, path in row.images.items()}
     sizes = {name: size for name, path in first.items() if (size := image_size(path)) is not None}
     files = {}

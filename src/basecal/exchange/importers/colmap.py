@@ -73,7 +73,7 @@ def read_colmap(
     """
     if target is not None:
         known = known_cell(cell)
-        sight = Sight(choose_name("camera", camera, () if known is None else known.cameras), target, on, target_on)
+        sight = Sight(choose_name("camera", camera, known.cameras), target, on, target_on)
         return _poses(cell, str(file), camera_id, images, sight, streams)
     if streams:
         raise UsageError("--streams is of poses, and not of a lens: add --target NAME")
@@ -90,7 +90,7 @@ def _poses(
     """Poses of the reconstruction in the frames of a camera's images."""
     cell, images = known_cell(folder), _select_images(file, camera_id, pattern)
     entry = sight_entry(cell, sight)
-    if cell is None or sight.target not in cell.targets:
+    if sight.target not in cell.targets:
         entry["targets"][sight.target]["scale"] = "free"
     rows = tuple(Row(stamp_s=read_time(Path(image.name))) if is_stream else Row(image=image.name) for image in images)
     poses = SE3.stack([image.camera_from_world for image in images])

@@ -72,7 +72,8 @@ def read_images(
     carrier = new["cameras"][camera].get("on")
     shown = target_entry(cell, target, shape, {target_name: target_on}, {camera: carrier})
     looked = _read_images(Path(folder), files, progress)
-    rows = tuple(_row(camera, path, by == "time") for path in files)
+    time: Callable[[Path], float | None] = read_time if by == "time" else lambda path: None
+    rows = tuple(Row(images={camera: path}, image=path.name, stamp_s=time(path)) for path in files)
     entry = {
         "robots": {name: {} for name in (*new.get("robots", {}), *shown.get("robots", {}))},
         "cameras": {camera: {"size_px": list(looked.size_px), **new["cameras"][camera]}},
@@ -89,11 +90,6 @@ def read_images(
         advice="check --camera",
         warnings=looked.warnings,
     )
-
-
-def _row(camera: str, path: Path, is_timed: bool) -> Row:
-    """An image, with the time that its name is if it `is_timed`."""
-    return Row(images={camera: path}, image=path.name, stamp_s=read_time(path) if is_timed else None)
 
 
 def _describe(
@@ -156,6 +152,6 @@ def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> 
     known = known_cell(folder)
     carrier = choose_carrier(known, "camera", name, stated_carrier, may_be_world=False)
     check_robot(known, carrier)
-    if known is not None and name in known.cameras:
+    if name in known.cameras:
         return {"cameras": {name: {}}}, open_size(folder, known, name)
     return carried_entry("cameras", name, carrier, intrinsics={"status": "free"}), frozenset()

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from basecal.cell import Cell
 from basecal.errors import UsageError
 from basecal.exchange.images import image_size
 from basecal.exchange.importing.carriers import choose_carrier
-from basecal.exchange.importing.cell_content import known_cell, open_size, recorded_samples
+from basecal.exchange.importing.cell_content import KnownCell, known_cell, open_size, recorded_samples
 from basecal.exchange.importing.cell_files import scratch_folder
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.joint_model import joint_model
@@ -119,7 +118,7 @@ def _describe_motors(episode: Episode, chain: SerialChain) -> str:
     return ", ".join(joint if joint == motor else f"{joint} from {motor}" for joint, motor in pairs)
 
 
-def _choose_frames(folder: str | Path, cell: Cell | None, robot: str, episode: Episode, every_s: float) -> IntArray:
+def _choose_frames(folder: str | Path, cell: KnownCell, robot: str, episode: Episode, every_s: float) -> IntArray:
     """The frames of samples that have a time and wait for the robot; where none does, those in which it moved least."""
     samples = recorded_samples(folder, cell)
     waiting = [sample.stamp_s for sample in samples if sample.stamp_s is not None and robot not in sample.robots]
@@ -134,7 +133,7 @@ def _with_camera(source: Imported, folder: str | Path, name: str, stated_carrier
         InputError: if the cell says that something else carries it.
     """
     present_cell = known_cell(folder)
-    if present_cell is not None and name in present_cell.cameras:
+    if name in present_cell.cameras:
         choose_carrier(present_cell, "camera", name, stated_carrier)
         return replace(source, replaced=open_size(folder, present_cell, name))
     camera = {"on": stated_carrier or robot, "intrinsics": {"status": "free"}}

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from basecal.errors import UsageError
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.streams import Inverted, Streams, read_streams
 from basecal.exchange.poses import LengthUnit
+from basecal.exchange.streams import Inverted, Streams, read_streams
 
 
 def read_pixels(

@@ -59,12 +59,12 @@ def read_points(
     if not names or (table.targets and target):
         raise UsageError("say which reflector was measured, either by --target or by a column `target`")
     known = known_cell(cell)
-    new = [name for name in dict.fromkeys(names) if known is None or name not in known.targets]
+    new = [name for name in dict.fromkeys(names) if name not in known.targets]
     if new and robot is None:
         raise UsageError(f"--robot is missing: the one that carries {', '.join(new)}")
     reflector = {"on": robot, "kind": "points", "points_m": [[0.0, 0.0, 0.0]]}
     entry: dict[str, dict[str, object]] = {"targets": {name: dict(reflector) for name in new}}
-    if known is None or camera not in known.cameras:
+    if camera not in known.cameras:
         entry["cameras"] = {camera: {"kind": "tracker", "on": "world"}}
     rows = _join_rows(table, names, camera, sigma_m)
     what = f"{len(names)} points of {', '.join(dict.fromkeys(names))} in {camera}, {table.unit}"

@@ -8,14 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from basecal.errors import FrameNotFound, UsageError
+from basecal.errors import DatasetError, FrameNotFound, UsageError, list_names
 from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses, read_pose_rows
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.carriers import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, OneOf, controller_places
-from basecal.exchange.importing.streams import Inverted, Streams, read_streams
 from basecal.exchange.poses import LengthUnit, unit_length_m
+from basecal.exchange.streams import Inverted, Streams, read_streams
 
 _ONE_ROBOT = "for one robot's poses: CELL --robot NAME FILE --format FORMAT"
 POSE_ADVICE = "check --length-unit and --format"
@@ -152,7 +152,10 @@ def table_reading(file: str, format: str | None, unit: LengthUnit | None, deg: b
     if deg and rad:
         raise UsageError("--deg and --rad cannot both be")
     angle = math.radians(1) if deg else 1.0 if rad else None
-    return Reading(name or guessed_format(file), None if unit is None else unit_length_m(unit), angle)
+    name = name or guessed_format(file)
+    if not name:
+        raise DatasetError(file, f"does not state what its numbers are: give --format {list_names(list(CONTROLLERS))}")
+    return Reading(name, None if unit is None else unit_length_m(unit), angle)
 
 
 def _robot_poses(

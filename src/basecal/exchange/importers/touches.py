@@ -7,14 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from basecal.cell import Cell, TouchObservation
+from basecal.cell import TouchObservation
 from basecal.cell.cell import grip_name
 from basecal.errors import UsageError
 from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.poses import POSE_ADVICE, table_reading
-from basecal.exchange.importing.cell_content import known_cell
-from basecal.exchange.importing.imported import Imported, OneOf, Row, controller_places
+from basecal.exchange.importing.cell_content import KnownCell, known_cell
+from basecal.exchange.importing.imported import By, Imported, OneOf, Row, controller_places
 from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.joints import read_joints
 from basecal.exchange.poses import LengthUnit
@@ -80,33 +80,26 @@ def read_touches(
     """
     if sum(each is not None for each in (mark, meets, clamp)) > 1:
         raise UsageError("--mark, --meets and --clamp exclude one another: say what the robot touched")
-    own_tip, known = tip or f"{robot}_tip", known_cell(cell)
+    own_tip, known, places = tip or f"{robot}_tip", known_cell(cell), controller_places([robot])
     rows, names, how, advice, writer = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
     entry: dict[str, Any] = {"robots": {robot: {} if writer is None else {"controller": {"format": writer}}}}
-    if clamp is not None:
-        entry["clamp"] = _clamp(known, clamp, robot, hinge)
-    elif known is None or own_tip not in known.cameras:
+    if clamp is None and own_tip not in known.cameras:
         entry["tips"] = {own_tip: {"on": robot, "offset": {"status": "free"}}}
     if meets is not None:
-        met, what = TouchObservation(own_tip, meets, sigma_m, "tip2"), f"meetings of {own_tip} and {meets}"
-        return _join_rows(str(file), rows, met, f"{len(rows)} {what}, {how}", entry, advice)
-    if clamp is not None:
-        met, what = TouchObservation(clamp, grip_name(clamp), sigma_m, "clamp"), f"places of {robot} holding {clamp}"
-        return _join_rows(str(file), rows, met, f"{len(rows)} {what}, {how}", entry, advice)
-    marks = touch_names(str(file), names, robot, mark)
-    entry["marks"] = {name: {} for name in dict.fromkeys(marks) if known is None or name not in known.targets}
-    touched = zip(new_rows(cell, known, rows), marks, strict=True)
-    seen = tuple(replace(row, observations=(TouchObservation(own_tip, at, sigma_m),)) for row, at in touched)
-    what = f"{len(seen)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}, {how}"
-    return Imported(str(file), what, seen, entry, defaults=controller_places([robot]), by="sample", advice=advice)
-
-
-def _join_rows(
-    source: str, rows: Sequence[Row], contact: TouchObservation, summary: str, entry: dict[str, Any], advice: str
-) -> Imported:
-    """Rows that join the samples that are there, in order, each with the same observation."""
-    joined = tuple(replace(row, observations=(contact,)) for row in rows)
-    return Imported(source, summary, joined, entry, defaults=controller_places(entry["robots"]), advice=advice)
+        contacts = [TouchObservation(own_tip, meets, sigma_m, "tip2")] * len(rows)
+        what = f"meetings of {own_tip} and {meets}"
+    elif clamp is not None:
+        entry["clamp"] = _clamp(known, clamp, robot, hinge)
+        contacts = [TouchObservation(clamp, grip_name(clamp), sigma_m, "clamp")] * len(rows)
+        what = f"places of {robot} holding {clamp}"
+    else:
+        marks = touch_names(str(file), names, robot, mark)
+        entry["marks"] = {name: {} for name in dict.fromkeys(marks) if name not in known.targets}
+        contacts, rows = [TouchObservation(own_tip, at, sigma_m) for at in marks], new_rows(cell, known, rows)
+        what = f"touches of {', '.join(dict.fromkeys(marks))} by {own_tip}"
+    touched = tuple(replace(row, observations=(seen,)) for row, seen in zip(rows, contacts, strict=True))
+    by: By | None = "sample" if "marks" in entry else None
+    return Imported(str(file), f"{len(rows)} {what}, {how}", touched, entry, defaults=places, by=by, advice=advice)
 
 
 def _read_rows(
@@ -124,11 +117,11 @@ def _read_rows(
     return rows, reading.convention.names, f"poses as of {reading.name} ({reading.words})", POSE_ADVICE, reading.name
 
 
-def _clamp(context: Cell | None, name: str, robot: str, is_hinge: bool) -> dict[str, Any]:
+def _clamp(context: KnownCell, name: str, robot: str, is_hinge: bool) -> dict[str, Any]:
     """The section `clamp` with a part that a robot and the only other one hold."""
-    if context is not None and name in context.cameras:
+    if name in context.cameras:
         return {}
-    others = [other for other in (() if context is None else context.robots) if other != robot]
+    others = [other for other in context.robots if other != robot]
     if len(others) != 1:
         raise UsageError(f"--clamp needs one other robot in the cell, there are {len(others)}: import its poses first")
     return {name: {"robots": [others[0], robot], "axis": "free" if is_hinge else "fixed"}}

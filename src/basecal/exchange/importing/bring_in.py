@@ -40,7 +40,7 @@ class Brought:
     Attributes:
         cell: As it is now.
         recording: Likewise.
-        pairing: Which rows went where; None if there were none.
+        pairing: Which rows went where; empty if there were none.
         made: How many samples are new.
         changed: Places of `cell.yaml` that are new or other; all of them where there was none.
         is_new_cell: Whether there was none.
@@ -49,7 +49,7 @@ class Brought:
 
     cell: Cell
     recording: Recording
-    pairing: Pairing | None
+    pairing: Pairing
     made: int
     changed: tuple[str, ...]
     is_new_cell: bool
@@ -90,7 +90,7 @@ def add_to_cell(
         if not (replace or imports.by) and recorded.samples and len(imports.rows) != len(recorded.samples):
             imports = dataclass_replace(imports, is_session=imports.is_session or _is_whole(imports.rows, cell))
         names = _names(folder)
-        pairing = pair(imports, recorded.samples, names, replace) if imports.rows else None
+        pairing = pair(imports, recorded.samples, names, replace) if imports.rows else Pairing("order", ())
         samples_by_path = {path: sample.sample for sample in recorded.samples for path in sample.images.values()}
         samples, image_files = _samples(imports.rows, pairing, samples_by_path)
         journal = completed_recording_text(folder, samples, replace) if samples else ""
@@ -196,26 +196,25 @@ def _names(folder: Path) -> dict[str, int]:
         return {str(name): int(number) for name, number in data.items()}
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
         expected = 'expected {"samples_by_image": {"name": 0}}; remove it and import the table again'
-        raise DatasetError(str(path), expected) from None
+        raise DatasetError(path, expected) from None
 
 
-def _named_samples(rows: tuple[Row, ...], pairing: Pairing | None, samples: Sequence[Sample]) -> Mapping[str, int]:
+def _named_samples(rows: tuple[Row, ...], pairing: Pairing, samples: Sequence[Sample]) -> Mapping[str, int]:
     """Samples of the images that rows name and that are not recorded under their names."""
-    numbers = () if pairing is None else pairing.numbers
     kept = {plain_name(path) for sample in samples for path in sample.images.values()}
     return {
         plain_name(row.image): number
-        for row, number in zip(rows, numbers, strict=False)
+        for row, number in zip(rows, pairing.numbers, strict=True)
         if row.image is not None and number is not None and plain_name(row.image) not in kept
     }
 
 
 def _samples(
-    rows: tuple[Row, ...], pairing: Pairing | None, samples_by_path: Mapping[str, int]
+    rows: tuple[Row, ...], pairing: Pairing, samples_by_path: Mapping[str, int]
 ) -> tuple[list[Sample], dict[str, Path]]:
     """Additions to each sample, and new images by their path in the cell, which no other sample has."""
     samples, image_files = [], {}
-    for row, number in zip(rows, () if pairing is None else pairing.numbers, strict=False):
+    for row, number in zip(rows, pairing.numbers, strict=True):
         if number is None:
             continue
         images: dict[str, Any] = {}

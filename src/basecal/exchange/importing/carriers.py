@@ -6,8 +6,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from basecal.cell import WORLD, Cell, CellCamera, CellTarget, PoseObservation
+from basecal.cell import WORLD, CellCamera, CellTarget, PoseObservation
 from basecal.errors import InputError, list_names, nearest
+from basecal.exchange.importing.cell_content import KnownCell
 from basecal.exchange.importing.imported import Row
 from basecal.geometry import SE3
 
@@ -31,12 +32,12 @@ def choose_name(kind: str, name: str | None, names: Collection[str], usual: str 
 
 
 def choose_carrier(
-    cell: Cell | None, kind: str, name: str, stated_carrier: str | None, option: str = "--on", may_be_world: bool = True
+    cell: KnownCell, kind: str, name: str, stated_carrier: str | None, option: str = "--on", may_be_world: bool = True
 ) -> str:
     """The carrier of a camera or target: as the cell has it, as stated, else its only robot.
 
     Args:
-        cell: The cell there is; None if one is made.
+        cell: The cell there is, if any.
         kind: `camera` or `target`.
         name: Of the camera or target.
         stated_carrier: As stated: a robot, or `world`.
@@ -46,15 +47,13 @@ def choose_carrier(
     Raises:
         InputError: if it is not clear, or the cell says otherwise.
     """
-    robots = [] if cell is None else [*cell.robots]
-    things: Mapping[str, CellCamera | CellTarget] = {}
-    if cell is not None:
-        things = cell.cameras if kind == "camera" else cell.targets
+    robots = [*cell.robots]
+    things: Mapping[str, CellCamera | CellTarget] = cell.cameras if kind == "camera" else cell.targets
     known = things[name].on if name in things else stated_carrier
     if stated_carrier not in (None, known):
         found = f"{kind} {name!r} is on {known!r} in cell.yaml, not on {stated_carrier!r}"
         raise InputError(f"{found}: leave {option} away, or correct it")
-    if cell is None and known == WORLD and not may_be_world:
+    if not robots and known == WORLD and not may_be_world:
         raise InputError(f"{kind} {name!r} on the world needs a robot, and there is no cell.yaml: import poses first")
     if known is None and len(robots) != 1:
         choices = list_names([*robots, WORLD]) if robots else f"a robot{f' or {WORLD}' if may_be_world else ''}"
@@ -62,13 +61,13 @@ def choose_carrier(
     return known or robots[0]
 
 
-def check_robot(cell: Cell | None, carrier: str) -> None:
+def check_robot(cell: KnownCell, carrier: str) -> None:
     """Check that a carrier, if it is new, is not named nearly as one that the cell has.
 
     Raises:
         InputError: if it is.
     """
-    robots = [] if cell is None else [*cell.robots]
+    robots = [*cell.robots]
     if carrier not in (WORLD, *robots) and (close := nearest(carrier, [*robots, WORLD])):
         raise InputError(f"no robot {carrier!r}{close}; there are: {list_names(robots)}")
 
@@ -101,7 +100,7 @@ def seen_rows(rows: tuple[Row, ...], camera_from_target: SE3, sight: Sight) -> t
     return tuple(replace(row, observations=(view,)) for row, view in zip(rows, views, strict=True))
 
 
-def sight_entry(cell: Cell | None, sight: Sight) -> dict[str, Any]:
+def sight_entry(cell: KnownCell, sight: Sight) -> dict[str, Any]:
     """Entries of `cell.yaml` for a camera and a target; those it has already stay.
 
     A new camera is on the only robot. A new target is on the world, or on the only robot where the camera is not.
@@ -109,10 +108,9 @@ def sight_entry(cell: Cell | None, sight: Sight) -> dict[str, Any]:
     Raises:
         InputError: if it is not clear what carries them, both are on one thing, or the cell says otherwise.
     """
-    cameras, targets = ({}, {}) if cell is None else (cell.cameras, cell.targets)
     camera_on = choose_carrier(cell, "camera", sight.camera, sight.camera_on)
     given = sight.target_on
-    if given is None and camera_on != WORLD and sight.target not in targets:
+    if given is None and camera_on != WORLD and sight.target not in cell.targets:
         given = WORLD
     target_on = choose_carrier(cell, "target", sight.target, given, "--target-on")
     if camera_on == target_on:
@@ -123,6 +121,6 @@ def sight_entry(cell: Cell | None, sight: Sight) -> dict[str, Any]:
     )
     return {
         "robots": {**camera.get("robots", {}), **target.get("robots", {})},
-        "cameras": {sight.camera: {}} if sight.camera in cameras else camera["cameras"],
-        "targets": {sight.target: {}} if sight.target in targets else target["targets"],
+        "cameras": {sight.camera: {}} if sight.camera in cell.cameras else camera["cameras"],
+        "targets": {sight.target: {}} if sight.target in cell.targets else target["targets"],
     }

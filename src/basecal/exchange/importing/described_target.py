@@ -17,7 +17,7 @@ from basecal.exchange.importing.cell_content import known_cell
 from basecal.fields.typed_length import columns_rows, length_m
 
 _COUNTED = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows
-_MARKER = 0.75  # of the square, as `basecal target` prints
+MARKER_SHARE = 0.75  # of the square
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,11 +53,6 @@ UNSAID = Shape()
 """Of a target of which nothing is said."""
 
 
-def is_described(shape: Shape) -> bool:
-    """Whether any of it was said."""
-    return shape != UNSAID
-
-
 def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
     """The fields of a target in `cell.yaml`, with its kind.
 
@@ -69,14 +64,22 @@ def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
     counts = {name: text for name in _COUNTED if (text := getattr(shape, name)) is not None}
     numbers = [columns_rows(text, f"--{name}") for name, text in counts.items()]
     columns, rows = numbers[0] if numbers else (1, 1)
-    square = 1.0 if shape.square is None else length_m(shape.square, "--square", "40mm")
-    marker = _MARKER * square if shape.marker is None else length_m(shape.marker, "--marker", "30mm")
-    by_count = smallest_dictionary("DICT_4X4_50", columns * rows // 2)
-    named = (shape.dictionary or by_count, shape.family or "tag36h11", shape.tag or 0)
-    sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), *named)
+    square_m = 1.0 if shape.square is None else length_m(shape.square, "--square", "40mm")
+    marker_m = None if shape.marker is None else length_m(shape.marker, "--marker", "30mm")
+    family, tag = shape.family or "tag36h11", shape.tag or 0
+    sizes = print_sizes(columns, rows, square_m, marker_m, shape.dictionary, family, tag)
     fields = printed_fields(kind, sizes, shape.set)
     _check_description(kind, shape, fields, list(counts))
     return {"kind": kind, **fields}
+
+
+def print_sizes(
+    columns: int, rows: int, square_m: float, marker_m: float | None, dictionary: str | None, family: str, tag: int
+) -> PrintSizes:
+    """Sizes of a target; a marker and its dictionary are the usual ones where they are not stated."""
+    marker_m = MARKER_SHARE * square_m if marker_m is None else marker_m
+    dictionary = dictionary or smallest_dictionary("DICT_4X4_50", columns * rows // 2)
+    return PrintSizes(columns, rows, round(square_m, 9), round(marker_m, 9), dictionary, family, tag)
 
 
 def target_entry(
@@ -103,7 +106,7 @@ def target_entry(
     if not isinstance(shape, Shape):
         raise InputError(f"shape is {shape!r}, expected a basecal.Shape, such as Shape(squares='5x7', square='40mm')")
     if kind is None:
-        if carrier is not None or is_described(shape):
+        if carrier is not None or shape != UNSAID:
             raise UsageError("a target is described, but not its kind: add --target charuco, or another kind")
         return {}
     fields = target_fields(kind, shape)
@@ -125,7 +128,7 @@ def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, 
         InputError: if not.
     """
     cell, of_kind = known_cell(folder), TARGETS[kind]
-    for other in cell.targets.values() if cell is not None else ():
+    for other in cell.targets.values():
         if other.name == name or other.target is None or other.target.kind != kind or not of_kind.marks(fields):
             continue
         if is_indistinguishable(of_kind, fields, other.target.options):
@@ -142,7 +145,7 @@ def _single_carrier(folder: str | Path, target: str, camera_on: Mapping[str, str
         InputError: if there are several such robots, or the cell's robots are not known yet.
     """
     known = known_cell(folder)
-    if known is None:
+    if not known.robots:
         raise InputError(f"say what carries the target {target!r}: --target-on ROBOT or --target-on world")
     ((camera, carrier),) = camera_on.items()
     carrier = carrier or known.cameras[camera].on

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from basecal.cell import WORLD, Cell, CellCamera, PoseObservation, RobotState, Unknown
+from basecal.cell import WORLD, PoseObservation, RobotState, Unknown
 from basecal.cell.format.plain import pose_dict
 from basecal.errors import InputError, list_names
 from basecal.exchange.hand_eye.moveit import JointStates
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.carriers import check_robot, choose_name
-from basecal.exchange.importing.cell_content import known_cell
+from basecal.exchange.importing.cell_content import KnownCell, NoCell, known_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.geometry import SE3
 
@@ -79,11 +79,11 @@ def hand_eye_of_file(
     return replace(found, advice=advice)
 
 
-def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, target: str | None, on_robot: bool) -> Names:
+def chosen_names(cell: KnownCell, robot: str | None, camera: str | None, target: str | None, on_robot: bool) -> Names:
     """The names that were given, else those of the only ones in the cell, else those of a new cell.
 
     Args:
-        cell: The cell there is; None if one is made.
+        cell: The cell there is, if any.
         robot: As given.
         camera: As given.
         target: As given.
@@ -92,7 +92,7 @@ def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, targe
     Raises:
         InputError: if one is not given and the cell has several.
     """
-    if cell is None:
+    if isinstance(cell, NoCell):
         return Names(robot or ("eye" if on_robot else "hand"), camera or "camera", target or "target")
     camera = choose_name("camera", camera, cell.cameras, "camera")
     target = choose_name("target", target, cell.targets, "target")
@@ -103,32 +103,30 @@ def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, targe
 
 
 def is_camera_on_robot(
-    cell: Cell | None, camera: str | None, camera_on: str | None = None, robot: str | None = None
+    cell: KnownCell, camera: str | None, camera_on: str | None = None, robot: str | None = None
 ) -> bool | None:
     """Whether the robot of a file carries the camera; None if neither user nor cell says so.
 
     Args:
-        cell: The cell there is; None if one is made.
+        cell: The cell there is, if any.
         camera: The camera's name; that of the only one if None.
         camera_on: What carries it, if the user says so.
         robot: The robot of the file, likewise.
     """
-    if camera_on is None and cell is not None and (camera is not None or len(cell.cameras) == 1):
+    if camera_on is None and cell.cameras and (camera is not None or len(cell.cameras) == 1):
         found = cell.cameras.get(camera or next(iter(cell.cameras)))
         camera_on = None if found is None else found.on
-        if robot is None and found is not None and _both_carry(cell, found):
-            return None  # either robot may be the one that moved
+        if robot is None and camera_on not in (None, WORLD):
+            others = {target.on for target in cell.targets.values()} - {WORLD, camera_on}
+            if others:  # either robot may be the one that moved
+                return None
     if camera_on is None:
         return None
     return camera_on == "robot" or (camera_on != WORLD and robot in (None, camera_on))
 
 
-def _both_carry(cell: Cell, camera: CellCamera) -> bool:
-    return camera.on != WORLD and any(target.on not in (WORLD, camera.on) for target in cell.targets.values())
-
-
 def imported_hand_eye(
-    cell: Cell | None,
+    cell: KnownCell,
     record: HandEyeRecord,
     names: Names,
     is_linked: bool = False,
@@ -137,7 +135,7 @@ def imported_hand_eye(
     """Rows of a recording, and what the cell must have for them; what it states already stays.
 
     Args:
-        cell: The cell there is; None if one is made.
+        cell: The cell there is, if any.
         record: What was read.
         names: What the cell calls robot, camera and target.
         is_linked: Whether images are linked instead of copied.
@@ -146,10 +144,9 @@ def imported_hand_eye(
     Raises:
         InputError: if one thing carries both.
     """
-    known_camera = None if cell is None else cell.cameras.get(names.camera)
-    known_target = None if cell is None else cell.targets.get(names.target)
+    known_camera, known_target = cell.cameras.get(names.camera), cell.targets.get(names.target)
     on = _carriers(cell, record, names, carriers)
-    is_in_own = on[0] == names.robot or (on[0] == WORLD and (cell is None or cell.reference == names.robot))
+    is_in_own = on[0] == names.robot or (on[0] == WORLD and (isinstance(cell, NoCell) or cell.reference == names.robot))
     camera: dict[str, Any] = {
         "on": on[0],
         **_mount(None if known_camera is None else known_camera.mount, record.camera_mount if is_in_own else None),
@@ -164,7 +161,7 @@ def imported_hand_eye(
         camera["frame"] = record.camera_frame
     if known_target is None or known_target.target is None:
         target |= record.target
-    known_robot = None if cell is None else cell.robots.get(names.robot)
+    known_robot = cell.robots.get(names.robot)
     robot: dict[str, Any] = {}
     if known_robot is None or not known_robot.frames:
         robot = {"frames": dict(record.frames)} if record.frames else {}
@@ -174,14 +171,14 @@ def imported_hand_eye(
     return Imported(record.path, record.what, rows, data, is_linked=is_linked)
 
 
-def _carriers(cell: Cell | None, record: HandEyeRecord, names: Names, carriers: Carriers) -> tuple[str, str]:
+def _carriers(cell: KnownCell, record: HandEyeRecord, names: Names, carriers: Carriers) -> tuple[str, str]:
     """Carriers of the camera and of the target: the file's robot carries one, something still the other."""
     if record.hand_base_from_flange is not None:
         return names.robot, names.hand
-    known = None if cell is None else (cell.cameras if not record.camera_on_robot else cell.targets)
+    known = cell.targets if record.camera_on_robot else cell.cameras
     name = names.target if record.camera_on_robot else names.camera
     stated = carriers.target_on if record.camera_on_robot else carriers.camera_on
-    told = known[name].on if known and name in known else WORLD
+    told = known[name].on if name in known else WORLD
     still = stated or (WORLD if told == names.robot else told)
     check_robot(cell, still)
     if still == names.robot:
@@ -191,11 +188,10 @@ def _carriers(cell: Cell | None, record: HandEyeRecord, names: Names, carriers: 
 
 def _mount(unknown: Unknown | None, estimate: SE3 | None) -> dict[str, Any]:
     """A guess of a mount of which nothing is known."""
-    if unknown is None:
-        return {"mount": {"status": "free"} if estimate is None else {"status": "free", "guess": pose_dict(estimate)}}
-    if estimate is None or unknown.status != "free" or unknown.mean is not None:
+    if unknown is not None and (estimate is None or unknown.status != "free" or unknown.mean is not None):
         return {}
-    return {"mount": {"status": "free", "guess": pose_dict(estimate)}}
+    guess = {} if estimate is None else {"guess": pose_dict(estimate)}
+    return {"mount": {"status": "free", **guess}}
 
 
 def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:
@@ -212,7 +208,7 @@ def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def imported_joint_states(cell: Cell | None, states: JointStates, source: str, robot: str | None) -> Imported:
+def imported_joint_states(cell: KnownCell, states: JointStates, source: str, robot: str | None) -> Imported:
     """Joint states of a robot whose URDF the cell has, a row a sample.
 
     Args:
@@ -224,7 +220,7 @@ def imported_joint_states(cell: Cell | None, states: JointStates, source: str, r
     Raises:
         InputError: if the cell has no such robot, or its joints have other names.
     """
-    chains = {} if cell is None else {name: each.chain for name, each in cell.robots.items() if each.chain is not None}
+    chains = {name: each.chain for name, each in cell.robots.items() if each.chain is not None}
     name = robot or (next(iter(chains)) if len(chains) == 1 else None)
     if name is None or name not in chains:
         known = list_names(list(chains))

@@ -56,10 +56,12 @@ def joint_model(
         raise UsageError("--urdf, --base-link and --flange-link go together: give all three")
     if offset_sigma_deg is not None and not 0 < offset_sigma_deg <= _WIDEST_DEG:
         raise UsageError(f"--offset-sigma-deg {offset_sigma_deg:g}: expected more than 0 and at most {_WIDEST_DEG:g}")
-    prior = {} if offset_sigma_deg is None else {"joint_offsets": _offsets(offset_sigma_deg)}
+    prior = {}
+    if offset_sigma_deg is not None:
+        prior = {"joint_offsets": {"status": "prior", "sigma_rad": round(math.radians(offset_sigma_deg), 5)}}
     if urdf is None or base_link is None or flange_link is None:
         cell = known_cell(folder)
-        known = None if cell is None or robot not in cell.robots else cell.robots[robot].chain
+        known = cell.robots[robot].chain if robot in cell.robots else None
         if known is None:
             give = "give --urdf FILE --base-link LINK --flange-link LINK"
             raise InputError(f"{folder} has no URDF of {robot!r}, which joints need: {give}")
@@ -67,8 +69,3 @@ def joint_model(
     name = Path(urdf).name
     described = {"urdf": name, "base_link": base_link, "flange_link": flange_link, **prior}
     return JointModel(read_chain(urdf, base_link, flange_link), {"robots": {robot: described}}, {name: Path(urdf)})
-
-
-def _offsets(sigma_deg: float) -> dict[str, Any]:
-    """Entry of `cell.yaml` for joint offsets that are known to a sigma [deg]."""
-    return {"status": "prior", "sigma_rad": round(math.radians(sigma_deg), 5)}

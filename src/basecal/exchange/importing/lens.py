@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from basecal.cell import Cell
 from basecal.cell.format.plain import pose_dict
 from basecal.errors import InputError
 from basecal.exchange.images import image_size
 from basecal.exchange.importing.carriers import carried_entry, check_robot, choose_carrier, choose_name
-from basecal.exchange.importing.cell_content import known_cell, recorded_samples
+from basecal.exchange.importing.cell_content import KnownCell, NoCell, known_cell, recorded_samples
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.lens_files.stated_lens import StatedLens, camera_entry
 from basecal.geometry import SE3
@@ -43,12 +42,12 @@ def lens_of_file(
         InputError: if it is not clear which camera it is or what carries it, or its images have another size.
     """
     cell, source = known_cell(folder), str(file)
-    name = choose_name("camera", camera, () if cell is None else cell.cameras, "camera")
-    known = None if cell is None else cell.cameras.get(name)
+    name = choose_name("camera", camera, cell.cameras, "camera")
+    known = cell.cameras.get(name)
     entry: dict[str, Any] = camera_entry(lens.camera, status)
     data: dict[str, Any] = {"cameras": {name: entry}}
-    if cell is None or known is None:
-        stated = carrier or ("eye" if cell is None else None)
+    if known is None:
+        stated = carrier or (None if cell.robots else "eye")
         on = choose_carrier(cell, "camera", name, stated, may_be_world=False)
         check_robot(cell, on)
         data = carried_entry("cameras", name, on, **entry)
@@ -61,7 +60,7 @@ def lens_of_file(
     return Imported(source, what, cell=data, replaced=places, advice="check that the file is of this camera")
 
 
-def _check_size(folder: Path, cell: Cell, camera: str, size_px: tuple[int, int] | None, source: str) -> None:
+def _check_size(folder: Path, cell: KnownCell, camera: str, size_px: tuple[int, int] | None, source: str) -> None:
     """Raise an InputError if the cell, or the first image of the camera, has another size."""
     samples = recorded_samples(folder, cell)
     image = next((sample.images[camera] for sample in samples if camera in sample.images), None)
@@ -73,7 +72,7 @@ def _check_size(folder: Path, cell: Cell, camera: str, size_px: tuple[int, int] 
             raise InputError(f"{found}: import the calibration of the images' size, or correct size_px")
 
 
-def mount_by_chain(cell: Cell | None, lenses: Sequence[StatedLens], name: str) -> SE3 | None:
+def mount_by_chain(cell: KnownCell, lenses: Sequence[StatedLens], name: str) -> SE3 | None:
     """Where a camera of a chain is, in what carries it; None if the cell does not know the one before it.
 
     Args:
@@ -83,7 +82,7 @@ def mount_by_chain(cell: Cell | None, lenses: Sequence[StatedLens], name: str) -
     """
     names = [lens.name for lens in lenses]
     place = names.index(name)
-    before = None if cell is None or place == 0 else cell.cameras.get(str(names[place - 1]))
+    before = None if place == 0 else cell.cameras.get(str(names[place - 1]))
     camera_from_previous = lenses[place].camera_from_previous
     if before is None or before.mount.mean is None or camera_from_previous is None:
         return None
@@ -91,7 +90,7 @@ def mount_by_chain(cell: Cell | None, lenses: Sequence[StatedLens], name: str) -
 
 
 def imported_target(
-    cell: Cell | None, target: Mapping[str, Any], source: str, name: str | None, carrier: str | None
+    cell: KnownCell, target: Mapping[str, Any], source: str, name: str | None, carrier: str | None
 ) -> Imported:
     """A target of which a file states kind and sizes.
 
@@ -105,7 +104,7 @@ def imported_target(
     Raises:
         InputError: if there is no cell, or it is not clear which target it is or what carries it.
     """
-    if cell is None:
+    if isinstance(cell, NoCell):
         raise InputError(
             f"there is no cell.yaml to put the target of {source} into: basecal new, or import poses first"
         )

@@ -125,12 +125,15 @@ def _own_samples(imports: Imported, samples: Sequence[Sample]) -> Pairing:
 def _holds_copies(rows: Sequence[Row], samples: Sequence[Sample]) -> bool:
     """Whether every row repeats robots and views of a recorded sample."""
     whole = [row for row in rows if row.robots and row.observations]
-    return bool(whole) and all(any(_is_copy(row, sample) for sample in samples) for row in whole)
-
-
-def _is_copy(row: Row, sample: Sample) -> bool:
-    is_there = row.robots.keys() <= sample.robots.keys() and _content_names([row]) <= _content_names([sample])
-    return is_there and all(is_same_state(state, sample.robots[name]) for name, state in row.robots.items())
+    return bool(whole) and all(
+        any(
+            row.robots.keys() <= sample.robots.keys()
+            and _content_names([row]) <= _content_names([sample])
+            and all(is_same_state(state, sample.robots[name]) for name, state in row.robots.items())
+            for sample in samples
+        )
+        for row in whole
+    )
 
 
 def is_same_state(state: RobotState, recorded_state: RobotState, tolerance: float = _STATE_TOLERANCE) -> bool:

@@ -251,9 +251,14 @@ def _brackets(line: str) -> str | None:
     return line[place:] if place >= 0 and _NUMBER.search(line[place:]) else None
 
 
+def _bracketed_lists(text: str) -> list[list[str]]:
+    """The numbers between any two brackets, where there are some."""
+    return list(filter(None, map(_LISTED_NUMBER.findall, re.split(r"[\[\](){}]", text))))
+
+
 def _has_several_poses(text: str, count: int) -> bool:
     """Whether lists of numbers repeat, each time as many as a pose has."""
-    lengths = [len(found) for part in re.split(r"[\[\](){}]", text) if (found := _LISTED_NUMBER.findall(part))]
+    lengths = list(map(len, _bracketed_lists(text)))
     periods = (n for n in range(1, len(lengths) // 2 + 1) if lengths == lengths[:n] * (len(lengths) // n))
     return any(sum(lengths[:n]) >= count for n in periods)
 
@@ -272,7 +277,7 @@ def _listed_values(text: str, names: Sequence[str]) -> list[str] | None:
     values: list[str] = []
     if _KRL_FIELDS.search(text):
         return None
-    lists = [found for part in re.split(r"[\[\](){}]", text) if (found := _LISTED_NUMBER.findall(part))]
+    lists = _bracketed_lists(text)
     if list(map(len, lists)) == [1, len(names)]:
         return lists[1]  # behind the code of a reply, as xArm's `get_position` prints it
     for each in lists:

@@ -85,7 +85,7 @@ def read_colmap(path: str | Path) -> dict[int, StatedLens]:
     file = reconstruction_file(path, "cameras")
     entries = list(_binary(file) if file.suffix.lower() == ".bin" else _text(file))
     if not entries:
-        raise DatasetError(str(file), "holds no camera, expected lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`")
+        raise DatasetError(file, "holds no camera, expected lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`")
     return {entry.number: _lens(entry) for entry in entries}
 
 
@@ -102,7 +102,7 @@ def reconstruction_file(path: str | Path, name: str) -> Path:
         if each.exists():
             return each
     why = f"cannot be read: holds neither {name}.bin nor {name}.txt; give a reconstruction's folder"
-    raise DatasetError(str(path), why)
+    raise DatasetError(path, why)
 
 
 def _text(path: Path) -> Iterator[_Entry]:
@@ -138,7 +138,7 @@ def _binary(path: Path) -> Iterator[_Entry]:
             )
             at += 24 + 8 * size
     except struct.error:
-        raise DatasetError(str(path), "is cut off, or is not cameras.bin of COLMAP") from None
+        raise DatasetError(path, "is cut off, or is not cameras.bin of COLMAP") from None
 
 
 def _lens(entry: _Entry) -> StatedLens:

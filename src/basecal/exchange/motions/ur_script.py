@@ -6,7 +6,7 @@ tool has to be the flange itself, which `set_tcp` ensures.
 
 from __future__ import annotations
 
-from basecal.exchange.controllers.ur import CONVENTION
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.motions.way import Motion, Way
 
 _ACCELERATION = 0.5  # [rad/s^2], a third of what the arms begin with
@@ -22,7 +22,7 @@ def write_motion(way: Way) -> str:
     lines = [f"def basecal_{robot}():", "  set_tcp(p[0, 0, 0, 0, 0, 0])"]
     for place, sample in enumerate(way.samples, start=1):
         joints = sample.robots[robot].joints_rad
-        numbers = CONVENTION.to_numbers(way.pose(robot, sample)) if joints is None else joints
+        numbers = CONTROLLERS["ur"].to_numbers(way.pose(robot, sample)) if joints is None else joints
         target = f"{'p' if joints is None else ''}[{', '.join(f'{float(number):.6f}' for number in numbers)}]"
         what = f"sample {sample.sample}, {place} of {len(way.samples)}"
         lines += [

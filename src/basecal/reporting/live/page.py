@@ -19,9 +19,10 @@ from basecal.errors import BasecalError
 from basecal.planning.sketch import Sketch, sketch_cell
 from basecal.reporting.cell_view.scene import scene_data
 from basecal.reporting.cell_view.stage import json_inside_html, stated_scene
+from basecal.reporting.decision.outlook import error_curve
 from basecal.reporting.decision.tiles import Tile, error_tile
+from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.thumbnails import image_drawing
-from basecal.reporting.live.progress import progress_figure
 from basecal.reporting.live.serving import Answer, serving
 from basecal.reporting.statement.verdict import COLOURS, error_text
 from basecal.reporting.templates.environment import fill_page, fill_part
@@ -129,7 +130,7 @@ class LivePage:
             "colour": COLOURS.get(word, "refused") if end else "",
             "tiles": list(_tiles(snapshot)),
             "motions": list(self._motions(snapshot)),
-            "progress": progress_figure(snapshot),
+            "progress": _progress_figure(snapshot),
         }
 
     def _motions(self, snapshot: Snapshot) -> Iterator[str]:
@@ -164,3 +165,11 @@ def _tiles(snapshot: Snapshot) -> Iterator[Tile]:
         yield Tile(f"{100 * step.coverage.share:.0f} %", "of the image covered")
     if left_s is not None and not is_over:
         yield Tile(f"{left_s / 60:.0f} min" if left_s > 90 else f"{left_s:.0f} s", "left, at the pace so far")
+
+
+def _progress_figure(snapshot: Snapshot) -> Figure | None:
+    """The expected error at the task over samples with its tolerance, or else the base's sigma; None before two."""
+    if len(snapshot.errors) > 1:
+        return error_curve("expected error at the task, 95 %", snapshot.errors, snapshot.tolerance_m)
+    sigmas = [(sigma.samples, sigma.t_m) for sigma in snapshot.sigmas]
+    return error_curve("sigma of the base", sigmas, None) if len(sigmas) > 1 else None

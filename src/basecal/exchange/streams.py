@@ -11,12 +11,13 @@ from typing import Literal, TypeVar
 from basecal.cell import Cell, CellCamera, CellTarget
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.assemble import recording_from_streams
+from basecal.exchange.controller_poses import PoseStream, read_poses
 from basecal.exchange.importing.carriers import choose_name
-from basecal.exchange.importing.cell_content import known_cell
+from basecal.exchange.importing.cell_content import NoCell, known_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.template import cell_text
 from basecal.exchange.pixels import read_pixels
-from basecal.exchange.poses import LengthUnit, PoseStream, read_poses
+from basecal.exchange.poses import LengthUnit
 
 Thing = TypeVar("Thing")
 Inverted = Literal["base-from-flange", "eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
@@ -72,7 +73,10 @@ def read_streams(cell: str | Path, files: Streams, camera: str | None, target: s
         InputError: if files and cell do not fit.
     """
     known = known_cell(cell)
-    places = _new_places(cell, files, camera, target) if known is None else _known_places(known, files, camera, target)
+    if isinstance(known, NoCell):
+        places = _new_places(cell, files, camera, target)
+    else:
+        places = _known_places(known, files, camera, target)
     poses = _read(files)
     eye, hand = poses.get("eye-base-from-flange"), poses.get("hand-base-from-flange")
     carried = ((places.eye, eye), (places.hand, hand))
@@ -86,7 +90,7 @@ def read_streams(cell: str | Path, files: Streams, camera: str | None, target: s
     )
     rows = tuple(Row(s.robots, s.observations, stamp_s=s.stamp_s) for s in recording.samples)
     text = None
-    if known is None:
+    if isinstance(known, NoCell):
         text = cell_text(2 if files.eye and files.hand else 1, "pose", camera_on_world=not files.eye)
     inverted = f", inverted: {', '.join(files.invert)}" if files.invert else ""
     what = f"{len(rows)} instants of {', '.join(poses)}, lengths in {files.length_unit}{inverted}"
