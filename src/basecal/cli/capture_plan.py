@@ -86,7 +86,7 @@ def capture_plan(
     home = starting_states(rig, sketch)
     if shifts is not None:
         return shifts.plan_samples(sketch.cell, folder, home, samples, seed), True
-    return PATTERNS[pattern].plan(sketch, home, samples, seed), True
+    return PATTERNS[pattern](sketch, home, samples, seed), True
 
 
 def _finished_count(folder: Path, sketch: Sketch, count: int, is_continued: bool) -> int:
