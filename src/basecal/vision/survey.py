@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from functools import partial
-from typing import Any
 
 import cv2
 import numpy as np
@@ -15,7 +13,7 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.circles import circles_target
 from basecal.vision.kinds import charuco, circles
 from basecal.vision.kinds.charuco_layout import likely_boards
-from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary
+from basecal.vision.kinds.fiducial import MARKER_SETS, detect_markers, dictionary
 from basecal.vision.kinds.ways import Grey, Way, best_result
 
 _LISTED_IDS = 5  # ids in a sentence
@@ -83,8 +81,7 @@ def describe_repeats(images: list[Grey], target: Target) -> str | None:
         return None
     detector = cv2.aruco.ArucoDetector(dictionary(name))
     for image in images:
-        _, numbers, _ = detector.detectMarkers(image)
-        count = Counter([] if numbers is None else numbers.ravel().tolist())
+        count = Counter(detect_markers(detector, image)[0].tolist())
         if 2 * sum(times > 1 for times in count.values()) > len(count):
             return "its markers are seen twice in one image: cover or remove the second print, or change its dictionary"
     return None
@@ -199,15 +196,15 @@ def _grid_phrase(target: Target) -> str:
 def _found_markers(images: list[Grey], name: str) -> set[int]:
     """Markers of a dictionary: those in several images, or in an image so many that they are no clutter."""
     detector = cv2.aruco.ArucoDetector(dictionary(name))
-    found = [best_result(image, _WAYS, partial(_markers, detector), 1) or set[int]() for image in images]
+
+    def search(image: Grey, _: Way) -> set[int]:
+        """Numbers of the markers in an image."""
+        return set(detect_markers(detector, image)[0].tolist())
+
+    found = [best_result(image, _WAYS, search, 1) or set[int]() for image in images]
     count = Counter(number for each in found for number in each)
     again = {number for number, times in count.items() if times > 1 or len(images) == 1}
     return again.union(*(each for each in found if len(each) >= _LEAST_MARKERS))
-
-
-def _markers(detector: Any, image: Grey, way: Way) -> set[int]:
-    _, numbers, _ = detector.detectMarkers(image)
-    return set() if numbers is None else {int(number) for number in numbers.ravel()}
 
 
 def _other_set(images: list[Grey], stated_ids: str, kind: str) -> str | None:
