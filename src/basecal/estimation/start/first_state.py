@@ -21,6 +21,7 @@ from basecal.estimation.least_squares.bundle_adjustment import batch_states, bun
 from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.all_pairs import placed_by_pairs
+from basecal.estimation.start.base_graph import place_bases
 from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
 from basecal.estimation.start.contacts import place_contacts, rigid_ends, turned_starts, without_contacts
 from basecal.estimation.start.lens import lens_from_views
@@ -68,15 +69,7 @@ class _Known:
     def add_relation(self, eye_base: str | None, hand_base: str | None, relation: SE3) -> None:
         """Add `eye_base_from_hand_base`, and place every base that it leads to."""
         self.relations[eye_base, hand_base] = relation
-        placed = True
-        while placed:
-            placed = False
-            for (a, b), a_from_b in self.relations.items():
-                at_a, at_b = self.base(a), self.base(b)
-                if at_a is not None and at_b is None and b is not None:
-                    self.transforms[b], placed = at_a @ a_from_b, True
-                elif at_b is not None and at_a is None and a is not None:
-                    self.transforms[a], placed = at_b @ a_from_b.inverse(), True
+        self.transforms = place_bases(self.transforms, self.relations)
 
 
 def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
