@@ -13,10 +13,7 @@ import numpy as np
 
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths, nearest_rotation
-from basecal.numerics.spectral import least_norm, null_vector
-
-_POWER_ROUNDS = 6  # of the power method
-_SMALLEST_DIVISOR = 1e-300  # keeps quotients of zeros finite
+from basecal.numerics.spectral import least_norm, null_vector, principal_axes
 
 
 class Loop(NamedTuple):
@@ -105,22 +102,11 @@ def _solve_three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
     null = null_vector(_three_squares(a, b, c, weight), float(lengths(weight)))
     product = _choose_sign(null.vector, _unvec(null.vector[81:]))[:81].reshape(9, 9).T
     by_factor = product.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
-    x_t, y_t = (of.reshape(3, 3) for of in _factors(by_factor))
+    # Of rank one but for noise: its factors are the first singular vectors, but for their sizes.
+    of_y = principal_axes(by_factor).axes[:, 0]
+    x_t, y_t = (by_factor @ of_y).reshape(3, 3), of_y.reshape(3, 3)
     x, y = nearest_rotation(_choose_sign(np.stack([x_t, y_t]), x_t)).mT
     return Rotations(x, y, mean_rotation(_t(y @ c) @ a @ x @ b, weight), null.unique)
-
-
-def _factors(product: Array) -> tuple[Array, Array]:
-    """Vectors, (m,) and (k,), whose product is nearest to (m, k), but for their sizes: by the power method.
-
-    Where all three rotations are clear the product is of rank one but for noise, of which each round leaves the square.
-    """
-    second = product[np.argmax(np.einsum("mk,mk->m", product, product))]
-    for _ in range(_POWER_ROUNDS):
-        first = product @ second
-        second = first @ product
-        second /= np.maximum(lengths(second), _SMALLEST_DIVISOR)
-    return product @ second, second
 
 
 def _three_squares(a: Array, b: Array, c: Array, weight: Array) -> Array:
