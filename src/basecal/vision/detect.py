@@ -166,7 +166,7 @@ def _read_source(look: _Look, path: str) -> _Source:
 
 
 def _detection(look: _Look, camera: str, target: Target, source: _Source, dark: _Source | None) -> Detection | None:
-    """What an image shows of a target, as it was kept or is found now.
+    """The detection of a target in an image, as it was kept or is found now.
 
     Raises:
         _Unusable: if an image cannot be used.
