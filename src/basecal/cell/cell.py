@@ -51,11 +51,11 @@ class Unknown:
 _AS_STATED = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-def _check_sigma(known: _Timed) -> _Timed:
-    if (known.status == "prior") != (known.sigma_s is not None):
-        wanted = "takes sigma_s" if known.status == "prior" else "takes no sigma_s"
-        raise ValueError(f"status {known.status} {wanted}")
-    return known
+def _check_sigma(timing: _Timed) -> _Timed:
+    if (timing.status == "prior") != (timing.sigma_s is not None):
+        wanted = "takes sigma_s" if timing.status == "prior" else "takes no sigma_s"
+        raise ValueError(f"status {timing.status} {wanted}")
+    return timing
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,8 @@ def points_in_image(camera: Camera, points_in_camera: Array, margin_px: float) -
         return seen
     pixels = camera.project(points_in_camera)
     inside = (pixels >= margin_px) & (pixels <= np.array(camera.size_px) - 1 - margin_px)
-    return seen & np.asarray(np.all(inside, axis=-1))
+    seen &= np.all(inside, axis=-1)
+    return seen
 
 
 def is_front_seen(normal: Array, centre: Array, least_cosine: float) -> BoolArray:

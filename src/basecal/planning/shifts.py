@@ -38,7 +38,7 @@ def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int
     Raises:
         InputError: if the target is on the world, or hardly any station is feasible.
     """
-    check_carried(sketch)
+    check_target(sketch)
     wanted = max(1, -(-samples // len(DIRECTIONS)))
     found: list[list[Sample]] = []
     for tried in range(_STATION_TRIES):
@@ -53,7 +53,7 @@ def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int
     raise InputError(f"only {len(found)} of {wanted} stations can be shifted from: begin farther from the arms' limits")
 
 
-def check_carried(sketch: Sketch) -> None:
+def check_target(sketch: Sketch) -> None:
     """Check that a robot carries the target.
 
     Raises:

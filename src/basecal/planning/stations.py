@@ -11,7 +11,7 @@ from basecal.cell import Sample
 from basecal.errors import InputError
 from basecal.planning.candidates import Taught, candidates
 from basecal.planning.feasible import blocked_samples
-from basecal.planning.shifts import DIRECTIONS, aim_camera, check_carried, make_station, shift_length
+from basecal.planning.shifts import DIRECTIONS, aim_camera, check_target, make_station, shift_length
 from basecal.planning.sketch import Sketch
 
 STATION_SAMPLES = len(DIRECTIONS)
@@ -32,7 +32,7 @@ def stations(sketch: Sketch, views: Sequence[Taught], seed: int = 0) -> list[Sam
     Raises:
         InputError: if no robot carries the target, or no station is feasible.
     """
-    check_carried(sketch)
+    check_target(sketch)
     found = list[Sample]()
     for drawn in candidates(sketch, views, _ORIGIN_COUNT, seed):
         origin = aim_camera(sketch, drawn)

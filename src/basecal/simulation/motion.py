@@ -145,12 +145,8 @@ def _parts(
         return [(hand_still, n - n // 2), (eye_still, n // 2)]
     if scenario.arms == "stations":
         stops = _draw(scene, scenario, group, hand_still, min(scenario.stations, n), rng, arms).recorded[eye[0]]
-        return [({eye[0]: stops[k]}, len(part)) for k, part in enumerate(_split_evenly(n, len(stops)))]
+        return [({eye[0]: stops[k]}, len(part)) for k, part in enumerate(np.array_split(np.arange(n), len(stops)))]
     return [(eye_still if scenario.arms == "eye_still" else hand_still, n)]
-
-
-def _split_evenly(n: int, parts: int) -> list[NDArray[np.int64]]:
-    return np.array_split(np.arange(n), parts)
 
 
 def draw_motions(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> list[Motion]:
@@ -159,10 +155,9 @@ def draw_motions(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping
     Raises:
         InputError: if the scenario's arms do not suit its layout, or hardly any pose sees the target.
     """
-    groups = range(len(scene.layout.groups))
     parts = [
         (group, *part)
-        for group, share in zip(groups, _split_evenly(scenario.samples, len(groups)), strict=True)
+        for group, share in enumerate(np.array_split(np.arange(scenario.samples), len(scene.layout.groups)))
         if len(share)
         for part in _parts(scene, scenario, group, len(share), rng, arms)
     ]

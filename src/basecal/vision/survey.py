@@ -152,7 +152,8 @@ def other_chessboard(images: list[Grey], target: Target) -> str | None:
     """A board of another size."""
     if markers := markers_instead(images):
         return markers
-    stated = tuple(target.options["corners"])
+    columns, rows = target.options["corners"]
+    stated = columns, rows
     sizes = Counter(size for image in images for size in _sizes_of_board(image, stated))
     size, times = max(sizes.items(), key=lambda each: each[1], default=((0, 0), 0))
     # What OpenCV grows from a few corners may be a part of a board; it is not the same part in two images.
@@ -161,11 +162,10 @@ def other_chessboard(images: list[Grey], target: Target) -> str | None:
     return f"{max(size)}x{min(size)} inner corners are seen, not {stated[0]}x{stated[1]}"
 
 
-def _sizes_of_board(image: Grey, stated_ids: tuple[int, ...]) -> list[tuple[int, ...]]:
+def _sizes_of_board(image: Grey, stated_ids: tuple[int, int]) -> list[tuple[int, int]]:
     """The size of a board in an image: near the one stated, or else as large as it is seen; none if none is."""
     small = Way(0.5).apply(image)
-    for more in ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1)):
-        size = (stated_ids[0] + more[0], stated_ids[1] + more[1])
+    for size in _near_sizes(*stated_ids):
         if min(size) >= _SMALLEST_BOARD and cv2.findChessboardCornersSB(small, size)[0]:
             return [size]
     seen, _, board = cv2.findChessboardCornersSBWithMeta(image, (_SMALLEST_BOARD, _SMALLEST_BOARD), cv2.CALIB_CB_LARGER)
@@ -173,12 +173,16 @@ def _sizes_of_board(image: Grey, stated_ids: tuple[int, ...]) -> list[tuple[int,
     return [(max(board.shape), min(board.shape))] if seen and min(board.shape) > _SMALLEST_BOARD else []
 
 
+def _near_sizes(columns: int, rows: int) -> list[tuple[int, int]]:
+    """Sizes with a column, a row or both more, then with as many less."""
+    return [(columns + a, rows + b) for a, b in ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1))]
+
+
 def other_circles(images: list[Grey], target: Target) -> str | None:
     """A grid of another size or pattern."""
     columns, rows = target.options["circles"]
     asymmetric = bool(target.options["asymmetric"])
-    steps = ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1))
-    sizes = [(rows, columns), *((columns + more, rows + longer) for more, longer in steps)]
+    sizes = [(rows, columns), *_near_sizes(columns, rows)]
     tried = [*((size, asymmetric) for size in sizes), *((size, not asymmetric) for size in [(columns, rows), *sizes])]
     for size, kind in tried:
         if min(size) >= _SMALLEST_BOARD:

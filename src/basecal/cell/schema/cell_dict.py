@@ -65,10 +65,10 @@ def _robot(robot: Robot) -> dict[str, Any]:
     )
 
 
-def _timing(name: str, known: Clock | RollingShutter | None) -> dict[str, Any]:
-    if known is None:
+def _timing(name: str, timing: Clock | RollingShutter | None) -> dict[str, Any]:
+    if timing is None:
         return {}
-    stated = {key: value for key, value in vars(known).items() if value is not None}
+    stated = {key: value for key, value in vars(timing).items() if value is not None}
     return {name: {key: value if key == "status" else float(value) for key, value in stated.items()}}
 
 

@@ -114,12 +114,12 @@ def _single_view_pose(one: ViewGroup, state: State, start: SE3) -> SE3 | None:
     return refine_poses(measurement, start, state.cameras.get(one.camera)).camera_from_target[0]
 
 
-def _left_out_points(group: ViewGroup, lost: BoolArray, ids: IntArray, distances: Array, sigma: float) -> list[LeftOut]:
-    """Descriptions of lost points (n, p), by ids (n, p) and distances (n, p), in sigmas of their scatter."""
+def _left_out_points(group: ViewGroup, mask: BoolArray, ids: IntArray, distances: Array, sigma: float) -> list[LeftOut]:
+    """Descriptions of the points of a mask (n, p), by ids (n, p) and distances (n, p), in sigmas of their scatter."""
     found = []
     assert isinstance(group.measurement, SeenPoints)
     for sample, mine, numbers, away, weight in zip(
-        group.sample.tolist(), lost, ids, distances, group.measurement.weight, strict=True
+        group.sample.tolist(), mask, ids, distances, group.measurement.weight, strict=True
     ):
         off, sigmas = away[mine], away[mine] * weight[mine] / sigma
         worst = int(np.argmax(sigmas))
@@ -140,9 +140,9 @@ def _ids_by_view(ids: IntArray, recorded_group: ViewGroup, group: ViewGroup) -> 
     return np.where(as_recorded[:, None], every, every[:, ::-1])
 
 
-def _distances(measurement: SeenPoints, kept: BoolArray, predicted_pose: SE3, lens: Camera | None) -> Array:
-    """How far each point is from where the kept points of its view, or all else, put it, (n, p) [px or m]."""
-    left = measurement.mask_points(kept)
+def _distances(measurement: SeenPoints, mask: BoolArray, predicted_pose: SE3, lens: Camera | None) -> Array:
+    """How far each point is from where the points of its view in a mask, or all else, put it, (n, p) [px or m]."""
+    left = measurement.mask_points(mask)
     pose = (
         refine_poses(left, predicted_pose, lens).camera_from_target if (left.equations() >= 6).all() else predicted_pose
     )

@@ -17,7 +17,7 @@ from basecal.estimation.start.base_graph import place_bases
 from basecal.estimation.start.closed_form import solve_translations
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.start.refinement import Refinement, Triple, refine_jointly
-from basecal.estimation.start.rotation_search import settled_rotations
+from basecal.estimation.start.rotation_search import rotation_angle, settled_rotations
 from basecal.geometry import SE3
 
 _LONG_RING_BASES = 8  # bases: of fewer none drifts farther than a descent mends
@@ -82,6 +82,5 @@ def _misfit(sight: PairViews, triple: Triple) -> float:
     assert sight.candidates is not None
     chosen = sight.closest_pose(triple)
     own = sight.candidates[np.arange(len(chosen)), chosen]
-    off = (own.inverse() @ sight.predict_poses(triple)).rotvec
-    found = float(np.median(np.linalg.norm(off, axis=-1)))
+    found = float(np.median(rotation_angle(own.rotation, sight.group.close_loop(*triple).rotation)))
     return found if np.isfinite(found) else np.inf

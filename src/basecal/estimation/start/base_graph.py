@@ -11,13 +11,13 @@ Relations = Mapping[tuple[str | None, str | None], SE3]
 """`eye_base_from_hand_base` of pairs, by the names of both bases; the reference has none."""
 
 
-def place_bases(known: Mapping[str, SE3], relations: Relations) -> dict[str, SE3]:
-    """Where bases stand in the world: those that are known, and all that relations lead to from them."""
+def place_bases(bases: Mapping[str, SE3], relations: Relations) -> dict[str, SE3]:
+    """Where bases stand in the world: those that are given, and all that relations lead to from them."""
     near: dict[str | None, list[tuple[str | None, SE3]]] = defaultdict(list)
     for (eye, hand), eye_from_hand in relations.items():
         near[eye].append((hand, eye_from_hand))
         near[hand].append((eye, eye_from_hand.inverse()))
-    placed: dict[str | None, SE3] = {None: SE3.identity(), **known}
+    placed = dict[str | None, SE3]([(None, SE3.identity()), *bases.items()])
     waiting = [*placed]
     for name in waiting:  # grows
         for other, from_other in near[name]:

@@ -53,10 +53,6 @@ def kron(left: Array, right: Array) -> Array:
     return product.reshape(*shape, left.shape[-2] * right.shape[-2], left.shape[-1] * right.shape[-1])
 
 
-def _t(matrix: Array) -> Array:
-    return matrix.mT
-
-
 def _unvec(vector: Array) -> Array:
     return vector.reshape(3, 3).T
 
@@ -80,19 +76,19 @@ def solve_rotations(loop: Loop) -> Rotations:
     a, b, c, w = loop.a.rotation, loop.b.rotation, loop.c.rotation, loop.weight
     x, y, z = (None if t is None else t.rotation for t in (loop.x, loop.y, loop.z))
     if x is not None and y is not None:
-        return Rotations(x, y, z if z is not None else mean_rotation(_t(y @ c) @ a @ x @ b, w), True)
+        return Rotations(x, y, z if z is not None else mean_rotation((y @ c).mT @ a @ x @ b, w), True)
     if x is not None and z is not None:
-        return Rotations(x, mean_rotation(a @ x @ b @ _t(c @ z), w), z, True)
+        return Rotations(x, mean_rotation(a @ x @ b @ (c @ z).mT, w), z, True)
     if y is not None and z is not None:
-        return Rotations(mean_rotation(_t(a) @ y @ c @ z @ _t(b), w), y, z, True)
+        return Rotations(mean_rotation(a.mT @ y @ c @ z @ b.mT, w), y, z, True)
     if y is not None:
-        p, q, clear = _solve_two(kron(_t(b), a), kron(eye, y @ c), w)
+        p, q, clear = _solve_two(kron(b.mT, a), kron(eye, y @ c), w)
         return Rotations(p, y, q, clear)
     if z is not None:
-        p, q, clear = _solve_two(kron(_t(b), a), kron(_t(c @ z), eye), w)
+        p, q, clear = _solve_two(kron(b.mT, a), kron((c @ z).mT, eye), w)
         return Rotations(p, q, z, clear)
     if x is not None:
-        p, q, clear = _solve_two(kron(_t(a @ x @ b), eye), kron(eye, c), w)
+        p, q, clear = _solve_two(kron((a @ x @ b).mT, eye), kron(eye, c), w)
         return Rotations(x, p.T, q, clear)
     return _solve_three(a, b, c, w)
 
@@ -106,7 +102,7 @@ def _solve_three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
     of_y = principal_axes(by_factor).axes[:, 0]
     x_t, y_t = (by_factor @ of_y).reshape(3, 3), of_y.reshape(3, 3)
     x, y = nearest_rotation(_choose_sign(np.stack([x_t, y_t]), x_t)).mT
-    return Rotations(x, y, mean_rotation(_t(y @ c) @ a @ x @ b, weight), null.unique)
+    return Rotations(x, y, mean_rotation((y @ c).mT @ a @ x @ b, weight), null.unique)
 
 
 def _three_squares(a: Array, b: Array, c: Array, weight: Array) -> Array:
@@ -115,7 +111,7 @@ def _three_squares(a: Array, b: Array, c: Array, weight: Array) -> Array:
     Those of the left with themselves are kron(vec(A) vec(A)', I), with the right kron(vec(A), kron(B, C)).
     """
     n, share = len(a), weight**2
-    of_a = _t(a).reshape(n, 9)
+    of_a = a.mT.reshape(n, 9)
     weighted = (share[:, None] * of_a).T
     mixed = (weighted @ kron(b, c).reshape(n, 81)).reshape(81, 9)
     squares = np.zeros((90, 90))
