@@ -7,10 +7,12 @@ Source: docs/mathematics.md (6.5).
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from basecal.estimation.start.closed_form import Loop
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3, Array, read_only
 from basecal.geometry.rotation import rotation_exp
 
 _RIDGE = 1e-6  # keeps translations of least norm where views do not determine them
@@ -18,6 +20,7 @@ _MOST_VIEWS = 40  # views by which cells of the grid are ranked
 _BEST_OF_CAMERA = 8  # cells of each rotation of X that are ranked with those of the others
 
 
+@cache
 def icosahedral_rotations() -> Array:
     """The sixty rotations that carry an icosahedron onto itself, (60, 3, 3).
 
@@ -27,7 +30,7 @@ def icosahedral_rotations() -> Array:
     about_vertex = rotation_exp(2 * np.pi / 5 * np.arange(5)[:, None] * vertex / np.linalg.norm(vertex))
     signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     tetrahedral = np.array([np.roll(np.diag(each), shift, axis=0) for each in signs for shift in range(3)])
-    return (tetrahedral[:, None] @ about_vertex).reshape(-1, 3, 3)
+    return read_only((tetrahedral[:, None] @ about_vertex).reshape(-1, 3, 3))
 
 
 def light_starts(loop: Loop, bearings_in_camera: Array, max_count: int) -> list[tuple[SE3, SE3, SE3]]:

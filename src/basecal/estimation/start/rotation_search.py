@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -177,11 +176,6 @@ def _moments(a: Array, b: Array, c: Array, weight: Array) -> Array:
     return np.asarray(total.transpose(0, 2, 5, 1, 3, 4, 6).reshape(h, 9, 9, 9))
 
 
-@cache
-def _grid() -> Array:
-    return icosahedral_rotations()
-
-
 def _grid_starts(loops: _Loops, max_count: int) -> dict[str, Array]:
     """The most promising rotations, (h, m, 3, 3) by letter, best first; of so many loops at a time as a cache holds."""
     count = len(loops.moments)
@@ -194,9 +188,9 @@ def _grid_starts(loops: _Loops, max_count: int) -> dict[str, Array]:
 
 def _best_of_grid(loops: _Loops, max_count: int) -> dict[str, Array]:
     h = len(loops.moments)
-    averaged = loops.unknown[-1]
+    averaged, grid = loops.unknown[-1], icosahedral_rotations()
     tried = {
-        k: np.broadcast_to(_grid(), (h, len(_grid()), 3, 3)) if k in loops.unknown else loops.known[k]
+        k: np.broadcast_to(grid, (h, len(grid), 3, 3)) if k in loops.unknown else loops.known[k]
         for k in "xyz"
         if k != averaged
     }
