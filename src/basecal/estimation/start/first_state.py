@@ -7,7 +7,6 @@ are each refined. Everything is deterministic. `benchmarks.starts` judges its li
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -113,13 +112,8 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in seen if g not in metric]
     sights = tuple(waiting)
     in_vain: dict[int, str] = {}  # of a pair, what was unknown as it could not be started
-    unknown = {id(sight): _unknown(sight, known) for sight in waiting}
-    by_name: dict[str, list[PairViews]] = defaultdict(list)
-    for sight in sights:
-        for name in sight.group.frames:
-            by_name[name].append(sight)
     while waiting:
-        before = set(known.transforms)
+        unknown = {id(sight): _unknown(sight, known) for sight in waiting}
         waiting.sort(key=lambda s: (len(unknown[id(s)]), s.candidates is None, -s.total))
         for sight in waiting:
             if in_vain.get(id(sight)) == unknown[id(sight)]:
@@ -131,8 +125,6 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
             sight = waiting[0]
             yield from _start(sight, known, problem, thorough, is_forced=True)
         waiting.remove(sight)
-        told = {*(known.transforms.keys() - before), *sight.group.frames}  # those of the pair have a relation, too
-        unknown |= {id(s): _unknown(s, known) for name in told for s in by_name[name]}
     found = {**known.transforms, **place_by_points(simple, metric, known.transforms)}
     transforms = {name: found.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
     transforms |= placed_by_pairs(problem, sights, transforms, known_transforms(problem))
