@@ -20,6 +20,7 @@ from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.protocol import HOST, LONGEST_LINE, MOST_JOINTS, decode, encode
 from basecal.vision.image_file import png_bytes
 
+REQUESTS = ("state", "move", "stop", "image", "light")
 _LONGEST_REQUEST = 2**16  # bytes: a request has a few joints
 _SILENCE_LIMIT_S = 0.3  # without a request, arms of a cell whose time goes on by itself come to rest
 
@@ -28,7 +29,7 @@ class Request(Entry):
     """A request, with all its possible fields."""
 
     token: str
-    do: Annotated[str, known_names("request", ("state", "move", "stop", "image", "light"))]
+    do: Annotated[str, known_names("request", REQUESTS)]
     robot: str = ""
     camera: str = ""
     on: bool = True
