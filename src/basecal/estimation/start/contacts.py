@@ -102,7 +102,7 @@ def _part_ends(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3
 
 def _flanges(end: End, transforms: Mapping[str, SE3]) -> SE3:
     """`world_from_flange` at the views of an end, (n,)."""
-    return end.base_from_flange if end.base is None else transforms[end.base] @ end.base_from_flange
+    return end.world_from_base(transforms) @ end.base_from_flange
 
 
 def _z_rotation(axis: Array) -> Array:
