@@ -71,6 +71,10 @@ def _unflipped(group: Any, *_: Any) -> Any:
     return np.zeros(len(group), dtype=bool)
 
 
+def _near(_measurement: Any, subsets: Any, _camera: Any, start: Any) -> Any:
+    return start[np.tile(np.arange(len(start)), len(subsets) // len(start))]
+
+
 RESCUES: dict[str, Rescue] = {
     "all pairs of a long ring at once": Rescue(_START + "first_state", "placed_by_pairs", lambda *_: {}, bool),
     "pairs of a ring restarted alone": Rescue(_START + "all_pairs", "_restart_pairs", lambda wishes: wishes),
@@ -81,6 +85,7 @@ RESCUES: dict[str, Rescue] = {
     "both poses of ambiguous views": Rescue(
         _START + "pair_views", "PairViews.ambiguous_loop", lambda *_: None, lambda found: found is not None
     ),
+    "rotations settled by the better poses": Rescue(_START + "refinement", "settled_rotations", lambda *_: [], bool),
     "bases turned about their contacts": Rescue(_START + "first_state", "turned_starts", lambda *_: ()),
     "points judged by their view": Rescue(
         _OUTLIERS + "robust_solve",
@@ -93,6 +98,11 @@ RESCUES: dict[str, Rescue] = {
         "_subsets",
         lambda seen: np.zeros((0, *seen.shape), dtype=bool),
         lambda of: len(of) > 2,
+    ),
+    "poses of random points in closed form": Rescue(_OUTLIERS + "view_ransac", "_closed_form", _near),
+    "points taken back": Rescue(_OUTLIERS + "robust_solve", "readmit_points", lambda _problem, _state, kept, _: kept),
+    "views that stand out": Rescue(
+        _OUTLIERS + "noise_and_outliers", "leave_out_suspects", lambda *_: None, lambda found: found is not None
     ),
     "views taken back": Rescue(_OUTLIERS + "classify", "_readmit", lambda _model, _problem, inliers, *_: inliers),
     "subsets of samples": Rescue(_OUTLIERS + "robust_solve", "subset_states", lambda *_: ()),

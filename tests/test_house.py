@@ -470,7 +470,6 @@ MIRRORED = (
 NOTHING_TO_TEST = {
     "cell/files.py": "names of other modules",
     "exchange/exports/exporter.py": "values without behaviour",
-    "planning/pattern.py": "values without behaviour",
     "accuracy/findings/evidence.py": "values without behaviour",
     "effects/faces/effect.py": "values, which tests/effects/test_registry.py holds",
     "effects/faces/lens_parameter.py": "values without behaviour",

@@ -84,7 +84,7 @@ def test_the_check_bites(source: str) -> None:
         ("exchange/exporters", "EXPORTER = ", EXPORTERS.keys() - PENDANTS.keys()),
         ("exchange/motions", "MOTION = ", MOTIONS),
         ("acquisition/drivers", "def open_", DRIVERS),
-        ("planning", "PATTERN = ", PATTERNS),
+        ("planning", "def plan(", PATTERNS),
         ("studies/solvers", "SOLVER = ", SOLVERS),
         ("effects", "EFFECT = ", EFFECTS),
     ],

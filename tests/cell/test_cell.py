@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from basecal.cell import WORLD, Cell, CellCamera, CellTarget, Clock, Intrinsics, Robot, Unknown
+from basecal.cell import WORLD, Cell, CellCamera, CellTarget, Clock, Intrinsics, Robot, RollingShutter, Unknown
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_schema import CameraEntry, RobotEntry
 from basecal.errors import FrameNotFound, InputError
@@ -136,6 +136,38 @@ def test_what_is_wrong_with_a_clock_is_said(data, said):
     """Numbers are checked as those of other entries are."""
     with pytest.raises(ValidationError, match=said):
         CameraEntry.model_validate({"on": "world", "clock": data})
+
+
+@pytest.mark.parametrize(
+    "data", [{"line_time_s": 1.5e-5}, {"status": "free"}, {"status": "prior", "line_time_s": -2e-5, "sigma_s": 1e-6}]
+)
+def test_a_stated_rolling_shutter_comes_back(data):
+    """As it is stated, and as it is written; nothing is written of a camera without one."""
+    entry = CameraEntry.model_validate({"on": "world", "rolling_shutter": data})
+    assert entry.rolling_shutter == RollingShutter(**data)
+    cameras = {"wrist": CellCamera("wrist", WORLD, rolling_shutter=entry.rolling_shutter)}
+    written = cell_to_dict(Cell("eye", {"eye": Robot("eye")}, cameras=cameras))["cameras"]["wrist"]["rolling_shutter"]
+    assert CameraEntry.model_validate({"on": "world", "rolling_shutter": written}) == entry
+    bare = cell_to_dict(Cell("eye", {"eye": Robot("eye")}, cameras={"wrist": CellCamera("wrist", WORLD)}))
+    assert "rolling_shutter" not in bare["cameras"]["wrist"]
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({}, "status fixed takes line_time_s, the time from a row to the next"),
+        ({"status": "prior", "line_time_s": 1e-5}, "status prior takes sigma_s"),
+        ({"line_time_s": 1e-5, "sigma_s": 1e-6}, "status fixed takes no sigma_s"),
+        ({"line_time_s": 0.015}, "less than or equal"),
+        ({"line_time_s": "1e-5"}, "valid number"),
+        ({"line_time_s": 1e-5, "line_time_ms": 0.015}, "line_time_ms"),
+        (3, "dictionary"),
+    ],
+)
+def test_what_is_wrong_with_a_rolling_shutter_is_said(data, said):
+    """Numbers are checked as those of other entries are."""
+    with pytest.raises(ValidationError, match=said):
+        CameraEntry.model_validate({"on": "world", "rolling_shutter": data})
 
 
 def test_jitter_is_of_cameras_alone():

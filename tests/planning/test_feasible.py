@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.cell import Robot, RobotState, Sample
-from basecal.geometry import SE3
+from basecal.geometry import SE3, Camera
 from basecal.planning.feasible import (
     blocked_samples,
     is_clear,
@@ -16,6 +16,7 @@ from basecal.planning.feasible import (
     is_in_view,
     is_path_clear,
     is_within_limits,
+    points_in_image,
     reach_pose,
 )
 from basecal.planning.sketch import sketch_cell
@@ -25,6 +26,7 @@ from shared.running_cell import home
 
 WORLD = facing_arms()
 SKETCH, HOME = sketch_cell(WORLD.cell), home(WORLD)
+LENS = Camera("pinhole", np.array([100.0, 100.0, 49.5, 49.5]), (100, 100))
 
 
 def moved(**tangents):
@@ -107,3 +109,20 @@ def test_out_of_reach_and_by_poses():
     far = SE3(np.eye(3), np.array([2.0, 0, 0]))
     assert reach_pose(ARM, far, NEAR_STATE) is None
     assert reach_pose(Robot("eye"), far, RobotState(SE3.identity())).base_from_flange is far
+
+
+@pytest.mark.parametrize(("pixel", "seen"), [(1.9, False), (2.1, True), (96.9, True), (97.1, False)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_margin_is_kept_at_every_border(pixel, seen, axis):
+    """Two pixels inside of the first and the last pixel's centre, 0 and 99."""
+    at = np.array([49.5, 49.5])
+    at[axis] = pixel
+    point = np.append((at - 49.5) / 100, 1.0)
+    assert points_in_image(LENS, point, 2.0) == seen
+
+
+def test_what_is_behind_is_not_seen():
+    """Of a camera that says its size, and of one that does not."""
+    ends = np.array([[0, 0, 1.0], [0, 0, -1.0]])
+    assert points_in_image(LENS, ends, 2.0).tolist() == [True, False]
+    assert points_in_image(Camera("pinhole", LENS.parameters), ends, 2.0).tolist() == [True, False]

@@ -11,7 +11,7 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Camera
 from basecal.numerics.batch import concatenate
 from basecal.simulation.layout import make_layout
-from basecal.simulation.motion import draw_motions, points_in_camera, seen_points, visible
+from basecal.simulation.motion import draw_motions, points_in_camera, seen_points
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import draw_scene, front
 
@@ -25,23 +25,6 @@ def scene_of(scenario):
 
 def drawn(scenario, scene=None):
     return draw_motions(scene or scene_of(scenario), scenario, np.random.default_rng(2), {})
-
-
-@pytest.mark.parametrize(("pixel", "seen"), [(1.9, False), (2.1, True), (96.9, True), (97.1, False)])
-@pytest.mark.parametrize("axis", [0, 1])
-def test_the_margin_is_kept_at_every_border(pixel, seen, axis):
-    """Two pixels inside of the first and the last pixel's centre, 0 and 99."""
-    at = np.array([49.5, 49.5])
-    at[axis] = pixel
-    point = np.append((at - 49.5) / 100, 1.0)
-    assert visible(LENS, point, 2.0) == seen
-
-
-def test_what_is_behind_is_not_seen():
-    """Of a camera that says its size, and of one that does not."""
-    ends = np.array([[0, 0, 1.0], [0, 0, -1.0]])
-    assert visible(LENS, ends, 2.0).tolist() == [True, False]
-    assert visible(Camera("pinhole", LENS.parameters), ends, 2.0).tolist() == [True, False]
 
 
 def test_points_are_those_of_the_target_where_it_stands():

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from basecal.simulation.running.faults import FAULTS
-from basecal.simulation.running.server import _ACTIONS
+from basecal.simulation.running.server import REQUESTS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "capture.md").read_text(encoding="utf-8")
 
@@ -26,5 +26,5 @@ def test_every_fault_is_described():
 
 def test_every_request_is_described():
     """All that a running cell answers, and nothing else."""
-    assert [row[0] for row in rows("What a running cell answers")] == list(_ACTIONS)
+    assert [row[0] for row in rows("What a running cell answers")] == list(REQUESTS)
     assert not re.search(r"TODO|TBD", PAGE)

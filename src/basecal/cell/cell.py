@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 from pydantic import ConfigDict, Field, Strict, model_validator
@@ -22,8 +22,10 @@ from basecal.kinematics import SerialChain
 Status = Literal["fixed", "prior", "free"]
 SensorKind = Literal["camera", "tracker", "tip", "clamp"]
 Contact = Literal["plane", "edge", "clamp", "hinge"]
+_Timed = TypeVar("_Timed", "Clock", "RollingShutter")
 WORLD = "world"
 _MOST_JITTER_S = 1.0  # of a clock: with more an image tells nothing of an arm that moves
+_LONGEST_LINE_S = 1e-3  # of a row: an image of a thousand then takes a second. Below 0 if the bottom row comes first.
 
 
 def grip_name(clamp: str) -> str:
@@ -46,6 +48,16 @@ class Unknown:
     sigma: Array | None = None
 
 
+_AS_STATED = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+def _check_sigma(timing: _Timed) -> _Timed:
+    if (timing.status == "prior") != (timing.sigma_s is not None):
+        wanted = "takes sigma_s" if timing.status == "prior" else "takes no sigma_s"
+        raise ValueError(f"status {timing.status} {wanted}")
+    return timing
+
+
 @dataclass(frozen=True)
 class Clock:
     """Prior knowledge of a device's clock.
@@ -57,19 +69,14 @@ class Clock:
         jitter_s: Sigma of what each stamp is off alone [s]; None if it is to be estimated. Of cameras only.
     """
 
-    __pydantic_config__: ClassVar = ConfigDict(extra="forbid", allow_inf_nan=False)
+    __pydantic_config__: ClassVar = _AS_STATED
 
     status: Status = "fixed"
     offset_s: Seconds = 0.0
     sigma_s: Sigma | None = None
     jitter_s: Annotated[float, Strict(), Field(ge=0, le=_MOST_JITTER_S)] | None = None
 
-    @model_validator(mode="after")
-    def _sigma_of_prior(self) -> Self:
-        if (self.status == "prior") != (self.sigma_s is not None):
-            wanted = "takes sigma_s" if self.status == "prior" else "takes no sigma_s"
-            raise ValueError(f"status {self.status} {wanted}")
-        return self
+    _sigma_of_prior = model_validator(mode="after")(_check_sigma)
 
 
 @dataclass(frozen=True)
@@ -82,9 +89,21 @@ class RollingShutter:
         sigma_s: Of the prior [s]; with `prior` only.
     """
 
+    __pydantic_config__: ClassVar = _AS_STATED
+
     status: Status = "fixed"
-    line_time_s: float = 0.0
-    sigma_s: float | None = None
+    line_time_s: Annotated[float, Strict(), Field(ge=-_LONGEST_LINE_S, le=_LONGEST_LINE_S)] = 0.0
+    sigma_s: Sigma | None = None
+
+    _sigma_of_prior = model_validator(mode="after")(_check_sigma)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _line_time(cls, data: Any) -> Any:
+        status = data.get("status", "fixed") if isinstance(data, dict) else "free"
+        if status != "free" and "line_time_s" not in data:
+            raise ValueError(f"status {status} takes line_time_s, the time from a row to the next in seconds")
+        return data
 
 
 @dataclass(frozen=True, eq=False)

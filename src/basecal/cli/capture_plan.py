@@ -90,7 +90,7 @@ def capture_plan(
     if task is not None:
         most = count if task.tolerance_m is None else samples
         return shifts_for_task(task, sketch.cell, folder, home, most, seed), True
-    return PATTERNS[pattern].plan(sketch, home, count, seed), True
+    return PATTERNS[pattern](sketch, home, count, seed), True
 
 
 def _finished_count(folder: Path, sketch: Sketch, count: int, is_continued: bool) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from basecal.cell import WORLD, RobotState, Sample
+from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import rotation_exp
@@ -86,7 +86,8 @@ def _feasible(
     sketch: Sketch, views: Sequence[Taught], neighbours: IntArray, flanges: Mapping[str, SE3]
 ) -> list[Sample]:
     """The samples of drawn flanges, (n,), that can be taken."""
-    rows = np.flatnonzero(visibility_mask(sketch, _camera_from_target(sketch, views, neighbours, flanges)))
+    drawn = Sample(0, robots={robot: RobotState(poses) for robot, poses in flanges.items()})
+    rows = np.flatnonzero(visibility_mask(sketch, sketch.camera_from_target(drawn)))
     states: dict[str, list[RobotState | None]] = {}
     for robot, poses in flanges.items():
         near = [views[k][robot] for k in neighbours[rows]]
@@ -100,16 +101,3 @@ def _feasible(
         if is_in_view(sketch, sample) and is_clear(sketch, sample):
             samples.append(sample)
     return samples
-
-
-def _camera_from_target(
-    sketch: Sketch, views: Sequence[Taught], neighbours: IntArray, flanges: Mapping[str, SE3]
-) -> SE3:
-    world_from = []
-    for thing in (sketch.camera, sketch.target):
-        mount = sketch.transforms[sketch.cell.mount_name(thing.name)]
-        if thing.on == WORLD:
-            world_from.append(SE3.stack([mount] * len(neighbours)))
-        else:
-            world_from.append(sketch.world_from_base(thing.on) @ flanges[thing.on] @ mount)
-    return world_from[0].inverse() @ world_from[1]

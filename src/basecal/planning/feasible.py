@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.cell import Robot, RobotState, Sample
 from basecal.errors import NotConverged
-from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.kinematics.chain import SerialChain
 from basecal.kinematics.inverse import inverse
 from basecal.planning.clearance import clearances
@@ -68,25 +68,29 @@ def visibility_mask(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
     if sketch.camera.intrinsics is None:
         seen &= np.all(depth > _LEAST_AXIS_COSINE * np.linalg.norm(in_camera, axis=-1), axis=-1)
     else:
-        seen &= _image_mask(sketch, in_camera)
+        width = sketch.lens.size_px[0] if sketch.lens.size_px else 0
+        seen &= np.all(points_in_image(sketch.lens, in_camera, _MARGIN_SHARE * width), axis=-1)
     shape = sketch.target.target
     if shape is not None and shape.sheets:
         normal = camera_from_target.rotation @ shape.sheets[0].target_from_sheet.rotation[:, 2]
-        centre = in_camera.mean(1)
-        seen &= np.einsum("ni,ni->n", normal, centre) > _LEAST_FACING_COSINE * np.linalg.norm(centre, axis=-1)
+        seen &= is_front_seen(normal, in_camera.mean(1), _LEAST_FACING_COSINE)
     return seen
 
 
-def _image_mask(sketch: Sketch, points_in_camera: Array) -> BoolArray:
-    """Whether all points, (n, p, 3), are in the image, (n,)."""
-    lens = sketch.lens
-    seen: BoolArray = np.all(lens.sees(points_in_camera), axis=-1)
-    if lens.size_px is None:
+def points_in_image(camera: Camera, points_in_camera: Array, margin_px: float) -> BoolArray:
+    """Which points, (..., 3) [m], have an image at least `margin_px` within its border, (...,)."""
+    seen: BoolArray = camera.sees(points_in_camera)
+    if camera.size_px is None:
         return seen
-    margin = _MARGIN_SHARE * lens.size_px[0]
-    pixels = lens.project(points_in_camera)
-    inside: BoolArray = np.all((pixels >= margin) & (pixels <= np.array(lens.size_px) - 1 - margin), axis=(-1, -2))
-    return seen & inside
+    pixels = camera.project(points_in_camera)
+    inside = (pixels >= margin_px) & (pixels <= np.array(camera.size_px) - 1 - margin_px)
+    seen &= np.all(inside, axis=-1)
+    return seen
+
+
+def is_front_seen(normal: Array, centre: Array, least_cosine: float) -> BoolArray:
+    """Whether boards about centres, (n, 3) [m], show their fronts, by directions, (n, 3), that point through them."""
+    return np.asarray(np.vecdot(normal, centre) > least_cosine * np.linalg.norm(centre, axis=-1))
 
 
 def is_clear(sketch: Sketch, sample: Sample) -> bool:

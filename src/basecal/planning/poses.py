@@ -10,7 +10,6 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.planning.candidates import POSE_REACH, draw_feasible
 from basecal.planning.feasible import blocked_samples, is_path_clear
-from basecal.planning.pattern import Pattern
 from basecal.planning.sketch import Sketch
 
 _DRAWS, _DRAW_ROUNDS = 2, 100  # at once for each sample, and how often: near limits one in ten is feasible
@@ -68,6 +67,3 @@ def _path_length(sketch: Sketch, start: Sample, end: Sample) -> float:
             between = sketch.base_from_flange(robot, one).inverse() @ sketch.base_from_flange(robot, other)
             ways.append(float(np.abs(between.log()).max()))
     return max(ways, default=0.0)
-
-
-PATTERN = Pattern(plan)

@@ -22,6 +22,7 @@ from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
 from basecal.estimation.observability.observability import analyse_observability
+from basecal.estimation.outliers.inlier_mask import select_samples
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution
@@ -62,21 +63,21 @@ class Prospects:
 
     def group_roots(self, size: int) -> Array:
         """U of so many candidates after one another, (n / size, p, p): with the stops that they share."""
-        nothing = linearise(_select_samples(self.problem, []), self.state).hessian
+        nothing = linearise(select_samples(self.problem, []), self.state).hessian
         numbers = [sample.sample for sample in self.samples]
         blocks = (numbers[k : k + size] for k in range(0, len(numbers), size))
-        told = (linearise(_select_samples(self.problem, block), self.state).hessian - nothing for block in blocks)
+        told = (linearise(select_samples(self.problem, block), self.state).hessian - nothing for block in blocks)
         return np.stack([spectrum(each, VIEW_ROUNDING).root for each in told])
 
     @property
     def recorded_problem(self) -> Problem:
         """The recorded views alone."""
-        return _select_samples(self.problem, list(self.recorded))
+        return select_samples(self.problem, list(self.recorded))
 
     def solution(self, choice: Sequence[int]) -> Solution:
         """Predicted solution of the recorded samples and the chosen candidates."""
         numbers = [*self.recorded, *(self.samples[k].sample for k in choice)]
-        problem = _select_samples(self.problem, numbers)
+        problem = select_samples(self.problem, numbers)
         seen = analyse_observability(problem, self.state, linearise(problem, self.state).hessian, 1.0)
         noise = NoiseEstimate(Noise(), 1.0, (), True)
         return Solution(problem, self.state, seen.inverse, seen, noise, 0.0, 0, True, ())
@@ -113,7 +114,7 @@ def prospects(
         each = np.zeros((len(samples), problem.width, more.shape[-1]))
         each[np.ix_(group.sample[mine] - first, views_of.columns)] = more
         roots = _join_roots(roots, each)
-    known = linearise(_select_samples(problem, [sample.sample for sample in recorded]), state).hessian
+    known = linearise(select_samples(problem, [sample.sample for sample in recorded]), state).hessian
     opened = np.full(problem.width, _OPEN_SIGMA)
     for name in problem.lenses.keys() & problem.columns.keys():
         opened[problem.columns[name]] = _OPEN_LENS_SIGMA
@@ -126,11 +127,6 @@ def _join_roots(first: Array, second: Array) -> Array:
     if first.shape[-1] == second.shape[-1]:
         return first + second
     return np.concatenate([first, second], axis=-1)
-
-
-def _select_samples(problem: Problem, numbers: Sequence[int]) -> Problem:
-    """The problem with the views of some samples alone."""
-    return problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, list(numbers)))) for g in problem.groups)
 
 
 def _predict_observation(sketch: Sketch, sample: Sample) -> Observation:

@@ -16,11 +16,12 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.planning import poses
 from basecal.planning.feasible import blocked_samples, is_feasible, reach_pose
-from basecal.planning.pattern import Pattern
 from basecal.planning.sketch import Sketch
 
 _ASSUMED_PX = 0.1  # [px] of a light's centre where the cell states no noise: that of a fitted spot
-_DIRECTIONS = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+DIRECTIONS = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+"""Where the target goes at a station, in units of the shift, (7, 3): its origin, and both sides along three axes."""
+
 _PARALLEL_SINE = 1e-12  # sine of an angle that is none
 _STATION_TRIES = 40  # stations that are looked at for each that is wanted
 
@@ -37,23 +38,29 @@ def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int
     Raises:
         InputError: if the target is on the world, or hardly any station is feasible.
     """
-    hand = sketch.target.on
-    if hand not in sketch.cell.robots:
-        raise InputError(f"shifts need a target that a robot carries; {sketch.target.name!r} is on the world")
-    wanted = max(1, -(-samples // len(_DIRECTIONS)))
+    check_target(sketch)
+    wanted = max(1, -(-samples // len(DIRECTIONS)))
     found: list[list[Sample]] = []
     for tried in range(_STATION_TRIES):
         for drawn in poses.plan(sketch, home, wanted, seed + tried):
             candidate = aim_camera(sketch, drawn)
             station = None if candidate is None else make_station(sketch, candidate, shift_length(sketch, candidate))
-            if station is None or not all(is_feasible(sketch, sample) for sample in station):
-                continue
             before = found[-1][-1].robots if found else home
-            if not blocked_samples(sketch, before, station):
+            if station is not None and not blocked_samples(sketch, before, station):
                 found.append(station)
             if len(found) == wanted:
                 return [Sample(k, robots=each.robots) for k, each in enumerate(s for station in found for s in station)]
     raise InputError(f"only {len(found)} of {wanted} stations can be shifted from: begin farther from the arms' limits")
+
+
+def check_target(sketch: Sketch) -> None:
+    """Check that a robot carries the target.
+
+    Raises:
+        InputError: if none does.
+    """
+    if sketch.target.on not in sketch.cell.robots:
+        raise InputError(f"shifts need a target that a robot carries; {sketch.target.name!r} is on the world")
 
 
 def aim_camera(sketch: Sketch, sample: Sample) -> Sample | None:
@@ -78,7 +85,7 @@ def aim_camera(sketch: Sketch, sample: Sample) -> Sample | None:
 
 
 def make_station(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample] | None:
-    """The origin and its six shifts; None if the arm does not reach one.
+    """The origin and its six shifts; None if one of them cannot be taken.
 
     Args:
         sketch: What is known of the cell.
@@ -89,14 +96,14 @@ def make_station(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample
     flange_from_target = sketch.transforms[sketch.cell.mount_name(sketch.target.name)]
     at = sketch.base_from_flange(hand, origin.robots[hand])
     samples: list[Sample] = []
-    for direction in _DIRECTIONS:
+    for direction in DIRECTIONS:
         shift = SE3(np.eye(3), length_m * direction)
         shifted = at @ flange_from_target @ shift @ flange_from_target.inverse()
         state = reach_pose(sketch.cell.robots[hand], shifted, origin.robots[hand])
         if state is None:
             return None
         samples.append(Sample(len(samples), robots={**origin.robots, hand: state}))
-    return samples
+    return samples if all(is_feasible(sketch, sample) for sample in samples) else None
 
 
 def shift_length(sketch: Sketch, sample: Sample) -> float:
@@ -110,6 +117,3 @@ def shift_length(sketch: Sketch, sample: Sample) -> float:
     focal: Array = sketch.lens.focal
     sigma = sketch.cell.pixel_px or _ASSUMED_PX
     return depth * float(np.cbrt(sigma / (2 * np.sqrt(2) * focal.mean())))
-
-
-PATTERN = Pattern(plan)

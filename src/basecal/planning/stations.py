@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from basecal.cell import Sample
 from basecal.errors import InputError
 from basecal.planning.candidates import Taught, candidates
-from basecal.planning.feasible import blocked_samples, is_feasible
-from basecal.planning.shifts import aim_camera, make_station, shift_length
+from basecal.planning.feasible import blocked_samples
+from basecal.planning.shifts import DIRECTIONS, aim_camera, check_target, make_station, shift_length
 from basecal.planning.sketch import Sketch
 
-STATION_SAMPLES = 7
-"""Of a station: its origin, and shifts to both sides along three axes."""
+STATION_SAMPLES = len(DIRECTIONS)
+"""Of a station."""
 
 _ORIGIN_COUNT = 40  # half of them, and more, have a shift that leaves the image or the arm's reach
 _LENGTH_FACTORS = (1.0, 2.0, 4.0)  # of the shift at which pixel noise and what the closed form neglects do least
@@ -32,15 +32,14 @@ def stations(sketch: Sketch, views: Sequence[Taught], seed: int = 0) -> list[Sam
     Raises:
         InputError: if no robot carries the target, or no station is feasible.
     """
-    if sketch.target.on not in sketch.cell.robots:
-        raise InputError(f"shifts need a target that a robot carries; {sketch.target.name!r} is on the world")
+    check_target(sketch)
     found = list[Sample]()
     for drawn in candidates(sketch, views, _ORIGIN_COUNT, seed):
         origin = aim_camera(sketch, drawn)
         for times in _LENGTH_FACTORS if origin is not None else ():
             assert origin is not None
             station = make_station(sketch, origin, times * shift_length(sketch, origin))
-            if station is None or not all(is_feasible(sketch, sample) for sample in station):
+            if station is None:
                 break
             if not blocked_samples(sketch, station[0].robots, station):
                 found += station

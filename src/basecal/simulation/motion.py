@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basecal.errors import InputError
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import rotation_exp
 from basecal.numerics.batch import concatenate, take
+from basecal.planning.feasible import is_front_seen, points_in_image
 from basecal.simulation import draw
 from basecal.simulation.arms import Arm, solve_joints
 from basecal.simulation.draw import Generator
@@ -45,17 +46,6 @@ class Motion:
     joints: Mapping[str, Array] = field(default_factory=dict)
 
 
-def visible(camera: Camera, points_in_camera: Array, margin_px: float) -> Mask:
-    """Which points, (..., 3) [m], have an image at least `margin_px` within its border, (...,)."""
-    seen = camera.sees(points_in_camera)
-    if camera.size_px is None:
-        return seen
-    pixels = camera.project(points_in_camera)
-    low, high = margin_px, np.array(camera.size_px) - 1 - margin_px
-    inside: Mask = seen & np.all((pixels >= low) & (pixels <= high), axis=-1)
-    return inside
-
-
 def points_in_camera(scene: Scene, view: View, states: Mapping[str, SE3]) -> Array:
     """Every point of the target of a view, (n, points, 3) [m], with the robots at `states`, (n,)."""
     seen = scene.camera_from_target(view, dict(states))
@@ -67,12 +57,10 @@ def seen_points(scene: Scene, scenario: Scenario, view: View, states: Mapping[st
     """Which points of a view are seen, (n, points); a board only from its front, and not too flat."""
     camera, target = view
     points = points_in_camera(scene, view, states)
-    mask = visible(scene.lenses[camera], points, _MARGIN_PX + 5 * scenario.pixel_px)
+    mask = points_in_image(scene.lenses[camera], points, _MARGIN_PX + 5 * scenario.pixel_px)
     if is_flat(scene.shapes[target]):
         normal = scene.camera_from_target(view, dict(states)).rotation @ front(scene.shapes[target])[:, 2]
-        centre = points.mean(1)
-        facing = np.sum(normal * centre, -1) > _LEAST_FACING_COSINE * np.linalg.norm(centre, axis=-1)
-        mask &= facing[:, None]
+        mask &= is_front_seen(normal, points.mean(1), _LEAST_FACING_COSINE)[:, None]
     return mask
 
 
@@ -157,12 +145,8 @@ def _parts(
         return [(hand_still, n - n // 2), (eye_still, n // 2)]
     if scenario.arms == "stations":
         stops = _draw(scene, scenario, group, hand_still, min(scenario.stations, n), rng, arms).recorded[eye[0]]
-        return [({eye[0]: stops[k]}, len(part)) for k, part in enumerate(_split_evenly(n, len(stops)))]
+        return [({eye[0]: stops[k]}, len(part)) for k, part in enumerate(np.array_split(np.arange(n), len(stops)))]
     return [(eye_still if scenario.arms == "eye_still" else hand_still, n)]
-
-
-def _split_evenly(n: int, parts: int) -> list[NDArray[np.int64]]:
-    return np.array_split(np.arange(n), parts)
 
 
 def draw_motions(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> list[Motion]:
@@ -171,10 +155,9 @@ def draw_motions(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping
     Raises:
         InputError: if the scenario's arms do not suit its layout, or hardly any pose sees the target.
     """
-    groups = range(len(scene.layout.groups))
     parts = [
         (group, *part)
-        for group, share in zip(groups, _split_evenly(scenario.samples, len(groups)), strict=True)
+        for group, share in enumerate(np.array_split(np.arange(scenario.samples), len(scene.layout.groups)))
         if len(share)
         for part in _parts(scene, scenario, group, len(share), rng, arms)
     ]

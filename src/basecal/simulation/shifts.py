@@ -18,6 +18,7 @@ from basecal.cell import (
 )
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Array, Camera
+from basecal.planning.shifts import DIRECTIONS
 from basecal.simulation.scenario import SimulatedCell
 
 _PARALLEL_TOLERANCE = 1e-9
@@ -25,8 +26,7 @@ _PARALLEL_TOLERANCE = 1e-9
 
 def shift_directions(is_two_sided: bool) -> Array:
     """Where the light goes at a station, in units of the shift, (4, 3) or (7, 3); the first is the origin."""
-    axes = np.eye(3)
-    return np.concatenate([np.zeros((1, 3)), axes, *([-axes] if is_two_sided else [])])
+    return DIRECTIONS if is_two_sided else DIRECTIONS[:4]
 
 
 def simulate_shifts(

@@ -146,7 +146,7 @@ def _exact_pixels(simulation: SimulatedCell, group: ViewGroup, errors: Mapping[s
 
 def _place_flange(simulation: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:
     """Pose in the world of what an end carries, (n,), or (count, n) if its robot has errors at its stands."""
-    world_from_flange = end.base_from_flange if end.base is None else simulation.truth[end.base] @ end.base_from_flange
+    world_from_flange = end.world_from_base(simulation.truth) @ end.base_from_flange
     errors_of_robot = errors.get(end.robot or "")
     error = SE3.identity() if errors_of_robot is None else errors_of_robot[:, end.stand]
     return world_from_flange @ error @ simulation.truth[end.mount]

@@ -16,6 +16,7 @@ from basecal.studies.study import Study
 from basecal.studies.study_file import read_study, study_from_text
 
 STUDY = "study.yaml"
+_read_study = lru_cache(maxsize=2)(study_from_text)
 
 
 def run_study(study: Study, folder: Path, workers: WorkerPool, step: Step | None = None) -> None:
@@ -53,10 +54,5 @@ def _claim(study: Study, folder: Path) -> None:
 
 def run_chunk(text: str, index: int) -> bytes:
     """Result of a chunk of the study that a text describes, as its file keeps it."""
-    study = _study(text)
+    study = _read_study(text, STUDY)
     return pack_result(study, work_chunk(study, study.chunks[index]))
-
-
-@lru_cache(maxsize=2)
-def _study(text: str) -> Study:
-    return study_from_text(text, STUDY)

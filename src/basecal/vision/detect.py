@@ -111,64 +111,75 @@ def _camera(look: _Look, sample: Sample, camera: str) -> _View | None:
     if not open_targets or look.cell.cameras[camera].intrinsics is None:
         return None
     searched = Searched(sample.sample, camera, sample.images[camera])
-    images = _images(look, sample, camera, needs_dark=any(each.found_by == LIGHT for each in open_targets.values()))
-    if isinstance(images, _Unusable):
-        return _View(replace(searched, path=images.path, unusable=images.reason))
-    data, off = images
+    try:
+        source = _read_source(look, sample.images[camera])
+        needs_dark = camera in sample.background and any(each.found_by == LIGHT for each in open_targets.values())
+        dark = _read_source(look, sample.background[camera]) if needs_dark else None
+        seen = {
+            name: _detection(look, camera, target, source, dark if target.found_by == LIGHT else None)
+            for name, target in open_targets.items()
+        }
+    except _Unusable as error:
+        return _View(replace(searched, path=error.path, unusable=error.reason))
     found: list[Observation] = []
-    missed = []
-    for name, target in open_targets.items():
-        one = _detection(look, sample, camera, target, data, off if target.found_by == LIGHT else None)
-        if isinstance(one, _Unusable):
-            return _View(replace(searched, path=one.path, unusable=one.reason))
-        seen = one[0]
-        if seen is None:
-            missed.append(name)
-        elif seen.ids is None:
-            found.append(CandidateObservation(camera, name, seen.pixels, seen.sigma_px, detected=True))
-        else:
-            found.append(PixelObservation(camera, name, seen.ids, seen.pixels, seen.sigma_px, detected=True))
+    for name, each in seen.items():
+        if each is not None and each.ids is None:
+            found.append(CandidateObservation(camera, name, each.pixels, each.sigma_px, detected=True))
+        elif each is not None and each.ids is not None:
+            found.append(PixelObservation(camera, name, each.ids, each.pixels, each.sigma_px, detected=True))
+    missed = tuple(name for name, each in seen.items() if each is None)
     names = tuple(each.target for each in found)
-    return _View(replace(searched, found=names, missed=tuple(missed), turned=is_turned(data)), tuple(found))
+    return _View(replace(searched, found=names, missed=missed, turned=is_turned(source.data)), tuple(found))
 
 
-class _Unusable(NamedTuple):
-    """An image that cannot be used, and why."""
+class _Unusable(Exception):
+    """An image that cannot be used, by its path, and why."""
+
+    def __init__(self, path: str, reason: str) -> None:
+        super().__init__(reason)
+        self.path, self.reason = path, reason
+
+
+class _Source(NamedTuple):
+    """The file of an image."""
 
     path: str
-    reason: str
+    data: bytes
+
+    def image(self, size_px: tuple[int, int] | None) -> Image:
+        """Its grey levels; see `grey_image`.
+
+        Raises:
+            _Unusable: if there are none.
+        """
+        image = grey_image(self.data, size_px)
+        if isinstance(image, str):
+            raise _Unusable(self.path, image)
+        return image
 
 
-def _images(look: _Look, sample: Sample, camera: str, needs_dark: bool) -> tuple[bytes, bytes | None] | _Unusable:
-    """The image and, where it is needed and there is one, the image without a light; or why one cannot be used."""
-    data = _bytes(look, sample.images[camera])
-    if isinstance(data, _Unusable) or not needs_dark or camera not in sample.background:
-        return data if isinstance(data, _Unusable) else (data, None)
-    off = _bytes(look, sample.background[camera])
-    return off if isinstance(off, _Unusable) else (data, off)
-
-
-def _bytes(look: _Look, path: str) -> bytes | _Unusable:
+def _read_source(look: _Look, path: str) -> _Source:
     data = read_bytes(look.folder / path)
-    return _Unusable(path, data) if isinstance(data, str) else data
+    if isinstance(data, str):
+        raise _Unusable(path, data)
+    return _Source(path, data)
 
 
-def _detection(
-    look: _Look, sample: Sample, camera: str, target: Target, data: bytes, dark_image: bytes | None
-) -> tuple[Detection | None] | _Unusable:
-    """The detection, in a tuple since it may be None, or why an image cannot be used."""
+def _detection(look: _Look, camera: str, target: Target, source: _Source, dark: _Source | None) -> Detection | None:
+    """The detection of a target in an image, as it was kept or is found now.
+
+    Raises:
+        _Unusable: if an image cannot be used.
+    """
     size_px = look.cell.cameras[camera].size_px
-    name = cache.key(target, size_px, data, dark_image)
+    name = cache.key(target, size_px, source.data, None if dark is None else dark.data)
     if (kept := cache.read(look.folder, name)) is not None:
-        return kept
-    image = grey_image(data, size_px)
-    if isinstance(image, str):
-        return _Unusable(sample.images[camera], image)
-    background: Image | str | None = None if dark_image is None else grey_image(dark_image, size_px)
-    if isinstance(background, str):
-        return _Unusable(sample.background[camera], background)
-    if background is not None and (background.shape, background.dtype) != (image.shape, image.dtype):
-        return _Unusable(sample.background[camera], "differs in size or bits from the image it is for")
+        return kept[0]
+    image, background = source.image(size_px), None
+    if dark is not None:
+        background = dark.image(size_px)
+        if (background.shape, background.dtype) != (image.shape, image.dtype):
+            raise _Unusable(dark.path, "differs in size or bits from the image it is for")
     detection = find(image, target, background)
     cache.write(look.folder, name, detection)
-    return (detection,)
+    return detection

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from functools import partial
-from typing import Any
 
 import cv2
 import numpy as np
@@ -15,7 +13,7 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.circles import circles_target
 from basecal.vision.kinds import charuco, circles
 from basecal.vision.kinds.charuco_layout import likely_boards
-from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary
+from basecal.vision.kinds.fiducial import MARKER_SETS, detect_markers, dictionary
 from basecal.vision.kinds.ways import Grey, Way, best_result
 
 _LISTED_IDS = 5  # ids in a sentence
@@ -83,8 +81,7 @@ def describe_repeats(images: list[Grey], target: Target) -> str | None:
         return None
     detector = cv2.aruco.ArucoDetector(dictionary(name))
     for image in images:
-        _, numbers, _ = detector.detectMarkers(image)
-        count = Counter([] if numbers is None else numbers.ravel().tolist())
+        count = Counter(detect_markers(detector, image)[0].tolist())
         if 2 * sum(times > 1 for times in count.values()) > len(count):
             return "its markers are seen twice in one image: cover or remove the second print, or change its dictionary"
     return None
@@ -155,7 +152,8 @@ def other_chessboard(images: list[Grey], target: Target) -> str | None:
     """A board of another size."""
     if markers := markers_instead(images):
         return markers
-    stated = tuple(target.options["corners"])
+    columns, rows = target.options["corners"]
+    stated = columns, rows
     sizes = Counter(size for image in images for size in _sizes_of_board(image, stated))
     size, times = max(sizes.items(), key=lambda each: each[1], default=((0, 0), 0))
     # What OpenCV grows from a few corners may be a part of a board; it is not the same part in two images.
@@ -164,11 +162,10 @@ def other_chessboard(images: list[Grey], target: Target) -> str | None:
     return f"{max(size)}x{min(size)} inner corners are seen, not {stated[0]}x{stated[1]}"
 
 
-def _sizes_of_board(image: Grey, stated_ids: tuple[int, ...]) -> list[tuple[int, ...]]:
+def _sizes_of_board(image: Grey, stated_ids: tuple[int, int]) -> list[tuple[int, int]]:
     """The size of a board in an image: near the one stated, or else as large as it is seen; none if none is."""
     small = Way(0.5).apply(image)
-    for more in ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1)):
-        size = (stated_ids[0] + more[0], stated_ids[1] + more[1])
+    for size in _near_sizes(*stated_ids):
         if min(size) >= _SMALLEST_BOARD and cv2.findChessboardCornersSB(small, size)[0]:
             return [size]
     seen, _, board = cv2.findChessboardCornersSBWithMeta(image, (_SMALLEST_BOARD, _SMALLEST_BOARD), cv2.CALIB_CB_LARGER)
@@ -176,12 +173,16 @@ def _sizes_of_board(image: Grey, stated_ids: tuple[int, ...]) -> list[tuple[int,
     return [(max(board.shape), min(board.shape))] if seen and min(board.shape) > _SMALLEST_BOARD else []
 
 
+def _near_sizes(columns: int, rows: int) -> list[tuple[int, int]]:
+    """Sizes with a column, a row or both more, then with as many less."""
+    return [(columns + a, rows + b) for a, b in ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1))]
+
+
 def other_circles(images: list[Grey], target: Target) -> str | None:
     """A grid of another size or pattern."""
     columns, rows = target.options["circles"]
     asymmetric = bool(target.options["asymmetric"])
-    steps = ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1))
-    sizes = [(rows, columns), *((columns + more, rows + longer) for more, longer in steps)]
+    sizes = [(rows, columns), *_near_sizes(columns, rows)]
     tried = [*((size, asymmetric) for size in sizes), *((size, not asymmetric) for size in [(columns, rows), *sizes])]
     for size, kind in tried:
         if min(size) >= _SMALLEST_BOARD:
@@ -199,15 +200,15 @@ def _grid_phrase(target: Target) -> str:
 def _found_markers(images: list[Grey], name: str) -> set[int]:
     """Markers of a dictionary: those in several images, or in an image so many that they are no clutter."""
     detector = cv2.aruco.ArucoDetector(dictionary(name))
-    found = [best_result(image, _WAYS, partial(_markers, detector), 1) or set[int]() for image in images]
+
+    def search(image: Grey, _: Way) -> set[int]:
+        """Numbers of the markers in an image."""
+        return set(detect_markers(detector, image)[0].tolist())
+
+    found = [best_result(image, _WAYS, search, 1) or set[int]() for image in images]
     count = Counter(number for each in found for number in each)
     again = {number for number, times in count.items() if times > 1 or len(images) == 1}
     return again.union(*(each for each in found if len(each) >= _LEAST_MARKERS))
-
-
-def _markers(detector: Any, image: Grey, way: Way) -> set[int]:
-    _, numbers, _ = detector.detectMarkers(image)
-    return set() if numbers is None else {int(number) for number in numbers.ravel()}
 
 
 def _other_set(images: list[Grey], stated_ids: str, kind: str) -> str | None:

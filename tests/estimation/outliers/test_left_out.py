@@ -199,8 +199,7 @@ def test_points_are_off_from_where_their_own_view_puts_them(kept, by_view):
     used[:, [0, 5, 30, *range(6, 30), 31, 32, 33][:kept]] = True
     weight = group.measurement.weight.copy()
     weight[0, 35] = 0.0
-    few = left_out._LostPoints(np.arange(2), replace(group.measurement, weight=weight), ~used, used)
-    found = left_out._distances(few, off, lens)
+    found = left_out._distances(replace(group.measurement, weight=weight), used, off, lens)
     moved = np.linalg.norm(
         lens.project(off[:, None] @ group.measurement.points_in_target) - group.measurement.pixels, axis=-1
     )

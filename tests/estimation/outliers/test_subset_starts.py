@@ -109,22 +109,6 @@ def test_a_subset_holds_every_unknown_and_few_others(target):
     assert 3 <= _size(problem, np.arange(40)) <= 10
 
 
-def test_every_view_of_a_subset_is_gathered():
-    """And as many of others as make their number even, which do not count."""
-    problem, _ = pose_problem(np.zeros((12, 6)), np.ones(6))
-    inside = np.zeros((3, 12), dtype=bool)
-    inside[0, [1, 4, 7, 8, 11]] = inside[1, [0, 2, 3]] = True
-    few, (counts,) = subset_starts._gather_views(problem, [inside])
-    (group,) = few.groups
-    assert group.sample.shape == counts.shape == (3, 5)
-    for row, of, own in zip(group.sample, counts, inside, strict=True):
-        assert sorted(row[of]) == problem.groups[0].sample[own].tolist()
-        assert len(set(row)) == 5
-    none, (counts,) = subset_starts._gather_views(problem, [np.zeros((2, 12), dtype=bool)])
-    assert none.groups[0].sample.shape == counts.shape == (2, 1)
-    assert not counts.any()
-
-
 def test_subsets_are_halves_thirds_and_draws_of_a_few():
     """Blocks in their order; then 24 draws of as many samples as hold every unknown, each sample once."""
     problem, _ = build_problem(*(lambda m: (m.cell, m.recording))(simulate(Scenario(samples=12, target="pose"), 0)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start.lens import (
     _Lenses,
     _poses,
-    _promising_lenses,
     _thin_points,
     _Views,
     guessed_lens,
@@ -80,14 +78,6 @@ def test_few_views_of_a_lens_that_bends_much():
     problem, _ = build_problem(cell, few)
     lens = lens_from_views(cell.cameras["camera"], [group.measurement for group in problem.groups])
     np.testing.assert_allclose(lens.focal, 772, rtol=0.05)
-
-
-def test_each_focal_length_goes_on_once_and_none_that_hardly_fits():
-    """The best of those alike to two thousandths, and what fits a hundred times worse not at all."""
-    focal = np.array([900.0, 901.0, 905.0, 700.0, 500.0, 300.0])
-    cost = np.array([2.0, 1.0, 3.0, 30.0, 101.0, np.nan])
-    rough = SimpleNamespace(cost=cost, state=SimpleNamespace(camera=SimpleNamespace(focal=focal[:, None])))
-    assert _promising_lenses(rough).tolist() == [1, 2, 3]
 
 
 def test_a_guess_is_centred_and_as_wide_as_asked():

@@ -11,7 +11,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve
 from basecal.estimation.start.pair_views import pair_views
-from basecal.estimation.start.refinement import Refinement, _lowest_costs, pair_problem, refine_jointly
+from basecal.estimation.start.refinement import Refinement, pair_problem, refine_jointly
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -118,10 +118,3 @@ def test_a_small_board_far_away_is_started_by_both_poses_of_its_views(seed):
     made = simulate(scenario, seed)
     solution = solve(made.cell, made.recording)
     assert solution.cost < 1.3 * solution.dof
-
-
-def test_starts_that_cost_least_are_refined_further():
-    """Of each wish as many as asked for, the lowest first; a cost that is no number is the last."""
-    cost, owner = np.array([3.0, np.nan, 1.0, 7.0, 5.0]), np.array([0, 0, 0, 1, 1])
-    assert _lowest_costs(cost, owner, 2).tolist() == [2, 0, 4, 3]
-    assert _lowest_costs(cost, owner, 1).tolist() == [2, 4]

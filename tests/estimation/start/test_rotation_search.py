@@ -142,8 +142,8 @@ def test_one_rotation_settles_at_the_mean_of_the_samples(unknown):
 @pytest.mark.parametrize("unknown", ["y", "xz"])
 def test_rotations_that_have_settled_go_no_further(monkeypatch, unknown):
     """From the truth of exact samples a round finds no change; a loop that moved has another, by itself."""
-    counted, nearest = [], rotation_search.nearest_rotations
-    monkeypatch.setattr(rotation_search, "nearest_rotations", lambda of: counted.append(len(of)) or nearest(of))
+    counted, nearest = [], rotation_search.nearest_rotation
+    monkeypatch.setattr(rotation_search, "nearest_rotation", lambda of: counted.append(len(of)) or nearest(of))
     truth = drawn(1)
     exact, right = loop(truth, unknown, 20, 1), [truth[k].rotation for k in "xyz"]
     settled_rotations([exact], [right])

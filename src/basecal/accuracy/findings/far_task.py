@@ -9,7 +9,7 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
 from basecal.effects.smooth import LENGTH_M
-from basecal.geometry import SE3, Array
+from basecal.geometry import Array
 
 
 def far_task(evidence: Evidence) -> list[Finding]:
@@ -32,6 +32,6 @@ def _distances(evidence: Evidence, point_m: Array) -> Iterator[tuple[str, float]
         ends = problem.robot_ends(robot)
         if any(end.joints is not None for end in ends):
             continue
-        base = SE3.identity() if ends[0].base is None else transforms[ends[0].base]
+        base = ends[0].world_from_base(transforms)
         places = np.concatenate([base @ end.base_from_flange.translation for end in ends])
         yield robot, float(np.linalg.norm(places - point_m, axis=1).min())

@@ -103,7 +103,7 @@ def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None
     again = {}
     for k, ((sight, _), fit) in enumerate(zip(pairs, first, strict=True)):
         if fit is not None and sight.candidates is not None and trimmed_rms(fit.off) < HOPELESS_RAD:
-            predicted = sight.predict_poses(fit.triple).rotation
+            predicted = sight.group.close_loop(*fit.triple).rotation
             chosen = np.argmax(np.einsum("nij,nkij->nk", predicted, sight.candidates.rotation), axis=1)
             if np.any(chosen):
                 again[k] = chosen
@@ -151,7 +151,7 @@ def pair_state(
 
 def loop_errors(sight: PairViews, triple: Triple) -> Array:
     """How far each view is off where X, Y and Z put it, (n,) [rad]; of its candidate poses the nearest counts."""
-    predicted = sight.predict_poses(triple)
+    predicted = sight.group.close_loop(*triple)
     if sight.candidates is None:
         # Chords of the point that most views see, whose place `z` is; NaN where it is not seen.
         chords, point = as_light(sight.group.measurement)

@@ -77,6 +77,10 @@ class _Place(NamedTuple):
     known: Unknown
     columns: slice | None
 
+    def estimate(self, covariance: Array) -> PoseEstimate:
+        """The transform with its part of a covariance, which is zero if it is fixed."""
+        return PoseEstimate(self.mean, covariance[self.columns, self.columns] if self.columns else np.zeros((6, 6)))
+
 
 def _places(cell: Cell, fit: SceneFit, columns: Columns) -> tuple[list[_Place], list[_Place]]:
     """The bases of robots but that of the reference, and the mounts of cameras."""
@@ -104,7 +108,7 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
     for finding in motion_findings(motion):
         covariance, report.findings = covariance + np.outer(motion.step, motion.step), [*report.findings, finding]
     rows = {each.name: np.arange(each.columns.stop)[each.columns] for each in (*bases, *mounts) if each.columns}
-    found = {each.name: _estimate(each, covariance) for each in (*bases, *mounts)}
+    found = {each.name: each.estimate(covariance) for each in (*bases, *mounts)}
     for name, estimate in found.items():
         report.findings += direction_findings(name, estimate.covariance, describe_scatter(fit))
     for each in bases:
@@ -131,11 +135,6 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
         settings=settings.as_dict(),
         meeting=scene_meeting(cell, fit, covariance, settings),
     )
-
-
-def _estimate(place: _Place, covariance: Array) -> PoseEstimate:
-    """A transform with its part of a covariance, which is zero if it is fixed."""
-    return PoseEstimate(place.mean, covariance[place.columns, place.columns] if place.columns else np.zeros((6, 6)))
 
 
 def _compare_statement(statement: Unknown, base: PoseEstimate) -> tuple[Array | None, Array]:

@@ -17,7 +17,7 @@ from basecal.accuracy.task.arms_at_points import moved_by_kinematics
 from basecal.cell import Cell
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.geometry import SE3, Array, IntArray
+from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import cross_matrix
 
 _MOST_PLACES = 60  # of those recorded: more of them say the same of a smooth function of the place
@@ -140,5 +140,5 @@ def choose_places(places: Array) -> Array:
 def target_places(group: ViewGroup, state: State) -> Array:
     """Where targets were in the reference's base, (n, 3); the camera instead of one that stays where it is."""
     end = group.eye if group.hand.robot is None else group.hand
-    world_from_base = SE3.identity() if end.base is None else state.transforms[end.base]
-    return (world_from_base @ end.base_from_flange @ state.transforms[end.mount]).translation
+    world_from_flange = end.world_from_base(state.transforms) @ end.base_from_flange
+    return (world_from_flange @ state.transforms[end.mount]).translation

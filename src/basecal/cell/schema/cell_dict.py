@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from basecal.cell.cell import Cell, CellCamera, CellTarget, Clock, Driver, Intrinsics, Robot, Unknown
+from basecal.cell.cell import (
+    Cell,
+    CellCamera,
+    CellTarget,
+    Clock,
+    Driver,
+    Intrinsics,
+    Robot,
+    RollingShutter,
+    Unknown,
+)
 from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.schema.cell_schema import SCHEMA
 from basecal.cell.schema.clamping import clamps_dict
 from basecal.cell.schema.keep_out import keep_out_dict
-from basecal.cell.schema.rolling_shutter import rolling_shutter_dict
 from basecal.cell.schema.touching import touching_dict
 
 
@@ -51,16 +60,16 @@ def _robot(robot: Robot) -> dict[str, Any]:
         data
         | ({"frames": dict(robot.frames)} if robot.frames else {})
         | ({"controller": dict(robot.controller)} if robot.controller else {})
-        | _clock(robot.clock)
+        | _timing("clock", robot.clock)
         | _driver(robot.driver)
     )
 
 
-def _clock(clock: Clock | None) -> dict[str, Any]:
-    if clock is None:
+def _timing(name: str, timing: Clock | RollingShutter | None) -> dict[str, Any]:
+    if timing is None:
         return {}
-    stated = {key: value for key, value in vars(clock).items() if value is not None}
-    return {"clock": {key: value if key == "status" else float(value) for key, value in stated.items()}}
+    stated = {key: value for key, value in vars(timing).items() if value is not None}
+    return {name: {key: value if key == "status" else float(value) for key, value in stated.items()}}
 
 
 def _driver(driver: Driver | None) -> dict[str, Any]:
@@ -75,7 +84,8 @@ def _camera(camera: CellCamera) -> dict[str, Any]:
         data["size_px"] = [int(side) for side in camera.size_px]
     if camera.intrinsics is not None:
         data["intrinsics"] = _intrinsics(camera.intrinsics, camera.distortion_terms)
-    return data | _clock(camera.clock) | rolling_shutter_dict(camera.rolling_shutter) | _driver(camera.driver)
+    timing = _timing("clock", camera.clock) | _timing("rolling_shutter", camera.rolling_shutter)
+    return data | timing | _driver(camera.driver)
 
 
 def _intrinsics(lens: Intrinsics, terms: int) -> dict[str, Any]:

@@ -80,7 +80,6 @@ def _camera(name: str, entry: CameraEntry) -> CellCamera:
     size = None if entry.size_px is None else (entry.size_px[0], entry.size_px[1])
     lens = None if entry.intrinsics is None else _intrinsics(entry.intrinsics, entry, size)
     driver = _driver(entry.driver)
-    shutter = None if entry.rolling_shutter is None else entry.rolling_shutter.noun()
     return CellCamera(
         name,
         entry.on,
@@ -90,7 +89,7 @@ def _camera(name: str, entry: CameraEntry) -> CellCamera:
         lens,
         entry.clock,
         driver,
-        shutter,
+        entry.rolling_shutter,
         entry.kind,
         entry.frame,
     )

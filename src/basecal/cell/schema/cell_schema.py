@@ -9,12 +9,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, create_model
 from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
-from basecal.cell.cell import Clock
+from basecal.cell.cell import Clock, RollingShutter
 from basecal.cell.schema.clamping import ClampEntry, named_clamps
 from basecal.cell.schema.driver import DriverEntry
 from basecal.cell.schema.keep_out import KeepOutEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
-from basecal.cell.schema.rolling_shutter import RollingShutterEntry
 from basecal.cell.schema.touching import MarkEntry, TipEntry
 from basecal.cell.targets.registry import AnyTargetEntry
 from basecal.effects.registry import ROBOT_PARAMETERS
@@ -132,7 +131,7 @@ class CameraEntry(Entry):
     intrinsics: IntrinsicsEntry | None = None
     clock: Clock | None = None
     driver: DriverEntry | None = None
-    rolling_shutter: RollingShutterEntry | None = None
+    rolling_shutter: RollingShutter | None = None
     kind: Literal["camera", "tracker"] = "camera"
     frame: FrameName | None = None
 

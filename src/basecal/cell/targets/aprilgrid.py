@@ -8,6 +8,7 @@ Source: Kalibr's documentation of calibration targets and its printed boards, wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -29,7 +30,7 @@ TagCounts = Annotated[list[Annotated[int, Field(ge=1, le=MOST_POINTS)]], Field(m
 Spacing = Annotated[float, Field(gt=0, le=1)]
 
 
-def aprilgrid_target(tags: tuple[int, int], tag_m: float, spacing: float, family: str = "tag36h11") -> Target:
+def aprilgrid_target(tags: Sequence[int], tag_m: float, spacing: float, family: str = "tag36h11") -> Target:
     """A grid of (columns, rows) tags whose gaps are `spacing` times their size; ids are 4 * tag + corner."""
     columns, rows = tags
     lower_left = plane_grid(columns, rows, tag_m * (1 + spacing))
@@ -74,8 +75,7 @@ class AprilgridEntry(TargetEntry):
 
     def shape(self) -> Target:
         """The grid."""
-        columns, rows = self.tags
-        return aprilgrid_target((columns, rows), self.tag_m, self.spacing, self.family)
+        return aprilgrid_target(self.tags, self.tag_m, self.spacing, self.family)
 
 
 _LARGE_FAMILIES = ("tag36h11", "tag36h10")  # the others that OpenCV finds have 35 tags at most, one less than 6 x 6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ _MARGIN_SHARE = 0.5
 
 
 def charuco_target(
-    squares: tuple[int, int], square_m: float, marker_m: float, dictionary: str, legacy_pattern: bool = False
+    squares: Sequence[int], square_m: float, marker_m: float, dictionary: str, legacy_pattern: bool = False
 ) -> Target:
     """A ChArUco board of (columns, rows) squares; ids are OpenCV's corner ids, the origin the outer corner."""
     columns, rows = squares
@@ -66,8 +67,7 @@ class CharucoEntry(TargetEntry):
 
     def shape(self) -> Target:
         """The board."""
-        columns, rows = self.squares
-        return charuco_target((columns, rows), self.square_m, self.marker_m, self.dictionary, self.legacy_pattern)
+        return charuco_target(self.squares, self.square_m, self.marker_m, self.dictionary, self.legacy_pattern)
 
 
 # Of several boards in a cell, in the order in which they are taken: no two have a marker in common.

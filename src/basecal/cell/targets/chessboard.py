@@ -5,6 +5,7 @@ One looks the same turned by half a turn where its numbers of corners are both e
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_
 from basecal.fields.values import Corners, Length
 
 
-def chessboard_target(corners: tuple[int, int], square_m: float) -> Target:
+def chessboard_target(corners: Sequence[int], square_m: float) -> Target:
     """A chessboard of (columns, rows) inner corners; the origin is corner 0."""
     columns, rows = corners
     points = plane_grid(columns, rows, square_m)
@@ -41,8 +42,7 @@ class ChessboardEntry(TargetEntry):
 
     def shape(self) -> Target:
         """The board."""
-        columns, rows = self.corners
-        return chessboard_target((columns, rows), self.square_m)
+        return chessboard_target(self.corners, self.square_m)
 
 
 KIND = TargetKind(

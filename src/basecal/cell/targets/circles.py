@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ RADIUS = 0.25
 """Of a circle, in units of the spacing: between neighbours half of it is paper, as OpenCV's blob detector wants."""
 
 
-def circles_target(circles: tuple[int, int], spacing_m: float, asymmetric: bool = False) -> Target:
+def circles_target(circles: Sequence[int], spacing_m: float, asymmetric: bool = False) -> Target:
     """A grid of (columns, rows) circles; ids are row-major, the origin is circle 0.
 
     In an asymmetric grid every second row is shifted by half a column pitch of twice `spacing_m`, as in OpenCV.
@@ -48,8 +49,7 @@ class CirclesEntry(TargetEntry):
 
     def shape(self) -> Target:
         """The grid."""
-        columns, rows = self.circles
-        return circles_target((columns, rows), self.spacing_m, self.asymmetric)
+        return circles_target(self.circles, self.spacing_m, self.asymmetric)
 
 
 KIND = TargetKind(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from basecal.estimation.problem.correspondence import half_turn_views
 from basecal.estimation.problem.problem import Problem, State
@@ -13,7 +14,7 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.measurement import Measurement, Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.seen_points import SeenPoints
-from basecal.geometry import Array, BoolArray, IntArray
+from basecal.geometry import Array, BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +81,7 @@ def without_unseen_stops(problem: Problem, state: State) -> State:
     return replace(state, stop_errors=np.where(used[:, None], state.stop_errors, 0.0))
 
 
-def select_samples(problem: Problem, numbers: IntArray) -> Problem:
+def select_samples(problem: Problem, numbers: ArrayLike) -> Problem:
     """The problem of some samples alone, by their numbers."""
     rows = [np.flatnonzero(np.isin(g.sample, numbers)) for g in problem.groups]
     return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))

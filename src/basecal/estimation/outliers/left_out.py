@@ -71,12 +71,17 @@ def measure_left_out_items(
         for view in np.flatnonzero(~inliers.views[k]):
             found.append(_left_out_view(group, state, expected, int(view), float(sigmas[view])))
         shape = cell.targets[group.target].target
-        few = _with_lost_points(group, inliers.views[k], inliers.points[k])
-        if shape is not None and few is not None:
-            ids = _ids_by_view(shape.ids, recorded_problem.groups[k], group)[few.rows]
-            predicted = state.camera_from_target(group, problem.stops)[few.rows]
-            distances = _distances(few, predicted, state.cameras.get(group.camera))
-            found += _left_out_points(few, group, ids, distances, float(np.sqrt(judgement.point_scale.variance)))
+        if shape is None or not isinstance(group.measurement, SeenPoints):
+            continue
+        lost = group.measurement.seen & ~inliers.points[k] & inliers.views[k][:, None]
+        rows = np.flatnonzero(lost.any(-1))
+        if len(rows):
+            predicted = state.camera_from_target(group, problem.stops)[rows]
+            kept, lens = inliers.points[k][rows], state.cameras.get(group.camera)
+            distances = _distances(group.measurement.take(rows), kept, predicted, lens)
+            ids = _ids_by_view(shape.ids, recorded_problem.groups[k], group)[rows]
+            sigma = float(np.sqrt(judgement.point_scale.variance))
+            found += _left_out_points(group.take(rows), lost[rows], ids, distances, sigma)
     return tuple(sorted(found, key=lambda o: (o.sample, o.camera, o.target)))
 
 
@@ -109,40 +114,19 @@ def _single_view_pose(one: ViewGroup, state: State, start: SE3) -> SE3 | None:
     return refine_poses(measurement, start, state.cameras.get(one.camera)).camera_from_target[0]
 
 
-@dataclass(frozen=True, eq=False)
-class _LostPoints:
-    """Views that are kept, but for some of their points: `rows` (n,) in their group, `lost` and `used` (n, p)."""
-
-    rows: IntArray
-    measurement: SeenPoints
-    lost: BoolArray
-    used: BoolArray
-
-
-def _with_lost_points(group: ViewGroup, views: BoolArray, points: BoolArray) -> _LostPoints | None:
-    """The views of a group that lost points, by its views (n,) and points (n, p) that are kept; None without any."""
-    measurement = group.measurement
-    if not isinstance(measurement, SeenPoints):
-        return None
-    lost = measurement.seen & ~points & views[:, None]
-    rows = np.flatnonzero(lost.any(-1))
-    return _LostPoints(rows, measurement.take(rows), lost[rows], points[rows]) if len(rows) else None
-
-
-def _left_out_points(
-    points: _LostPoints, group: ViewGroup, ids: IntArray, distances: Array, sigma: float
-) -> list[LeftOut]:
-    """Descriptions of lost points, by ids (n, p) and distances (n, p), in sigmas of their scatter."""
+def _left_out_points(group: ViewGroup, mask: BoolArray, ids: IntArray, distances: Array, sigma: float) -> list[LeftOut]:
+    """Descriptions of the points of a mask (n, p), by ids (n, p) and distances (n, p), in sigmas of their scatter."""
     found = []
-    for v, row in enumerate(points.rows):
-        off = distances[v][points.lost[v]]
-        sigmas = off * points.measurement.weight[v][points.lost[v]] / sigma
+    assert isinstance(group.measurement, SeenPoints)
+    for sample, mine, numbers, away, weight in zip(
+        group.sample.tolist(), mask, ids, distances, group.measurement.weight, strict=True
+    ):
+        off, sigmas = away[mine], away[mine] * weight[mine] / sigma
         worst = int(np.argmax(sigmas))
-        which = tuple(sorted(int(i) for i in ids[v][points.lost[v]]))
-        in_pixels = isinstance(points.measurement, PixelMeasurement)
+        in_pixels = isinstance(group.measurement, PixelMeasurement)
         off_m, off_px = (None, float(off[worst])) if in_pixels else (float(off[worst]), None)
-        place = int(group.sample[row]), group.camera, group.target
-        found.append(LeftOut(*place, which, float(sigmas[worst]), off_m, None, off_px))
+        which = tuple(sorted(numbers[mine].tolist()))
+        found.append(LeftOut(sample, group.camera, group.target, which, float(sigmas[worst]), off_m, None, off_px))
     return found
 
 
@@ -156,12 +140,12 @@ def _ids_by_view(ids: IntArray, recorded_group: ViewGroup, group: ViewGroup) -> 
     return np.where(as_recorded[:, None], every, every[:, ::-1])
 
 
-def _distances(points: _LostPoints, predicted_pose: SE3, lens: Camera | None) -> Array:
-    """How far each point is from where the kept points of its view, or all else, put it, (n, p) [px or m]."""
-    left = points.measurement.mask_points(points.used)
+def _distances(measurement: SeenPoints, mask: BoolArray, predicted_pose: SE3, lens: Camera | None) -> Array:
+    """How far each point is from where the points of its view in a mask, or all else, put it, (n, p) [px or m]."""
+    left = measurement.mask_points(mask)
     pose = (
         refine_poses(left, predicted_pose, lens).camera_from_target if (left.equations() >= 6).all() else predicted_pose
     )
-    rows = point_jacobians(points.measurement, pose, lens, False)
-    weight = np.where(points.measurement.weight > 0, points.measurement.weight, 1.0)
+    rows = point_jacobians(measurement, pose, lens, False)
+    weight = np.where(measurement.weight > 0, measurement.weight, 1.0)
     return np.where(rows.seen, np.linalg.norm(rows.residual, axis=-1) / weight, np.inf)

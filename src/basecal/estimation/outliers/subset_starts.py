@@ -21,7 +21,7 @@ from basecal.estimation.outliers.inlier_mask import select_samples
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.first_state import first_states, lenses, light_states
-from basecal.geometry import BoolArray, Camera, IntArray
+from basecal.geometry import Camera, IntArray
 from basecal.numerics.batch import take
 
 _BLOCKS = (2, 3)  # halves and thirds: what is bumped stays so
@@ -126,18 +126,9 @@ def _start_subsets(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) ->
     ]
 
 
-def _gather_views(problem: Problem, inside: Sequence[BoolArray]) -> tuple[Problem, list[BoolArray]]:
-    """Views of each subset that are inside alone, and as many of others as make their number even."""
-    rows = [np.argsort(~of, axis=1, kind="stable")[:, : max(int(of.sum(1).max()), 1)] for of in inside]
-    few = problem.with_groups([g.take(row) for g, row in zip(problem.groups, rows, strict=True)])
-    return few, [np.take_along_axis(of, row, axis=1) for of, row in zip(inside, rows, strict=True)]
-
-
 def _fit_subsets(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
     """Each start fitted to its own samples, all side by side; those without an end are left out."""
     inside = [np.stack([np.isin(g.sample, subset.numbers) for subset in subsets]) for g in problem.groups]
-    if not len(problem.stops):
-        problem, inside = _gather_views(problem, inside)
     states = batch_states(problem, [subset.start for subset in subsets])
     problem, _ = choose_correspondence(problem, states)
     dof, weights = np.array([subset.dof for subset in subsets]), [of.astype(np.float64) for of in inside]

@@ -49,6 +49,10 @@ class End:
         """Whether the poses of the robot have errors."""
         return bool(self.stop.size and self.stop.flat[0] >= 0)
 
+    def world_from_base(self, transforms: Mapping[str, SE3]) -> SE3:
+        """Where transforms place the robot's base, or the plate."""
+        return SE3.identity() if self.base is None else transforms[self.base]
+
 
 @dataclass(frozen=True, eq=False)
 class ViewGroup:
@@ -120,9 +124,7 @@ class ViewGroup:
 
     def eye_base_from_hand_base(self, transforms: Mapping[str, SE3]) -> SE3:
         """The relation of the two bases where transforms place them."""
-        world_from_eye_base, world_from_hand_base = (
-            SE3.identity() if end.base is None else transforms[end.base] for end in self.ends
-        )
+        world_from_eye_base, world_from_hand_base = (end.world_from_base(transforms) for end in self.ends)
         return world_from_eye_base.inverse() @ world_from_hand_base
 
     def placed_base(

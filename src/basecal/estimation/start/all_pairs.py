@@ -1,25 +1,24 @@
 """Many bases and what their robots carry, placed by all pairs of camera and target at once.
 
 One after another they drift: what the last pairs of a long ring see may lie behind their cameras then. Here each pair
-is refined alone, all of them side by side; bases go where all pairs agree best, those that close loops among them.
+is refined alone, all of them side by side; bases are placed by the fewest of them.
 `benchmarks.ring` judges its limits.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from basecal.estimation.problem.problem import Problem
-from basecal.estimation.start.base_graph import Relation, placed_by_all
+from basecal.estimation.start.base_graph import place_bases
 from basecal.estimation.start.closed_form import solve_translations
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.start.refinement import Refinement, Triple, refine_jointly
-from basecal.estimation.start.rotation_search import settled_rotations
-from basecal.geometry import SE3, Array, BoolArray
+from basecal.estimation.start.rotation_search import rotation_angle, settled_rotations
+from basecal.geometry import SE3
 
 _LONG_RING_BASES = 8  # bases: of fewer none drifts farther than a descent mends
 _WRONG_RATIO = 4.0  # over the median of pairs: noise does not make one fit so badly
@@ -40,33 +39,18 @@ def placed_by_pairs(
     if len(bases) < _LONG_RING_BASES or bases & set(known_names):
         return {}
     seen = [s for s in sights if s.candidates is not None and s.group.eye.base != s.group.hand.base]
-    triples = _refine_pairs(problem, seen, transforms, known_names)
+    triples = refine_jointly(_restart_pairs([_make_refinement(problem, s, transforms, known_names) for s in seen]))
     misfit = np.array([_misfit(sight, triple) for sight, triple in zip(seen, triples, strict=True)])
-    right = _accepted_pairs(misfit)
-    told = [Relation(seen[k].group.eye.base, seen[k].group.hand.base, triples[k][1]) for k in np.flatnonzero(right)]
-    placed = _chain_bases(told)
+    mounts, relations = dict[str, SE3](), dict[tuple[str | None, str | None], SE3]()
+    for k in np.argsort(-misfit):  # the best last, and so kept
+        eye, hand = seen[k].group.ends
+        mounts[eye.mount], between, mounts[hand.mount] = triples[k]
+        if misfit[k] <= _WRONG_RATIO * np.median(misfit):
+            relations[eye.base, hand.base] = between
+    placed = place_bases({}, relations)
     if placed.keys() < bases:
         return {}
-    mounts: dict[str, SE3] = {}
-    for k in np.argsort(-misfit):  # the best last, and so kept
-        mounts[seen[k].group.eye.mount], mounts[seen[k].group.hand.mount] = triples[k][0], triples[k][2]
-    free = {name: pose for name, pose in mounts.items() if name not in known_names}
-    return free | placed_by_all(placed, told)
-
-
-def _refine_pairs(
-    problem: Problem, views: Sequence[PairViews], transforms: Mapping[str, SE3], known_names: Collection[str]
-) -> list[Triple]:
-    """X, Y and Z of each pair, refined alone; where one fits much worse than others, its rotations are searched."""
-    wishes = _restart_pairs([_make_refinement(problem, sight, transforms, known_names) for sight in views])
-    triples = refine_jointly(wishes)
-    misfit = np.array([_misfit(sight, triple) for sight, triple in zip(views, triples, strict=True)])
-    bad = [int(k) for k in np.flatnonzero(~_accepted_pairs(misfit))]
-    again = [Refinement(w.views, w.loop, w.starts, w.is_point, searched=True) for w in (wishes[k] for k in bad)]
-    for k, triple in zip(bad, refine_jointly(again), strict=True):
-        if _misfit(views[k], triple) < misfit[k]:
-            triples[k] = triple
-    return triples
+    return {name: pose for name, pose in mounts.items() if name not in known_names} | placed
 
 
 def _make_refinement(
@@ -98,26 +82,5 @@ def _misfit(sight: PairViews, triple: Triple) -> float:
     assert sight.candidates is not None
     chosen = sight.closest_pose(triple)
     own = sight.candidates[np.arange(len(chosen)), chosen]
-    off = (own.inverse() @ sight.predict_poses(triple)).rotvec
-    found = float(np.median(np.linalg.norm(off, axis=-1)))
+    found = float(np.median(rotation_angle(own.rotation, sight.group.close_loop(*triple).rotation)))
     return found if np.isfinite(found) else np.inf
-
-
-def _accepted_pairs(misfit: Array) -> BoolArray:
-    return np.asarray(misfit <= _WRONG_RATIO * np.median(misfit))
-
-
-def _chain_bases(relations: Sequence[Relation]) -> dict[str, SE3]:
-    """Where bases stand in the world by the fewest relations that lead to them."""
-    near: dict[str | None, list[tuple[str | None, SE3]]] = defaultdict(list)
-    for of in relations:
-        near[of.eye_base].append((of.hand_base, of.eye_base_from_hand_base))
-        near[of.hand_base].append((of.eye_base, of.eye_base_from_hand_base.inverse()))
-    placed: dict[str | None, SE3] = {None: SE3.identity()}
-    waiting: list[str | None] = [None]
-    for name in waiting:  # grows
-        for other, from_other in near[name]:
-            if other not in placed:
-                placed[other] = placed[name] @ from_other
-                waiting.append(other)
-    return {name: pose for name, pose in placed.items() if name is not None}

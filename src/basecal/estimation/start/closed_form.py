@@ -13,10 +13,7 @@ import numpy as np
 
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths, nearest_rotation
-from basecal.numerics.spectral import least_norm, null_vector
-
-_POWER_ROUNDS = 6  # of the power method
-_SMALLEST_DIVISOR = 1e-300  # keeps quotients of zeros finite
+from basecal.numerics.spectral import least_norm, null_vector, principal_axes
 
 
 class Loop(NamedTuple):
@@ -56,10 +53,6 @@ def kron(left: Array, right: Array) -> Array:
     return product.reshape(*shape, left.shape[-2] * right.shape[-2], left.shape[-1] * right.shape[-1])
 
 
-def _t(matrix: Array) -> Array:
-    return matrix.mT
-
-
 def _unvec(vector: Array) -> Array:
     return vector.reshape(3, 3).T
 
@@ -83,19 +76,19 @@ def solve_rotations(loop: Loop) -> Rotations:
     a, b, c, w = loop.a.rotation, loop.b.rotation, loop.c.rotation, loop.weight
     x, y, z = (None if t is None else t.rotation for t in (loop.x, loop.y, loop.z))
     if x is not None and y is not None:
-        return Rotations(x, y, z if z is not None else mean_rotation(_t(y @ c) @ a @ x @ b, w), True)
+        return Rotations(x, y, z if z is not None else mean_rotation((y @ c).mT @ a @ x @ b, w), True)
     if x is not None and z is not None:
-        return Rotations(x, mean_rotation(a @ x @ b @ _t(c @ z), w), z, True)
+        return Rotations(x, mean_rotation(a @ x @ b @ (c @ z).mT, w), z, True)
     if y is not None and z is not None:
-        return Rotations(mean_rotation(_t(a) @ y @ c @ z @ _t(b), w), y, z, True)
+        return Rotations(mean_rotation(a.mT @ y @ c @ z @ b.mT, w), y, z, True)
     if y is not None:
-        p, q, clear = _solve_two(kron(_t(b), a), kron(eye, y @ c), w)
+        p, q, clear = _solve_two(kron(b.mT, a), kron(eye, y @ c), w)
         return Rotations(p, y, q, clear)
     if z is not None:
-        p, q, clear = _solve_two(kron(_t(b), a), kron(_t(c @ z), eye), w)
+        p, q, clear = _solve_two(kron(b.mT, a), kron((c @ z).mT, eye), w)
         return Rotations(p, q, z, clear)
     if x is not None:
-        p, q, clear = _solve_two(kron(_t(a @ x @ b), eye), kron(eye, c), w)
+        p, q, clear = _solve_two(kron((a @ x @ b).mT, eye), kron(eye, c), w)
         return Rotations(x, p.T, q, clear)
     return _solve_three(a, b, c, w)
 
@@ -105,22 +98,11 @@ def _solve_three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
     null = null_vector(_three_squares(a, b, c, weight), float(lengths(weight)))
     product = _choose_sign(null.vector, _unvec(null.vector[81:]))[:81].reshape(9, 9).T
     by_factor = product.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
-    x_t, y_t = (of.reshape(3, 3) for of in _factors(by_factor))
+    # Of rank one but for noise: its factors are the first singular vectors, but for their sizes.
+    of_y = principal_axes(by_factor).axes[:, 0]
+    x_t, y_t = (by_factor @ of_y).reshape(3, 3), of_y.reshape(3, 3)
     x, y = nearest_rotation(_choose_sign(np.stack([x_t, y_t]), x_t)).mT
-    return Rotations(x, y, mean_rotation(_t(y @ c) @ a @ x @ b, weight), null.unique)
-
-
-def _factors(product: Array) -> tuple[Array, Array]:
-    """Vectors, (m,) and (k,), whose product is nearest to (m, k), but for their sizes: by the power method.
-
-    Where all three rotations are clear the product is of rank one but for noise, of which each round leaves the square.
-    """
-    second = product[np.argmax(np.einsum("mk,mk->m", product, product))]
-    for _ in range(_POWER_ROUNDS):
-        first = product @ second
-        second = first @ product
-        second /= np.maximum(lengths(second), _SMALLEST_DIVISOR)
-    return product @ second, second
+    return Rotations(x, y, mean_rotation((y @ c).mT @ a @ x @ b, weight), null.unique)
 
 
 def _three_squares(a: Array, b: Array, c: Array, weight: Array) -> Array:
@@ -129,7 +111,7 @@ def _three_squares(a: Array, b: Array, c: Array, weight: Array) -> Array:
     Those of the left with themselves are kron(vec(A) vec(A)', I), with the right kron(vec(A), kron(B, C)).
     """
     n, share = len(a), weight**2
-    of_a = _t(a).reshape(n, 9)
+    of_a = a.mT.reshape(n, 9)
     weighted = (share[:, None] * of_a).T
     mixed = (weighted @ kron(b, c).reshape(n, 81)).reshape(81, 9)
     squares = np.zeros((90, 90))

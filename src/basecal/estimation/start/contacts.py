@@ -55,7 +55,9 @@ def place_contacts(problem: Problem, transforms: Mapping[str, SE3]) -> dict[str,
         touching = [g for g in groups if g.hand.mount == name]
         # By the reference if it touched, whose base is known: the others are where a start has them.
         by_reference = [g for g in touching if g.eye.base is None] or touching
-        points = np.concatenate([_touched_points(g.eye, transforms) for g in by_reference])
+        points = np.concatenate(
+            [_flanges(g.eye, transforms) @ transforms[g.eye.mount].translation for g in by_reference]
+        )
         is_plane = isinstance(touching[0].measurement, PlaneMeasurement)
         across = principal_axes(points - points.mean(0)).axes
         placed[name] = SE3(_z_rotation(across[:, 2 if is_plane else 0]), points.mean(0))
@@ -98,14 +100,9 @@ def _part_ends(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3
     return {group.eye.mount: half, group.hand.mount: hand_flange_from_eye_flange @ half}
 
 
-def _touched_points(end: End, transforms: Mapping[str, SE3]) -> Array:
-    """Where a tip was in the world, (n, 3)."""
-    return _flanges(end, transforms) @ transforms[end.mount].translation
-
-
 def _flanges(end: End, transforms: Mapping[str, SE3]) -> SE3:
     """`world_from_flange` at the views of an end, (n,)."""
-    return end.base_from_flange if end.base is None else transforms[end.base] @ end.base_from_flange
+    return end.world_from_base(transforms) @ end.base_from_flange
 
 
 def _z_rotation(axis: Array) -> Array:

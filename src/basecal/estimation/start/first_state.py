@@ -7,7 +7,6 @@ are each refined. Everything is deterministic. `benchmarks.starts` judges its li
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -21,6 +20,7 @@ from basecal.estimation.least_squares.bundle_adjustment import batch_states, bun
 from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.all_pairs import placed_by_pairs
+from basecal.estimation.start.base_graph import place_bases
 from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
 from basecal.estimation.start.contacts import place_contacts, rigid_ends, turned_starts, without_contacts
 from basecal.estimation.start.lens import lens_from_views
@@ -68,15 +68,7 @@ class _Known:
     def add_relation(self, eye_base: str | None, hand_base: str | None, relation: SE3) -> None:
         """Add `eye_base_from_hand_base`, and place every base that it leads to."""
         self.relations[eye_base, hand_base] = relation
-        placed = True
-        while placed:
-            placed = False
-            for (a, b), a_from_b in self.relations.items():
-                at_a, at_b = self.base(a), self.base(b)
-                if at_a is not None and at_b is None and b is not None:
-                    self.transforms[b], placed = at_a @ a_from_b, True
-                elif at_b is not None and at_a is None and a is not None:
-                    self.transforms[a], placed = at_b @ a_from_b.inverse(), True
+        self.transforms = place_bases(self.transforms, self.relations)
 
 
 def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
@@ -120,13 +112,8 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in seen if g not in metric]
     sights = tuple(waiting)
     in_vain: dict[int, str] = {}  # of a pair, what was unknown as it could not be started
-    unknown = {id(sight): _unknown(sight, known) for sight in waiting}
-    by_name: dict[str, list[PairViews]] = defaultdict(list)
-    for sight in sights:
-        for name in sight.group.frames:
-            by_name[name].append(sight)
     while waiting:
-        before = set(known.transforms)
+        unknown = {id(sight): _unknown(sight, known) for sight in waiting}
         waiting.sort(key=lambda s: (len(unknown[id(s)]), s.candidates is None, -s.total))
         for sight in waiting:
             if in_vain.get(id(sight)) == unknown[id(sight)]:
@@ -138,8 +125,6 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
             sight = waiting[0]
             yield from _start(sight, known, problem, thorough, is_forced=True)
         waiting.remove(sight)
-        told = {*(known.transforms.keys() - before), *sight.group.frames}  # those of the pair have a relation, too
-        unknown |= {id(s): _unknown(s, known) for name in told for s in by_name[name]}
     found = {**known.transforms, **place_by_points(simple, metric, known.transforms)}
     transforms = {name: found.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
     transforms |= placed_by_pairs(problem, sights, transforms, known_transforms(problem))

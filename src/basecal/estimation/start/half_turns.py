@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.start.rotation_search import HOPELESS_RAD
+from basecal.estimation.start.rotation_search import HOPELESS_RAD, rotation_angle
 from basecal.geometry import Array, BoolArray
 
 _DESCENT_ROUNDS = 20
@@ -27,12 +27,12 @@ def turned_views(group: ViewGroup, read: Array, mask: Array) -> BoolArray:
     if not told.any():
         return np.asarray(turn)
     eye, hand = group.eye.base_from_flange.rotation, group.hand.base_from_flange.rotation
-    of_eye, of_hand = (_angle(r.mT[:, None] @ r[None]) for r in (eye, hand))
+    of_eye, of_hand = (rotation_angle(r[:, None], r) for r in (eye, hand))
     angle = np.where(hand_still, of_eye, of_hand)
     # How far off is view i read the way s from view j read the way t, (i, s, j, t) [rad].
     both = np.stack([read, mask], 1)
-    between = np.einsum("isab,jtcb->isjtac", both, both)
-    misfit = np.minimum(np.abs(_angle(between) - angle[:, None, :, None]), HOPELESS_RAD) * told[:, None, :, None]
+    between = rotation_angle(both[:, :, None, None], both)
+    misfit = np.minimum(np.abs(between - angle[:, None, :, None]), HOPELESS_RAD) * told[:, None, :, None]
     turn = _descend_readings(misfit, turn.astype(np.int64))
     first = _descend_readings(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
     rows = np.arange(len(turn))
@@ -50,8 +50,3 @@ def _descend_readings(misfit: Array, turn: Array) -> Array:
             break
         turn[most] = 1 - turn[most]
     return turn
-
-
-def _angle(rotation: Array) -> Array:
-    angle: Array = np.arccos(np.clip((np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2, -1.0, 1.0))
-    return angle

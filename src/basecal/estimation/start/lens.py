@@ -24,9 +24,6 @@ from basecal.numerics.levenberg_marquardt import Optima, Stop, levenberg_marquar
 _FOCAL_GUESSES = (0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
 _MOST_VIEWS = 30
 _MOST_POINTS = 100  # of a board: a start needs no more, and the lens is estimated of all of them afterwards
-_FEW_POINTS = 40  # of a board, to choose among focal lengths: far apart they hold its pose as hundreds do
-_HOPELESS_RATIO = 100.0  # times the least cost: bending has lowered that of none by as much
-_EQUAL_FOCAL_SHARE = 2e-3  # share of a focal length by which two differ that go on to the same end
 _CONVERGED_SHARE = 0.01  # of the residuals' norm: a step that gains less than 1e-4 of the cost is the last of a start
 _RIDGE = 1e-9  # [1/m^2, 1/rad^2] for boards that hold no pose: nothing beside what a pixel tells of one that does
 
@@ -63,31 +60,14 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
     usable = [m for m in usable if len(m.seen)]
     if not usable:
         return guessed_lens(camera)
-    few = [m.thin(_FEW_POINTS) for m in usable]
     guesses = [guessed_lens(camera, focal) for focal in _FOCAL_GUESSES]
-    start = stack([_Lenses(lens, tuple(_poses(lens, m) for m in few)) for lens in guesses])
+    start = stack([_Lenses(lens, tuple(_poses(lens, m) for m in usable)) for lens in guesses])
     terms = np.arange(start.camera.parameters.shape[-1])
-    rough = _refine_lenses(start, few, 8, terms[:2])
+    rough = _refine_lenses(start, usable, 8, terms[:2])
     # Of a lens that bends much, what fits best without any bending is another focal length.
-    bent = _refine_lenses(take(rough.state, _promising_lenses(rough)), few, 12, terms[:5])
+    bent = _refine_lenses(rough.state, usable, 12, terms[:5])
     best = take(bent.state, np.array([np.nan_to_num(bent.cost, nan=np.inf).argmin()]))
-    # All terms at once, a few views may send far along a valley in which they make up for one another.
-    for count in (6, len(terms)):
-        best = _refine_lenses(best, usable, 12, terms[:count]).state
-    return take(best.camera, 0)
-
-
-def _promising_lenses(rough: Optima[_Lenses, _About]) -> IntArray:
-    """Rows of the lenses that may end best: each focal length once, and none that hardly fits at all."""
-    cost = np.nan_to_num(rough.cost, nan=np.inf)
-    focal = rough.state.camera.focal[:, 0]
-    kept: list[int] = []
-    for row in np.argsort(cost, kind="stable").tolist():
-        if cost[row] > _HOPELESS_RATIO * cost.min():
-            break
-        if np.all(np.abs(focal[kept] / focal[row] - 1) > _EQUAL_FOCAL_SHARE):
-            kept.append(row)
-    return np.array(kept or [int(cost.argmin())])
+    return take(_refine_lenses(best, usable, 12, terms).state.camera, 0)
 
 
 def _thin_points(measurement: PixelMeasurement) -> PixelMeasurement:

@@ -64,10 +64,6 @@ class PairViews:
         pose = (np.arange(len(row)) >= len(self.group)).astype(np.int64)
         return loop._replace(a=loop.a[row], b=self.candidates[row, pose], c=loop.c[row], weight=self.weight[row])
 
-    def predict_poses(self, triple: tuple[SE3, SE3, SE3]) -> SE3:
-        """Poses of the target in each view by X, Y and Z, (n,)."""
-        return self.group.close_loop(*triple)
-
     def closest_pose(self, triple: tuple[SE3, SE3, SE3]) -> IntArray:
         """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
         assert self.candidates is not None

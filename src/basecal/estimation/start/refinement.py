@@ -16,14 +16,13 @@ from basecal.estimation.problem.problem import Problem, State, Stops
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_translations
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.start.rotation_search import pose_starts, settled_rotations
-from basecal.geometry import SE3, Array, IntArray
-from basecal.numerics.batch import stack, take
+from basecal.geometry import SE3, Array
+from basecal.numerics.batch import stack
 
 Triple = tuple[SE3, SE3, SE3]
 
 _GRID_CELLS = 16  # of the grid of rotations that are refined; judged by benchmarks.starts
 _REFINEMENT_STEPS = 30  # a start that needs more is in no basin; the best is refined again with all views
-_FINALISTS, _FINAL_STEPS = 4, 100  # starts of a search that are refined further
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,21 +73,12 @@ def _refine(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
     owner = np.repeat(np.arange(len(wishes)), [len(wish.starts) for wish in wishes])
     starts = [dict(zip("xyz", start, strict=True)) for wish in wishes for start in wish.starts]
     states = State({k: SE3.stack([start[k] for start in starts]) for k in "xyz"}, {}, np.zeros((len(starts), 0, 6)))
-    # Of starts far from any optimum the lowest after few steps need not lead to the lowest optimum.
-    for steps, most_left in ((iterations, _FINALISTS), (_FINAL_STEPS, 1)) if wishes[0].searched else ((iterations, 1),):
-        together = problems[0].with_groups([group.take_batch(owner)])
-        ends = bundle_adjust_batch(together, states, dof=1, iterations=steps, weights=[weight[owner]])
-        left = _lowest_costs(ends.cost, owner, most_left)
-        states, owner = take(ends.state, left), owner[left]
-    of = states.transforms
-    return [(of["x"][k], of["y"][k], of["z"][k]) for k in range(len(wishes))]
-
-
-def _lowest_costs(cost: Array, owner: IntArray, count: int) -> IntArray:
-    """Rows of the starts of each wish that cost least, at most so many, by wish and cost."""
-    known = np.where(np.isnan(cost), np.inf, cost)
-    rows = [np.flatnonzero(owner == k) for k in range(owner.max() + 1)]
-    return np.concatenate([of[np.argsort(known[of], kind="stable")[:count]] for of in rows])
+    together = problems[0].with_groups([group.take_batch(owner)])
+    ends = bundle_adjust_batch(together, states, dof=1, iterations=iterations, weights=[weight[owner]])
+    cost, of = np.where(np.isnan(ends.cost), np.inf, ends.cost), ends.state.transforms
+    own = (np.flatnonzero(owner == k) for k in range(len(wishes)))
+    best = [rows[np.argmin(cost[rows])] for rows in own]
+    return [(of["x"][k], of["y"][k], of["z"][k]) for k in best]
 
 
 def _search_starts(wishes: Sequence[Refinement]) -> list[list[Triple]]:

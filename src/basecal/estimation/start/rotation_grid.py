@@ -7,34 +7,30 @@ Source: docs/mathematics.md (6.5).
 
 from __future__ import annotations
 
-from itertools import combinations, permutations, product
+from functools import cache
 
 import numpy as np
 
 from basecal.estimation.start.closed_form import Loop
-from basecal.geometry import SE3, Array
-from basecal.geometry.rotation import rotation_from_quaternion
+from basecal.geometry import SE3, Array, read_only
+from basecal.geometry.rotation import rotation_exp
 
 _RIDGE = 1e-6  # keeps translations of least norm where views do not determine them
 _MOST_VIEWS = 40  # views by which cells of the grid are ranked
 _BEST_OF_CAMERA = 8  # cells of each rotation of X that are ranked with those of the others
 
 
+@cache
 def icosahedral_rotations() -> Array:
-    """The sixty rotations that carry an icosahedron onto itself, (60, 3, 3)."""
-    golden = (1 + 5**0.5) / 2
-    whole = [tuple(q) for q in np.concatenate([np.eye(4), -np.eye(4)])]
-    halves = list(product((0.5, -0.5), repeat=4))
-    base = (golden / 2, 0.5, 1 / (2 * golden), 0.0)
-    even = [p for p in permutations(range(4)) if sum(a > b for a, b in combinations(p, 2)) % 2 == 0]
-    mixed = [
-        tuple(np.array([base[i] for i in p]) * [s[i] if i < 3 else 1 for i in p])
-        for p in even
-        for s in product((1, -1), repeat=3)
-    ]
-    quaternions = np.array(whole + halves + mixed)
-    first = np.array([q[np.flatnonzero(np.abs(q) > 1e-9)[0]] > 0 for q in quaternions])
-    return rotation_from_quaternion(quaternions[first])
+    """The sixty rotations that carry an icosahedron onto itself, (60, 3, 3).
+
+    Those of a tetrahedron, each after a turn about a vertex: half turns about the axes, and the axes in turn.
+    """
+    vertex = np.array([0.0, 1.0, (1 + 5**0.5) / 2])
+    about_vertex = rotation_exp(2 * np.pi / 5 * np.arange(5)[:, None] * vertex / np.linalg.norm(vertex))
+    signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    tetrahedral = np.array([np.roll(np.diag(each), shift, axis=0) for each in signs for shift in range(3)])
+    return read_only((tetrahedral[:, None] @ about_vertex).reshape(-1, 3, 3))
 
 
 def light_starts(loop: Loop, bearings_in_camera: Array, max_count: int) -> list[tuple[SE3, SE3, SE3]]:

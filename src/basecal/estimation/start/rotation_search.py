@@ -11,14 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from basecal.estimation.start.closed_form import Loop, Rotations
-from basecal.estimation.start.nearest_rotations import cross_rows, dot, nearest_rotations
 from basecal.estimation.start.rotation_grid import icosahedral_rotations
 from basecal.geometry import Array, IntArray
+from basecal.geometry.rotation import nearest_rotation
 
 # Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
 _GRID_CELLS = 16
@@ -177,11 +176,6 @@ def _moments(a: Array, b: Array, c: Array, weight: Array) -> Array:
     return np.asarray(total.transpose(0, 2, 5, 1, 3, 4, 6).reshape(h, 9, 9, 9))
 
 
-@cache
-def _grid() -> Array:
-    return icosahedral_rotations()
-
-
 def _grid_starts(loops: _Loops, max_count: int) -> dict[str, Array]:
     """The most promising rotations, (h, m, 3, 3) by letter, best first; of so many loops at a time as a cache holds."""
     count = len(loops.moments)
@@ -194,9 +188,9 @@ def _grid_starts(loops: _Loops, max_count: int) -> dict[str, Array]:
 
 def _best_of_grid(loops: _Loops, max_count: int) -> dict[str, Array]:
     h = len(loops.moments)
-    averaged = loops.unknown[-1]
+    averaged, grid = loops.unknown[-1], icosahedral_rotations()
     tried = {
-        k: np.broadcast_to(_grid(), (h, len(_grid()), 3, 3)) if k in loops.unknown else loops.known[k]
+        k: np.broadcast_to(grid, (h, len(grid), 3, 3)) if k in loops.unknown else loops.known[k]
         for k in "xyz"
         if k != averaged
     }
@@ -211,7 +205,7 @@ def _best_of_grid(loops: _Loops, max_count: int) -> dict[str, Array]:
     return {
         first: tried[first][row, at_first],
         second: tried[second][row, at_second],
-        averaged: nearest_rotations(means[row, at_first, at_second]),
+        averaged: nearest_rotation(means[row, at_first, at_second]),
     }
 
 
@@ -222,10 +216,10 @@ def _sum_of_singular_values(matrix: Array) -> Array:
     stu (s + t + u). The squares of the entries give the first sum of squares, those of the cofactors the second, and
     the determinant is stu.
     """
-    rows = np.moveaxis(matrix, (-2, -1), (0, 1)).copy()
-    cofactors = cross_rows(rows)
-    twice_determinant = 2 * np.abs(dot(rows[0], cofactors[0]))
-    squares, squared_products = (sum(dot(r, r) for r in of) for of in (rows, cofactors))
+    rows = np.moveaxis(matrix, -2, 0)
+    cofactors = np.cross(rows[[1, 2, 0]], rows[[2, 0, 1]])
+    twice_determinant = 2 * np.abs(np.vecdot(rows[0], cofactors[0]))
+    squares, squared_products = (np.vecdot(of, of).sum(0) for of in (rows, cofactors))
     total: Array = np.sqrt(3 * squares)
     for _ in range(_SUM_ROUNDS):
         total = np.sqrt(squares + 2 * np.sqrt(squared_products + twice_determinant * total))
@@ -241,7 +235,7 @@ def _alternate(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
             break
         some, now = loops.take(moving), {k: turn[moving] for k, turn in found.items()}
         for letter in loops.unknown:
-            now[letter] = nearest_rotations(some.means(letter, now))
+            now[letter] = nearest_rotation(some.means(letter, now))
         change = [np.abs(now[k] - found[k][moving]).max((1, 2, 3)) for k in loops.unknown]
         for letter in loops.unknown:
             found[letter][moving] = now[letter]

@@ -7,7 +7,6 @@ import hmac
 import socketserver
 import threading
 import time
-from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from typing import Annotated, Any
 
@@ -16,11 +15,12 @@ from pydantic import Field, ValidationError
 
 from basecal.cell.schema.errors import first_problem
 from basecal.errors import BasecalError, InputError
-from basecal.fields.values import Entry, Number
+from basecal.fields.values import Entry, Number, known_names
 from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.protocol import HOST, LONGEST_LINE, MOST_JOINTS, decode, encode
 from basecal.vision.image_file import png_bytes
 
+REQUESTS = ("state", "move", "stop", "image", "light")
 _LONGEST_REQUEST = 2**16  # bytes: a request has a few joints
 _SILENCE_LIMIT_S = 0.3  # without a request, arms of a cell whose time goes on by itself come to rest
 
@@ -29,7 +29,7 @@ class Request(Entry):
     """A request, with all its possible fields."""
 
     token: str
-    do: str
+    do: Annotated[str, known_names("request", REQUESTS)]
     robot: str = ""
     camera: str = ""
     on: bool = True
@@ -37,38 +37,22 @@ class Request(Entry):
     joints_rad: Annotated[list[Number], Field(max_length=MOST_JOINTS)] = Field(default_factory=list)
 
 
-def _state(plant: Plant, request: Request) -> dict[str, Any]:
-    stamp_s, joints = plant.state(request.robot)
-    return {"stamp_s": stamp_s, "joints_rad": joints.tolist()}
-
-
-def _move(plant: Plant, request: Request) -> dict[str, Any]:
-    plant.move(request.robot, np.array(request.joints_rad, dtype=np.float64), request.speed_rad_s)
+def _act(plant: Plant, request: Request) -> dict[str, Any]:
+    """Do what is requested; the answer beside `ok`."""
+    match request.do:
+        case "state":
+            stamp_s, joints = plant.state(request.robot)
+            return {"stamp_s": stamp_s, "joints_rad": joints.tolist()}
+        case "image":
+            shot = plant.shot(request.camera)
+            return {"stamp_s": shot.stamp_s, "png_base64": base64.b64encode(png_bytes(shot.image)).decode()}
+        case "move":
+            plant.move(request.robot, np.array(request.joints_rad, dtype=np.float64), request.speed_rad_s)
+        case "stop":
+            plant.stop(request.robot)
+        case "light":
+            plant.light(request.on)
     return {}
-
-
-def _stop(plant: Plant, request: Request) -> dict[str, Any]:
-    plant.stop(request.robot)
-    return {}
-
-
-def _image(plant: Plant, request: Request) -> dict[str, Any]:
-    shot = plant.shot(request.camera)
-    return {"stamp_s": shot.stamp_s, "png_base64": base64.b64encode(png_bytes(shot.image)).decode()}
-
-
-def _light(plant: Plant, request: Request) -> dict[str, Any]:
-    plant.light(request.on)
-    return {}
-
-
-_ACTIONS: dict[str, Callable[[Plant, Request], dict[str, Any]]] = {
-    "state": _state,
-    "move": _move,
-    "stop": _stop,
-    "image": _image,
-    "light": _light,
-}
 
 
 class CellServer(socketserver.ThreadingTCPServer):
@@ -121,7 +105,7 @@ class CellServer(socketserver.ThreadingTCPServer):
             request = self._check_request(decode(line))
             self._asked_s = time.monotonic()
             with self._one_at_a_time:
-                return {"ok": True, **_ACTIONS[request.do](self.plant, request)}
+                return {"ok": True, **_act(self.plant, request)}
         except BasecalError as error:
             return {"ok": False, "error": str(error)}
 
@@ -131,12 +115,9 @@ class CellServer(socketserver.ThreadingTCPServer):
         if not hmac.compare_digest(said, self.token.encode()):
             raise InputError("the token is missing or wrong; it stands in derived/simulated.json of the cell")
         try:
-            request = Request.model_validate(message)
+            return Request.model_validate(message)
         except ValidationError as error:
             raise InputError(first_problem(error, Request)) from None
-        if request.do not in _ACTIONS:
-            raise InputError(f"no request {request.do!r}; there are: {', '.join(_ACTIONS)}")
-        return request
 
 
 class _Handler(socketserver.StreamRequestHandler):

@@ -12,7 +12,7 @@ from basecal.cell.target import Target
 from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.geometry import Array
-from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary, marker_corners
+from basecal.vision.kinds.fiducial import MARKER_SETS, detect_markers, dictionary, marker_corners
 from basecal.vision.kinds.ways import Grey
 
 _FEWEST_MARKERS = 6  # markers that tell a board from another: a plane's image has four points to itself
@@ -36,10 +36,8 @@ def likely_boards(images: Sequence[Grey], target: Target) -> Iterator[Target]:
     detector = cv2.aruco.ArucoDetector(dictionary(names[-1]))
     seen: list[Seen] = []
     for image in images:
-        corners, numbers, _ = detector.detectMarkers(image)
-        found = [] if numbers is None else [int(number) for number in numbers.ravel()]
-        centres = [np.asarray(quad, dtype=np.float64).reshape(4, 2).mean(0) for quad in corners]
-        seen.append(dict(zip(found, centres, strict=False)))
+        numbers, quads = detect_markers(detector, image)
+        seen.append(dict(zip(numbers.tolist(), quads.mean(1), strict=True)))
     most = max(seen, key=len, default={})
     if len(most) < _FEWEST_MARKERS:
         return

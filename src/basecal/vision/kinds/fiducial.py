@@ -8,11 +8,12 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from basecal.cell.target import Target
 from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.errors import InputError
-from basecal.geometry import Array, BoolArray
+from basecal.geometry import Array, BoolArray, IntArray
 
 _FAMILY = re.compile(r"tag(16h5|25h9|36h10|36h11)")
 
@@ -40,6 +41,13 @@ def dictionary(name: str) -> Any:
         known = "DICT_..., tag16h5, tag25h9, tag36h10 and tag36h11"
         raise InputError(f"tags of {name!r} can be neither drawn nor detected; use one of {known}")
     return cv2.aruco.getPredefinedDictionary(number)
+
+
+def detect_markers(detector: Any, image: NDArray[np.uint8]) -> tuple[IntArray, Array]:
+    """Numbers of the markers that OpenCV reads in an image, (n,), and their corners, (n, 4, 2) [px]."""
+    quads, numbers, _ = detector.detectMarkers(image)
+    found = np.asarray(() if numbers is None else numbers, dtype=np.int64).ravel()
+    return found, np.asarray(quads if len(found) else (), dtype=np.float64).reshape(-1, 4, 2)
 
 
 def black_cells(dictionary_name: str, marker: int, border: int = 1) -> BoolArray:

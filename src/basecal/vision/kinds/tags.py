@@ -18,7 +18,7 @@ from basecal.geometry import Array, BoolArray, IntArray
 from basecal.vision.detection import Detection, Image, eight_bit, make_detection
 from basecal.vision.fit.corner_shapes import saddle, wedge
 from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refine_corners
-from basecal.vision.kinds.fiducial import dictionary
+from basecal.vision.kinds.fiducial import detect_markers, dictionary
 from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best_result
 
 _TAG_CORNERS = 4
@@ -62,10 +62,8 @@ def detect(image: Image, target: Target) -> Detection | None:
 
 def _quads(look: _Look, image: Grey, way: Way) -> dict[int, Array]:
     """Corners, (4, 2) [px], of tags that are read once, by their rows among the target's."""
-    quads, numbers, _ = _detector(look.tags.family, look.border).detectMarkers(image)
-    if numbers is None:
-        return {}
-    seen, first, count = np.unique(numbers.ravel(), return_index=True, return_counts=True)
+    numbers, quads = detect_markers(_detector(look.tags.family, look.border), image)
+    seen, first, count = np.unique(numbers, return_index=True, return_counts=True)
     _, rows, at = np.intersect1d(look.tags.numbers, seen[count == 1], return_indices=True)
     once = first[count == 1][at]
     return {int(row): way.places(quads[k]) for row, k in zip(rows, once, strict=True)}
