@@ -227,7 +227,7 @@ def _is_array(path: str) -> bool:
 
 
 def _is_vector(lines: Sequence[str]) -> bool:
-    """Whether the first row of a text has as many numbers as a position with angles or a quaternion, not as a matrix."""
+    """Whether the first row of a text is as long as a position with angles or a quaternion."""
     return next((count for count in map(count_numbers, lines) if count >= _ROW), 0) in _VECTOR_LENGTHS
 
 
@@ -249,7 +249,7 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
 
 
 def _column_hint(columns: set[str]) -> str:
-    """What to do about other columns, as the end of a sentence: the import that they suit, or their names."""
+    """Advice on other columns, as the end of a sentence: the import that they suit, or other names."""
     formats = [name for name, each in CONTROLLERS.items() if {column.lower() for column in each.names} <= columns]
     if formats:
         return f"; these columns suit --format {list_names(formats)}"

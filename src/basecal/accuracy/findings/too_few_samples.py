@@ -18,7 +18,7 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     problem = inputs.problem
     count = len({int(number) for group in problem.groups for number in group.sample})
     if count == 0 and inputs.images and not any(each.code in _SEARCHED for each in inputs.findings):
-        return [_unsearched(inputs.images)]
+        return [_search_advice(inputs.images)]
     if count < 2:
         found = "no sample shows" if count == 0 else "a single sample shows"
         return [_finding(f"{found} a target to a camera with every robot's pose")]
@@ -36,7 +36,7 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     return [_finding(found, describe_poor_motions(problem))]
 
 
-def _unsearched(images: int) -> Finding:
+def _search_advice(images: int) -> Finding:
     what = f"No target was searched in the {images} images of the recording."
     do = ("Call `recording = basecal.detect(cell, recording)` before `calibrate`.",)
     return Finding("too-few-samples", "error", (), what, do)
