@@ -158,3 +158,4 @@ def test_a_cell_without_drivers_is_not_sent_to_go(tmp_path: Path, capsys: pytest
     assert last == "nothing has moved: no camera has a `driver`. Add it to cell.yaml before --go"
     assert main([*words, "--go"]) == 3
     assert "no camera of the cell has a `driver`" in capsys.readouterr().err
+    assert not (tmp_path / "recording").exists(), "a refused capture has not begun"
