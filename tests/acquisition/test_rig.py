@@ -12,9 +12,9 @@ import pytest
 
 from basecal.acquisition.drivers import registry
 from basecal.acquisition.drivers.registry import GROUP, driver_names
-from basecal.acquisition.rig import Rig, check_guarantees, open_rig
+from basecal.acquisition.rig import Rig, check_cameras, check_guarantees, open_rig
 from basecal.cell import Cell, CellCamera, Driver, Robot
-from basecal.errors import DatasetError, DriverError, UsageError
+from basecal.errors import DatasetError, DriverError, InputError, UsageError
 
 
 class Arm:
@@ -125,3 +125,10 @@ def test_arms_that_nothing_stops_are_not_moved_unless_accepted():
                 check_guarantees(rig, False)
         else:
             check_guarantees(rig, False)
+
+
+def test_a_rig_without_a_camera_is_refused():
+    """The error names what cell.yaml lacks; one camera is enough."""
+    with pytest.raises(InputError, match="no camera of the cell has a `driver`"):
+        check_cameras(Rig({"eye": Arm(None)}, {}))
+    check_cameras(Rig({}, {"wrist": object()}))

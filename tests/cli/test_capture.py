@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.acquisition.rig import Rig
 from basecal.cell import Sample
 from basecal.cli import capture as module
 from basecal.cli import main
@@ -180,8 +181,8 @@ def test_a_plan_for_a_task_is_made_without_refused_samples(monkeypatch: pytest.M
     monkeypatch.setattr("basecal.acquisition.rig.check_guarantees", lambda *_: None)
 
     def found(replanner: object) -> list[int]:
-        moving = module.Moving()
-        given = module._check_capture(None, None, plan, True, moving, replanner, go=True, dry_run=False, quiet=True)
+        moving, rig = module.Moving(), Rig({}, {"wrist": SimpleNamespace()})
+        given = module._check_capture(rig, None, plan, True, moving, replanner, go=True, dry_run=False, quiet=True)
         return [sample.sample for sample in given]
 
     assert found(SimpleNamespace(exclude=leave_out)) == [2]

@@ -144,3 +144,18 @@ def test_what_is_reached_moves_nothing(capsys: pytest.CaptureFixture[str]) -> No
     replanner = SimpleNamespace(words=lambda: "0.3 mm at the task point reached")
     say_plan(None, None, [], True, None, False, replanner)  # type: ignore[arg-type]
     assert capsys.readouterr().out == "0.3 mm at the task point reached; nothing will move\n"
+
+
+def test_a_cell_without_drivers_is_not_sent_to_go(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The dry plan names what is missing, which --go would refuse."""
+    write_world(facing_arms(), tmp_path)
+    text = (tmp_path / "cell.yaml").read_text()
+    (tmp_path / "cell.yaml").write_text(re.sub(r"^ *driver: .*\n", "", text, flags=re.MULTILINE))
+    home = {name: joints.tolist() for name, joints in facing_arms().home.items()}
+    words = ["capture", str(tmp_path), "--plan", plan_of(tmp_path, home)]
+    assert main(words) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == "nothing has moved: no camera has a `driver`. Add it to cell.yaml before --go"
+    assert main([*words, "--go"]) == 3
+    assert "no camera of the cell has a `driver`" in capsys.readouterr().err
+    assert not (tmp_path / "recording").exists(), "a refused capture has not begun"

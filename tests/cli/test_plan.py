@@ -173,10 +173,10 @@ def test_a_cell_with_drivers_is_captured(cell, tmp_path, capsys):
     assert f"<code>{again} plan.jsonl</code>" in page
     assert f"<code>basecal capture '{driven}' --plan plan.jsonl --go</code>" in page
     assert main([*asked, "-o", str(file)]) == 0
-    assert (
-        capsys.readouterr().out.splitlines()[-1]
-        == f"next, to record the samples: basecal capture '{driven}' --plan {file}"
-    )
+    assert capsys.readouterr().out.splitlines()[-2:] == [
+        f"written: {file}",
+        f"next, to record the samples: basecal capture '{driven}' --plan {file}",
+    ]
     page = html.unescape((driven / "plan.html").read_text())
     assert f"<code>basecal capture '{driven}' --plan {file} --go</code>" in page
     assert again not in page

@@ -59,9 +59,11 @@ def test_what_was_verified_is_told(cell: Path, capsys: pytest.CaptureFixture[str
     (cell / "verifications.jsonl").unlink(missing_ok=True)
     capsys.readouterr()
     assert main(["verify", str(cell), "--history"]) == 0
-    assert "nothing was verified yet" in capsys.readouterr().out
+    shown = capsys.readouterr()
+    assert "nothing was verified yet" in shown.out
+    assert "--history" not in shown.err, "the next step is the command that was typed"
     assert main(["verify", str(cell), str(cell / "new.jsonl")]) == 0
-    capsys.readouterr()
+    assert "--history" in capsys.readouterr().err
     assert main(["verify", str(cell), str(cell / "moved.jsonl"), "--history", "--json"]) == 1
     first, second = json.loads(capsys.readouterr().out)["verifications"]
     assert (first["moved"], second["moved"], second["frame"]) == (False, True, "hand_base")

@@ -284,9 +284,34 @@ def test_the_format_is_guessed_only_where_it_is_said(tmp_path: Path) -> None:
     for text, name in (("x,y,z,qx,qy,qz,qw\n", "ros"), ("m00,m01\n", "matrix")):
         (tmp_path / "a.csv").write_text(text)
         assert guessed_format(str(tmp_path / "a.csv")) == name
-    assert guessed_format("a.txt") == "matrix"
-    (tmp_path / "a.csv").write_text("x,y,z,rx,ry,rz\n")
-    assert not guessed_format(str(tmp_path / "a.csv"))
+    assert guessed_format("a.npz:poses") == "matrix"
+    unit = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
+    for text in (unit, "# 6 poses\n" + unit, unit.replace("\n", " "), '{"poses": [[1, 0, 0, 0.1]]}'):
+        (tmp_path / "a.txt").write_text(text)
+        assert guessed_format(str(tmp_path / "a.txt")) == "matrix"
+    for name, text in (
+        ("a.csv", "x,y,z,rx,ry,rz\n"),
+        ("a.script", "p[0.1, 0.2, 0.3, 0, 0, 1.5]\n"),
+        ("a.dat", "DECL FRAME P1={X 812.3,Y -40.1,Z 655.0,A 12.4,B 3.1,C 178.2}\n"),
+        ("a.mod", "CONST robtarget p10:=\n[[702.1,33.0,540.2],[0.02,0.71,0.70,0.01]];\n"),
+    ):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(DatasetError, match="does not state what its numbers are: give --format ur, kuka"):
+            guessed_format(str(tmp_path / name))
+
+
+@pytest.mark.parametrize(
+    ("header", "what"),
+    [
+        ("位置X,位置Y,位置Z,a,b,c", "name them so in the header, and save the file in UTF-8"),
+        ("posX1,posX2,z,a,b,c", "name them so in the header"),
+    ],
+)
+def test_columns_of_other_names_are_to_be_renamed(tmp_path: Path, header: str, what: str) -> None:
+    """The error ends with what to do; the encoding is part of it where letters are no ASCII."""
+    with pytest.raises(DatasetError) as caught:
+        poses(tmp_path, f"{header}\n1,2,3,0,0,90\n", Reading("doosan"))
+    assert str(caught.value).endswith(f"doosan writes x, y, z, a, b, c: {what}")
 
 
 ROS_LOG = ",".join(

@@ -8,7 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import BudgetEntry, Calibration, Cell, CellCamera, CellTarget, Finding, Rival, Robot, Validation
+from basecal.cell import (
+    BudgetEntry,
+    Calibration,
+    Cell,
+    CellCamera,
+    CellTarget,
+    Certificate,
+    Finding,
+    Rival,
+    Robot,
+    Validation,
+)
 from basecal.geometry import SE3, PoseEstimate
 from basecal.reporting.summary import LINE_WIDTH, summary
 
@@ -128,3 +139,17 @@ def test_rivals_have_a_line_each() -> None:
     )
     assert "basecal                1.000 mm    0.5730 deg, held out" in lines
     assert "OpenCV LI          fails" in lines
+
+
+@pytest.mark.parametrize(
+    ("certificate", "line"),
+    [
+        (None, None),
+        (Certificate(2e-9, True), "certificate: global optimum proven; relative duality gap of the rotations 2e-09"),
+        (Certificate(None, None, "a lens is free"), "certificate: not proven: a lens is free"),
+    ],
+)
+def test_a_certificate_that_was_requested_has_a_line(certificate: Certificate | None, line: str | None) -> None:
+    """Whether the optimum is proven, or why not; nothing if it was not requested."""
+    lines = summary(a_cell("eye", "hand"), replace(good(), certificate=certificate)).splitlines()
+    assert [each for each in lines if each.startswith("certificate")] == ([] if line is None else [line])

@@ -15,6 +15,7 @@ from typing import Any
 
 from basecal.acquisition.coverage import Coverage
 from basecal.acquisition.freedrive import Key, Led, wait_for_led_arms
+from basecal.acquisition.rig import check_cameras
 from basecal.acquisition.running.background import BackgroundCheck
 from basecal.acquisition.running.check import Doubt
 from basecal.acquisition.stillness import Unfit
@@ -23,7 +24,6 @@ from basecal.bounded_file import read_bounded
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import append_sample, parse_plan, read_plan, sample_to_dict, write_plan
 from basecal.cell.format.writing import append_durably
-from basecal.errors import InputError
 from basecal.exchange.importing.cell_content import recorded_samples
 from basecal.vision.detect import detect
 
@@ -195,8 +195,7 @@ class _Captured:
 
 
 def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> _Captured:
-    if not taker.rig.cameras:
-        raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its images")
+    check_cameras(taker.rig)
     recording = Recording(recorded_samples(taker.folder, taker.sketch.cell), folder=str(taker.folder))
     planned_count += len(recording.samples)
     if taker.scene is not None:

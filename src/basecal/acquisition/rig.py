@@ -131,6 +131,16 @@ def goal_checks(robots: Mapping[str, object]) -> dict[str, Callable[[RobotState]
     }
 
 
+def check_cameras(rig: Rig) -> None:
+    """Check that some camera can be read.
+
+    Raises:
+        InputError: if none has a driver.
+    """
+    if not rig.cameras:
+        raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its images")
+
+
 def check_guarantees(rig: Rig, is_none_accepted: bool) -> None:
     """Check that every arm that is sent stops if this program fails, or that the person accepts that it does not.
 

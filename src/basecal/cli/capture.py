@@ -192,11 +192,12 @@ def _check_capture(
 
     Raises:
         UsageError: if arms are to move that nothing stops, and the person does not accept that.
-        InputError: if any sample or way of it is refused.
+        InputError: if any sample or way of it is refused, or no camera can be read.
     """
-    from basecal.acquisition.rig import check_guarantees
+    from basecal.acquisition.rig import check_cameras, check_guarantees
 
     if go:
+        check_cameras(rig)
         check_guarantees(rig, moving.accept_no_watchdog)
     found = checked_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
     for _ in range(_PLANS):

@@ -174,7 +174,9 @@ def say_plan(
         say(replanner.words())
     if led:
         say(f"{' and '.join(led)} will be led by hand: wherever all stand still anew, a sample is taken")
-    if not go:
+    if not go and not rig.cameras:
+        say("nothing has moved: no camera has a `driver`. Add it to cell.yaml before --go")
+    elif not go:
         say("nothing has moved: add --go, with a hand on the emergency stop")
 
 

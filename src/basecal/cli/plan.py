@@ -203,9 +203,9 @@ def _print_plan(
         print_json(data)
         return
     say("\n".join(plan_lines(plan_result, needed_m)))
-    if motion is not None:
+    if output is not None:
         say(f"written: {output}")
-    elif steps:
+    if motion is None and steps:
         say(f"next, {steps[0].purpose}: {steps[0].command.removesuffix(' --go')}")  # a look before arms move
 
 

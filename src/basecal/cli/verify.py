@@ -81,7 +81,8 @@ def verify(
     else:
         moved = None if samples is None else found.moved
         say_verdict("\n".join(text), "doubtful" if moved is None else "refused" if moved else "good")
-        say_next(_next_command(described, cell, moved))
+        if moved or not history:
+            say_next(_next_command(described, cell, moved))
     return code
 
 

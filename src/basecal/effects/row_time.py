@@ -25,8 +25,8 @@ def row_shift(camera: Camera, pose: SE3, velocity: Array, points_in_target: Arra
 EFFECT = Effect(
     "row_time",
     elsewhere={
-        "statement": "basecal.cell.schema.rolling_shutter",
-        "size": "basecal.cell.schema.rolling_shutter: stated with its sigma",
+        "statement": "basecal.cell.cell",
+        "size": "basecal.cell.cell: stated with its sigma",
         "unknown": "basecal.accuracy.clocks",
         "words": "basecal.accuracy.clocks.correction",
     },

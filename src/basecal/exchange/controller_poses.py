@@ -23,6 +23,7 @@ from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.text_table import (
     TextTable,
+    count_numbers,
     is_image,
     parse_number,
     parse_time,
@@ -71,6 +72,7 @@ _FULL_TURN = 2 * np.pi  # [rad]
 _SMALL_TURN = np.pi  # degrees up to which angles of arms that calibrate never all stay
 _SHORT_MATRIX = 12  # numbers of a matrix without its last row
 _ROW = 4  # numbers of a row of a matrix
+_VECTOR_LENGTHS = 6, 7  # numbers of a position with three angles, and with a quaternion
 _LONGEST_ARM_M = 20.0  # farther than any flange is in metres, and nearer than any is in millimetres
 _FEWEST_JOINTS = 4  # columns with names of joints
 _FEW_ROWS = 0.3  # share of rows, up to which these are wrong and not the unit of all
@@ -223,12 +225,28 @@ def _is_stacked(path: str) -> bool:
 
 
 def guessed_format(path: str) -> str:
-    """The format of a file that says it alone: of matrices, or of a header with quaternions as of ROS; else empty."""
-    if not path.lower().endswith((".csv", ".xlsx")):
+    """The format of a file that says it alone: of matrices, or of a header with quaternions as of ROS.
+
+    Raises:
+        DatasetError: if it does not.
+    """
+    if is_archive(path):
         return "matrix"
-    first = next(iter(read_table_text(path, "a table of poses").splitlines()), "")
+    lines = read_table_text(path, "a table of poses").splitlines()
+    if not path.lower().endswith((".csv", ".xlsx")) and not _is_vector(lines):
+        return "matrix"
+    first = next(iter(lines), "")
     names = {plain_column(cell.strip("# \"'")).replace("_", "") for cell in re.split("[,;\t]", first)}
-    return "matrix" if "m00" in names else "ros" if {"qx", "qy", "qz", "qw"} <= names else ""
+    if "m00" in names:
+        return "matrix"
+    if {"qx", "qy", "qz", "qw"} <= names:
+        return "ros"
+    raise DatasetError(path, f"does not state what its numbers are: give --format {list_names(list(CONTROLLERS))}")
+
+
+def _is_vector(lines: Sequence[str]) -> bool:
+    """Whether the first row of a text is as long as a position with angles or a quaternion."""
+    return next((count for count in map(count_numbers, lines) if count >= _ROW), 0) in _VECTOR_LENGTHS
 
 
 def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[str]:
@@ -254,12 +272,15 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
 
 
 def _column_hint(columns: set[str]) -> str:
-    """The import that other columns suit, as the end of a sentence; empty if none does."""
+    """Advice on other columns, as the end of a sentence: the import that they suit, or other names."""
     formats = [name for name, each in CONTROLLERS.items() if {column.lower() for column in each.names} <= columns]
     if formats:
         return f"; these columns suit --format {list_names(formats)}"
     are_joints = sum(bool(_JOINT.match(column)) for column in columns) >= _FEWEST_JOINTS
-    return "; these look like joints: record poses, or use basecal import joints" if are_joints else ""
+    if are_joints:
+        return "; these look like joints: record poses, or use basecal import joints"
+    is_ascii = all(column.isascii() for column in columns)
+    return ": name them so in the header" + ("" if is_ascii else ", and save the file in UTF-8")
 
 
 def plain_column(column: str) -> str:

@@ -16,7 +16,7 @@ from basecal.reporting.statement.verdict import (
     verdict_word,
     work_sentences,
 )
-from basecal.reporting.text import local_rows, number_row, rival_lines, task_sentence, transform_rows
+from basecal.reporting.text import certificate_lines, local_rows, number_row, rival_lines, task_sentence, transform_rows
 
 LINE_WIDTH = 100
 """Characters of a line at most: what terminals show, and mails keep, unbroken."""
@@ -51,6 +51,7 @@ def summary(cell: Cell, calibration: Calibration) -> str:
     errors = held_out_errors(calibration.validation)
     lines += wrap_text(f"cross-validation error, rms: {', '.join(errors)}") if errors else []
     lines += [] if calibration.validation is None else rival_lines(calibration.validation)
+    lines += [line for sentence in certificate_lines(calibration) for line in wrap_text(sentence)]
     lines += _finding_lines(grave[1:_FULL_FINDINGS])
     less = [*grave[_FULL_FINDINGS:], *(finding for finding in findings if finding.severity == "info")]
     in_full = _finding_lines(less)

@@ -182,6 +182,11 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
     worst = max(used, key=misfit, default=None)
     if worst is not None and worst.rms_px is not None:
         yield f"worst view: sample {worst.sample} by {worst.camera}, {two_digits(worst.rms_px)} px rms"
+    yield from certificate_lines(calibration)
+
+
+def certificate_lines(calibration: Calibration) -> Iterator[str]:
+    """Whether the optimum is proven to be global, if that was requested."""
     proof = calibration.certificate
     if proof is not None and proof.is_global:
         yield f"certificate: global optimum proven; relative duality gap of the rotations {proof.gap or 0.0:.1g}"

@@ -10,12 +10,12 @@ import pytest
 from tests.pose_problem import MOUNT, TARGET, pose_problem
 
 from basecal.accuracy.findings.too_few_samples import too_few_samples
-from basecal.cell import Unknown
+from basecal.cell import Finding, Unknown
 from basecal.geometry import SE3
 
 
 def messages(problem):
-    found = too_few_samples(SimpleNamespace(problem=problem, findings=()))
+    found = too_few_samples(SimpleNamespace(problem=problem, findings=(), images=0))
     assert {f.severity for f in found} <= {"error"}
     return [f.message for f in found]
 
@@ -67,3 +67,15 @@ def test_free_parameters_of_robots_are_unknowns(sigma, few):
     told = messages(replace(problem, models={"eye": model}))
     assert bool(told) == few
     assert not few or told[0].startswith("2 samples give 12 equations for 12 unknowns")
+
+
+def test_images_that_were_not_searched_are_named():
+    """Without a view the call that finds targets is named, unless a search has found none."""
+    problem, _ = pose_problem(np.zeros((1, 6)), np.ones(6))
+    empty = problem.with_groups([])
+    (found,) = too_few_samples(SimpleNamespace(problem=empty, findings=(), images=20))
+    assert found.what == "No target was searched in the 20 images of the recording."
+    assert "basecal.detect(cell, recording)" in found.do[0]
+    missed = Finding("dropped-sample", "info", ("wrist", "board"), "board was not found")
+    (found,) = too_few_samples(SimpleNamespace(problem=empty, findings=(missed,), images=20))
+    assert found.what.startswith("No sample shows a target")

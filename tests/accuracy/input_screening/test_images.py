@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from basecal.accuracy.input_screening.images import needs_search
+from basecal.accuracy.input_screening.images import count_searchable_images, needs_search
 from basecal.cell import Recording
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -24,3 +24,12 @@ def test_images_of_poses_in_metres_are(tmp_path) -> None:
 
     wrong = [replace(s, robots={name: in_millimetres(of) for name, of in s.robots.items()}) for s in shown]
     assert not needs_search(made.cell, Recording(tuple(wrong)))
+
+
+def test_images_of_targets_are_searchable() -> None:
+    """Each image by a camera with a lens counts; of a target that no image shows, none does."""
+    for target, count in (("charuco", 4), ("pose", 0)):
+        made = simulate(Scenario(samples=4, target=target), 1)
+        shown = [replace(sample, images={"wrist": "images/wrist/0.png"}) for sample in made.recording.samples]
+        assert count_searchable_images(made.cell, Recording(tuple(shown))) == count
+        assert count_searchable_images(made.cell, made.recording) == 0

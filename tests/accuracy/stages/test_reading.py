@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 from basecal.accuracy.stages import reading
 from basecal.accuracy.stages.case import Case
-from basecal.cell import Finding
+from basecal.cell import Finding, Recording
 from basecal.errors import InputError
 from basecal.estimation.settings import Settings
 from basecal.simulation import Scenario, simulate
@@ -70,3 +71,12 @@ def test_the_closed_form_ends_the_case(monkeypatch):
     asked = Case(MADE.cell, MADE.recording, Settings(method="axis-shift"))
     found = reading.calibrate_by_shifts(reading.pack_problem(asked))
     assert (found.calibration, found.is_ended) == ("calibration", True)
+
+
+def test_images_are_counted_for_checks_of_the_input(monkeypatch):
+    """A recording whose images were not searched says how many they are."""
+    inputs = []
+    monkeypatch.setattr(reading, "INPUT_CHECKS", [lambda given: inputs.append(given) or []])
+    samples = [replace(each, observations=(), images={"wrist": "0.png"}) for each in MADE.recording.samples]
+    reading.check_input(reading.pack_problem(Case(MADE.cell, Recording(tuple(samples)), Settings())))
+    assert inputs[0].images == 3

@@ -84,7 +84,7 @@ def test_a_first_connection_that_fails_is_no_outage():
         def connect(self):
             raise ConnectionRefusedError("no port")
 
-    with pytest.raises(DriverError, match=r"eye: its connection was lost \(ConnectionRefusedError no port\)"):
+    with pytest.raises(DriverError, match=r"eye: no connection \(ConnectionRefusedError no port\)\. Is it on, and"):
         Absent([1.0], reconnect_s=60.0)
 
 

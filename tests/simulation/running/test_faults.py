@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 from basecal.errors import InputError
+from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import FAULTS, read_faults
+from basecal.simulation.running.plant import Plant
+from shared.facing_arms import facing_arms
 
 
 def test_sizes_in_their_units():
@@ -40,3 +45,29 @@ def test_what_is_no_fault(written, message):
     """It is refused in a line that says what was expected."""
     with pytest.raises(InputError, match=message):
         read_faults(written)
+
+
+@cache
+def answers(*faults: str) -> list[np.ndarray]:
+    """States, places, a stamp and an image of a running cell while its arms move twice."""
+    world = facing_arms("led", faults=read_faults(faults))
+    running, found = Plant(world, Clock(0)), []
+    for way in (0.05, -0.05):
+        for name, joints in world.home.items():
+            running.move(name, joints + way, 1.0)
+        running.wait(0.05)
+        shot = running.shot("wrist")
+        found += [np.array(shot.stamp_s), shot.image]
+        for _ in range(15):
+            running.wait(0.05)
+            seen = running.camera_scene("wrist")
+            found += [seen.camera_from_target.matrix, seen.reflected, *(running.state(arm)[1] for arm in world.home)]
+    return found
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_every_fault_acts(name):
+    """A cell with four times its usual size answers otherwise than a sound one: the simulator passes none over."""
+    fault = f"{name}={4 * FAULTS[name].usual}{'@1' if FAULTS[name].is_sudden else ''}"
+    pairs = zip(answers(fault), answers(), strict=True)
+    assert not all(np.array_equal(wrong, right) for wrong, right in pairs)

@@ -66,7 +66,7 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
     Args:
         cell: What was calibrated.
         calibration: What came out.
-        recording: The new samples, one or more.
+        recording: The new samples, one or more; what images show is found by `detect`.
 
     Raises:
         InputError: if an argument is of another type, the cell contradicts the recording, or poses of a target are

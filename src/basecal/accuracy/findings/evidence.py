@@ -28,11 +28,13 @@ class Input:
         problem: Of cell and recording.
         findings: Made while these were read.
         on_paths: Whether robots' poses are read off their paths at the instants of views, not at stops.
+        images: Number of recorded images in which a target can be searched.
     """
 
     problem: Problem
     findings: tuple[Finding, ...]
     on_paths: bool = False
+    images: int = 0
 
 
 @dataclass(frozen=True, eq=False)

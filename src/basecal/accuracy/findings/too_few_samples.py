@@ -10,11 +10,15 @@ from basecal.cell import Finding
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import Array
 
+_SEARCHED = ("dropped-sample", "few-images")  # codes of searches that found no target
+
 
 def too_few_samples(inputs: Input) -> list[Finding]:
     """An error if no view can be checked: without the largest, equations are fewer than unknowns."""
     problem = inputs.problem
     count = len({int(number) for group in problem.groups for number in group.sample})
+    if count == 0 and inputs.images and not any(each.code in _SEARCHED for each in inputs.findings):
+        return [_search_advice(inputs.images)]
     if count < 2:
         found = "no sample shows" if count == 0 else "a single sample shows"
         return [_finding(f"{found} a target to a camera with every robot's pose")]
@@ -30,6 +34,12 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     many = f"{count} samples" + (f" at {len(equations)} places" if len(equations) < views else "")
     found = f"{many} give {int(equations.sum())} equations for {unknowns} unknowns: none is left to check them"
     return [_finding(found, describe_poor_motions(problem))]
+
+
+def _search_advice(images: int) -> Finding:
+    what = f"No target was searched in the {images} images of the recording."
+    do = ("Call `recording = basecal.detect(cell, recording)` before `calibrate`.",)
+    return Finding("too-few-samples", "error", (), what, do)
 
 
 def _equations_by_place(group: ViewGroup) -> Array:

@@ -8,6 +8,7 @@ from basecal.accuracy.axis_shift import calibrate_axis_shift
 from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.findings.registry import INPUT_CHECKS
+from basecal.accuracy.input_screening.images import count_searchable_images
 from basecal.accuracy.input_screening.repeated_views import repeated_views
 from basecal.accuracy.input_screening.units import impossible_units
 from basecal.accuracy.readings.scales import convert_units, estimate_units
@@ -77,7 +78,8 @@ def pack_problem(case: Case) -> Case:
 
 def check_input(case: Case) -> Case:
     """Refuse what is too little, and report what is odd."""
-    given = Input(case.problem, case.findings, on_paths=case.clocked is not None)
+    images = count_searchable_images(case.cell, case.recording)
+    given = Input(case.problem, case.findings, on_paths=case.clocked is not None, images=images)
     case = case.with_findings(finding for check in INPUT_CHECKS for finding in check(given))
     return case.refuse() if case.is_refused else case
 

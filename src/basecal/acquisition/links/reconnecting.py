@@ -51,7 +51,7 @@ class ReconnectingRobot(ABC):
         try:
             self._connect()
         except Exception as error:
-            raise _domain_error(name, error) from error
+            raise _domain_error(name, error, is_first=True) from error
 
     @abstractmethod
     def connect(self) -> None:
@@ -142,10 +142,12 @@ def _is_same(reading: Reading, last: Reading) -> bool:
     return np.array_equal(state_vector(reading.state), state_vector(last.state))
 
 
-def _domain_error(name: str, error: Exception) -> BasecalError:
+def _domain_error(name: str, error: Exception, is_first: bool = False) -> BasecalError:
     if isinstance(error, BasecalError):
         return error
     if isinstance(error, Stale):
         return DriverError(f"{name}: no state came. Is the controller on, and the network plugged in?")
     words = " ".join(f"{type(error).__name__} {error}".split())
+    if is_first:
+        return DriverError(f"{name}: no connection ({words}). Is it on, and are its options in cell.yaml right?")
     return DriverError(f"{name}: its connection was lost ({words})")

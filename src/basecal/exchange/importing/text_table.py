@@ -214,6 +214,11 @@ def is_image(name: str) -> bool:
     return bool(_IMAGE.search(name.strip()))
 
 
+def count_numbers(text: str) -> int:
+    """How many numbers a text lists; those within names do not count."""
+    return len(_LISTED_NUMBER.findall(text))
+
+
 def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path: str) -> Iterator[TextRow]:
     """Rows of the lines that hold a pose in brackets; other lines of a controller's program are passed over.
 
@@ -233,7 +238,7 @@ def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path
         if values is not None:
             yield TextRow(number, _leading_image(line, bracketed) | dict(zip(names, values, strict=True)))
         elif _POSE_CLAIM.search(line):
-            count = len(_LISTED_NUMBER.findall(bracketed))
+            count = count_numbers(bracketed)
             raise DatasetError(path, f"{count} numbers in brackets, expected {', '.join(names)}", number)
 
 
@@ -242,7 +247,7 @@ def _is_plain_row(line: str, count: int) -> bool:
     closed, rest = " ".join(_BRACKETED.findall(line)), _BRACKETED.sub("", line)
     opened = _brackets(rest) or ""
     numbers = filter(_is_number, re.split(r"[;,\s]+", rest.removesuffix(opened)))
-    return len(_LISTED_NUMBER.findall(f"{closed} {opened}")) < count <= len(list(numbers))
+    return count_numbers(f"{closed} {opened}") < count <= len(list(numbers))
 
 
 def _brackets(line: str) -> str | None:
