@@ -225,11 +225,7 @@ def _is_stacked(path: str) -> bool:
 
 
 def guessed_format(path: str) -> str:
-    """The format of a file that says it alone: of matrices, or of a header with quaternions as of ROS.
-
-    Raises:
-        DatasetError: if it does not.
-    """
+    """The format of a file that says it alone: of matrices, or of a header with quaternions as of ROS; else empty."""
     if is_archive(path):
         return "matrix"
     lines = read_table_text(path, "a table of poses").splitlines()
@@ -237,11 +233,7 @@ def guessed_format(path: str) -> str:
         return "matrix"
     first = next(iter(lines), "")
     names = {plain_column(cell.strip("# \"'")).replace("_", "") for cell in re.split("[,;\t]", first)}
-    if "m00" in names:
-        return "matrix"
-    if {"qx", "qy", "qz", "qw"} <= names:
-        return "ros"
-    raise DatasetError(path, f"does not state what its numbers are: give --format {list_names(list(CONTROLLERS))}")
+    return "matrix" if "m00" in names else "ros" if {"qx", "qy", "qz", "qw"} <= names else ""
 
 
 def _is_vector(lines: Sequence[str]) -> bool:

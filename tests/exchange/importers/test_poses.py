@@ -80,6 +80,14 @@ def test_mistakes_leave_nothing(
     assert not (tmp_path / "c").exists()
 
 
+def test_a_program_of_poses_does_not_state_its_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Six numbers are no matrix: the error names the formats."""
+    (tmp_path / "left.script").write_text("p[0.1, 0.2, 0.3, 0, 0, 1.5]\n")
+    words = ["import", "poses", str(tmp_path / "c"), str(tmp_path / "left.script"), "--robot", "left"]
+    assert main(words) == 3
+    assert "does not state what its numbers are: give --format ur, kuka" in capsys.readouterr().err
+
+
 def test_a_robot_is_recorded_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A second import of the same robot, and one of another count, change nothing."""
     cell, path = str(tmp_path / "c"), table(tmp_path / "left.csv", "ur")
