@@ -512,7 +512,7 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--cells", type=int, default=60, help="of each family")
     parser.add_argument("--families", nargs="*", default=list(FAMILIES), choices=list(FAMILIES))
     parser.add_argument("--first", type=int, default=0, help="seed")
-    parser.add_argument("--keep", type=Path, help="file of rows")
+    parser.add_argument("--keep", type=Path, help="file of rows, with their findings in words")
     parser.add_argument("--write", action="store_true", help="write results/trouble.json")
     given = parser.parse_args(arguments)
     on_one_core()
@@ -525,7 +525,7 @@ def main(arguments: Sequence[str]) -> None:
                 given.keep.write_text(json.dumps(rows))
     print(shown(rows))
     if given.write:
-        write("trouble", {"rows": rows})
+        write("trouble", {"rows": [{key: value for key, value in row.items() if key != "what"} for row in rows]})
 
 
 if __name__ == "__main__":
