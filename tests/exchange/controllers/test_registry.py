@@ -74,20 +74,6 @@ def test_fanuc_quaternion_of_the_maker_of_a_camera():
     np.testing.assert_allclose(read.translation, [1, 0, 0])
 
 
-def test_fanuc_as_a_program_that_drives_them_has_it():
-    """Both ways, X, Y, Z [mm] and W, P, R [deg], with the matrix that `Fanuc_2_Pose` of RoboDK 6.0.2 gives."""
-    told = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
-    matrix = [
-        [-0.26200263, -0.758739674, 0.596379685],
-        [0.71984631, -0.565246574, -0.402886585],
-        [0.64278761, 0.323744371, 0.694272044],
-    ]
-    read = CONTROLLERS["fanuc"].read(np.array(told))
-    np.testing.assert_allclose(read.rotation, matrix, atol=1e-9)
-    np.testing.assert_allclose(read.translation, [0.1, -0.2, 0.3], atol=1e-15)
-    np.testing.assert_allclose(CONTROLLERS["fanuc"].to_numbers(read), told, atol=1e-9)
-
-
 def test_yaskawa_quaternion_of_the_maker_of_a_camera():
     """The formula that Basler gives for Rx, Ry, Rz, written out; lengths in mm."""
     x, y, z = np.radians([10, -20, 30]) / 2
@@ -98,18 +84,19 @@ def test_yaskawa_quaternion_of_the_maker_of_a_camera():
     np.testing.assert_allclose(read.translation, [0, 1, 0])
 
 
-def test_yaskawa_as_a_program_that_drives_them_has_it():
-    """Both ways, X, Y, Z [mm] and Rx, Ry, Rz [deg], with the matrix that `Motoman_2_Pose` of RoboDK 6.0.2 gives."""
+@pytest.mark.parametrize("name", ["fanuc", "yaskawa"])
+def test_as_a_program_that_drives_them_has_it(name):
+    """Both ways [mm, deg], with the matrix that `Fanuc_2_Pose` and `Motoman_2_Pose` of RoboDK 6.0.2 give."""
     told = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
     matrix = [
         [-0.26200263, -0.758739674, 0.596379685],
         [0.71984631, -0.565246574, -0.402886585],
         [0.64278761, 0.323744371, 0.694272044],
     ]
-    read = CONTROLLERS["yaskawa"].read(np.array(told))
+    read = CONTROLLERS[name].read(np.array(told))
     np.testing.assert_allclose(read.rotation, matrix, atol=1e-9)
     np.testing.assert_allclose(read.translation, [0.1, -0.2, 0.3], atol=1e-15)
-    np.testing.assert_allclose(CONTROLLERS["yaskawa"].to_numbers(read), told, atol=1e-9)
+    np.testing.assert_allclose(CONTROLLERS[name].to_numbers(read), told, atol=1e-9)
 
 
 def test_staubli_about_x_then_the_new_y_then_the_new_z():
