@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import re
+import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+import basecal
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -17,3 +22,18 @@ def test_a_light_from_images(tmp_path: Path) -> None:
     program = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(program)
     assert program.main(tmp_path, samples=12) < 33
+
+
+def test_python_of_imported_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The block of docs/importing.md gives a good answer; without `detect` it is refused with that call."""
+    page = (EXAMPLES.parent / "docs" / "importing.md").read_text(encoding="utf-8")
+    block = re.search(r"^```python\n(cell = basecal.read_cell.*?)```", page, re.DOTALL | re.MULTILINE)
+    assert block is not None
+    shutil.copytree(EXAMPLES / "ur5e_images", tmp_path / "mycell")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"basecal": basecal}
+    exec(block[1], names)
+    assert names["calibration"].verdict == "good"
+    refused = basecal.calibrate(names["cell"], basecal.read_recording("mycell"))
+    assert refused.verdict == "refused"
+    assert "basecal.detect(cell, recording)" in refused.findings[0].message
