@@ -48,7 +48,7 @@ class Unknown:
     sigma: Array | None = None
 
 
-_AS_STATED = ConfigDict(extra="forbid", allow_inf_nan=False)
+_AS_STATED = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 def _check_sigma(timing: _Timed) -> _Timed:

@@ -84,7 +84,7 @@ Vector3 = Annotated[Array, array_form(Annotated[list[Number], THREE])]
 class WrittenPose(BaseModel):
     """`t_m` and `q_xyzw` of a transform."""
 
-    model_config = ConfigDict(allow_inf_nan=False)
+    model_config = ConfigDict(allow_inf_nan=False, defer_build=True)
     t_m: Annotated[list[Number], THREE]
     q_xyzw: Annotated[list[Real], Field(min_length=4, max_length=4)]
 

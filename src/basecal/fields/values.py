@@ -100,7 +100,7 @@ Corners = Annotated[list[Annotated[int, Field(ge=2, le=MOST_POINTS)]], _PAIR]
 class Entry(BaseModel):
     """A mapping of known fields."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True, defer_build=True)
 
 
 class PoseEntry(Entry):

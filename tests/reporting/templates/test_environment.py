@@ -5,14 +5,16 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+import sys
+from pathlib import Path
 
 import pytest
-from jinja2 import UndefinedError
+from jinja2 import Environment, UndefinedError
 
 from basecal.cell import BudgetEntry
 from basecal.reporting.decision.tiles import error_tile
 from basecal.reporting.svg import element
-from basecal.reporting.templates.environment import environment, own_file, policy
+from basecal.reporting.templates.environment import BesideModules, environment, own_file, policy
 
 
 def drawn(macro: str, *values: object) -> str:
@@ -66,3 +68,26 @@ def test_the_policy_names_what_may_run() -> None:
     assert "script-src 'none'" in policy(style)
     assert "connect-src" not in said
     assert "connect-src 'self'" in policy(style, [script], is_served=True)
+
+
+def test_templates_are_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Another process reads what one has compiled, until the template changes."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    kept = BesideModules(tmp_path)
+    bucket = kept.get_bucket(Environment(), "page", None, "{{ a }}")
+    bucket.code = compile("b = 1", "page", "exec")
+    kept.set_bucket(bucket)
+    assert BesideModules(tmp_path).get_bucket(Environment(), "page", None, "{{ a }}").code == bucket.code
+    assert BesideModules(tmp_path).get_bucket(Environment(), "page", None, "{{ b }}").code is None
+
+
+@pytest.mark.parametrize("is_refused", [True, False])
+def test_templates_that_cannot_be_kept_are_filled_in(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, is_refused: bool
+) -> None:
+    """Neither a folder that is missing nor Python's own switch makes a page fail."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", is_refused)
+    folder = tmp_path if is_refused else tmp_path / "missing"
+    made = environment().overlay(bytecode_cache=BesideModules(folder))
+    assert made.get_template("sheet.svg").root_render_func is not None
+    assert list(tmp_path.iterdir()) == []

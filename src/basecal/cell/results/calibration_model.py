@@ -80,7 +80,7 @@ def _transform_data(entry: _Known) -> dict[str, Any]:
 
 
 class _WrittenLens(BaseModel):
-    model_config = ConfigDict(allow_inf_nan=False)
+    model_config = ConfigDict(allow_inf_nan=False, defer_build=True)
     model: str
     fx: Number
     fy: Number
@@ -122,7 +122,7 @@ class _Observability:
 class _WrittenSettings(BaseModel):
     """The settings in use; only those that calculations use are validated."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", defer_build=True)
     tolerance_m: Annotated[Length, Field(gt=0)] | None = None
 
     def plain(self) -> dict[str, Any]:
@@ -140,7 +140,7 @@ _TimeSigma = Annotated[Seconds, Field(ge=0)]
 class CalibrationFile:
     """Content of `calibration.json` beside its schema, the program's version and parameters of robots."""
 
-    __pydantic_config__: ClassVar = ConfigDict(allow_inf_nan=False)
+    __pydantic_config__: ClassVar = ConfigDict(allow_inf_nan=False, defer_build=True)
     verdict: Verdict
     transforms: Mapping[_Name, _Transform]
     intrinsics: Mapping[str, _Lens]

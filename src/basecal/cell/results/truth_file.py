@@ -22,7 +22,7 @@ SCHEMA = "basecal/truth/1"
 class _Truth(BaseModel):
     """All of `truth.yaml`; what else is so in the cell stands beside."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", defer_build=True)
     version: Literal["basecal/truth/1"] = Field(alias="schema")
     transforms: dict[str, Annotated[PoseEntry, AfterValidator(full_pose)]]
 

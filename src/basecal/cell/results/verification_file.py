@@ -55,7 +55,7 @@ class PastVerification:
         shifts: By requested transform, whether it moved or not.
     """
 
-    __pydantic_config__: ClassVar = ConfigDict(extra="forbid", allow_inf_nan=False)
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
     when: Annotated[datetime, AfterValidator(_to_utc)]
     run: str
     samples: Annotated[Whole, Field(ge=0)]

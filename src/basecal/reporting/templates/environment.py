@@ -5,17 +5,34 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
+import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import lru_cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
+from jinja2 import Environment, FileSystemBytecodeCache, FunctionLoader, StrictUndefined
+from jinja2.bccache import Bucket
 from markupsafe import Markup, escape
 
 _FOLDER = files("basecal.reporting")
 _COMPRESSION = 6  # level, which is half a percent larger than the highest in two thirds of its time
 _SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
+
+
+class BesideModules(FileSystemBytecodeCache):
+    """Compiled templates in a folder, where Python's own compiled modules are, if these may be written there."""
+
+    def __init__(self, folder: Path = Path(__file__).parent / "__pycache__") -> None:
+        super().__init__(str(folder), "%s.jinja")
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Keep a template; one that cannot be kept is compiled again next time."""
+        if not sys.dont_write_bytecode:
+            with suppress(OSError):
+                super().dump_bytecode(bucket)
 
 
 def own_file(name: str) -> str:
@@ -35,6 +52,7 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         optimized=False,
+        bytecode_cache=BesideModules(),
     )
     made.filters["words"] = _mark_code
     made.filters["sentence"] = _begin_sentence
