@@ -73,7 +73,7 @@ def trial(kind: str, seed: int) -> list[dict[str, Any]]:
     solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
     calibration = calibrated(made, solution)
     point = made.truth[BASE].translation / 2
-    found = error_map(calibration, ArmErrors(made.cell, solution), point[None])
+    found = error_map(calibration, ArmErrors(made.cell, solution, solution), point[None])
     assert found is not None
     told = list(_at_places(made, calibration, found, np.random.default_rng([seed, 13])))
     if made.cell.robots["eye"].chain is not None and not calibration.robot_parameters:

@@ -51,7 +51,7 @@ def trial(kind: str, seed: int) -> list[dict[str, float]]:
     made, rng = simulate(KINDS[kind], 60_000 + seed), np.random.default_rng([seed, 17])
     solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
     calibration = calibrated(made, solution)
-    expected = meeting_error(calibration, ArmErrors(made.cell, solution), Settings())
+    expected = meeting_error(calibration, ArmErrors(made.cell, solution, solution), Settings())
     assert expected is not None
     places = recorded_places(solution.problem, solution.state, BASE)
     believed = calibrated_kinematics(made.cell, calibration)

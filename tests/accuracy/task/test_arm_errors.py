@@ -25,27 +25,27 @@ def solved(request):
 def test_models_are_those_of_what_arms_record(solved):
     """Joints and links where joints are recorded; without shared errors, and with them, where there are poses."""
     scenario, made, solution = solved
-    arms = ArmErrors(made.cell, solution)
+    arms = ArmErrors(made.cell, solution, solution)
     assert [kinds for kinds, _ in arms.joint_models] == (
         [("joint_offsets",), ("link_parameters",), ("joint_offsets", "link_parameters")] if scenario.joints else []
     )
-    assert "" in arms.pose_models
-    assert ("smooth_by_reach" in arms.pose_models) != scenario.joints
+    assert "" in solution.noise.models
+    assert ("smooth_by_reach" in solution.noise.models) != scenario.joints
 
 
 def test_they_are_found_once(solved, monkeypatch):
     """However often they are requested; nodes of their sigmas too."""
     _, made, solution = solved
-    arms = ArmErrors(made.cell, solution)
-    first = arms.pose_models, arms.joint_models, arms.sizes, arms.pose_models[""].nodes
-    for name in ("sigma_models", "model_sigmas", "known_sizes"):
+    arms = ArmErrors(made.cell, solution, solution)
+    first = arms.joint_models, arms.sizes, solution.noise.models[""].nodes
+    for name in ("model_sigmas", "known_sizes"):
         monkeypatch.setattr(f"basecal.accuracy.task.arm_errors.{name}", None)
-    assert all(a is b for a, b in zip(first, (arms.pose_models, arms.joint_models, arms.sizes), strict=False))
-    assert arms.pose_models[""].nodes is first[3]
+    again = arms.joint_models, arms.sizes, solution.noise.models[""].nodes
+    assert all(a is b for a, b in zip(first, again, strict=True))
 
 
 def test_stated_noise_leaves_no_models():
     """Only fields and sizes are left."""
     made = simulate(replace(POSES, state_robot_noise=True), 1)
-    arms = ArmErrors(made.cell, solve(made.cell, made.recording))
-    assert (arms.joint_models, arms.pose_models) == ([], {})
+    solution = solve(made.cell, made.recording)
+    assert (ArmErrors(made.cell, solution, solution).joint_models, solution.noise.models) == ([], {})

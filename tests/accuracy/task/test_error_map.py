@@ -58,7 +58,7 @@ def test_errors_smooth_in_the_pose_count(mapped):
     robots = dict(calibration.noise["robots"])
     robots["hand"] = {**robots["hand"], "smooth": {"sigma": [2e-3] * 3 + [1e-3] * 3, "length_m": 0.7}}
     wider = replace(calibration, noise={**calibration.noise, "robots": robots})
-    larger = error_map(wider, ArmErrors(made.cell, solution), POINT[None])
+    larger = error_map(wider, ArmErrors(made.cell, solution, solution), POINT[None])
     assert larger.length_95_m.min() > found.length_95_m.min() + 1e-3
     assert larger.angle_95_rad[0] > found.angle_95_rad[0]
 
@@ -73,7 +73,8 @@ def test_a_flat_box_has_one_layer():
     few = replace(solution, problem=solution.problem.with_groups([group.take(np.array([2]))]))
     at = (group.eye.base_from_flange @ solution.state.transforms["arm_flange_from_wrist"]).translation[2]
     assert (
-        len(error_map(calibration, ArmErrors(made.cell, few), (at + np.array([0.1, 0, 0]))[None]).points_m) == MAP_STEPS
+        len(error_map(calibration, ArmErrors(made.cell, few, few), (at + np.array([0.1, 0, 0]))[None]).points_m)
+        == MAP_STEPS
     )
 
 
@@ -81,7 +82,7 @@ def test_nothing_found_has_no_map():
     """Of what is placed in the reference's base."""
     made = simulate(Scenario(samples=6), 0)
     solution = solve(made.cell, made.recording)
-    assert error_map(Calibration("refused"), ArmErrors(made.cell, solution), POINT[None]) is None
+    assert error_map(Calibration("refused"), ArmErrors(made.cell, solution, solution), POINT[None]) is None
 
 
 @pytest.mark.parametrize(("thick_m", "layers"), [(0.9e-3, 1), (1.1e-3, MAP_STEPS)])

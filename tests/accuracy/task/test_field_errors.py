@@ -27,7 +27,7 @@ def added(points_m, is_total=False, has_base=True):
     meeting = replace(meeting, places_m={"hand": points_m})
     if not has_base:
         vars(meeting)["moves"] = Moves(np.zeros((len(points_m), 6, 0)), np.zeros(0, dtype=np.int64))
-    return field_covariance(meeting, ArmErrors(meeting.cell, SOLUTION))
+    return field_covariance(meeting, ArmErrors(meeting.cell, SOLUTION, SOLUTION))
 
 
 def test_far_from_samples_an_arm_errs_as_arms_do():

@@ -38,7 +38,9 @@ def solved(scenario: Scenario):
 def mapped(made, solution, **changed):
     robots = {name: {"sigma_t_m": of[:3], "sigma_r_rad": of[3:]} for name, of in solution.noise.robots.items()}
     calibration = Calibration("good", dict(solution.transforms), noise={"robots": robots})
-    return error_map(calibration, ArmErrors(made.cell, solution), made.truth[BASE].translation[None] / 2, **changed)
+    return error_map(
+        calibration, ArmErrors(made.cell, solution, solution), made.truth[BASE].translation[None] / 2, **changed
+    )
 
 
 @pytest.fixture(scope="module")
@@ -87,8 +89,24 @@ def test_a_robot_by_poses_beside_an_arm():
     solution = solve(cell, recording, Settings(robot_noise="estimated"))
     robots = {name: {"sigma_t_m": of[:3], "sigma_r_rad": of[3:]} for name, of in solution.noise.robots.items()}
     calibration = Calibration("good", dict(solution.transforms), noise={"robots": robots})
-    found = error_map(calibration, ArmErrors(cell, solution), made.truth[BASE].translation[None] / 2)
+    found = error_map(calibration, ArmErrors(cell, solution, solution), made.truth[BASE].translation[None] / 2)
     assert 1e-3 < found.angle_95_rad.min() < 2e-2
+
+
+@pytest.mark.parametrize("scenario", [ARMS, replace(ARMS, joints=False)], ids=["joints", "poses"])
+def test_models_do_not_take_an_effect_back(scenario: Scenario) -> None:
+    """A base that an effect moved by 5 mm is as far off as before, for models of arms hold no such effect."""
+    made, fitted = solved(scenario)
+    step = SE3(np.eye(3), np.array([5e-3, 0.0, 0.0]))
+    moved = {**fitted.state.transforms, BASE: fitted.state.transforms[BASE] @ step}
+    answer = replace(fitted, state=replace(fitted.state, transforms=moved))
+    means = []
+    for solution in (fitted, answer):
+        meeting = make_meeting(
+            made.cell, solution.problem, solution.state, BASE, made.truth[BASE].translation[None] / 2
+        )
+        means.append(meeting_errors(meeting, ArmErrors(made.cell, fitted, solution), {})[0])
+    np.testing.assert_allclose(*means, atol=1e-4)
 
 
 def test_what_may_be_off_counts_by_its_evidence(arms_off, monkeypatch):
@@ -97,14 +115,14 @@ def test_what_may_be_off_counts_by_its_evidence(arms_off, monkeypatch):
     problem, state = solution.problem, solution.state
     points = made.truth[BASE].translation[None] / 2
     meeting = make_meeting(made.cell, problem, state, BASE, points)
-    mean, covariance = meeting_errors(meeting, ArmErrors(meeting.cell, solution), {})
+    mean, covariance = meeting_errors(meeting, ArmErrors(meeting.cell, solution, solution), {})
     likelihoods, means, covariances = [], [], []
     for kinds in (["joint_offsets"], ["link_parameters"], ["joint_offsets", "link_parameters"]):
         monkeypatch.setattr("basecal.accuracy.task.arm_errors.MODELS", (tuple(kinds),))
         arms = {robot: kinematic_errors(problem, state, robot, kinds) for robot in ("eye", "hand")}
         evidence = model_sigmas(problem, state, solution.noise, SharedTerm(arms, EXPECTED_PRIOR)).minus_2_log_evidence
         likelihoods.append(np.exp(-evidence / 2 - 500))
-        alone = meeting_errors(meeting, ArmErrors(meeting.cell, solution), {})
+        alone = meeting_errors(meeting, ArmErrors(meeting.cell, solution, solution), {})
         means.append(alone[0][0])
         covariances.append(alone[1][0])
     shares = np.array(likelihoods) / sum(likelihoods)
@@ -123,7 +141,7 @@ def test_estimated_kinematics_count_as_far_as_they_are_known():
         solution = solve(made.cell, made.recording)
         calibration = Calibration("good", dict(solution.transforms))
         found[status] = error_map(
-            calibration, ArmErrors(made.cell, solution), made.truth[BASE].translation[None] / 2
+            calibration, ArmErrors(made.cell, solution, solution), made.truth[BASE].translation[None] / 2
         ).angle_95_rad
     assert np.all(found["prior"] > 2e-3)
     assert found["prior"].min() > 2 * found["fixed"].max()
@@ -144,7 +162,7 @@ def test_what_meets_moves_with_the_base_and_both_arms():
     points = base @ at_hand
     eye_joints = reach_points(problem, state, "eye", recorded_joints(problem, "eye"), points)
     meeting = make_meeting(made.cell, problem, state, BASE, points)
-    mean, found = meeting_errors(meeting, ArmErrors(meeting.cell, solution), noise)
+    mean, found = meeting_errors(meeting, ArmErrors(meeting.cell, solution, solution), noise)
     np.testing.assert_array_equal(mean, 0)
     columns = np.zeros((len(points), 6, problem.width))
     for k in range(6):
@@ -168,7 +186,7 @@ def test_what_meets_moves_with_the_base_and_both_arms():
     wanted = by_columns + by_robots
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-4 * np.abs(wanted).max())
     exact = replace(meeting, problem=replace(problem, stops=replace(problem.stops, sigma=0 * problem.stops.sigma)))
-    _, without = meeting_errors(exact, ArmErrors(exact.cell, solution), {})
+    _, without = meeting_errors(exact, ArmErrors(exact.cell, solution, solution), {})
     np.testing.assert_allclose(found - without, np.broadcast_to(by_robots, found.shape), atol=1e-15)
     assert meeting.mean_square_m2(solution.covariance) == pytest.approx(
         np.mean(np.trace(by_columns[:, :3, :3], axis1=1, axis2=2)) + 6e-8

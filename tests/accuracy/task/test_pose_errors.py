@@ -61,7 +61,7 @@ def test_what_the_base_takes_up_counts_once(solved):
     places = solution.state.transforms[BASE] @ poses.translation
     meeting = make_meeting(made.cell, solution.problem, solution.state, BASE, places)
     widening = with_expected_sizes(made.cell, solution, None).covariance - solution.covariance
-    mean, covariance = meeting_errors(meeting, ArmErrors(made.cell, solution), {"robots": {}}, widening)
+    mean, covariance = meeting_errors(meeting, ArmErrors(made.cell, solution, solution), {"robots": {}}, widening)
     alone = meeting.total_error(solution.covariance + widening, ())
     (name,) = solution.noise.common
     assert "hand" in solution.noise.common[name]

@@ -218,7 +218,7 @@ def test_covariances_count_by_those_priors(monkeypatch):
         for name in ("", "deflection", "link_parameters")
     }
     counted = []
-    monkeypatch.setattr(joint_estimate, "sigma_models", lambda *of: models)
+    monkeypatch.setattr(joint_estimate, "_sigma_models", lambda *of: models)
     monkeypatch.setattr(
         joint_estimate, "integrated_covariance", lambda of, prior, *how: counted.extend(prior) or np.eye(2)
     )

@@ -333,7 +333,7 @@ def _negative_log_evidence(solution: Solution, name: str) -> float:
     problem, noise = solution.problem, solution.noise
     if not name:
         return model_sigmas(problem, solution.state, noise).minus_2_log_evidence
-    start, other = replace(noise, logs=noise.logs_by_model[name]), next((n for n in noise.common if n != name), "")
+    start, other = replace(noise, logs=noise.models[name].logs), next((n for n in noise.common if n != name), "")
     terms = (shared_term(problem, each, open_robots(problem)) for each in (name, other))
     return model_sigmas(problem, solution.state, start, *terms).minus_2_log_evidence
 

@@ -10,7 +10,7 @@ from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
 from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, MODELS, kinematic_errors
 from basecal.cell import Cell
 from basecal.effects.faces.shared_errors import SharedTerm
-from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots, sigma_models
+from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots
 from basecal.estimation.noise.laplace import SigmaPosterior
 from basecal.estimation.solve import Solution
 
@@ -21,11 +21,14 @@ class ArmErrors:
 
     Attributes:
         cell: What was calibrated.
-        solution: What came out.
+        fitted: The answer before effects moved it. Errors are modelled about it, since models that hold no such effect
+            would take the move back.
+        solution: The answer.
         offsets: Of clocks that were estimated beside the solution; None without any.
     """
 
     cell: Cell
+    fitted: Solution
     solution: Solution
     offsets: OpenOffsets | None = None
 
@@ -35,7 +38,7 @@ class ArmErrors:
 
         Where one kind has a prior, two of `MODELS` are the same errors, and count once.
         """
-        problem, state, noise = self.solution.problem, self.solution.state, self.solution.noise
+        problem, state, noise = self.fitted.problem, self.fitted.state, self.fitted.noise
         models: dict[tuple[int, ...], tuple[tuple[str, ...], SigmaPosterior]] = {}
         for kinds in () if noise.logs is None else MODELS:
             found = {robot: kinematic_errors(problem, state, robot, kinds) for robot in open_robots(problem)}
@@ -44,14 +47,6 @@ class ArmErrors:
             if arms and key not in models:
                 models[key] = kinds, model_sigmas(problem, state, noise, SharedTerm(arms, EXPECTED_PRIOR))
         return list(models.values())
-
-    @cached_property
-    def pose_models(self) -> dict[str, SigmaPosterior]:
-        """Models without errors that stops share, by "", and with such, by name; none if no noise is estimated."""
-        noise = self.solution.noise
-        if noise.logs is None:
-            return {}
-        return sigma_models(self.solution.problem, self.solution.state, noise, noise.logs_by_model)
 
     @cached_property
     def situation(self) -> Situation:

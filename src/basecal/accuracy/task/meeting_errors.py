@@ -99,7 +99,7 @@ def _models_by_poses(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
     """
     if not set(open_robots(meeting.problem)) & meeting.places_m.keys():
         return []
-    found, models = arms.pose_models, {}
+    found, models = arms.fitted.noise.models, {}
     for name, sigmas in found.items():
         layout, places = sigmas.model.layout, sigmas.model.sigmas
         if name in ("", *POSE_EFFECTS):

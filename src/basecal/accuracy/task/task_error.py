@@ -42,7 +42,7 @@ def add_task_error(
     """
     fitted, as_modelled, by_clocks = steps
     widening = by_clocks.covariance - fitted.covariance
-    arms = ArmErrors(cell, by_clocks, offsets)
+    arms = ArmErrors(cell, fitted, by_clocks, offsets)
     meeting = meeting_error(calibration, arms, settings, widening)
     calibration = replace(calibration, meeting=meeting)
     if settings.task_point is None:

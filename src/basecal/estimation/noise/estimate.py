@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
+
+if TYPE_CHECKING:
+    from basecal.estimation.noise.laplace import SigmaPosterior
 
 CONTRADICTED = 1.5
 """Residuals over their sigmas beyond which one or the other is wrong; `benchmarks.outliers` judges it."""
@@ -64,7 +68,8 @@ class NoiseEstimate:
         plain_minus_2_log_evidence: The same of the model without shared terms.
         shapes: Of targets whose shape was estimated: its coefficients, (k,), and their covariance, (k, k).
         logs: (k,) logarithms of the sigmas that were estimated jointly; None of others.
-        logs_by_model: Likewise of each model of shared errors, if the sigmas were integrated over.
+        models: If sigmas were integrated over: those of single stops and views alone, by "", and those with each term
+            that stops may share, by name.
         robot_variances: Of robots in `robots`, the mean over all that their sigmas may be of their squares, (6,).
         jitter_s: Of stamps of cameras without stated jitter [s].
         beside_common: The sigmas of single stops and of views beside those in `common`; None without any.
@@ -82,7 +87,7 @@ class NoiseEstimate:
     plain_minus_2_log_evidence: float = 0.0
     shapes: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     logs: Array | None = None
-    logs_by_model: Mapping[str, Array] = field(default_factory=dict)
+    models: Mapping[str, SigmaPosterior] = field(default_factory=dict)
     robot_variances: Mapping[str, Array] = field(default_factory=dict)
     jitter_s: Mapping[str, float] = field(default_factory=dict)
     beside_common: NoiseEstimate | None = None

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -194,14 +193,14 @@ def integrate_sigmas(
     """
     if noise.logs is None:
         return noise
-    models = sigma_models(problem, state, noise, {} if guess is None else guess.logs_by_model)
+    models = _sigma_models(problem, state, noise, {} if guess is None else guess.models)
     likeliest = _likeliest(models)
     with np.errstate(all="ignore"):
         covariance = integrated_covariance(
             list(models.values()), model_priors(list(models)), np.zeros(problem.width), is_quick
         )
-    best, logs = models[likeliest], {name: of.logs for name, of in models.items()}
-    found = replace(noise, covariance=covariance, minus_2_log_evidence=best.minus_2_log_evidence, logs_by_model=logs)
+    best = models[likeliest]
+    found = replace(noise, covariance=covariance, minus_2_log_evidence=best.minus_2_log_evidence, models=models)
     if not likeliest:
         return replace(found, common={}, beside_common=None)
     sigmas = _sigmas(best, problem)
@@ -235,8 +234,8 @@ def companion_name(name: str, models: Mapping[str, SigmaPosterior]) -> str:
     return others[int(np.argmax(probabilities(model_priors(others), evidence)))]
 
 
-def sigma_models(
-    problem: Problem, state: State, noise: NoiseEstimate, start_logs: Mapping[str, Array] = MappingProxyType({})
+def _sigma_models(
+    problem: Problem, state: State, noise: NoiseEstimate, near: Mapping[str, SigmaPosterior]
 ) -> dict[str, SigmaPosterior]:
     """The sigmas of single stops and views alone, by "", and with each term that stops may share, by name.
 
@@ -244,7 +243,7 @@ def sigma_models(
         problem: The problem with the most likely sigmas.
         state: Its optimum.
         noise: These sigmas, estimated jointly.
-        start_logs: The logarithms to start from, by model; those of `noise` for the other models.
+        near: Models whose sigmas to start from; those of `noise` for the other models.
     """
     robots = open_robots(problem)
     with np.errstate(all="ignore"):
@@ -254,7 +253,7 @@ def sigma_models(
         for name, effect in sorted(RANDOM_EFFECTS.items(), key=lambda each: each[1].by_times is not None):
             term = shared_term(problem, name, robots)
             if term is not None and (effect.by_times is None or has_similar_errors(models[""], term.errors)):
-                logs = start_logs.get(name, noise.logs)
+                logs = near[name].logs if name in near else noise.logs
                 second = shared_term(problem, companion_name(name, models), robots)
                 models[name] = _sigma_posterior(problem, state, robots, logs, term, second, estimates)
     return models
