@@ -167,10 +167,10 @@ def _calibrate(result: Result) -> str:
     about = f"""\
 CPU time of the whole `calibrate`, in process, with the detections of images known beforehand. The unit is the time of
 {calibrate.PRODUCTS} products of a {calibrate.ROWS} x {calibrate.COLUMNS} matrix with its transpose, measured between
-the runs. `before` is the number of units before the work was batched. Required for at most {calibrate.MOST_VIEWS}
-views: at most {calibrate.MOST_UNITS[True]:.0f} units. Required for more views: at most
-{calibrate.MOST_UNITS[False]:.0f} units. Ten thousand simulated samples without any stated sigma may take
-{calibrate.MOST_UNITS_OF_MANY:.0f} units, which is 15 s if a unit takes 8 ms. `basecal calibrate --verbose` prints the
+the runs. `before` is the number of units before the work was batched. Required for at most a hundred
+views: at most {calibrate.MOST_UNITS:.0f} units; of the larger recordings as stated. Ten thousand simulated samples
+without any stated sigma may take {calibrate.MOST_UNITS_OF[calibrate.MANY_NAME]:.0f} units, which is 15 s if a unit
+takes 8 ms. `basecal calibrate --verbose` prints the
 stages."""
     return f"{about}\n\n{table(calibrate.HEAD, map(calibrate.row, result['rows']))}"
 

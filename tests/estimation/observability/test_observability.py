@@ -167,7 +167,7 @@ def test_units_of_columns_are_those_of_what_they_move():
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
     columns = {"camera": slice(0, 8), MOUNT: slice(8, 14)}
     lens = replace(problem, columns=columns, lenses={"camera": Intrinsics("free", LENS)})
-    found = module._scales(lens, replace(state, cameras={"camera": LENS}), 2.5)
+    found = module.column_scales(lens, replace(state, cameras={"camera": LENS}), 2.5)
     np.testing.assert_array_equal(found, [1000.0] * 4 + [10.0] * 4 + [2.5] * 3 + [1.0] * 3)
     assert [module._required_columns(lens, name) for name in (MOUNT, "camera", "eye_joint_offsets")] == [6, 4, 0]
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods
+from basecal.estimation.observability.observability import column_scales
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
@@ -28,10 +29,17 @@ _MOST_DIRECTIONS = 8  # the least known, so that their pairs stay few
 
 
 class _Directions(NamedTuple):
-    """Steps of a sigma along the principal directions of a covariance, (p, m), and which are wide, (k,)."""
+    """Principal directions of a covariance.
+
+    Attributes:
+        steps: (p, m) of a sigma along each.
+        wide: (k,) those whose arcs may leave their tangents.
+        pairs: (2, q) places in `wide` of two that do so together.
+    """
 
     steps: Array
     wide: IntArray
+    pairs: IntArray
 
 
 def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
@@ -40,7 +48,7 @@ def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
     if directions is None or not len(directions.wide):
         return np.zeros((6 * len(order), 6 * len(order)))
     count = len(directions.wide)
-    first, second = np.triu_indices(count, 1)
+    first, second = directions.pairs
     ahead = np.zeros((count + len(first), directions.steps.shape[1]))
     ahead[np.arange(count), directions.wide] = 1.0
     ahead[count:] = ahead[first] + ahead[second]
@@ -58,9 +66,7 @@ def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
 def _directions(solution: Solution, order: Sequence[str]) -> _Directions:
     """The directions whose arcs may leave their tangents by a share of the smallest sigma of a transform."""
     columns = [solution.problem.columns[name] for name in order if name in solution.problem.columns]
-    scale = np.ones(solution.problem.width)
-    for where in columns:
-        scale[where.start : where.start + 3] = solution.observability.length_m
+    scale = column_scales(solution.problem, solution.state, solution.observability.length_m)
     # Errors that stops share widen the covariance, but are none of the equations whose best states are looked for.
     equations = linearise(solution.noise.hold_sigmas(solution.problem), solution.state)
     covariance = solution.noise.factor * spectrum(equations.hessian).inverse
@@ -68,8 +74,9 @@ def _directions(solution: Solution, order: Sequence[str]) -> _Directions:
     blocks = [scaled_spectrum(covariance[at, at], 0.0, scale[at]) for at in columns]
     least = min((float(np.sqrt(block.values[block.held].min(initial=np.inf))) for block in blocks), default=np.inf)
     sigmas = np.sqrt(of.values[of.held])
-    wide = np.flatnonzero(sigmas * sigmas.max(initial=0.0) > _LEAST_SHARE * least)
-    return _Directions(of.root[:, of.held], wide[-_MOST_DIRECTIONS:])
+    wide = np.flatnonzero(sigmas * sigmas.max(initial=0.0) > _LEAST_SHARE * least)[-_MOST_DIRECTIONS:]
+    together = np.triu(np.outer(sigmas[wide], sigmas[wide]) > _LEAST_SHARE * least, 1)
+    return _Directions(of.root[:, of.held], wide, np.array(np.nonzero(together)))
 
 
 def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State | None:

@@ -12,11 +12,12 @@ import numpy as np
 
 from basecal.accuracy.model_comparison.likelihoods import compare_likelihoods
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.stages.solving import is_explained, leave_outliers_out, solve_all
+from basecal.accuracy.stages.solving import is_explained, leave_outliers_out
 from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.solve import solve_from
 from basecal.estimation.view.pose_errors import CornerErrors
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
@@ -36,8 +37,11 @@ def shape_pose_noise(case: Case) -> Case:
 
 
 def _solve_by_corners(case: Case, sizes: Mapping[str, float]) -> Case:
-    packed = _shape_errors(case.problem, case.solution.state, sizes)
-    return leave_outliers_out(solve_all(replace(case, packed=packed, robust=None)))
+    last = case.solution
+    packed = _shape_errors(case.problem, last.state, sizes)
+    plain = solve_from(packed, without_errors(packed, last.state), case.stated_settings)
+    noisy = with_noise(plain, case.settings, last)
+    return leave_outliers_out(replace(case, packed=packed, plain=plain, noisy=noisy, robust=None))
 
 
 def _with_most_views(case: Case, targets: Sequence[str]) -> Case:
@@ -64,15 +68,13 @@ def _is_open(group: ViewGroup) -> bool:
 
 def likely_size(case: Case, target: str) -> float | None:
     """Half of a target's side over its median distance, by the evidence; None if equal errors are as likely."""
-    solution = replace(case.solution, problem=replace(case.solution.problem, held=False))
-
-    def evidence(size: float | None) -> float:
-        """Minus twice its logarithm, of errors of this size of the target, or of equal ones."""
-        problem = _shape_errors(solution.problem, solution.state, {target: size})
-        return with_noise(replace(solution, problem=problem), case.settings).noise.minus_2_log_evidence
-
-    equal = evidence(None)
-    ratios = np.array([(equal - evidence(size)) / 2 for size in _SIZES])
+    solution, last, evidence = case.solution, case.solution, []
+    packed = replace(solution.problem, held=False)
+    for size in (None, *_SIZES):
+        shaped = replace(last, problem=_shape_errors(packed, solution.state, {target: size}))
+        last = with_noise(shaped, case.settings, last)
+        evidence.append(last.noise.minus_2_log_evidence)
+    ratios = (evidence[0] - np.array(evidence[1:])) / 2
     return _peak(ratios) if compare_likelihoods("pose errors by tilt", ratios).is_taken else None
 
 

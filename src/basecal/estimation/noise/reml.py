@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -154,11 +154,7 @@ class Posterior:
     def _error_coefficients(self, here: slice) -> Array:
         """How errors of some blocks follow from the columns in units of the model, negative, (b, q, m)."""
         scaled = self.blocks.own[here] * scales(self.logs, self.model.of_errors[here])[:, None, :]
-        of_parts = (
-            (weight * scaled) @ self.model.parts[key].errors_fixed[here]
-            for key, weight in _weights(self.model, self.logs).items()
-        )
-        return reduce(np.add, of_parts)
+        return np.asarray(scaled @ self.blocks.by_columns[here])
 
     def average_information(self) -> Array:
         """(k, k) the mean of the observed and the expected second derivative of the value to the logarithms.
@@ -179,9 +175,7 @@ class Posterior:
             own[i] = np.sum(columns[i] ** 2) + np.sum(errors[i] ** 2)
         carried = (self.blocks.own @ errors.transpose(1, 2, 0)).transpose(2, 0, 1).reshape(k, -1)
         scaled = carried * scales(self.logs, self.model.of_errors).ravel()
-        by_columns = np.zeros(columns.shape)
-        for key, weight in _weights(self.model, self.logs).items():
-            by_columns += weight * (scaled @ self.model.parts[key].errors_fixed.reshape(-1, columns.shape[-1]))
+        by_columns = scaled @ self.blocks.by_columns.reshape(-1, columns.shape[-1])
         reduced = columns - by_columns * scales(self.logs, self.model.of_columns)
         by_errors = errors.reshape(k, -1) @ carried.T
         return np.asarray(4 * (np.diag(own) - reduced @ self.spread @ reduced.T - by_errors))
@@ -190,13 +184,12 @@ class Posterior:
 def posterior(model: MixedModel, logs: Array) -> Posterior:
     """The restricted likelihood at logarithms of sigmas, (k,), and what is known of everything else there."""
     b, q, m = *model.of_errors.shape, len(model.prior)
-    blocks = _Blocks(np.empty((b, q)), np.empty((b, q, q)), np.zeros(b), np.empty((m, m)))
+    blocks = _Blocks(np.empty((b, q)), np.empty((b, q, q)), np.empty((b, q, m)), np.zeros(b), np.empty((m, m)))
     equations = Equations(*(of[None] for of in _eliminate_errors(model, logs, blocks)))
     known = _solve(equations, np.arange(m)).take(0)
     # Of the errors there follow those where the columns are zero, and what these move them by.
     u, at = scales(logs, model.of_errors), known.mean * scales(logs, model.of_columns)
-    by_columns = sum(w * (model.parts[key].errors_fixed @ at) for key, w in _weights(model, logs).items())
-    errors = -(blocks.alone + (blocks.own @ (u * by_columns)[..., None])[..., 0])
+    errors = -(blocks.alone + (blocks.own @ (u * (blocks.by_columns @ at))[..., None])[..., 0])
     return Posterior(model, logs, float(known.value), known.mean, errors, known.spread, blocks)
 
 
@@ -213,12 +206,14 @@ class _Blocks:
     Attributes:
         alone: (b, q) what they are where the columns are zero, negative.
         own: (b, q, q) their covariance, the columns known.
+        by_columns: (b, q, m) information of errors and columns, all parts by their weights.
         lost: (b,) how much more than 1 stands beside what is said of them, where that would round 1 away.
         explained: (m, m) what they take from the information of the columns.
     """
 
     alone: Array
     own: Array
+    by_columns: Array
     lost: Array
     explained: Array
 
@@ -279,6 +274,7 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
         if blocks is not None:
             blocks.alone[here] = (root.mT @ cu[..., None])[..., 0]
             np.matmul(root.mT, root, out=blocks.own[here])
+            blocks.by_columns[here] = ux
             blocks.lost[here] = 0.0 if lost is None else lost
     by_scales = x[..., :, None] * x[..., None, :]
     explained *= by_scales
@@ -325,12 +321,14 @@ def scales(logs: Array, indices: IntArray) -> Array:
 def _weigh(model: MixedModel, weights: dict[tuple[str, str], Array], fields: tuple[str, ...], here: Any) -> list[Any]:
     """Fields of the moments of all parts, or of some blocks of them, each part by its weights, (...)."""
 
-    def weigh_field(key: tuple[str, str], field: str) -> Array:
-        """A field of a part times its weights, (...) by the shape of the field."""
-        of = np.asarray(getattr(model.parts[key], field))[here]
-        return np.asarray(np.multiply.outer(weights[key], of))
+    def weigh_field(field: str) -> Array:
+        """A field of all parts times their weights, (...) by the shape of the field."""
+        total: Any = 0.0
+        for key, part in model.parts.items():
+            total += np.multiply.outer(weights[key], np.asarray(getattr(part, field))[here])
+        return np.asarray(total)
 
-    return [reduce(np.add, (weigh_field(key, field) for key in model.parts)) for field in fields]
+    return list(map(weigh_field, fields))
 
 
 def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, spread: Array, covariance: Array) -> float:

@@ -58,7 +58,7 @@ def analyse_observability(problem: Problem, state: State, hessian: Array, factor
     if not len(hessian):
         return Observability(np.zeros((0, 0)), 1.0, (), frozenset(), np.zeros((0, 0)))
     length = _length(problem, state)
-    scale = _scales(problem, state, length)
+    scale = column_scales(problem, state, length)
     noise = max(factor, _SMALLEST_FACTOR)
     of = _information_spectrum(problem, state, hessian, noise / _NO_INFORMATION_SIGMA**2, scale)
     values, vectors, singular = of.values, of.vectors, ~of.held
@@ -93,7 +93,7 @@ def sparse_observability(problem: Problem, state: State, hessian: SparseHessian,
 
 def condition_number(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> float | None:
     """Largest over smallest scaled sigma where every direction is seen; else None, and where motions leave one open."""
-    scaled = hessian.rescale(_scales(problem, state, _length(problem, state)))
+    scaled = hessian.rescale(column_scales(problem, state, _length(problem, state)))
     noise = max(factor, _SMALLEST_FACTOR)
     smallest, largest = scaled.extremes
     if smallest < noise / UNOBSERVABLE_SIGMA**2 or null_directions(problem, state).shape[1]:
@@ -138,7 +138,7 @@ def _required_columns(problem: Problem, name: str) -> int:
     return 6 if name in problem.unknowns else 4 if name in problem.lenses else 0
 
 
-def _scales(problem: Problem, state: State, length: float) -> Array:
+def column_scales(problem: Problem, state: State, length: float) -> Array:
     """The scale of each column: a length of the scene [m], 1 rad, an image width [px]."""
     scale = np.ones(problem.width)
     for name, where in problem.columns.items():
