@@ -70,8 +70,8 @@ def test_moments_are_of_the_whole_posterior():
     """Of the unknowns they are the covariance integrated about the state; of sigmas more than of the likeliest."""
     problem, state = at_truth(NOISY)
     shared = {robot: SharedErrors.repeat_coordinates(np.ones((count_stops(problem, robot), 1))) for robot in ROBOTS}
-    model = mixed_model(problem, state, ROBOTS, shared)
-    found = sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5), SharedPrior((2.5, 2.0), "")))
+    model = mixed_model(problem, state, ROBOTS, [shared])
+    found = sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5), [SharedPrior((2.5, 2.0), "")]))
     columns = np.arange(len(model.prior))
     mean, covariance, squares = moments(found, columns)
     products = covariance + np.outer(mean, mean)
@@ -80,9 +80,9 @@ def test_moments_are_of_the_whole_posterior():
     assert np.all(squares > np.exp(2 * found.logs))
     # What all stops have in common cannot be told from mounts and bases: it is as large as its sigma says, in metres.
     for robot in ROBOTS:
-        first = model.layout.common[robot][0]
+        first = model.layout.shared[0][robot][0]
         own = np.diag(products)[first : first + 6]
-        expected = squares[model.sigmas.shared[robot]].repeat(3)
+        expected = squares[model.sigmas.shared[0][robot]].repeat(3)
         assert np.all(own < 1.05 * expected)
         assert own.max() > 0.5 * expected.max()
 

@@ -105,7 +105,7 @@ def test_slope_is_the_derivative(arms, smooth):
     state = replace(state, stop_errors=1e-3 * rng.standard_normal(state.stop_errors.shape))
     modes = {robot: rng.standard_normal((count_stops(problem, robot), 2)) for robot in ROBOTS} if smooth else {}
     shared = {robot: SharedErrors.repeat_coordinates(of) for robot, of in modes.items()}
-    model = mixed_model(problem, state, ROBOTS, shared)
+    model = mixed_model(problem, state, ROBOTS, [shared] if smooth else [])
     logs = np.log([0.3, *[1e-3, 2e-3] * (4 if smooth else 2)]) + 0.2 * rng.standard_normal(model.sigmas.count)
     steps = 1e-4 * np.eye(len(logs))
     differences = [(posterior(model, logs + h).value - posterior(model, logs - h).value) / 2e-4 for h in steps]
@@ -278,7 +278,7 @@ def test_errors_of_stops_are_in_their_units(of_numbers):
     model, parts, sigmas = of_numbers
     expected = written(model, parts, sigmas)
     units = expected.mean * expected.scales
-    errors, (_, shared) = units[COLUMNS:].reshape(BLOCKS, ROWS), model.layout.common["hand"]
+    errors, (_, shared) = units[COLUMNS:].reshape(BLOCKS, ROWS), model.layout.shared[0]["hand"]
     of_stops = np.array([errors[0, :6], units[3:9], errors[1, :6]])
     of_stops[1:] += shared.by_stop @ units[9:11]
     np.testing.assert_allclose(posterior(model, np.log(sigmas)).stop_errors, of_stops, rtol=1e-6, atol=1e-8)
