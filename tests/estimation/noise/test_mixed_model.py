@@ -264,7 +264,7 @@ def test_a_shape_has_columns_of_its_own(rng):
     np.testing.assert_allclose(part.fixed[shape], view.gradient[:, 6:].sum(0), rtol=1e-12)
     np.testing.assert_allclose(part.fixed_fixed[shape, shape], view.information[:, 6:, 6:].sum(0), rtol=1e-12)
     (group,) = problem.groups
-    by_unknown, columns = unknown_jacobian(problem, group, chain(group, state, problem.stops), 6)
+    by_unknown, columns = unknown_jacobian(problem, group, chain(group, state, problem.stops), state, 6)
     both = np.einsum("nij,nik->jk", by_unknown, view.information[:, :6, 6:])
     np.testing.assert_allclose(part.fixed_fixed[columns, shape], both, rtol=1e-9, atol=1e-9 * np.abs(both).max())
     np.testing.assert_array_equal(part.fixed_fixed[shape, :18], part.fixed_fixed[:18, shape].T)

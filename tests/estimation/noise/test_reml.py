@@ -46,7 +46,7 @@ def dense_model(problem, state, logs):
     error = (group.measurement.measured_camera_from_target.inverse() @ links.camera_from_target).log()
     inner = right_jacobian_inverse(error)
     n = len(group)
-    by_x, columns = unknown_jacobian(problem, group, links, 6)
+    by_x, columns = unknown_jacobian(problem, group, links, state, 6)
     x = np.zeros((6 * n, problem.width))
     x[:, columns] = (inner @ by_x).reshape(6 * n, -1)
     z = np.zeros((n, 6, len(problem.stops), 6))

@@ -15,13 +15,16 @@ from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.se3_jacobians import right_jacobian
 
 
-def unknown_jacobian(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> tuple[Array, IntArray]:
+def unknown_jacobian(
+    problem: Problem, group: ViewGroup, links: Chain, state: State, rows: int
+) -> tuple[Array, IntArray]:
     """Derivative of views to the unknowns of their group.
 
     Args:
         problem: The problem.
         group: Its views, n of them.
         links: The factors of their `camera_from_target`.
+        state: Where.
         rows: 6, or 6 + k with the lens's k parameters.
 
     Returns:
@@ -47,7 +50,11 @@ def unknown_jacobian(problem: Problem, group: ViewGroup, links: Chain, rows: int
         at += len(where)
     if lens:
         out[..., 6:, at:] = np.eye(rows - 6)
-    return out, np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)
+    known = np.concatenate([np.zeros(0, dtype=np.int64), *columns])
+    if not problem.models:
+        return out, known
+    of_robots, more = robot_model_jacobian(problem, group, links, state, rows)
+    return np.concatenate([out, of_robots], -1), np.concatenate([known, more])
 
 
 def robot_model_jacobian(

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.cell import Unknown
-from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, SharedView
 from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.estimation.problem.problem import Problem, State, chain
@@ -191,10 +191,7 @@ def _linearise_group(
     if shake is not None:
         view = ViewInformation(*without_motion(*view, shake))
     rows = view.gradient.shape[-1]
-    derivative, columns = unknown_jacobian(problem, group, links, rows)
-    if problem.models:
-        of_robots, more = robot_model_jacobian(problem, group, links, state, rows)
-        derivative, columns = np.concatenate([derivative, of_robots], -1), np.concatenate([columns, more])
+    derivative, columns = unknown_jacobian(problem, group, links, state, rows)
     stops = stop_error_jacobians(group, links, state, problem.stops, rows)
     kept = tuple(_select(stop, error, shared_stops[stop] >= 0, shared_stops) for stop, error in stops)
     private = tuple(_select(stop, error, shared_stops[stop] < 0, None) for stop, error in stops)

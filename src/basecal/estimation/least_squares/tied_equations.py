@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.tied_views import TiedViews
@@ -79,11 +79,8 @@ def _linearise_group(
     offset = (reference.inverse() @ links.camera_from_target).log()
     turn = right_jacobian_inverse(offset)
     by_unknowns = np.zeros((*offset.shape, problem.width))
-    derivatives = [unknown_jacobian(problem, group, links, 6)]
-    if problem.models:
-        derivatives.append(robot_model_jacobian(problem, group, links, state, 6))
-    for derivative, columns in derivatives:
-        by_unknowns[..., columns] = turn @ derivative
+    derivative, columns = unknown_jacobian(problem, group, links, state, 6)
+    by_unknowns[..., columns] = turn @ derivative
     by_errors = np.zeros((*offset.shape[:-1], len(scene.stops), 6, 6))
     for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):
         by_errors[..., np.arange(n), np.searchsorted(scene.stops, stop), :, :] = turn @ by_error

@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.target_shape import unit_shifts
-from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.estimation.noise.shaped_targets import shaped_points, shaped_targets
@@ -250,10 +250,8 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     n, rows = view.gradient.shape
     rows -= 0 if by_shape is None else by_shape.stop - by_shape.start  # what is left is of pose and lens
     fixed = np.zeros((n, rows, layout.width))
-    of_unknowns, columns = unknown_jacobian(problem, group, links, rows)
+    of_unknowns, columns = unknown_jacobian(problem, group, links, state, rows)
     fixed[:, :, columns] = of_unknowns
-    of_models, more = robot_model_jacobian(problem, group, links, state, rows)
-    fixed[:, :, more] = of_models
     errors, present = np.zeros((n, rows, layout.rows)), np.zeros((n, rows))
     block = np.full(n, -1, dtype=np.int64)
     noisy = [end for end in group.ends if end.has_noise]

@@ -22,7 +22,7 @@ from basecal.estimation.least_squares.studentized_residuals import (
 from basecal.estimation.noise.estimate import residual_counts
 from basecal.estimation.outliers.inlier_mask import InlierMask, without_points
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
-from basecal.estimation.outliers.view_ransac import Prior, RansacViews, explain_views, view_ransac
+from basecal.estimation.outliers.view_ransac import PointViews, Prior, RansacViews
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.seen_points import SeenPoints
@@ -143,7 +143,8 @@ def _readmit(
         few = measurement.take(some)
         camera = model.state.cameras.get(group.camera)
         limit = float(of_points.limit(np.array(measurement.coordinates)))
-        found = view_ransac(few, prior.camera_from_target, camera, limit, prior)
+        of_few = PointViews(few, camera, prior)
+        found = of_few.largest_agreement(of_few.subset_fits(prior.camera_from_target), limit)
         tension = prior.tension(found.camera_from_target)[0] * scale.variance
         left, all_points = found.points.sum(1), few.seen.sum(1)
         strays = (left >= _LEAST_STRAYED * all_points) & (left > 1) & ~_agrees_with_itself(few, found, camera, limit)
@@ -159,9 +160,8 @@ def _agrees_with_itself(
     sparse_views: SeenPoints, agreement: RansacViews, camera: Camera | None, limit: float
 ) -> BoolArray:
     """Whether all points of a view, (n,), agree with one another: then the view is off, not its points."""
-    alone = explain_views(
-        sparse_views, refine_poses(sparse_views, agreement.camera_from_target, camera).camera_from_target, camera, limit
-    )
+    poses = refine_poses(sparse_views, agreement.camera_from_target, camera).camera_from_target
+    alone = PointViews(sparse_views, camera).agreement(poses, limit)
     return np.asarray(alone.points.sum(1) == sparse_views.seen.sum(1))
 
 
