@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_batch
-from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.problem.problem import Problem, State, Stops, sequential_columns
 from basecal.estimation.start.first_state import known_transforms, lenses
 from basecal.estimation.start.pair_views import PairViews, pair_views
 from basecal.estimation.view.poses import PoseMeasurement
@@ -57,9 +57,7 @@ def _pose_problem(problem: Problem, sights: list[PairViews]) -> Problem:
         weight = np.repeat(sight.weight[:, None], 6, axis=1)
         measurement = PoseMeasurement(sight.candidates[:, 0], weight, weight)
         groups.append(replace(sight.group.without_stops(), measurement=measurement, readings=()))
-    widths = {name: at.stop - at.start for name, at in problem.columns.items() if name in problem.unknowns}
-    ends = dict(zip(widths, np.cumsum(list(widths.values())), strict=True))
-    columns = {name: slice(int(ends[name]) - width, int(ends[name])) for name, width in widths.items()}
+    columns = sequential_columns({n: problem.column_width(n) for n in problem.columns if n in problem.unknowns})
     return Problem(
         problem.reference, tuple(groups), problem.unknowns, problem.point_mounts, {}, Stops(np.zeros((0, 6))), columns
     )

@@ -146,7 +146,7 @@ def retract(problem: Problem, state: State, normal: NormalEquations, step: Array
     names = [name for name in columns if name in state.transforms]
     tangents = np.zeros((len(names), *state.batch, 6))
     for k, name in enumerate(names):
-        tangents[k, ..., : columns[name].stop - columns[name].start] = step[..., columns[name]]
+        tangents[k, ..., : problem.column_width(name)] = step[..., columns[name]]
     after = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents) if names else SE3.identity((0,))
     transforms = {**state.transforms, **{name: after[k] for k, name in enumerate(names)}}
     lenses = {

@@ -113,7 +113,7 @@ def residual_counts(problem: Problem) -> dict[str, int]:
 def degrees_of_freedom(problem: Problem) -> int:
     """Scalar residuals, priors among them, less unknowns."""
     status = _statuses(problem)
-    priors = sum(where.stop - where.start for name, where in problem.columns.items() if status[name] == "prior")
+    priors = sum(problem.column_width(name) for name in problem.columns if status[name] == "prior")
     held = sum(
         int(of.sum()) for name, of in problem.gauges.items() if name in problem.columns and status[name] == "free"
     )

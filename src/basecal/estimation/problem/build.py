@@ -29,7 +29,7 @@ from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.held_gauges import held_gauges
 from basecal.estimation.problem.measurements import GRIP, alternative_readings, make_measurement
 from basecal.estimation.problem.point_mounts import point_mounts
-from basecal.estimation.problem.problem import Problem, Stops, check_carriers
+from basecal.estimation.problem.problem import Problem, Stops, check_carriers, sequential_columns
 from basecal.estimation.problem.repeated_views import repeated_views, view_content
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
 from basecal.estimation.problem.same_stop import stop_numbers
@@ -318,8 +318,6 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
         lenses[name] = intrinsics = with_usual_error(intrinsics)
         if intrinsics.status != "fixed":
             widths[name] = 4 + cell.cameras[name].distortion_terms
-    ends = np.cumsum([0, *widths.values()])
-    columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
     chains = {
         name: apply_gravity(robot.chain, robot.parameters.get(DEFLECTION))
         for name, robot in cell.robots.items()
@@ -333,7 +331,7 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
         points,
         lenses,
         stops,
-        columns,
+        sequential_columns(widths),
         chains=chains,
         exact_targets=exact,
         gauges=held_gauges(cell, groups),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -86,6 +87,11 @@ class Problem:
     def width(self) -> int:
         """Number of columns."""
         return max((c.stop for c in self.columns.values()), default=0)
+
+    def column_width(self, name: str) -> int:
+        """How many columns an unknown has; 0 if it is fixed."""
+        where = self.columns.get(name)
+        return 0 if where is None else where.stop - where.start
 
     @property
     def all_groups(self) -> tuple[ViewGroup, ...]:
@@ -315,6 +321,12 @@ def _flange_errors(group: ViewGroup, state: State, stops: Stops) -> tuple[SE3 | 
     first = SE3.adopt(error.rotation[..., :n, :, :], error.translation[..., :n, :])
     second = SE3.adopt(error.rotation[..., -n:, :, :], error.translation[..., -n:, :])
     return first if eye.has_noise else None, second if hand.has_noise else None
+
+
+def sequential_columns(widths: Mapping[str, int]) -> dict[str, slice]:
+    """Columns one after another, so many of each name."""
+    ends = np.cumsum([0, *widths.values()]).tolist()
+    return {name: slice(*each) for name, each in zip(widths, pairwise(ends), strict=True)}
 
 
 def check_carriers(cell: Cell, camera: str, target: str) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.cell import Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_batch
-from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.problem.problem import Problem, State, Stops, sequential_columns
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_translations
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.start.rotation_search import pose_starts, settled_rotations
@@ -112,8 +112,6 @@ def pair_problem(views: PairViews, loop: Loop, is_point: bool) -> Problem:
     eye, hand = views.group.without_stops().ends
     ends = replace(eye, mount="x", base=None), replace(hand, mount="z", base="y")
     group = replace(views.group, ends=ends, readings=())
-    widths = [(name, 3 if name == "z" and is_point else 6) for name in loop.unknown]
-    at = np.cumsum([0, *(w for _, w in widths)])
-    columns = {name: slice(int(at[i]), int(at[i + 1])) for i, (name, _) in enumerate(widths)}
+    columns = sequential_columns({name: 3 if name == "z" and is_point else 6 for name in loop.unknown})
     unknowns = {name: Unknown() for name in "xyz"}
     return Problem("", (group,), unknowns, frozenset(), {}, Stops(np.zeros((0, 6))), columns)
