@@ -191,7 +191,7 @@ def _triples(loops: Sequence[Loop]) -> list[Triple | None]:
             alike.setdefault((loops[k].unknown, rotations.clear), []).append(k)
     for (_, clear), rows in alike.items():
         same = [loops[k] for k in rows]
-        better = settled_rotations(same, [found[k][:3] for k in rows]) if clear else search_rotations(same)
+        better = settled_rotations(same, [found[k] for k in rows]) if clear else search_rotations(same)
         found.update(zip(rows, better, strict=True))
     return [_triple(loop, found.get(k)) for k, loop in enumerate(loops)]
 

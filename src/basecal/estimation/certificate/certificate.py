@@ -30,10 +30,10 @@ from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import SAME_COST, Solution
-from basecal.estimation.start.closed_form import solve_rotations, solve_translations
+from basecal.estimation.start.closed_form import Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3
 
 _TIGHT_GAP = 1e-3  # relative gap up to which a bound counts as tight: what is left is far below the noise
 _SMALLEST_COST = 1e-10  # of exact data, whose gap is rounding over rounding
@@ -143,13 +143,12 @@ def _scope_reason(solution: Solution) -> str:
     return ""
 
 
-def _least_bound(form: LoopForm, factors: tuple[Array, Array, Array]) -> Bound:
+def _least_bound(form: LoopForm, own: Rotations) -> Bound:
     """The bound at the least value found: from the solution, by closed form, and from a grid if that is not proven."""
     loop = form.loop
     if not loop.unknown:
         return Bound((), float(form.form[0, 0]), float(form.form[0, 0]), np.inf)
-    closed = solve_rotations(loop)
-    first = _lowest_minimum(form, [factors, (closed.x, closed.y, closed.z)])
+    first = _lowest_minimum(form, [own, solve_rotations(loop)])
     found = lower_bound(form.form, first[0])
     if ProvenLoop(form, found).gap <= _TIGHT_GAP:
         return found
@@ -157,9 +156,9 @@ def _least_bound(form: LoopForm, factors: tuple[Array, Array, Array]) -> Bound:
     return lower_bound(form.form, second[0]) if second[1] < first[1] * (1 - SAME_COST) else found
 
 
-def _lowest_minimum(form: LoopForm, starts: list[tuple[Array, Array, Array]]) -> tuple[Factors, float]:
+def _lowest_minimum(form: LoopForm, starts: list[Rotations]) -> tuple[Factors, float]:
     """The lowest end of short descents from the starts, descended to the end."""
-    ends = [local_minimum(form.form, rotation_factors(form.loop, *start), _SHORT_SWEEPS) for start in starts]
+    ends = [local_minimum(form.form, rotation_factors(form.loop, start), _SHORT_SWEEPS) for start in starts]
     return local_minimum(form.form, min(ends, key=lambda end: end[1])[0])
 
 

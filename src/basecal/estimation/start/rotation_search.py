@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from basecal.estimation.start.closed_form import Loop, Rotations
-from basecal.estimation.start.rotation_grid import icosahedral_rotations
-from basecal.geometry import Array, IntArray
-from basecal.geometry.rotation import nearest_rotation
+from basecal.geometry import Array, IntArray, read_only
+from basecal.geometry.rotation import nearest_rotation, rotation_exp
 
 # Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
 _GRID_CELLS = 16
@@ -41,6 +41,19 @@ HOPELESS_RAD = 0.5
 
 Turns = Mapping[str, Array]
 """By letter of X, Y and Z: (h, m, 3, 3) rotations of h loops, m of each."""
+
+
+@cache
+def icosahedral_rotations() -> Array:
+    """The sixty rotations that carry an icosahedron onto itself, (60, 3, 3).
+
+    Those of a tetrahedron, each after a turn about a vertex: half turns about the axes, and the axes in turn.
+    """
+    vertex = np.array([0.0, 1.0, (1 + 5**0.5) / 2])
+    about_vertex = rotation_exp(2 * np.pi / 5 * np.arange(5)[:, None] * vertex / np.linalg.norm(vertex))
+    signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    tetrahedral = np.array([np.roll(np.diag(each), shift, axis=0) for each in signs for shift in range(3)])
+    return read_only((tetrahedral[:, None] @ about_vertex).reshape(-1, 3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +101,10 @@ class _Loops:
         return np.asarray((q[:, :, None] @ half).reshape(h, p.shape[1], 3, 3))
 
 
-def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[tuple[Array, Array, Array]]]:
+def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[Rotations]]:
     """The most promising rotations of X, Y and Z of each loop whose views give whole poses, without duplicates.
 
-    The best cells of the grid, refined: most of them end in the same few places. Rotations are (3, 3).
+    The best cells of the grid, refined: most of them end in the same few places.
 
     Args:
         loops: With the same unknowns.
@@ -103,17 +116,16 @@ def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[tuple[Array,
     turns = {k: np.broadcast_to(turn, (len(loops), count, 3, 3)) for k, turn in at.items()}
     off = np.max([rotation_angle(turns[k][:, :, None], turns[k][:, None]) for k in every.unknown], axis=0)
     return [
-        [(turns["x"][h, i], turns["y"][h, i], turns["z"][h, i]) for i in _distinct_rotations(off[h])]
-        for h in range(len(loops))
+        [Rotations(*(turns[k][h, i] for k in "xyz")) for i in _distinct_rotations(off[h])] for h in range(len(loops))
     ]
 
 
-def settled_rotations(loops: Sequence[Loop], starts: Sequence[Sequence[Array]]) -> list[Rotations]:
+def settled_rotations(loops: Sequence[Loop], starts: Sequence[Rotations]) -> list[Rotations]:
     """Rotations of loops with the same unknowns that agree with each loop's own samples, downhill of X, Y, Z."""
     every = _loops(loops)
-    begun = {k: np.stack([turns["xyz".index(k)][None] for turns in starts]) for k in every.unknown}
+    begun = {k: np.stack([getattr(turns, k)[None] for turns in starts]) for k in every.unknown}
     at = _alternate(every, {**every.known, **begun}, _SETTLING_ROUNDS)
-    return [Rotations(at["x"][h, 0], at["y"][h, 0], at["z"][h, 0], True) for h in range(len(loops))]
+    return [Rotations(*(at[k][h, 0] for k in "xyz")) for h in range(len(loops))]
 
 
 def _distinct_rotations(angles: Array) -> list[int]:
@@ -140,7 +152,7 @@ def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
         going, at = going[near], {k: turn[near] for k, turn in at.items()}
         if not len(going):
             break
-    return [Rotations(*triple, True) for triple in zip(found["x"], found["y"], found["z"], strict=True)]
+    return [Rotations(*triple) for triple in zip(found["x"], found["y"], found["z"], strict=True)]
 
 
 def rotation_angle(first: Array, second: Array) -> Array:
