@@ -95,8 +95,8 @@ def _update_images(images: Images, solution: Solution, cell: Cell, anchor: str) 
 
 def _noise(solution: Solution, robot: str) -> Array | None:
     """The noise of a robot's stops in a solution, (6,) [m, rad]; None if it has none."""
-    rows = [k for k, name in enumerate(solution.problem.stops.robot) if name == robot]
-    return solution.problem.stops.sigma[rows[0]] if rows else None
+    stops = solution.problem.stops
+    return stops.sigma[stops.first[robot]] if robot in stops.first else None
 
 
 def _place_in_world(fit: SceneFit, world_from_base: SE3 | None) -> SceneFit:

@@ -35,6 +35,11 @@ class Stops:
     def __len__(self) -> int:
         return len(self.sigma)
 
+    @cached_property
+    def first(self) -> dict[str, int]:
+        """Row of each robot's first stop."""
+        return {name: k for k, name in reversed(list(enumerate(self.robot)))}
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
