@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from basecal.errors import InputError, check_type
 from basecal.geometry.array import Array, read_only, with_last_axis
+from basecal.geometry.euler import rpy_of_rotation
 from basecal.geometry.rotation import (
     ROTATION_TOLERANCE,
     check_rotation,
@@ -291,11 +292,5 @@ class SE3:
 
     @property
     def rpy(self) -> Array:
-        """Angles about the fixed axes x, y, z, (..., 3) [rad]; at a pitch of 90 deg the roll is 0."""
-        r = self.rotation
-        cos_pitch = np.hypot(r[..., 0, 0], r[..., 1, 0])
-        pitch = np.arctan2(-r[..., 2, 0], cos_pitch)
-        locked = cos_pitch < 1e-9
-        roll = np.where(locked, 0.0, np.arctan2(r[..., 2, 1], r[..., 2, 2]))
-        yaw = np.where(locked, np.arctan2(-r[..., 0, 1], r[..., 1, 1]), np.arctan2(r[..., 1, 0], r[..., 0, 0]))
-        return np.stack([roll, pitch, yaw], -1)
+        """Angles about the fixed axes x, y, z, (..., 3) [rad]; see `rpy_of_rotation`."""
+        return rpy_of_rotation(self.rotation)
