@@ -13,9 +13,8 @@ import numpy as np
 from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, FrameNotFound, list_names
 from basecal.geometry import SE3, Array
-from basecal.kinematics.chain import SerialChain
+from basecal.kinematics.chain import Masses, SerialChain
 from basecal.kinematics.collision import Collision, numbers_in_text
-from basecal.kinematics.masses import Masses
 from basecal.kinematics.mjcf import chain_of_mjcf
 
 if TYPE_CHECKING:

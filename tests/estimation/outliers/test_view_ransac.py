@@ -9,7 +9,7 @@ import pytest
 from tests.ends import with_hand
 
 from basecal.estimation.outliers import view_ransac as ransac
-from basecal.estimation.outliers.agreeing_samples import agreeing_samples
+from basecal.estimation.outliers.consensus import agreeing_samples
 from basecal.estimation.outliers.view_ransac import PointViews, Prior
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State

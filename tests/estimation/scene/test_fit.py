@@ -11,9 +11,11 @@ import pytest
 from basecal.estimation.scene import fit as module
 from basecal.estimation.scene.adjust import Task, adjust, residuals_px
 from basecal.estimation.scene.equations import pixel_equations, point_information
-from basecal.estimation.scene.fit import fit_scene
+from basecal.estimation.scene.fit import fit_scene, triangulate
 from basecal.estimation.scene.spread import scene_covariance
 from basecal.estimation.scene.state import scene_columns
+from basecal.estimation.scene.views import Tracks
+from basecal.numerics.batch import take
 from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, started
 
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
@@ -88,3 +90,25 @@ def test_points_are_kept_if_their_depth_is_known_to_a_fifth():
         noisy = replace(fit, sigma_px=far_m / sigma_m)
         _, state = module._without_gross(noisy, np.inf)
         assert np.any(np.all(state.points == fit.state.points[0], axis=1)) == is_kept
+
+
+def test_exact_rays_meet_in_their_points():
+    """Without noise all points are found to a micrometre, and are well seen."""
+    scene = made_scene(1, noise=0.0)
+    points, is_seen = triangulate(scene.views, scene.tracks, scene.truth)
+    assert is_seen.all()
+    assert np.abs(points - scene.truth.points).max() < 1e-6
+
+
+def test_rays_of_one_place_tell_no_depth():
+    """A point that one view shows, given three times as if of three views that are one, is not well seen."""
+    scene = made_scene(2, noise=0.0)
+    same = take(scene.views, np.zeros(3, dtype=np.int64))
+    one = np.flatnonzero(scene.tracks.view == 0)[0]
+    tracks = Tracks(
+        np.arange(3),
+        np.zeros(3, dtype=np.int64),
+        np.tile(scene.tracks.pixels[one], (3, 1)),
+        np.zeros(3, dtype=np.int64),
+    )
+    assert not triangulate(same, tracks, scene.truth)[1].any()

@@ -25,9 +25,8 @@ from basecal.estimation.start.rotation_search import (
     search_rotations,
     settled_rotations,
 )
-from basecal.estimation.view.known_poses import KnownPoses
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.view_pose import view_poses
+from basecal.estimation.view.view_pose import KnownPoses, view_poses
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.rotation import lengths
 

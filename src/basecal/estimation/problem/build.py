@@ -16,6 +16,8 @@ from basecal.cell import (
     Intrinsics,
     Observation,
     PixelObservation,
+    PointObservation,
+    PoseObservation,
     Recording,
     RobotState,
     Sample,
@@ -25,11 +27,10 @@ from basecal.effects.deflection import NAME as DEFLECTION
 from basecal.effects.deflection import apply_gravity
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import half_turn
-from basecal.estimation.problem.held_gauges import held_gauges
+from basecal.estimation.problem.gauges import held_gauges
 from basecal.estimation.problem.measurements import GRIP, alternative_readings, make_measurement
 from basecal.estimation.problem.point_mounts import point_mounts
 from basecal.estimation.problem.problem import Problem, Stops, check_carriers, sequential_columns
-from basecal.estimation.problem.repeated_views import repeated_views, view_content
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
 from basecal.estimation.problem.same_stop import stop_numbers
 from basecal.estimation.problem.stated_lens import with_usual_error
@@ -40,6 +41,7 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
 
 Views = list[tuple[int, Observation]]
+_LISTED_SAMPLES = 10  # samples that a message names; assumed to fit it
 
 
 class RecordedStates(NamedTuple):
@@ -238,8 +240,7 @@ def _views(
                         views[camera, target, kind].append((i, observation))
     findings += repeated_views(repeated)
     for why, numbers in lacking.items():
-        shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
-        what = f"{len(numbers)} view(s) are not used, of sample {shown}: {why}."
+        what = f"{len(numbers)} view(s) are not used, of sample {_list_samples(numbers)}: {why}."
         findings.append(Finding("dropped-sample", "info", tuple(map(str, numbers)), what))
     for camera, target, _ in views:
         check_carriers(cell, camera, target)
@@ -321,3 +322,34 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
         exact_targets=exact,
         gauges=held_gauges(cell, groups),
     )
+
+
+def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:
+    """Content of a view, and the stops of the robots that carry camera and target: equal for copies."""
+    if isinstance(observation, PoseObservation):
+        arrays: list[Array] = [observation.camera_from_target.rotation, observation.camera_from_target.translation]
+    elif isinstance(observation, TouchObservation):
+        arrays = []
+    elif isinstance(observation, PointObservation):
+        arrays = [observation.points_in_camera, observation.ids.astype(np.float64)]
+    else:
+        ids = observation.ids if isinstance(observation, PixelObservation) else np.zeros(0)
+        arrays = [observation.pixels, ids.astype(np.float64)]
+    return observation.camera, observation.target, *stops, *map(np.ndarray.tobytes, arrays)
+
+
+def repeated_views(numbers: Sequence[int]) -> list[Finding]:
+    """A finding about the samples, by number, whose views are counted with earlier ones; none without any."""
+    if not numbers:
+        return []
+    shown, one = _list_samples(numbers), len(numbers) == 1
+    which = f"The view of sample {shown} repeats" if one else f"{len(numbers)} views, of sample {shown}, repeat"
+    what = f"{which} that of an earlier sample to the last bit."
+    why = f"No camera does that; {'it' if one else 'each'} counts once."
+    do = ("Look for rows that were copied, and remove them.",)
+    return [Finding("duplicate-samples", "info", tuple(map(str, numbers)), what, do, why)]
+
+
+def _list_samples(numbers: Sequence[int]) -> str:
+    """Numbers of samples in words, some of many."""
+    return ", ".join(map(str, numbers[:_LISTED_SAMPLES])) + (", ..." if len(numbers) > _LISTED_SAMPLES else "")

@@ -2,15 +2,21 @@
 
 A joint that never moved rotates the arm as its base does, and so does the next one after it. The last joint rotates
 what the flange carries as its mounts do. A rotation about a joint's own axis is that joint's offset. The poses of the
-flange show which of these a recording leaves open; the arm alone does not. Source: docs/mathematics.md, "Gauges".
+flange show which of these a recording leaves open; the arm alone does not. Nothing depends on a plate's rotation about
+the line of its marks, or on a plane's motion within itself. Source: docs/mathematics.md, "Gauges".
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from basecal.cell import Cell
+from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.view.contacts import ContactMeasurement
 from basecal.geometry import SE3, Array, IntArray
-from basecal.numerics.spectral import Spectrum, scaled_spectrum
+from basecal.numerics.spectral import Spectrum, principal_axes, scaled_spectrum
 
 # Motion of the flange by a radian of something, root of the mean square [rad], below which it is what the noise of
 # recorded poses may make: real arms have some milliradians.
@@ -71,3 +77,24 @@ def determined_joints(moves: Array, other_moves: Array) -> IntArray:
         along = left[held[-1]] / np.linalg.norm(left[held[-1]])
         left = left - np.outer(left @ along, along)
     return np.setdiff1d(np.arange(moves.shape[-1]), np.array(held, dtype=np.int64))
+
+
+def held_gauges(cell: Cell, groups: Sequence[ViewGroup]) -> dict[str, Array]:
+    """Directions of tangents that are held, of each transform that has some and is not fixed: 1, else 0, (6,)."""
+    found = {cell.plate_name(plate): _line_rotation(cell, plate) for plate in cell.plates}
+    for group in groups:
+        if isinstance(group.measurement, ContactMeasurement):
+            found[group.eye.mount] = np.array(group.measurement.camera_gauge, dtype=np.float64)
+            found[group.hand.mount] = np.array(group.measurement.target_gauge, dtype=np.float64)
+    unknowns = cell.transforms
+    return {name: of for name, of in found.items() if of.any() and unknowns[name].status != "fixed"}
+
+
+def _line_rotation(cell: Cell, plate: str) -> Array:
+    """The rotation of a plate about the line that all its marks are on, if they are."""
+    places = [target.mount.mean for target in cell.targets.values() if target.on == plate]
+    points = np.array([at.translation for at in places if at is not None])
+    of, held = principal_axes(points - points.mean(0)), np.zeros(6)
+    if of.dimension == 1:
+        held[3 + int(np.argmax(np.abs(of.axes[:, 0])))] = 1.0
+    return held

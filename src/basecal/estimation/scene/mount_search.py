@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from basecal.estimation.scene.adjust import FOCAL_SHARE
 from basecal.estimation.scene.epipolar import PointPairs, are_in_front, directions, sampson_px
-from basecal.estimation.scene.priors import FOCAL_SHARE
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_from_quaternion
 from basecal.numerics.batch import take

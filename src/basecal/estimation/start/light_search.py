@@ -16,6 +16,10 @@ from basecal.estimation.start.pair_views import PairViews, as_light
 from basecal.estimation.start.rotation_search import icosahedral_rotations
 from basecal.geometry import SE3, Array
 
+_RIDGE = 1e-6  # keeps translations of least norm where views do not determine them
+_MOST_VIEWS = 40  # views by which cells of the grid are ranked
+_BEST_OF_CAMERA = 8  # cells of each rotation of X that are ranked with those of the others
+
 
 def light_search(sight: PairViews, loop: Loop, max_count: int) -> tuple[PairViews, Loop, list[Triple]]:
     """The views of the point that most of them see, as a light, what is known of its loop, and the best starts.
@@ -34,11 +38,6 @@ def light_search(sight: PairViews, loop: Loop, max_count: int) -> tuple[PairView
     light_z = None if loop.z is None else SE3(np.eye(3), loop.z @ chords.points_in_target[point])
     light = as_point.loop(loop.x, loop.y, light_z, np.zeros(len(views), dtype=np.int64))
     return as_point, light, light_starts(light, one.bearings_in_camera[:, 0], max_count)
-
-
-_RIDGE = 1e-6  # keeps translations of least norm where views do not determine them
-_MOST_VIEWS = 40  # views by which cells of the grid are ranked
-_BEST_OF_CAMERA = 8  # cells of each rotation of X that are ranked with those of the others
 
 
 def light_starts(loop: Loop, bearings_in_camera: Array, max_count: int) -> list[Triple]:

@@ -30,6 +30,8 @@ _UNSURE_RAD = 0.02  # [rad] sigma of a view's rotation that halves its weight
 _FEWEST_POSES = 3  # of many views: fewer tell less than all as of a light
 _RIDGE = 1e-9  # [1/m^2, 1/rad^2] of views that hold no pose: next to no weight, not none
 _START_SIGMA_PX = 0.5  # sigma of a pixel where none is stated [px]
+_DESCENT_ROUNDS = 20
+_LEAST_GAIN_RAD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,10 +193,6 @@ def as_light(measurement: Measurement) -> tuple[BearingMeasurement, int]:
     """The directions of a view's measurement, and the point that most views see."""
     assert isinstance(measurement, BearingMeasurement)
     return measurement, int(np.argmax((measurement.weight > 0).sum(0)))
-
-
-_DESCENT_ROUNDS = 20
-_LEAST_GAIN_RAD = 1e-6
 
 
 def turned_views(group: ViewGroup, read: Array, mask: Array) -> BoolArray:

@@ -8,8 +8,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from basecal.estimation.view.measured_points import MeasuredPoints
 from basecal.estimation.view.measurement import Noise, ViewInformation
+from basecal.estimation.view.target_points import MeasuredPoints
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 
 
