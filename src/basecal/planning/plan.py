@@ -27,8 +27,8 @@ from basecal.planning.choose import choose_fewest, exchange, greedy
 from basecal.planning.feasible import is_in_view
 from basecal.planning.poses import order_samples
 from basecal.planning.prospects import Prospects, prospects, sketches
+from basecal.planning.shifts import STATION_SAMPLES, stations
 from basecal.planning.sketch import Sketch
-from basecal.planning.stations import STATION_SAMPLES, stations
 
 MOST_SAMPLES = 60
 """Of a plan: with twice as many the error falls by a third at most, and an hour of an arm's time is gone."""

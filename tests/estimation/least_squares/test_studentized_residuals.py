@@ -26,7 +26,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
 from basecal.estimation.solve import solve
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.seen_points import point_jacobians
+from basecal.estimation.view.target_points import point_jacobians
 from basecal.geometry import SE3, Camera
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.simulation import Scenario, simulate

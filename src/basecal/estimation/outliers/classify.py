@@ -25,7 +25,7 @@ from basecal.estimation.outliers.robust_scale import Scale, robust_scale
 from basecal.estimation.outliers.view_ransac import PointViews, Prior, RansacViews
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.target_points import SeenPoints
 from basecal.estimation.view.view_pose import refine_poses
 from basecal.geometry import BoolArray, Camera, IntArray
 

@@ -14,7 +14,7 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.estimation.view.seen_points import SeenPoints, point_jacobians
+from basecal.estimation.view.target_points import SeenPoints, point_jacobians
 from basecal.estimation.view.view_pose import FEWEST_3D_POINTS, FEWEST_POINTS, refine_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import lengths

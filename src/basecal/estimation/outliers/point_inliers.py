@@ -21,7 +21,7 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.first_state import lenses
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.target_points import SeenPoints
 from basecal.estimation.view.view_pose import refine_poses
 from basecal.geometry import SE3, BoolArray, IntArray
 

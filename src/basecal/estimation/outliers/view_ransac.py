@@ -17,7 +17,7 @@ import numpy as np
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.target_points import SeenPoints
 from basecal.estimation.view.view_pose import refine_poses, view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.numerics.batch import choose_entries, concatenate, take

@@ -47,11 +47,14 @@ class Task:
     guesses: tuple[Camera, ...]
     tail: float = field(default=np.inf, kw_only=True)
 
+    @property
+    def columns(self) -> Columns:
+        """Columns of all that is not fixed."""
+        return scene_columns(self.views, self.guesses)
+
     def linearise(self, state: SceneState) -> tuple[Quadratic, Quadratic]:
         """Image points and priors about a state, in all columns."""
-        columns = scene_columns(self.views, state.lenses)
-        of_pixels = _reduce_equations(self, state, columns)
-        return of_pixels, prior_information(self.views, state, columns, self.stop_sigma, self.guesses)
+        return _reduce_equations(self, state), prior_information(self, state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +110,7 @@ class _System:
     def retract(self, state: SceneState, model: Quadratic, step: Array) -> SceneState:
         """See `System`; the points are at their best for the cameras after the step."""
         alone = take(state, 0)
-        after = take_step(alone, scene_columns(self.task.views, alone.lenses), step[0])
+        after = take_step(alone, self.task.columns, step[0])
         for _ in range(_POINT_STEPS):
             after = after.with_points(after.points + point_steps(self.task.tracks, _weigh_equations(self.task, after)))
         return stack([after])
@@ -117,9 +120,9 @@ class _System:
         return self
 
 
-def _reduce_equations(task: Task, state: SceneState, columns: Columns) -> Quadratic:
+def _reduce_equations(task: Task, state: SceneState) -> Quadratic:
     """Normal equations of image points in all columns; a point behind its camera costs as much as one at ten tails."""
-    equations = _weigh_equations(task, state)
+    equations, columns = _weigh_equations(task, state), task.columns
     gradient, information = reduced_equations(task.views.camera, task.tracks, equations, columns.lens_widths)
     moves = column_jacobian(task.views, state, columns)
     squares = np.sum(equations.residual**2, 1)
@@ -145,21 +148,12 @@ def _weigh_equations(task: Task, state: SceneState) -> PixelEquations:
     return equations.scale(share)
 
 
-def prior_information(
-    views: SceneViews, state: SceneState, columns: Columns, sigmas: Array, guesses: tuple[Camera, ...]
-) -> Quadratic:
-    """Prior information of all unknowns.
-
-    Args:
-        views: The views, with what is known of mounts, bases and lenses.
-        state: The state.
-        columns: Of the unknowns.
-        sigmas: (s, 6) of the errors of stops [m, rad].
-        guesses: Lenses about which free ones are expected.
-    """
+def prior_information(task: Task, state: SceneState) -> Quadratic:
+    """Prior information of all unknowns: what is known of mounts, bases, lenses and errors of stops."""
+    columns, sigmas = task.columns, task.stop_sigma
     width = columns.errors.stop
     gradient, information, cost = np.zeros(width), np.zeros((width, width)), 0.0
-    for residual, jacobian, where in _residuals(views, state, columns, guesses):
+    for residual, jacobian, where in _residuals(task, state):
         gradient[where] += jacobian.T @ residual
         information[where, where] += jacobian.T @ jacobian
         cost += float(residual @ residual)
@@ -170,18 +164,16 @@ def prior_information(
     return Quadratic(np.array(cost + scaled @ state.errors.ravel()), gradient, information)
 
 
-def _residuals(
-    views: SceneViews, state: SceneState, columns: Columns, guesses: tuple[Camera, ...]
-) -> list[tuple[Array, Array, slice]]:
+def _residuals(task: Task, state: SceneState) -> list[tuple[Array, Array, slice]]:
     """Residuals in sigmas, their derivatives and columns, of all but the errors of stops."""
-    found = []
+    found, views, columns = [], task.views, task.columns
     mounts = tuple(camera.mount for camera in views.cameras)
     stacks = (mounts, state.mounts, columns.mounts), (views.bases, state.bases, columns.bases)
     places = [(known, values[k], where[k]) for all_known, values, where in stacks for k, known in enumerate(all_known)]
     for known, value, where in places:
         if where is not None and known.status == "prior":
             found.append((*prior_residual(known, value), where))
-    for camera, lens, guess, where in zip(views.cameras, state.lenses, guesses, columns.lenses, strict=True):
+    for camera, lens, guess, where in zip(views.cameras, state.lenses, task.guesses, columns.lenses, strict=True):
         if where is not None:
             found.append((*_lens_residual(camera.lens, lens, guess), where))
     return found

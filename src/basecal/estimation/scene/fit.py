@@ -14,7 +14,7 @@ from basecal.estimation.noise.hyperpriors import ROBOT_RAD
 from basecal.estimation.scene.adjust import SceneFit, Task, adjust, residuals_px
 from basecal.estimation.scene.equations import pixel_equations, point_information, sums
 from basecal.estimation.scene.sigmas import estimate_sigmas, sigmas_by_stop
-from basecal.estimation.scene.state import SceneState, scene_columns
+from basecal.estimation.scene.state import SceneState
 from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import Array, BoolArray, Camera
 from basecal.numerics.robust_step import NORMAL_MAD
@@ -54,7 +54,7 @@ def fit_scene(
     state = replace(start, points=points[kept])
     task = Task(views, tracks, _FIRST_PX, sigmas_by_stop(views, by_robot), guesses, tail=_TAIL)
     for number in range(_REFINEMENTS):
-        _check_points(task, state)
+        _check_points(task)
         found = adjust(task, state)
         sigma_px = _robust_sigma(found)
         _, stop_sigma = estimate_sigmas(replace(found, sigma_px=sigma_px), stop_noise)
@@ -62,7 +62,7 @@ def fit_scene(
         tracks, state = _without_gross(found, limit_px)
         task = replace(task, tracks=tracks, sigma_px=sigma_px, stop_sigma=stop_sigma)
     task = replace(task, tail=np.inf)
-    _check_points(task, state)
+    _check_points(task)
     for _ in range(2):
         found = adjust(task, state)
         sigma_px, stop_sigma = estimate_sigmas(found, stop_noise)
@@ -70,9 +70,8 @@ def fit_scene(
     return adjust(task, state)
 
 
-def _check_points(task: Task, state: SceneState) -> None:
-    unknowns = scene_columns(task.views, state.lenses).errors.start
-    if 2 * len(task.tracks) - 3 * task.tracks.count <= unknowns:
+def _check_points(task: Task) -> None:
+    if 2 * len(task.tracks) - 3 * task.tracks.count <= task.columns.errors.start:
         raise np.linalg.LinAlgError("too few points of the scene are left")
 
 

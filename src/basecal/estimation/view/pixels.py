@@ -15,8 +15,7 @@ from basecal.estimation.view.measurement import (
     sums_of_squares,
 )
 from basecal.estimation.view.moments import UPPER, dot
-from basecal.estimation.view.seen_points import SeenPoints
-from basecal.estimation.view.target_points import require_camera, spread_rows
+from basecal.estimation.view.target_points import SeenPoints, require_camera, spread_rows
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.array import to_back, to_front
 from basecal.geometry.lens import Projection
