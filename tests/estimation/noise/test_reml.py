@@ -25,6 +25,7 @@ from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
+from basecal.numerics.batch import take
 from basecal.simulation import Scenario, simulate
 
 ROBOTS = ("eye", "hand")
@@ -267,7 +268,7 @@ def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
         np.testing.assert_allclose(found.blocks.own[block], own[here, here], rtol=1e-8, atol=1e-10)
     assert not found.blocks.lost.any()
     some = np.array([1, 4, 10])
-    known = solve_columns(node_equations(model, np.log(sigmas)[None]), some).take(0)
+    known = take(solve_columns(node_equations(model, np.log(sigmas)[None]), some), 0)
     np.testing.assert_allclose(known.mean, mean[some], rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(known.spread, covariance[np.ix_(some, some)], rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(scales(np.log(sigmas), model.of_columns), expected.scales[:COLUMNS])

@@ -16,7 +16,7 @@ import numpy as np
 from basecal.cell import Loop, SampleResidual, Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
-from basecal.estimation.noise.some_views import some_views
+from basecal.estimation.noise.robot_noise import some_views
 from basecal.estimation.observability.observability import analyse_observability
 from basecal.estimation.problem.problem import Problem, State, sequential_columns
 from basecal.estimation.problem.view_group import ViewGroup

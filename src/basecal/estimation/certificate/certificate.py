@@ -28,6 +28,7 @@ from basecal.estimation.certificate.rotation_cost import (
 from basecal.estimation.certificate.view_rotation import view_costs
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import SAME_COST, Solution
 from basecal.estimation.start.closed_form import Rotations, solve_rotations, solve_translations
@@ -184,13 +185,9 @@ def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
 def _better_state(solution: Solution, start: State) -> State | None:
     """The end of a descent on everything, if it is lower than the solution."""
     dof = degrees_of_freedom(solution.problem)
-    end = bundle_adjust(solution.problem, _clear_errors(start), dof, 2 * _DESCENT_STEPS)
+    end = bundle_adjust(solution.problem, without_errors(solution.problem, start), dof, 2 * _DESCENT_STEPS)
     lower = end.cost < solution.cost * (1 - SAME_COST) - SAME_COST
     return end.state if lower and not _same_place(end.state, solution.state) else None
-
-
-def _clear_errors(state: State) -> State:
-    return replace(state, stop_errors=np.zeros_like(state.stop_errors))
 
 
 def _explore_surroundings(solution: Solution, share: float, gap: float) -> Certified:
@@ -200,7 +197,7 @@ def _explore_surroundings(solution: Solution, share: float, gap: float) -> Certi
         for g in solution.problem.groups
     )
     dof = degrees_of_freedom(few)
-    reference = bundle_adjust(few, _clear_errors(solution.state), dof, _DESCENT_STEPS)
+    reference = bundle_adjust(few, without_errors(few, solution.state), dof, _DESCENT_STEPS)
     angle = 2 * float(np.arcsin(np.sqrt(share)))
     for start in _turned_states(solution, angle):
         end = bundle_adjust(few, start, dof, _DESCENT_STEPS)
@@ -231,5 +228,5 @@ def _turned_states(solution: Solution, angle: float) -> list[State]:
             name: state.transforms[name] @ SE3.exp(np.concatenate([np.zeros(3), turn]))
             for name, turn in zip(turning, turns, strict=True)
         }
-        out.append(_clear_errors(replace(state, transforms={**state.transforms, **turned})))
+        out.append(without_errors(problem, replace(state, transforms={**state.transforms, **turned})))
     return out

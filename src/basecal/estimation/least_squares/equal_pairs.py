@@ -127,7 +127,7 @@ def _join_pairs(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
     fields = {**frames[0], _LENS_FIELD: groups[0].camera}
     widths = {of: problem.column_width(name) for of, name in fields.items() if name in problem.columns}
     where = [
-        np.concatenate([_range(problem, named.get(of, group.camera)) for of in widths])
+        np.r_[tuple(problem.columns[named.get(of, group.camera)] for of in widths)]
         for group, named in zip(groups, frames, strict=True)
     ]
     noisy = [k for k, end in enumerate(groups[0].ends) if end.has_noise]
@@ -147,11 +147,6 @@ def _join_pairs(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
         np.stack(where),
         stops,
     )
-
-
-def _range(problem: Problem, name: str) -> IntArray:
-    where = problem.columns[name]
-    return np.arange(where.start, where.stop)
 
 
 def _merge_groups(groups: Sequence[ViewGroup]) -> ViewGroup:

@@ -99,7 +99,7 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
         state: Where.
         weights: For each group (..., n): what each view counts, its private stops' errors included; 1 where None.
     """
-    hessian, gradient, cost = _priors(problem, state)
+    hessian, gradient, cost = priors(problem, state)
     cost += np.sum(state.stop_errors**2, axis=(-1, -2))
     eliminated, log_det, views = np.zeros(state.batch), np.zeros(state.batch), []
     shared = problem.shared_stops
@@ -133,11 +133,6 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
         log_det += system.log_det
     symmetric = 0.5 * (hessian + hessian.mT)
     return NormalEquations(cost, gradient, symmetric, eliminated, log_det, tuple(views), system)
-
-
-def prior_information(problem: Problem, state: State) -> Array:
-    """The priors' part of the Hessian, (..., p, p)."""
-    return _priors(problem, state)[0]
 
 
 def retract(problem: Problem, state: State, normal: NormalEquations, step: Array) -> State:
@@ -288,8 +283,8 @@ def _stop_errors(problem: Problem, state: State, normal: NormalEquations, step: 
     return errors
 
 
-def _priors(problem: Problem, state: State) -> tuple[Array, Array, Array]:
-    """Hessian, gradient and cost of the priors."""
+def priors(problem: Problem, state: State) -> tuple[Array, Array, Array]:
+    """Hessian (..., p, p), gradient (..., p) and cost (...) of the priors."""
     width = problem.width
     hessian, gradient = np.zeros((*state.batch, width, width)), np.zeros((*state.batch, width))
     cost = np.zeros(state.batch)

@@ -27,8 +27,14 @@ from basecal.estimation.noise.laplace import (
 from basecal.estimation.noise.mixed_model import EstimatesOf, make_estimates, mixed_model, open_jitter
 from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, merge_estimates, neighbourhoods
 from basecal.estimation.noise.random_effects import has_similar_errors, shared_term
-from basecal.estimation.noise.robot_noise import count_stops, stands, with_robot_noise, without_errors
-from basecal.estimation.noise.some_views import recorded_subset, some_views
+from basecal.estimation.noise.robot_noise import (
+    count_stops,
+    recorded_subset,
+    some_views,
+    stands,
+    with_robot_noise,
+    without_errors,
+)
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise

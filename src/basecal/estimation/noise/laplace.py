@@ -20,6 +20,7 @@ from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.estimation.noise.reml import Columns, Equations, node_equations, posterior, scales, solve_columns
 from basecal.geometry import Array, IntArray
+from basecal.numerics.batch import take
 from basecal.numerics.mixtures import probabilities
 from basecal.numerics.spectral import floored_spectrum, scaled_spectrum, spectrum
 
@@ -73,7 +74,7 @@ class SigmaPosterior:
     @cached_property
     def columns(self) -> Columns:
         """Posterior of the columns at these sigmas, kept since it is used repeatedly."""
-        return solve_columns(node_equations(self.model, self.logs[None]), np.arange(len(self.model.prior))).take(0)
+        return take(solve_columns(node_equations(self.model, self.logs[None]), np.arange(len(self.model.prior))), 0)
 
     @cached_property
     def nodes(self) -> _Nodes:
@@ -207,7 +208,7 @@ def _weighed_nodes(
     values = np.where(np.isfinite(values), values, np.inf) - nodes.drawn
     weights = np.exp(-0.5 * (values - values.min()))
     counts = weights > 0  # others may hold what is no number
-    return weights[counts] / weights.sum(), nodes.logs[counts], known.take(counts)
+    return weights[counts] / weights.sum(), nodes.logs[counts], take(known, counts)
 
 
 class _Nodes(NamedTuple):

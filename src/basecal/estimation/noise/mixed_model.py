@@ -16,7 +16,7 @@ import numpy as np
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
-from basecal.estimation.least_squares.normal_equations import prior_residuals
+from basecal.estimation.least_squares.normal_equations import priors
 from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.estimation.noise.shaped_targets import shaped_points, shaped_targets
 from basecal.estimation.noise.sigma_places import SigmaPlaces
@@ -354,13 +354,9 @@ def _set_rows(array: Array, rows: IntArray, values: Array) -> None:
 
 
 def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array, float]:
-    prior, gradient, cost = np.zeros((layout.width, layout.width)), np.zeros(layout.width), 0.0
-    for residual, jacobian, where in prior_residuals(problem, state):
-        prior[where, where] += jacobian.T @ jacobian
-        gradient[where] += jacobian.T @ residual
-        cost += float(residual @ residual)
-    own = np.arange(problem.width, layout.width)
-    prior[own, own] = 1.0
+    known, of_unknowns, total = priors(problem, state)
+    prior, gradient, cost = np.eye(layout.width), np.zeros(layout.width), float(total)
+    prior[: problem.width, : problem.width], gradient[: problem.width] = known, of_unknowns
     for target, columns in layout.shapes.items():
         mean = problem.shapes.get(target, np.zeros(columns.stop - columns.start))
         gradient[columns] = mean

@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.estimation.least_squares.sparse_normal_equations import MANY_COLUMNS
 from basecal.estimation.noise.estimate import NoiseEstimate
-from basecal.estimation.noise.some_views import some_views
+from basecal.estimation.noise.robot_noise import some_views
 from basecal.estimation.problem.problem import Problem, State, sequential_columns
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array

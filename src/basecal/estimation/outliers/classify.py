@@ -28,6 +28,7 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.target_points import SeenPoints
 from basecal.estimation.view.view_pose import refine_poses
 from basecal.geometry import BoolArray, Camera, IntArray
+from basecal.numerics.batch import take
 
 CHANCE_OF_VIEW = 1e-4  # that a good view is left out: one recording of a hundred views in a hundred
 CHANCE_OF_POINT = 1e-6  # that a good point is left out: there are a hundred times as many points
@@ -82,7 +83,7 @@ def classify_inliers(problem: Problem, state: State, inliers: InlierMask) -> Cla
     # A clean view may go more often where many are out: what is far off is likelier one more.
     before = np.concatenate(inliers.views)
     chance = _CHANCE_AMONG_OUTLIERS if len(before) and before.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW
-    scale = view_scale(problem, [_take_rows(s, v) for s, v in zip(views, inliers.views, strict=True)], chance)
+    scale = view_scale(problem, [take(s, v) for s, v in zip(views, inliers.views, strict=True)], chance)
     own = [judged_by_view(g.measurement) for g in about.problem.groups]
     by_view = _point_scale(problem, points, inliers, own)
     by_state = _point_scale(problem, points, inliers, [~o for o in own])
@@ -98,15 +99,11 @@ def classify_inliers(problem: Problem, state: State, inliers: InlierMask) -> Cla
     return Classification(now, views, points, stops, scale, by_view)
 
 
-def _take_rows(squares: MahalanobisSquared, rows: BoolArray) -> MahalanobisSquared:
-    return MahalanobisSquared(squares.value[rows], squares.freedoms[rows])
-
-
 def _point_scale(
     problem: Problem, points: Sequence[MahalanobisSquared], inliers: InlierMask, masks: list[BoolArray]
 ) -> Scale:
     rows = [w & v for w, v in zip(masks, inliers.views, strict=True)]
-    squares = [_take_rows(s, r) for s, r in zip(points, rows, strict=True)]
+    squares = [take(s, r) for s, r in zip(points, rows, strict=True)]
     return robust_scale(squares, 0, is_stated(problem), CHANCE_OF_POINT)
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from basecal.cell import Cell
+from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.outliers.classify import Classification
 from basecal.estimation.outliers.inlier_mask import InlierMask
 from basecal.estimation.problem.problem import Problem, State
@@ -65,8 +66,7 @@ def measure_left_out_items(
     """
     found = []
     for k, group in enumerate(problem.groups):
-        as_recorded = replace(state, stop_errors=np.zeros_like(state.stop_errors))
-        expected = as_recorded.camera_from_target(group, problem.stops)
+        expected = without_errors(problem, state).camera_from_target(group, problem.stops)
         sigmas = np.sqrt(judgement.views[k].value / judgement.view_scale.variance)
         for view in np.flatnonzero(~inliers.views[k]):
             found.append(_left_out_view(group, state, expected, int(view), float(sigmas[view])))

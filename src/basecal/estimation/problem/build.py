@@ -239,9 +239,7 @@ def _views(
                     for kind in _kinds(observation):
                         views[camera, target, kind].append((i, observation))
     findings += repeated_views(repeated)
-    for why, numbers in lacking.items():
-        what = f"{len(numbers)} view(s) are not used, of sample {_list_samples(numbers)}: {why}."
-        findings.append(Finding("dropped-sample", "info", tuple(map(str, numbers)), what))
+    findings += [dropped_samples(numbers, why) for why, numbers in lacking.items()]
     for camera, target, _ in views:
         check_carriers(cell, camera, target)
     return views
@@ -348,6 +346,12 @@ def repeated_views(numbers: Sequence[int]) -> list[Finding]:
     why = f"No camera does that; {'it' if one else 'each'} counts once."
     do = ("Look for rows that were copied, and remove them.",)
     return [Finding("duplicate-samples", "info", tuple(map(str, numbers)), what, do, why)]
+
+
+def dropped_samples(numbers: Sequence[int], why: str) -> Finding:
+    """A finding about the samples, by number, whose views are not used."""
+    what = f"{len(numbers)} view(s) are not used, of sample {_list_samples(numbers)}: {why}."
+    return Finding("dropped-sample", "info", tuple(map(str, numbers)), what)
 
 
 def _list_samples(numbers: Sequence[int]) -> str:

@@ -18,6 +18,7 @@ import numpy as np
 from basecal.estimation.start.closed_form import Loop, Rotations
 from basecal.geometry import Array, IntArray, read_only
 from basecal.geometry.rotation import nearest_rotation, rotation_exp
+from basecal.numerics.batch import concatenate, take
 
 # Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
 _GRID_CELLS = 16
@@ -80,12 +81,6 @@ class _Loops:
     unknown: str
     moments: Array
 
-    def take(self, rows: IntArray) -> _Loops:
-        """The loops at these indices."""
-        known = {letter: turn[rows] for letter, turn in self.known.items()}
-        a, b, c, weight, moments = (m[rows] for m in (self.a, self.b, self.c, self.weight, self.moments))
-        return _Loops(a, b, c, weight, self.count[rows], known, self.unknown, moments)
-
     def means(self, letter: str, turns: Turns, count: bool = False) -> Array:
         """Weighted sums whose nearest rotation is the one of `letter`, (h, m, 3, 3); `count` firsts by all seconds.
 
@@ -144,12 +139,12 @@ def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
     found = {k: turn[:, 0].copy() for k, turn in at.items()}
     going = np.arange(len(loops))
     for rounds, best in _ALTERNATION_SCHEDULE:
-        some = every.take(going)
+        some = take(every, going)
         at, angle = _rank_rotations(some, _alternate(some, at, rounds), best)
         for letter, turn in at.items():
             found[letter][going] = turn[:, 0]
         near = angle[:, 0] < HOPELESS_RAD
-        going, at = going[near], {k: turn[near] for k, turn in at.items()}
+        going, at = going[near], take(at, near)
         if not len(going):
             break
     return [Rotations(*triple) for triple in zip(found["x"], found["y"], found["z"], strict=True)]
@@ -192,10 +187,9 @@ def _grid_starts(loops: _Loops, max_count: int) -> dict[str, Array]:
     """The most promising rotations, (h, m, 3, 3) by letter, best first; of so many loops at a time as a cache holds."""
     count = len(loops.moments)
     parts = [
-        _best_of_grid(loops.take(np.arange(at, min(at + _CHUNK_LOOPS, count))), max_count)
-        for at in range(0, count, _CHUNK_LOOPS)
+        _best_of_grid(take(loops, slice(at, at + _CHUNK_LOOPS)), max_count) for at in range(0, count, _CHUNK_LOOPS)
     ]
-    return {letter: np.concatenate([part[letter] for part in parts]) for letter in parts[0]}
+    return concatenate(parts)
 
 
 def _best_of_grid(loops: _Loops, max_count: int) -> dict[str, Array]:
@@ -245,7 +239,7 @@ def _alternate(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
     for _ in range(rounds):
         if not len(moving):
             break
-        some, now = loops.take(moving), {k: turn[moving] for k, turn in found.items()}
+        some, now = take(loops, moving), take(found, moving)
         for letter in loops.unknown:
             now[letter] = nearest_rotation(some.means(letter, now))
         change = [np.abs(now[k] - found[k][moving]).max((1, 2, 3)) for k in loops.unknown]

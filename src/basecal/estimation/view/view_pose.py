@@ -80,7 +80,7 @@ def view_poses(
     twice = measurement.take(np.arange(len(guesses)) % n)
     poses = refine_poses(twice, guesses @ plane_from_target, iterations=iterations)
     enough = is_visible.sum(-1) >= (FEWEST_POINTS if flat else _FEWEST_IN_SPACE)
-    first, second = poses.take(slice(0, n)), poses.take(slice(len(guesses) - n, None))
+    first, second = take(poses, slice(0, n)), take(poses, slice(len(guesses) - n, None))
     swapped = ~(first.cost <= second.cost) & ~np.isnan(second.cost)
     best, next_best = choose_entries(swapped, second, first), choose_entries(swapped, first, second)
     cost = np.stack([best.cost, next_best.cost], -1)
@@ -144,10 +144,6 @@ class _Refined:
     camera_from_target: SE3
     cost: Array
     information: Array
-
-    def take(self, views: slice) -> _Refined:
-        """The views of a slice."""
-        return _Refined(self.camera_from_target[views], self.cost[views], self.information[views])
 
 
 class Views(Protocol):
