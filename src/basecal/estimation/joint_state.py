@@ -41,7 +41,7 @@ def joint_state(problem: Problem, cell: Cell) -> State | None:
     turns = np.random.default_rng(_SEED).normal(size=(len(problem.unknowns), count, 4))
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
     begun = {
-        name: SE3.stack([known[name]] * count) if name in known else SE3.from_quaternion(turn, np.zeros((count, 3)))
+        name: known[name].repeat(count) if name in known else SE3.from_quaternion(turn, np.zeros((count, 3)))
         for name, turn in zip(problem.unknowns, turns, strict=True)
     }
     ends = bundle_adjust_batch(by_poses, State(begun, {}, np.zeros((count, 0, 6))), dof=1)

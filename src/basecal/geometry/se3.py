@@ -266,6 +266,11 @@ class SE3:
         """(..., 1): with a last axis more, over which it broadcasts."""
         return SE3.adopt(self.rotation[..., None, :, :], self.translation[..., None, :])
 
+    def repeat(self, count: int) -> SE3:
+        """A single transform so many times, (count,)."""
+        rotation = np.broadcast_to(self.rotation, (count, 3, 3))
+        return SE3.adopt(rotation, np.broadcast_to(self.translation, (count, 3)))
+
     def __repr__(self) -> str:
         """One line: translation [m] and rotation vector [rad], or the shape of a batch."""
         if self.shape:

@@ -33,9 +33,7 @@ def _concatenate_motions(motions: list[Motion], scene: Scene, is_recorded: bool)
         states = motion.recorded if is_recorded else motion.true
         count = len(next(iter(states.values())))
         for robot, found in poses.items():
-            turn, place = scene.parked[robot].rotation, scene.parked[robot].translation
-            still = SE3.adopt(np.broadcast_to(turn, (count, 3, 3)), np.broadcast_to(place, (count, 3)))
-            found.append(states.get(robot, still))
+            found.append(states.get(robot, scene.parked[robot].repeat(count)))
     return {robot: concatenate(found) for robot, found in poses.items()}
 
 

@@ -27,9 +27,8 @@ from basecal.effects.deflection import NAME as DEFLECTION
 from basecal.effects.deflection import apply_gravity
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import half_turn
-from basecal.estimation.problem.gauges import held_gauges
+from basecal.estimation.problem.gauges import held_gauges, point_mounts
 from basecal.estimation.problem.measurements import GRIP, alternative_readings, make_measurement
-from basecal.estimation.problem.point_mounts import point_mounts
 from basecal.estimation.problem.problem import Problem, Stops, check_carriers, sequential_columns
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
 from basecal.estimation.problem.same_stop import stop_numbers

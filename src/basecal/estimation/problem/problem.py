@@ -190,13 +190,7 @@ class State:
 
     def spread(self, problem: Problem, count: int) -> State:
         """A single state, so many times; lenses that are not estimated serve all."""
-
-        def repeat(transform: SE3) -> SE3:
-            """One transform, so many times."""
-            rotation = np.broadcast_to(transform.rotation, (count, 3, 3))
-            return SE3.adopt(rotation, np.broadcast_to(transform.translation, (count, 3)))
-
-        transforms = {name: repeat(transform) for name, transform in self.transforms.items()}
+        transforms = {name: transform.repeat(count) for name, transform in self.transforms.items()}
         cameras = dict(self.cameras)
         for name in cameras.keys() & problem.columns.keys():
             parameters = self.cameras[name].parameters

@@ -139,19 +139,21 @@ def solve_translations(loop: Loop, rotations: Rotations) -> Triple:
     right = loop.c.translation @ rotations.y.T - loop.a.translation
     right -= (a @ (loop.b.translation @ rotations.x.T)[..., None])[..., 0]
     columns = {"x": a, "y": np.broadcast_to(-np.eye(3), a.shape), "z": -(rotations.y @ c)}
-    known = {"x": loop.x, "y": loop.y, "z": loop.z}
-    for name, value in known.items():
-        if value is not None:
-            right = right - (columns[name] @ value.translation[:, None])[..., 0]
+    for name in "xyz":
+        if name not in loop.unknown:
+            right = right - (columns[name] @ getattr(loop, name).translation[:, None])[..., 0]
     free = loop.unknown
     w = loop.weight[:, None, None]
     rows = np.concatenate([columns[name] for name in free], -1) * w
     solution = least_norm(rows.reshape(-1, 3 * len(free)), (right * w[..., 0]).reshape(-1))
-    at = {name: solution[3 * i : 3 * i + 3] for i, name in enumerate(free)}
+    return complete_loop(loop, rotations, solution)
 
-    def complete_pose(name: str, rotation: Array) -> SE3:
-        """The known pose, or the rotation with its translation."""
-        value = known[name]
-        return SE3.adopt(rotation.copy(), at[name].copy()) if value is None else value
 
-    return complete_pose("x", rotations.x), complete_pose("y", rotations.y), complete_pose("z", rotations.z)
+def complete_loop(loop: Loop, rotations: Rotations, translations: Array) -> Triple:
+    """X, Y and Z: what is known of them, else by their rotations and the unknown translations, (3 k,), in turn."""
+    at = dict(zip(loop.unknown, translations.reshape(-1, 3), strict=True))
+    x, y, z = (
+        SE3.adopt(getattr(rotations, name).copy(), at[name].copy()) if name in at else getattr(loop, name)
+        for name in "xyz"
+    )
+    return x, y, z

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.estimation.start.closed_form import Loop, Triple
+from basecal.estimation.start.closed_form import Loop, Rotations, Triple, complete_loop
 from basecal.estimation.start.pair_views import PairViews, as_light
 from basecal.estimation.start.rotation_search import icosahedral_rotations
 from basecal.geometry import SE3, Array
@@ -57,7 +57,7 @@ def light_starts(loop: Loop, bearings_in_camera: Array, max_count: int) -> list[
     for x in xs:
         scored += _with_camera(loop, a, c, b, x, ys)
     scored.sort(key=lambda s: s[0])
-    return [_start(loop, *start) for _, *start in scored[:max_count]]
+    return [complete_loop(loop, Rotations(x, y, np.eye(3)), at) for _, x, y, at in scored[:max_count]]
 
 
 def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> list[tuple[float, Array, Array, Array]]:
@@ -82,16 +82,6 @@ def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> l
     length = np.linalg.norm(along, axis=-1) + 1e-12
     score = np.mean(1 - depth / length, axis=-1)
     return [(float(score[k]), x, ys[k], solution[k]) for k in np.argsort(score)[:_BEST_OF_CAMERA]]
-
-
-def _start(loop: Loop, x: Array, y: Array, translations: Array) -> Triple:
-    """X, Y and Z: what is known of them, else by their rotations and unknown translations."""
-    rotations = {"x": x, "y": y, "z": np.eye(3)}
-    at = dict(zip(loop.unknown, translations.reshape(-1, 3), strict=True))
-    found = {
-        name: SE3(rotations[name].copy(), at[name].copy()) if name in at else getattr(loop, name) for name in "xyz"
-    }
-    return found["x"], found["y"], found["z"]
 
 
 def _least_squares(cross_terms: Array, rows: Array, constant: Array) -> Array:

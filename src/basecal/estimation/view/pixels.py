@@ -191,9 +191,7 @@ class PixelMeasurement(SeenPoints):
             rows = np.concatenate([half, count - 1 - half[half < count // 2][::-1]])  # one in the middle is its own
         else:
             rows = spread_rows(self.points_in_target, max_count)
-        of_points = {name: getattr(self, name)[:, rows] for name in ("pixels", "seen", "stated", "weight")}
-        relative = None if self.relative is None else self.relative[:, rows]
-        return replace(self, points_in_target=self.points_in_target[rows], relative=relative, **of_points)
+        return replace(self.take_points(rows), points_in_target=self.points_in_target[rows])
 
     def with_noise(self, noise: Noise) -> Self:
         """See `Measurement`."""

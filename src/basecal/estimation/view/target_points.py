@@ -102,6 +102,11 @@ class MeasuredPoints(TargetPoints):
         batched = {name: of[rows] for name, of in arrays.items() if of is not None and of.ndim > self.axes[name]}
         return self._with(**batched)
 
+    def take_points(self, rows: Rows) -> Self:
+        """A copy with what was measured at these indices of points, which the target's points do not follow."""
+        arrays = {name: getattr(self, name) for name in self.axes}
+        return self._with(**{name: of[:, rows] for name, of in arrays.items() if of is not None})
+
     def noisier(self, factor: float) -> Self:
         """See `Measurement`."""
         return self._with(weight=self.weight / factor)
