@@ -34,7 +34,7 @@ def unknown_jacobian(
     present = [(name, sign, link) for name, sign, link in parts if name in problem.columns]
     lens = problem.columns.get(group.camera) if rows > 6 else None
     places = [problem.columns[name] for name, _, _ in present] + ([lens] if lens else [])
-    columns = [np.arange(c.start, c.stop) for c in places]
+    columns = [np.r_[where] for where in places]
     out = np.zeros((*links.target_from_camera.shape, rows, sum(map(len, columns))))
     at = 0
     for (name, sign, link), where in zip(present, columns, strict=False):
@@ -78,7 +78,7 @@ def robot_model_jacobian(
         block = np.zeros((*shape, rows, moved.shape[-1]))
         block[..., :6, :] = moved
         blocks.append(block)
-        columns += [np.arange(problem.columns[n].start, problem.columns[n].stop) for n in model.widths]
+        columns += [np.r_[problem.columns[name]] for name in model.widths]
     return np.concatenate(blocks, -1), np.concatenate(columns)
 
 

@@ -55,14 +55,13 @@ def linearise_scene(problem: Problem, scene: TiedViews, state: State) -> TiedEqu
         reference = scene.camera_from_world[first : first + len(group)]
         parts.append(_linearise_group(problem, scene, group, reference, state))
         first += len(group)
-    offset, by_unknowns, by_errors = (np.concatenate([part[k] for part in parts], axis) for k, axis in _AXES)
     for camera, about in scene.lenses.items():
-        where, off = problem.columns[camera], state.cameras[camera].parameters - about.parameters
+        off = state.cameras[camera].parameters - about.parameters
         rows = np.zeros((*state.batch, off.shape[-1], problem.width))
-        rows[..., np.arange(where.start, where.stop)] = np.eye(off.shape[-1])
-        offset = np.concatenate([offset, np.broadcast_to(off, rows.shape[:-1])], -1)
-        by_unknowns = np.concatenate([by_unknowns, rows], -2)
-        by_errors = np.concatenate([by_errors, np.zeros((*rows.shape[:-1], by_errors.shape[-1]))], -2)
+        rows[..., problem.columns[camera]] = np.eye(off.shape[-1])
+        none = np.zeros((*rows.shape[:-1], 6 * len(scene.stops)))
+        parts.append((np.broadcast_to(off, rows.shape[:-1]), rows, none))
+    offset, by_unknowns, by_errors = (np.concatenate([part[k] for part in parts], axis) for k, axis in _AXES)
     carried = offset @ scene.information
     cost = scene.cost + np.sum(offset * (2 * scene.gradient + carried), -1)
     return TiedEquations(cost, scene.gradient + carried, scene.information, by_unknowns, by_errors)

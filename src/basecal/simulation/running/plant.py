@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,6 @@ from basecal.cell import WORLD, CellTarget, Target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.simulation.running.arm import RunningArm, numbers_of
-from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.images import CameraView, Seen
 from basecal.simulation.running.world import World
 from basecal.simulation.surroundings.drawing import Scene, Surroundings
@@ -203,3 +203,30 @@ class Plant:
 
     def _is_pushed(self, fault: str, robot: str) -> bool:
         return robot != WORLD and self._arms[robot].moves > self._world.faults.delay_moves(fault)
+
+
+class Clock:
+    """Seconds since the cell began to run.
+
+    With a `speed` of 0 time advances only while somebody waits, by exactly as much. The behaviour of a cell then
+    depends on its requests alone, not on the load of the machine.
+
+    Attributes:
+        speed: Seconds of the cell in a second on the wall.
+    """
+
+    def __init__(self, speed: float = 1.0) -> None:
+        self.speed = speed
+        self._began, self._spent = time.monotonic(), 0.0
+
+    def time_s(self) -> float:
+        """The time [s]."""
+        return self._spent if self.speed == 0 else (time.monotonic() - self._began) * self.speed
+
+    def wait(self, seconds: float) -> float:
+        """The time after so many seconds of the cell."""
+        if self.speed == 0:
+            self._spent += seconds
+        else:
+            time.sleep(seconds / self.speed)
+        return self.time_s()
