@@ -37,9 +37,8 @@ from basecal.estimation.solve import solve
 from basecal.geometry import SE3, Array
 from basecal.planning import poses, shifts
 from basecal.planning.sketch import sketch_cell
-from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import FAULTS, read_faults
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world_file import write_world
 from basecal.vision.detect import detect

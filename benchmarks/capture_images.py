@@ -30,9 +30,8 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.led import led_target
 from basecal.geometry import Array
 from basecal.planning.sketch import sketch_cell
-from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import read_faults
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.vision.detection import Detection, Image
 from basecal.vision.detectors import find

@@ -19,9 +19,9 @@ from basecal.cell import Recording, RobotState, Sample
 from basecal.geometry import SE3
 from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import Motion, draw_motions
-from basecal.simulation.observe import observe
 from basecal.simulation.scene import draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
+from basecal.simulation.testbed import observe
 from benchmarks.common import cell_by_cell, table
 from benchmarks.wrong_answers import NOISE, Drawn, _along, _scenario
 

@@ -38,9 +38,8 @@ from basecal.geometry import Array
 from basecal.kinematics import SerialChain
 from basecal.planning import poses
 from basecal.planning.sketch import sketch_cell
-from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import read_faults
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world import World
 from benchmarks.calibrate import MANY_NAME, recordings, unit_s

@@ -26,9 +26,9 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import Motion, draw_motions
-from basecal.simulation.observe import observe
 from basecal.simulation.scene import draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
+from basecal.simulation.testbed import observe
 from benchmarks.common import RESULTS, commit, table, write
 
 BEYOND = 0.999

@@ -68,7 +68,7 @@ def made_up(
     gradient = np.concatenate([rng.standard_normal(2), np.zeros(COLUMNS - 2)])
     in_common = {"hand": (9, SharedErrors(rng.standard_normal((2, 6, 2)), np.array([False, True])))}
     layout = Layout(
-        np.array([0, -1, 1]), np.array([0, -1, 0]), np.array([-1, 3, -1]), BLOCKS, ROWS, COLUMNS, in_common, {}, {}, ()
+        np.array([0, -1, 1]), np.array([0, -1, 0]), np.array([-1, 3, -1]), BLOCKS, ROWS, COLUMNS, (in_common,), {}, ()
     )
     open_views = [key for key in OPEN if key in parts]
     sigmas, first = SigmaPlaces.sequential(open_views, ("eye", "hand"), ("left",), 1), len(open_views)

@@ -14,9 +14,9 @@ from basecal.kinematics import SerialChain
 from basecal.simulation import Scenario, SimulatedCell, draw
 from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import Motion, seen_points
-from basecal.simulation.observe import observe
 from basecal.simulation.scene import draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
+from basecal.simulation.testbed import observe
 
 # From a home pose, where the target is in the robot's base, and a generator: poses of the flange.
 Move = Callable[[SE3, np.ndarray, int, np.random.Generator], SE3]

@@ -11,7 +11,7 @@ import pytest
 
 from basecal.cell.format.locking import locked_folder
 from basecal.cli import main
-from basecal.simulation.running.clock import Clock
+from basecal.simulation.running.plant import Clock
 from shared import running_cell
 from shared.running_cell import running
 

@@ -13,13 +13,13 @@ from basecal.numerics.levenberg_marquardt import (
     Stop,
     _accept_step,
     _damped_step,
-    _Ends,
     _Flight,
     _has_converged,
     _is_gauss_newton,
     _is_near,
     _next_step,
     _scale,
+    join_ends,
     levenberg_marquardt,
 )
 
@@ -405,12 +405,13 @@ def test_a_damped_step_is_that_of_the_scaled_diagonal_raised():
 @pytest.mark.parametrize("ended", [([2, 0], [1]), ([2], [1, 0]), ([0, 2], [1]), ([1], [0, 2]), ([0], [1, 2])])
 def test_ends_are_told_in_the_order_of_their_problems(ended):
     """Whichever ended first."""
-    ends = _Ends()
+    ends = []
     for rows, converged in zip(ended, (True, False), strict=True):
         cost = 10.0 * np.array(rows)
         about = Quadratic(*(np.array([cost]).T for _ in range(4)))
-        ends.add(np.array(rows), cost, cost, about, converged, 5 + converged)
-    found = ends.optima()
+        flight = _Flight(np.array(rows), cost, cost, about, cost, cost, cost, cost, None)
+        ends.append(flight.end(cost, cost, converged, 5 + converged))
+    found = join_ends(ends)
     assert found.cost.tolist() == found.state.tolist() == found.about.cost[:, 0].tolist() == [0.0, 10.0, 20.0]
     assert found.converged.tolist() == [row in ended[0] for row in range(3)]
     assert found.iterations.tolist() == [6 if row in ended[0] else 5 for row in range(3)]

@@ -11,7 +11,7 @@ from basecal.errors import InputError
 from basecal.geometry import PoseEstimate
 from basecal.planning.plan import MOST_SAMPLES, OUTLOOK_COUNTS, draw_offers, outlook, plan_for_task, plan_stations
 from basecal.planning.prospects import sketches
-from basecal.planning.stations import STATION_SAMPLES
+from basecal.planning.shifts import STATION_SAMPLES
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"

@@ -7,9 +7,8 @@ import threading
 from contextlib import contextmanager
 
 from basecal.cell import RobotState
-from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import read_faults
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.protocol import Address, write_address
 from basecal.simulation.running.server import CellServer
 from basecal.simulation.running.world_file import write_world

@@ -20,8 +20,7 @@ from basecal.acquisition.drivers.simulated import SimulatedCamera, SimulatedRobo
 from basecal.cell import Cell
 from basecal.cell.files import read_cell, read_plan
 from basecal.errors import InputError
-from basecal.simulation.running.clock import Clock
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.protocol import Connection, decode, encode
 from basecal.simulation.running.server import CellServer
 from basecal.simulation.running.two_arms import two_arms

@@ -20,8 +20,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from basecal.simulation.running.clock import Clock
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.server import CellServer
 from shared.facing_arms import facing_arms
 from shared.opcua_place import free_port

@@ -43,9 +43,8 @@ def run_process(
     Raises:
         InputError: if the cell cannot be run, a fault is not known, or the port is taken.
     """
-    from basecal.simulation.running.clock import Clock
     from basecal.simulation.running.faults import read_faults
-    from basecal.simulation.running.plant import Plant
+    from basecal.simulation.running.plant import Clock, Plant
     from basecal.simulation.running.protocol import Address, new_token, remove_address, write_address
     from basecal.simulation.running.server import CellServer
 

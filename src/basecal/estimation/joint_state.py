@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_batch
-from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.problem.problem import Problem, State, Stops, sequential_columns
 from basecal.estimation.start.first_state import known_transforms, lenses
 from basecal.estimation.start.pair_views import PairViews, pair_views
 from basecal.estimation.view.poses import PoseMeasurement
@@ -41,7 +41,7 @@ def joint_state(problem: Problem, cell: Cell) -> State | None:
     turns = np.random.default_rng(_SEED).normal(size=(len(problem.unknowns), count, 4))
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
     begun = {
-        name: SE3.stack([known[name]] * count) if name in known else SE3.from_quaternion(turn, np.zeros((count, 3)))
+        name: known[name].repeat(count) if name in known else SE3.from_quaternion(turn, np.zeros((count, 3)))
         for name, turn in zip(problem.unknowns, turns, strict=True)
     }
     ends = bundle_adjust_batch(by_poses, State(begun, {}, np.zeros((count, 0, 6))), dof=1)
@@ -57,9 +57,7 @@ def _pose_problem(problem: Problem, sights: list[PairViews]) -> Problem:
         weight = np.repeat(sight.weight[:, None], 6, axis=1)
         measurement = PoseMeasurement(sight.candidates[:, 0], weight, weight)
         groups.append(replace(sight.group.without_stops(), measurement=measurement, readings=()))
-    widths = {name: at.stop - at.start for name, at in problem.columns.items() if name in problem.unknowns}
-    ends = dict(zip(widths, np.cumsum(list(widths.values())), strict=True))
-    columns = {name: slice(int(ends[name]) - width, int(ends[name])) for name, width in widths.items()}
+    columns = sequential_columns({n: problem.column_width(n) for n in problem.columns if n in problem.unknowns})
     return Problem(
         problem.reference, tuple(groups), problem.unknowns, problem.point_mounts, {}, Stops(np.zeros((0, 6))), columns
     )

@@ -211,11 +211,12 @@ def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, S
         guess = guessed_state(problem, cell)
         if guess is None:
             raise InputError("start 'guess' needs a guess, a prior or a value for every transform of the cell")
-        return *_settle_readings(problem, guess, settings)[:2], False
-    if settings.start == "axis-shift":
-        return *_settle_readings(problem, shifted_state(problem, cell), settings)[:2], False
-    first = _settle_readings(problem, first_state(problem, cell, thorough=settings.start == "thorough"), settings)
-    if settings.start == "thorough" or _is_plausible(problem, first[2]):
+    elif settings.start == "axis-shift":
+        guess = shifted_state(problem, cell)
+    else:
+        guess = first_state(problem, cell, thorough=settings.start == "thorough")
+    first = _settle_readings(problem, guess, settings)
+    if settings.start != "closed" or _is_plausible(problem, first[2]):
         return *first[:2], False
     others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell), joint_state(problem, cell)]
     ends = [first, *(_settle_readings(problem, state, settings) for state in others if state is not None)]

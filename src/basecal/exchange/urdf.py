@@ -10,7 +10,6 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.exchange.exports.quoting import xml_comment
 from basecal.geometry import SE3, Array
-from basecal.geometry.euler import rpy_of_rotation
 from basecal.kinematics import SerialChain, parse_chain, path_joint_names
 
 if TYPE_CHECKING:
@@ -105,7 +104,7 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
         element = SubElement(root, "joint", name=joint, type=kind)
         SubElement(element, "parent", link=links[k])
         SubElement(element, "child", link=links[k + 1])
-        SubElement(element, "origin", xyz=exactly(origin.translation), rpy=exactly(rpy_of_rotation(origin.rotation)))
+        SubElement(element, "origin", xyz=exactly(origin.translation), rpy=exactly(origin.rpy))
         if k < chain.n:
             SubElement(element, "axis", xyz=exactly(chain.axes[k]))
         if limited:
@@ -143,7 +142,7 @@ def set_origin(joint: Element, parent_from_child: SE3) -> None:
     origin = joint.find("origin")
     origin = SubElement(joint, "origin") if origin is None else origin
     origin.set("xyz", exactly(parent_from_child.translation))
-    origin.set("rpy", exactly(rpy_of_rotation(parent_from_child.rotation)))
+    origin.set("rpy", exactly(parent_from_child.rpy))
 
 
 def write_urdf(root: Element, remarks: Sequence[str] = ()) -> str:

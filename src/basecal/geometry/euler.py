@@ -6,19 +6,23 @@ import numpy as np
 
 from basecal.geometry.array import Array
 
+_LOCKED_COSINE = 1e-15  # of a pitch whose yaw and roll are one angle: rounding
+
 
 def rpy_of_rotation(rotation: Array) -> Array:
     """Angles about the fixed axes x, y, z, (..., 3, 3) to (..., 3) [rad], whose product is the rotation exactly.
 
-    Near a pitch of 90 deg yaw alone is ill-defined. The roll is what remains after the yaw. `SE3.rpy` finds each angle
-    alone, and their product is off by 1e-8 there. Source: Shoemake 1994.
+    Near a pitch of 90 deg yaw alone is ill-defined. The roll is what remains after the yaw, and 0 at 90 deg.
+    Source: Shoemake 1994.
     """
     r = rotation
-    yaw = np.arctan2(r[..., 1, 0], r[..., 0, 0])
-    pitch = np.arctan2(-r[..., 2, 0], np.hypot(r[..., 0, 0], r[..., 1, 0]))
+    cos_pitch = np.hypot(r[..., 0, 0], r[..., 1, 0])
+    locked = cos_pitch < _LOCKED_COSINE
+    yaw = np.arctan2(np.where(locked, -r[..., 0, 1], r[..., 1, 0]), np.where(locked, r[..., 1, 1], r[..., 0, 0]))
+    pitch = np.arctan2(-r[..., 2, 0], cos_pitch)
     sin, cos = np.sin(yaw), np.cos(yaw)
     roll = np.arctan2(sin * r[..., 0, 2] - cos * r[..., 1, 2], cos * r[..., 1, 1] - sin * r[..., 0, 1])
-    return np.stack([roll, pitch, yaw], -1)
+    return np.stack([np.where(locked, 0.0, roll), pitch, yaw], -1)
 
 
 def zyz_of_rotation(rotation: Array) -> Array:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from basecal.errors import InputError, check_type
 from basecal.geometry.array import Array, read_only, with_last_axis
+from basecal.geometry.euler import rpy_of_rotation
 from basecal.geometry.rotation import (
     ROTATION_TOLERANCE,
     check_rotation,
@@ -265,6 +266,11 @@ class SE3:
         """(..., 1): with a last axis more, over which it broadcasts."""
         return SE3.adopt(self.rotation[..., None, :, :], self.translation[..., None, :])
 
+    def repeat(self, count: int) -> SE3:
+        """A single transform so many times, (count,)."""
+        rotation = np.broadcast_to(self.rotation, (count, 3, 3))
+        return SE3.adopt(rotation, np.broadcast_to(self.translation, (count, 3)))
+
     def __repr__(self) -> str:
         """One line: translation [m] and rotation vector [rad], or the shape of a batch."""
         if self.shape:
@@ -291,11 +297,5 @@ class SE3:
 
     @property
     def rpy(self) -> Array:
-        """Angles about the fixed axes x, y, z, (..., 3) [rad]; at a pitch of 90 deg the roll is 0."""
-        r = self.rotation
-        cos_pitch = np.hypot(r[..., 0, 0], r[..., 1, 0])
-        pitch = np.arctan2(-r[..., 2, 0], cos_pitch)
-        locked = cos_pitch < 1e-9
-        roll = np.where(locked, 0.0, np.arctan2(r[..., 2, 1], r[..., 2, 2]))
-        yaw = np.where(locked, np.arctan2(-r[..., 0, 1], r[..., 1, 1]), np.arctan2(r[..., 1, 0], r[..., 0, 0]))
-        return np.stack([roll, pitch, yaw], -1)
+        """Angles about the fixed axes x, y, z, (..., 3) [rad]; see `rpy_of_rotation`."""
+        return rpy_of_rotation(self.rotation)

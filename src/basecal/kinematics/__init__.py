@@ -1,9 +1,8 @@
 """Serial arms: where the flange is, its derivatives, and the way back."""
 
-from basecal.kinematics.chain import ChainPosture, SerialChain
+from basecal.kinematics.chain import ChainPosture, Masses, SerialChain
 from basecal.kinematics.gravity import gravity_torques
 from basecal.kinematics.inverse import inverse
-from basecal.kinematics.masses import Masses
 from basecal.kinematics.urdf import parse_chain, path_joint_names, read_chain
 
 __all__ = [

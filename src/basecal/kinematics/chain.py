@@ -1,8 +1,8 @@
-"""A serial arm: where its flange is, and how that moves with joints and with the links themselves."""
+"""A serial arm: where its flange is, how that moves with joints and with the links themselves, and what hangs on it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,6 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array, read_only
 from basecal.geometry.rotation import cross_matrix
 from basecal.kinematics.collision import Collision
-from basecal.kinematics.masses import Masses
 
 TURN_RAD = 2.2 * np.pi
 """How far a joint turns [rad]: a turn and a bit. Some wrists turn without end; degrees are 57 times as many."""
@@ -203,3 +202,31 @@ class ChainPosture:
         blocks, batch = behind.inverse().adjoint(), self.base_from_flange.shape
         with_tip = np.concatenate([blocks, np.broadcast_to(np.eye(6), (1, *batch, 6, 6))])
         return np.moveaxis(with_tip, 0, -2).reshape(*batch, 6, 6 * (len(self.axes) + 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Masses:
+    """Masses that hang rigidly on each joint of a chain, n of them; the last has what the flange carries too.
+
+    Attributes:
+        kg: (n,).
+        centres: (n, 3) centres of mass in the joints' own frames, which turn with them [m].
+        down: (3,) along gravity, of any length, in the chain's base; its -z where nothing else is known.
+
+    Raises:
+        InputError: if a shape is not as above, a mass negative, or down no direction.
+    """
+
+    kg: Array
+    centres: Array
+    down: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "kg", read_only(self.kg, (None,), "kg"))
+        object.__setattr__(self, "centres", read_only(self.centres, (len(self.kg), 3), "centres"))
+        if np.any(self.kg < 0):
+            raise InputError("masses are not negative")
+        length = float(np.linalg.norm(self.down))
+        if not length > 0:
+            raise InputError("down is the direction of gravity in the base of the arm, not zero")
+        object.__setattr__(self, "down", read_only(np.asarray(self.down) / length, (3,), "down"))

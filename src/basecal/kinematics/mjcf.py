@@ -12,8 +12,7 @@ import numpy as np
 from basecal.errors import DatasetError, FrameNotFound, MissingExtra, error_words
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import rotation_exp
-from basecal.kinematics.chain import SerialChain
-from basecal.kinematics.masses import Masses
+from basecal.kinematics.chain import Masses, SerialChain
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element

@@ -13,9 +13,8 @@ import numpy as np
 from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, FrameNotFound, list_names
 from basecal.geometry import SE3, Array
-from basecal.kinematics.chain import SerialChain
+from basecal.kinematics.chain import Masses, SerialChain
 from basecal.kinematics.collision import Collision, numbers_in_text
-from basecal.kinematics.masses import Masses
 from basecal.kinematics.mjcf import chain_of_mjcf
 
 if TYPE_CHECKING:
@@ -133,13 +132,9 @@ def joint_origins(text: str | bytes, path: str = "<text>") -> dict[str, JointOri
     Raises:
         DatasetError: if the text is no URDF, or no tree of links, or an origin cannot be used; it names `path`.
     """
-    root = _root(text, path)
-    links = _unique([_attribute(path, element, "name") for element in root.findall("link")], "link", path)
-    joints = [_joint(path, element) for element in root.findall("joint")]
-    _unique([joint.name for joint in joints], "joint", path)
-    above = _tree(joints, links, path)
     return {
-        link: JointOrigin(joint.name, joint.kind, joint.parent, link, _origin(joint)) for link, joint in above.items()
+        link: JointOrigin(joint.name, joint.kind, joint.parent, link, _origin(joint))
+        for link, joint in _tree(text, path)[0].items()
     }
 
 
@@ -157,15 +152,10 @@ def _joint_path(
     text: str | bytes, base_link: str, flange_link: str, path: str
 ) -> tuple[list[_Joint], dict[str, _Joint], list[Element]]:
     """The joints on the way, the joint above each link, and the elements of all links."""
-    root = _root(text, path)
-    elements = root.findall("link")
-    links = _unique([_attribute(path, element, "name") for element in elements], "link", path)
-    joints = [_joint(path, element) for element in root.findall("joint")]
-    _unique([joint.name for joint in joints], "joint", path)
-    above = _tree(joints, links, path)
+    above, links = _tree(text, path)
     for link in (base_link, flange_link):
         if link not in links:
-            raise FrameNotFound(link, links)
+            raise FrameNotFound(link, [*links])
     way = _joints_up_to(above, flange_link, base_link)
     if way is None:
         highest = flange_link  # what it hangs on in the end
@@ -178,14 +168,7 @@ def _joint_path(
     if not 0 < turning <= _MOST_JOINTS:
         where = f"between {base_link!r} and {flange_link!r}"
         raise DatasetError(path, f"{turning or 'no'} revolute joint {where}; arms have up to {_MOST_JOINTS}")
-    return way[::-1], above, elements
-
-
-def _root(text: str | bytes, path: str) -> Element:
-    root = _xml(text, path)
-    if root.tag != "robot":
-        raise DatasetError(path, f"the root element is {root.tag!r}, expected 'robot'")
-    return root
+    return way[::-1], above, list(links.values())
 
 
 def _xml(text: str | bytes, path: str) -> Element:
@@ -227,12 +210,20 @@ def _joint(path: str, element: Element) -> _Joint:
     return _Joint(path, element, name, _attribute(path, element, "type", f"joint {name!r}"), *ends)
 
 
-def _tree(joints: list[_Joint], links: list[str], path: str) -> dict[str, _Joint]:
-    """The joint above each link but the root.
+def _tree(text: str | bytes, path: str) -> tuple[dict[str, _Joint], dict[str, Element]]:
+    """The joint above each link but the root, and the elements of all links, by name.
 
     Raises:
-        DatasetError: if a joint names a link that is not there, a link has two parents, or there is not one root.
+        DatasetError: if the text is no URDF, names stand twice, a joint names a link that is not there, a link has two
+            parents, or there is not one root.
     """
+    root = _xml(text, path)
+    if root.tag != "robot":
+        raise DatasetError(path, f"the root element is {root.tag!r}, expected 'robot'")
+    elements = root.findall("link")
+    links = _unique([_attribute(path, element, "name") for element in elements], "link", path)
+    joints = [_joint(path, element) for element in root.findall("joint")]
+    _unique([joint.name for joint in joints], "joint", path)
     above: dict[str, _Joint] = {}
     known = frozenset(links)
     for joint in joints:
@@ -247,7 +238,7 @@ def _tree(joints: list[_Joint], links: list[str], path: str) -> dict[str, _Joint
     roots = [link for link in links if link not in above]
     if len(roots) != 1:
         raise DatasetError(path, f"not a tree: the links without a parent are {list_names(roots)}, expected one")
-    return above
+    return above, dict(zip(links, elements, strict=True))
 
 
 def _numbers(joint: _Joint, tag: str, key: str, default: str, count: int) -> Array:

@@ -6,7 +6,8 @@ secants. No problem ever takes a step uphill.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -130,38 +131,11 @@ class _Flight(Generic[S, L]):
     expected: Array  # decrease of the cost that the last step taken promised; 0 before the first
     bend: Array | None  # (b, p, p) what the residuals add to the hessian; None where that is sparse
 
-
-@dataclass(eq=False)
-class _Ends(Generic[S, L]):
-    """The results of ended descents, in the order in which they ended: a builder, no noun."""
-
-    row: list[IntArray] = field(default_factory=list)
-    state: list[S] = field(default_factory=list)
-    cost: list[Array] = field(default_factory=list)
-    about: list[L] = field(default_factory=list)
-    converged: list[BoolArray] = field(default_factory=list)
-    iterations: list[IntArray] = field(default_factory=list)
-
-    def add(self, row: IntArray, state: S, cost: Array, model: L, has_converged: bool, iterations: int) -> None:
-        """Note problems that have ended in the same way."""
-        self.row.append(row)
-        self.state.append(state)
-        self.cost.append(cost)
-        self.about.append(model)
-        self.converged.append(np.full(len(row), has_converged))
-        self.iterations.append(np.full(len(row), iterations, dtype=np.int64))
-
-    def optima(self) -> Optima[S, L]:
-        """All ends by their rows."""
-        optima = Optima(
-            concatenate(self.state),
-            np.concatenate(self.cost),
-            concatenate(self.about),
-            np.concatenate(self.converged),
-            np.concatenate(self.iterations),
-        )
-        row = np.concatenate(self.row)
-        return optima if np.all(row[1:] > row[:-1]) else take(optima, np.argsort(row))
+    def end(self, state: S, cost: Array, has_converged: bool, iterations: int) -> tuple[IntArray, Optima[S, L]]:
+        """The ends of all of them, which ended in the same way."""
+        count = len(self.row)
+        converged, steps = np.full(count, has_converged), np.full(count, iterations, dtype=np.int64)
+        return self.row, Optima(state, cost, self.about, converged, steps)
 
 
 def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S, L]:
@@ -189,18 +163,25 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
         np.zeros(count),
         None if isinstance(about.hessian, SparseHessian) else np.zeros_like(about.hessian),
     )
-    ends: _Ends[S, L] = _Ends()
+    ends: list[tuple[IntArray, Optima[S, L]]] = []
     for k in range(stop.iterations):
         left = _iterate(flight, system, ends, k + 1, stop)
         if left is None:
-            return ends.optima()
+            break
         flight, system = left
-    ends.add(flight.row, flight.state, flight.cost, flight.about, False, stop.iterations)
-    return ends.optima()
+    else:
+        ends.append(flight.end(flight.state, flight.cost, False, stop.iterations))
+    return join_ends(ends)
+
+
+def join_ends(ends: Sequence[tuple[IntArray, Optima[S, L]]]) -> Optima[S, L]:
+    """All ends of descents by their rows, from those that ended together."""
+    row, optima = concatenate(ends)
+    return optima if np.all(row[1:] > row[:-1]) else take(optima, np.argsort(row))
 
 
 def _iterate(
-    flight: _Flight[S, L], system: System[S, L], ends: _Ends[S, L], number: int, stop: Stop
+    flight: _Flight[S, L], system: System[S, L], ends: list[tuple[IntArray, Optima[S, L]]], number: int, stop: Stop
 ) -> tuple[_Flight[S, L], System[S, L]] | None:
     """One step of every problem; those that end with it leave the flight, and None is left where all do."""
     about = flight.about
@@ -210,7 +191,7 @@ def _iterate(
     done = settled & _is_gauss_newton(flight, stop)
     if done.any():
         cost = np.maximum(flight.cost[done] - expected[done], 0.0)
-        ends.add(flight.row[done], take(candidate, done), cost, take(about, done), True, number)
+        ends.append(take(flight, done).end(take(candidate, done), cost, True, number))
         if done.all():
             return None
         kept = np.flatnonzero(~done)
@@ -224,7 +205,7 @@ def _iterate(
     for ended, converged in ((stuck, True), (lost & ~stuck, False)):
         if ended.any():
             left = take(flight, ended)
-            ends.add(left.row, left.state, left.cost, left.about, converged, number)
+            ends.append(left.end(left.state, left.cost, converged, number))
     going = np.flatnonzero(~(stuck | lost))
     if len(going) == len(stuck):
         return flight, system

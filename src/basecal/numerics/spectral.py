@@ -251,7 +251,4 @@ def pseudo_inverse(rows: Array) -> Array:
 
 def dimension(points: Array, least: float = FLAT_SHARE) -> int:
     """How many dimensions points (p, 3) span: 0 if all are one, 1 on a line, 2 in a plane, else 3."""
-    if not len(points):
-        return 0
-    extents = np.linalg.svd(points - points.mean(0), compute_uv=False)
-    return int(np.count_nonzero(extents > least * np.max(extents, initial=_SMALLEST_DIVISOR)))
+    return principal_axes(points - points.mean(0), least).dimension if len(points) else 0

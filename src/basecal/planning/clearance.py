@@ -14,6 +14,7 @@ from basecal.cell import CellCamera, CellTarget, KeepOut, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics.collision import Capsules, body_capsules, box_capsules
+from basecal.numerics.batch import concatenate
 from basecal.planning.sketch import Sketch, target_points
 
 _CLEARANCE_M = 0.02  # about each arm: as far as its points move from the nearest place on a way that is looked at
@@ -137,8 +138,7 @@ def _place_capsules(sketch: Sketch, robot: str, joints: Array) -> tuple[Array, A
     assert chain is not None
     turning = chain.joint_frames(joints)
     parts = SE3.identity((1, len(joints))), turning, turning[-1:] @ chain.tip
-    frames = SE3(*(np.concatenate(each) for each in zip(*((p.rotation, p.translation) for p in parts), strict=True)))
-    world_from = sketch.world_from_base(robot) @ frames[body.frame]
+    world_from = sketch.world_from_base(robot) @ concatenate(parts)[body.frame]
     return world_from.rotation, body.ends[:, None] @ world_from.rotation.mT + world_from.translation[:, :, None]
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from basecal.cell import Robot, RobotState, Sample
 from basecal.errors import NotConverged
 from basecal.geometry import SE3, Array, BoolArray, Camera
-from basecal.kinematics.chain import SerialChain
 from basecal.kinematics.inverse import inverse
 from basecal.planning.clearance import clearances
 from basecal.planning.sketch import Sketch
@@ -127,31 +126,27 @@ def reach_pose(robot: Robot, base_from_flange: SE3, neighbour: RobotState) -> Ro
 
 def approach_poses(robot: Robot, base_from_flange: SE3, neighbours: Sequence[RobotState]) -> list[RobotState | None]:
     """As `reach_poses`; but an arm of fewer than six joints, which reaches hardly any pose, goes as near as it can."""
-    start = [state.joints_rad for state in neighbours if state.joints_rad is not None]
-    if robot.chain is None or robot.chain.n >= _LEAST_JOINTS or len(start) < len(neighbours) or not start:
-        return reach_poses(robot, base_from_flange, neighbours)
-    return [RobotState(joints_rad=q) for q in _nearest_joints(robot.chain, base_from_flange, np.stack(start))]
+    has_few_joints = robot.chain is not None and robot.chain.n < _LEAST_JOINTS
+    return reach_poses(robot, base_from_flange, neighbours, np.inf if has_few_joints else _REACH_TOLERANCE)
 
 
-def reach_poses(robot: Robot, base_from_flange: SE3, neighbours: Sequence[RobotState]) -> list[RobotState | None]:
+def reach_poses(
+    robot: Robot, base_from_flange: SE3, neighbours: Sequence[RobotState], tolerance: float = _REACH_TOLERANCE
+) -> list[RobotState | None]:
     """States near others that bring the flange to poses (n,), side by side; None where the arm does not reach.
 
     Args:
         robot: The robot.
         base_from_flange: Where to, (n,).
         neighbours: One for each: joints, or poses, which are taken as they are.
+        tolerance: How far the flange may stay away [m, rad].
     """
     start = [state.joints_rad for state in neighbours if state.joints_rad is not None]
     if robot.chain is None or len(start) < len(neighbours) or not start:
         return [RobotState(base_from_flange[k]) for k in range(len(neighbours))]
-    found = _nearest_joints(robot.chain, base_from_flange, np.stack(start))
-    left = np.abs((robot.chain.forward(found).inverse() @ base_from_flange).log()).max(-1)
-    return [RobotState(joints_rad=q) if off < _REACH_TOLERANCE else None for q, off in zip(found, left, strict=True)]
-
-
-def _nearest_joints(chain: SerialChain, base_from_flange: SE3, start: Array) -> Array:
-    """Joints that bring the flange to poses (n,), or as near as was found, (n, joints)."""
     try:
-        return inverse(chain, base_from_flange, start, iterations=_INVERSE_STEPS)
+        found = inverse(robot.chain, base_from_flange, np.stack(start), iterations=_INVERSE_STEPS)
     except NotConverged as error:
-        return np.asarray(error.state)
+        found = np.asarray(error.state)
+    left = np.abs((robot.chain.forward(found).inverse() @ base_from_flange).log()).max(-1)
+    return [RobotState(joints_rad=q) if off < tolerance else None for q, off in zip(found, left, strict=True)]

@@ -27,8 +27,8 @@ from basecal.planning.choose import choose_fewest, exchange, greedy
 from basecal.planning.feasible import is_in_view
 from basecal.planning.poses import order_samples
 from basecal.planning.prospects import Prospects, prospects, sketches
+from basecal.planning.shifts import STATION_SAMPLES, stations
 from basecal.planning.sketch import Sketch
-from basecal.planning.stations import STATION_SAMPLES, stations
 
 MOST_SAMPLES = 60
 """Of a plan: with twice as many the error falls by a third at most, and an hour of an arm's time is gone."""
@@ -103,12 +103,16 @@ class _Goal:
         """
         if self.now is not None and count == 0:
             return self.now.expected_95_m
-        found, beyond_m2 = [], self.beyond_m2 * self.recorded / max(self.recorded + count, 1)
+        found = []
         for meeting in self.meetings:
             at = meeting.total_error(covariance, meeting.stop_variances().values())[:, :3, :3]
-            scale = np.sqrt(1 + beyond_m2 / meeting.mean_square_m2(covariance))
+            scale = np.sqrt(1 + self.beyond(count) / meeting.mean_square_m2(covariance))
             found.append(scale * pooled_quantile(at, np.zeros(at.shape[:2])))
         return float(max(found))
+
+    def beyond(self, count: int) -> float:
+        """What is left with so many samples more of the variance beyond the noise [m^2]."""
+        return self.beyond_m2 * self.recorded / max(self.recorded + count, 1)
 
 
 def _make_goal(
@@ -377,5 +381,4 @@ def _expected_error_m(solution: Solution, goal: _Goal, count: int) -> float | No
 def _budget(solution: Solution, goal: _Goal, count: int) -> tuple[BudgetEntry, ...]:
     meeting = worst_meeting(goal.meetings, solution.covariance)
     total_m2 = meeting.mean_square_m2(solution.covariance)
-    beyond_m2 = goal.beyond_m2 * goal.recorded / max(goal.recorded + count, 1)
-    return budget(solution, meeting, total_m2 + beyond_m2, {})
+    return budget(solution, meeting, total_m2 + goal.beyond(count), {})

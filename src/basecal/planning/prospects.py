@@ -29,7 +29,7 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
-from basecal.planning.sketch import Sketch, sketch_cell
+from basecal.planning.sketch import Sketch, seen_views, sketch_cell
 
 ASSUMED_NOISE = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3, touch_m=2e-4, grip_rad=1e-3)
 """Of views, where nothing is stated and nothing was calibrated: what detectors and trackers have on real images."""
@@ -186,8 +186,7 @@ def sketches(cell: Cell, calibration: Calibration | None) -> tuple[Sketch, ...]:
         if name in found:
             known = known.with_transform(name, replace(unknown, mean=found[name].mean))
     first = sketch_cell(known)
-    views = [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
-    return tuple(replace(first, view=view) for view in views)
+    return tuple(replace(first, view=view) for view in seen_views(cell))
 
 
 def calibrated_sketch(cell: Cell, calibration: Calibration | None) -> Sketch:

@@ -7,7 +7,7 @@ closed form neglects is then of second order. The length of shifts balances it a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.planning import poses
+from basecal.planning.candidates import Taught, candidates
 from basecal.planning.feasible import blocked_samples, is_feasible, reach_pose
 from basecal.planning.sketch import Sketch
 
@@ -22,8 +23,13 @@ _ASSUMED_PX = 0.1  # [px] of a light's centre where the cell states no noise: th
 DIRECTIONS = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
 """Where the target goes at a station, in units of the shift, (7, 3): its origin, and both sides along three axes."""
 
+STATION_SAMPLES = len(DIRECTIONS)
+"""Of a station."""
+
 _PARALLEL_SINE = 1e-12  # sine of an angle that is none
 _STATION_TRIES = 40  # stations that are looked at for each that is wanted
+_ORIGIN_COUNT = 40  # half of them, and more, have a shift that leaves the image or the arm's reach
+_LENGTH_FACTORS = (1.0, 2.0, 4.0)  # of the shift at which pixel noise and what the closed form neglects do least
 
 
 def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int = 0) -> list[Sample]:
@@ -117,3 +123,30 @@ def shift_length(sketch: Sketch, sample: Sample) -> float:
     focal: Array = sketch.lens.focal
     sigma = sketch.cell.pixel_px or _ASSUMED_PX
     return depth * float(np.cbrt(sigma / (2 * np.sqrt(2) * focal.mean())))
+
+
+def stations(sketch: Sketch, views: Sequence[Taught], seed: int = 0) -> list[Sample]:
+    """Samples of feasible stations, one station after another.
+
+    Args:
+        sketch: What is known of the cell.
+        views: States of all robots where the target was seen.
+        seed: Of the draws.
+
+    Raises:
+        InputError: if no robot carries the target, or no station is feasible.
+    """
+    check_target(sketch)
+    found = list[Sample]()
+    for drawn in candidates(sketch, views, _ORIGIN_COUNT, seed):
+        origin = aim_camera(sketch, drawn)
+        for times in _LENGTH_FACTORS if origin is not None else ():
+            assert origin is not None
+            station = make_station(sketch, origin, times * shift_length(sketch, origin))
+            if station is None:
+                break
+            if not blocked_samples(sketch, station[0].robots, station):
+                found += station
+    if not found:
+        raise InputError("no station can be shifted from: teach poses farther from the arms' limits")
+    return found

@@ -125,13 +125,18 @@ def led_sketch(cell: Cell) -> Sketch:
     return SceneSketch(cell, {}, (next(iter(cell.cameras)), ""))
 
 
+def seen_views(cell: Cell) -> list[View]:
+    """Each camera and target that it may see: those that do not hang on the same body."""
+    return [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
+
+
 def sketch_cell(cell: Cell) -> Sketch:
     """The sketch of a cell: of its first camera, and the first target that does not hang on the same body.
 
     Raises:
         InputError: if it has none, or a transform without a value; the message names it.
     """
-    views = [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
+    views = seen_views(cell)
     if not views and cell.sees_scene:
         raise InputError(
             "images of a scene are not planned: lead the arms yourself (`basecal capture CELL --freedrive`). Take 15 "

@@ -9,6 +9,7 @@ from basecal.cell.targets.registry import TARGETS
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.lenses.registry import model_lenses
 from basecal.geometry.rotation import rotation_from_quaternion
+from basecal.planning import candidates
 from basecal.simulation.scenario import Scenario
 
 Generator = np.random.Generator
@@ -17,10 +18,7 @@ SIZE_PX = (1280, 720)
 
 def draw_in_ball(rng: Generator, n: int, radius: float) -> Array:
     """Vectors uniform in a ball, (n, 3)."""
-    direction = rng.standard_normal((n, 3))
-    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-    vectors: Array = radius * np.cbrt(rng.random((n, 1))) * direction
-    return vectors
+    return radius * candidates.draw_in_ball(rng, n)
 
 
 def rotations(rng: Generator, n: int) -> Array:

@@ -103,9 +103,7 @@ def _draw(
         reached = np.ones(size, dtype=bool)
         for robot in robots:
             moves = robot not in resting
-            place = (
-                _draw_poses(scene, scenario, group, robot, size, rng) if moves else SE3.stack([resting[robot]] * size)
-            )
+            place = _draw_poses(scene, scenario, group, robot, size, rng) if moves else resting[robot].repeat(size)
             noise = SE3.exp(draw.tangents(rng, size, scenario.robot_noise)) if moves else offset[robot]
             recorded[robot], true[robot] = place, place @ noise
             if robot in arms:

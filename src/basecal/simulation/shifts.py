@@ -53,7 +53,7 @@ def simulate_shifts(
     """
     rng = np.random.default_rng(seed)
     samples, flanges = list[Sample](), list[tuple[SE3, SE3]]()
-    for eye, light in zip(_poses(eye_base_from_camera), _poses(hand_base_from_light), strict=True):
+    for eye, light in zip(eye_base_from_camera, hand_base_from_light, strict=True):
         for shift in shift_m * shift_directions(is_two_sided):
             hand = light @ SE3(np.eye(3), shift)
             flanges.append((eye, hand))
@@ -80,7 +80,3 @@ def simulate_shifts(
     recording = Recording(tuple(samples))
     where = {name: SE3.stack([each[k] for each in flanges]) for k, name in enumerate(("eye", "hand"))}
     return SimulatedCell(cell, recording, truth, {"camera": camera}, where)
-
-
-def _poses(transforms: SE3) -> list[SE3]:
-    return [transforms[i] for i in range(len(transforms))]

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.cell.recording import Recording, RobotState, Sample
+from basecal.cell.recording import (
+    Observation,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    Recording,
+    RobotState,
+    Sample,
+)
 from basecal.errors import check_integer, check_type
-from basecal.geometry import SE3
+from basecal.geometry import SE3, Array
 from basecal.numerics.batch import concatenate
+from basecal.simulation import draw
 from basecal.simulation.arms import with_arms
-from basecal.simulation.layout import make_layout
-from basecal.simulation.motion import Motion, draw_motions
-from basecal.simulation.observe import observe
+from basecal.simulation.draw import Generator
+from basecal.simulation.layout import View, make_layout
+from basecal.simulation.motion import Mask, Motion, draw_motions, points_in_camera, seen_points
 from basecal.simulation.scenario import Scenario, SimulatedCell
 from basecal.simulation.scene import Scene, draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
@@ -24,9 +33,7 @@ def _concatenate_motions(motions: list[Motion], scene: Scene, is_recorded: bool)
         states = motion.recorded if is_recorded else motion.true
         count = len(next(iter(states.values())))
         for robot, found in poses.items():
-            turn, place = scene.parked[robot].rotation, scene.parked[robot].translation
-            still = SE3.adopt(np.broadcast_to(turn, (count, 3, 3)), np.broadcast_to(place, (count, 3)))
-            found.append(states.get(robot, still))
+            found.append(states.get(robot, scene.parked[robot].repeat(count)))
     return {robot: concatenate(found) for robot, found in poses.items()}
 
 
@@ -64,3 +71,47 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
     true = _concatenate_motions(motions, scene, is_recorded=False)
     robots = {robot: arm.true for robot, arm in arms.items()}
     return SimulatedCell(cell, Recording(samples), truth(scene, cell), scene.lenses, true, robots)
+
+
+def _pixels(
+    view: View, scene: Scene, scenario: Scenario, points: Array, visible: Mask, rng: Generator
+) -> list[Observation]:
+    camera, target = view
+    pixels = scene.lenses[camera].project(points)
+    pixels += scenario.pixel_px * rng.standard_normal(pixels.shape)
+    if scenario.correlated_px:
+        pixels += scenario.correlated_px * rng.standard_normal((len(pixels), 1, 2))
+    ids = scene.shapes[target].ids
+    return [
+        PixelObservation(camera, target, ids[mask], found[mask]) for found, mask in zip(pixels, visible, strict=True)
+    ]
+
+
+def _points(
+    view: View, scene: Scene, scenario: Scenario, points: Array, visible: Mask, rng: Generator
+) -> list[Observation]:
+    noisy = points + scenario.point_m * rng.standard_normal(points.shape)
+    ids = scene.shapes[view[1]].ids
+    stated = scenario.state_observation_noise and scenario.point_m > 0
+    return [
+        PointObservation(*view, ids[mask], found[mask], np.full(mask.sum(), scenario.point_m) if stated else None)
+        for found, mask in zip(noisy, visible, strict=True)
+    ]
+
+
+def observe(motion: Motion, scene: Scene, scenario: Scenario, rng: Generator) -> list[tuple[Observation, ...]]:
+    """Observations in each sample of a motion."""
+    by_view: list[list[Observation]] = []
+    for view in scene.layout.groups[motion.group]:
+        if scenario.target == "pose":
+            camera_from_target = scene.camera_from_target(view, motion.true)
+            noisy = camera_from_target @ SE3.exp(draw.tangents(rng, len(camera_from_target), scenario.pose_noise))
+            stated = scenario.state_observation_noise and any(scenario.pose_noise)
+            sigma = np.repeat(scenario.pose_noise, 3) if stated else None
+            by_view.append([PoseObservation(*view, noisy[k], sigma) for k in range(len(noisy))])
+        else:
+            points = points_in_camera(scene, view, motion.true)
+            seen = seen_points(scene, scenario, view, motion.true)
+            report = _points if scenario.target == "points3d" else _pixels
+            by_view.append(report(view, scene, scenario, points, seen, rng))
+    return list(zip(*by_view, strict=True))

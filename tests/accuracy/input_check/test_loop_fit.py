@@ -225,8 +225,8 @@ def test_only_what_the_closed_form_leaves_open_is_searched(monkeypatch):
     settled, searched = [], []
 
     def settle(loops, near):
-        settled.append((len(loops), [len(of) for of in near]))
-        return [Rotations(*of, True) for of in near]
+        settled.append((len(loops), [len(of[:3]) for of in near]))
+        return list(near)
 
     def search(loops):
         searched.append([len(loop.a) for loop in loops])

@@ -11,7 +11,6 @@ from basecal.cell.schema.cell_file import cell_from_dict
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
-from basecal.estimation.scene.state import scene_columns
 from basecal.estimation.settings import Settings
 from basecal.geometry import Array
 from scene_points import ARM_M, ARM_RAD, BASE, made_scene
@@ -80,7 +79,7 @@ def test_arms_that_share_no_errors_meet_better() -> None:
     assert shared is not None
     x, y, z = fit.state.bases[1].inverse() @ point
     by_base = np.hstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]])
-    base = scene_columns(fit.views, fit.state.lenses).bases[1]
+    base = fit.columns.bases[1]
     stops = sum(np.sum(fit.stop_sigma[fit.views.stop_robot == k][0, :3] ** 2) for k in (0, 1))
     expected_m2 = np.trace(by_base @ scene_covariance(fit)[base, base] @ by_base.T) + stops
     assert np.isclose(alone.variance_m2, expected_m2)

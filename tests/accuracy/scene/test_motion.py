@@ -8,7 +8,7 @@ import pytest
 from basecal.accuracy.scene.motion import SceneMotion, scene_motion
 from basecal.estimation.scene.adjust import Task, scene_fit
 from basecal.estimation.scene.fit import fit_scene
-from basecal.estimation.scene.state import scene_columns, take_step
+from basecal.estimation.scene.state import take_step
 from basecal.geometry import Array
 from scene_points import made_scene, moved_in_time
 
@@ -47,7 +47,7 @@ def test_a_descent_that_ends_early_is_no_motion() -> None:
     """The base is left 20 um off. Between the arms, before sample 10, a motion of the scene is one of the base."""
     scene = made_scene(1, arms=2, count=10, points=100)
     fit = fit_scene(scene.views, scene.tracks, scene.truth, scene.truth.lenses, (None, None))
-    columns = scene_columns(fit.views, fit.state.lenses)
+    columns = fit.columns
     step = np.zeros(len(fit.information))
     base = columns.bases[1]
     assert base is not None

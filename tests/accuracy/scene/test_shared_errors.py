@@ -11,7 +11,6 @@ from basecal.accuracy.scene.shared_errors import Response, shared_covariance
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
-from basecal.estimation.scene.state import scene_columns
 from basecal.geometry import SE3, Array
 from scene_points import BASE, made_scene
 
@@ -33,7 +32,7 @@ def fitted(rad_per_m: float) -> SceneFit:
 
 def base_covariances(fit: SceneFit) -> tuple[Array, Array]:
     """Of the second base, without and with smooth errors."""
-    where = scene_columns(fit.views, fit.state.lenses).bases[1]
+    where = fit.columns.bases[1]
     without = scene_covariance(fit)
     within = without + shared_covariance(fit, 0) + shared_covariance(fit, 1)
     return without[where, where], within[where, where]

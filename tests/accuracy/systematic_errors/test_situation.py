@@ -28,7 +28,7 @@ def test_frames_move_views_as_unknowns_do():
     """Bases and mounts move `camera_from_target` by the same adjoints as the columns of the normal equations."""
     of = situation(Scenario(samples=8))
     (group,) = of.problem.groups
-    derivative, columns = unknown_jacobian(of.problem, group, of.links[0], 6)
+    derivative, columns = unknown_jacobian(of.problem, group, of.links[0], of.state, 6)
     assert len(of.frames) == 3
     for name in of.frames:
         where = np.flatnonzero(np.isin(columns, np.arange(of.problem.width)[of.problem.columns[name]]))

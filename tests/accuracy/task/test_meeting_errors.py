@@ -120,7 +120,7 @@ def test_what_may_be_off_counts_by_its_evidence(arms_off, monkeypatch):
     for kinds in (["joint_offsets"], ["link_parameters"], ["joint_offsets", "link_parameters"]):
         monkeypatch.setattr("basecal.accuracy.task.arm_errors.MODELS", (tuple(kinds),))
         arms = {robot: kinematic_errors(problem, state, robot, kinds) for robot in ("eye", "hand")}
-        evidence = model_sigmas(problem, state, solution.noise, SharedTerm(arms, EXPECTED_PRIOR)).minus_2_log_evidence
+        evidence = model_sigmas(problem, state, solution.noise, [SharedTerm(arms, EXPECTED_PRIOR)]).minus_2_log_evidence
         likelihoods.append(np.exp(-evidence / 2 - 500))
         alone = meeting_errors(meeting, ArmErrors(meeting.cell, solution, solution), {})
         means.append(alone[0][0])

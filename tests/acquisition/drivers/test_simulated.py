@@ -12,8 +12,7 @@ from basecal.acquisition.drivers.simulated import SimulatedCamera, SimulatedRobo
 from basecal.cell import RobotState
 from basecal.errors import DatasetError, DriverError
 from basecal.geometry import SE3
-from basecal.simulation.running.clock import Clock
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.protocol import Connection
 from basecal.simulation.running.server import CellServer
 from shared.facing_arms import facing_arms

@@ -20,6 +20,7 @@ from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve, solve_from
+from basecal.estimation.start.closed_form import Rotations
 from basecal.geometry import SE3
 from basecal.geometry.rotation import rotation_exp, rotation_log
 from basecal.simulation import Scenario, simulate
@@ -100,7 +101,7 @@ def test_form_is_the_sum_over_loops():
         loop = made.loop
         turned = np.swapaxes(loop.a.rotation @ x @ loop.b.rotation, -1, -2) @ y @ loop.c.rotation @ z
         angles = np.linalg.norm(rotation_log(turned), axis=-1)
-        v = kronecker_product(rotation_factors(loop, x, y, z))
+        v = kronecker_product(rotation_factors(loop, Rotations(x, y, z)))
         assert v @ made.form @ v == pytest.approx(np.average(np.sin(angles / 2) ** 2, weights=loop.weight), abs=1e-12)
 
 
@@ -132,7 +133,7 @@ def test_no_state_costs_less_than_the_bound_of_its_rotations(name):
             state = shifted(solution, rng, size)
             least = sum(v.constant.sum() for v in views)
             for group, made in zip(problem.groups, forms, strict=True):
-                v = kronecker_product(rotation_factors(made.loop, *present(problem, state, group, made.merged)))
+                v = kronecker_product(rotation_factors(made.loop, present(problem, state, group, made.merged)))
                 least += made.weight * (v @ made.form @ v)
             assert linearise(problem, state).cost >= least * (1 - 1e-9)
 

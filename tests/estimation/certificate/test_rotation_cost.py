@@ -19,6 +19,7 @@ from basecal.estimation.certificate.rotation_cost import (
 from basecal.estimation.certificate.view_rotation import ViewCosts
 from basecal.estimation.problem.problem import Problem, State, Stops
 from basecal.estimation.problem.view_group import End, ViewGroup
+from basecal.estimation.start.closed_form import Rotations
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
 from basecal.geometry.rotation import rotation_log
@@ -64,7 +65,7 @@ def test_the_form_is_the_loops_cost(rng, fixed):
     for _ in range(5):
         rotation = {n: state.transforms[n].rotation if n in fixed else random_poses(rng).rotation for n in (X, Y, Z)}
         x, y, z = (rotation[name] for name in (X, Y, Z))
-        vector = reduce(np.kron, rotation_factors(found.loop, x, y, z))
+        vector = reduce(np.kron, rotation_factors(found.loop, Rotations(x, y, z)))
         expected = np.average(half_sines(group, costs, x, y, z), weights=costs.weight)
         assert vector @ found.form @ vector == pytest.approx(expected, rel=1e-10)
 
@@ -74,7 +75,7 @@ def test_factors_stand_for_rotations(rng):
     problem, state, group, costs = loop_of(rng, (Y,))
     loop = loop_form(problem, state, group, costs).loop
     x, z = random_poses(rng).rotation, random_poses(rng).rotation
-    back = rotations_from_factors(loop, rotation_factors(loop, x, np.eye(3), z))
+    back = rotations_from_factors(loop, rotation_factors(loop, Rotations(x, np.eye(3), z)))
     np.testing.assert_allclose(back.x, x, atol=1e-14)
     np.testing.assert_allclose(back.y, state.transforms[Y].rotation, atol=1e-14)
     np.testing.assert_allclose(back.z, z, atol=1e-14)
@@ -88,11 +89,11 @@ def test_a_lacking_arm_merges_two_unknowns(rng, eye, hand, merged):
     found = loop_form(problem, state, group, costs)
     assert found.merged == merged
     assert len(found.loop.unknown) == (3 if merged == "" else 2)
-    x, y, z = present(problem, state, group, merged)
+    x, y, z, _ = present(problem, state, group, merged)
     whole = [state.transforms[name].rotation for name in (X, Y, Z)]
     expected = half_sines(group, costs, *whole)
     np.testing.assert_allclose(half_sines(group, costs, x, y, z), expected, atol=1e-12)
-    vector = reduce(np.kron, rotation_factors(found.loop, x, y, z))
+    vector = reduce(np.kron, rotation_factors(found.loop, Rotations(x, y, z)))
     assert vector @ found.form @ vector == pytest.approx(np.average(expected, weights=costs.weight), rel=1e-10)
 
 
@@ -120,5 +121,5 @@ def test_views_beyond_one_chunk(rng):
     found = loop_form(problem, state, group, costs)
     z = random_poses(rng).rotation
     x, y = (state.transforms[name].rotation for name in (X, Y))
-    (q,) = rotation_factors(found.loop, x, y, z)
+    (q,) = rotation_factors(found.loop, Rotations(x, y, z))
     assert q @ found.form @ q == pytest.approx(np.average(half_sines(group, costs, x, y, z), weights=costs.weight))

@@ -47,7 +47,7 @@ def test_views_move_with_every_unknown_as_the_derivative_says(name):
     problem, state = near_truth(CELLS[name])
     for group in problem.groups:
         links = chain(group, state, problem.stops)
-        derivative, columns = unknown_jacobian(problem, group, links, 6)
+        derivative, columns = unknown_jacobian(problem, group, links, state, 6)
         names = [n for n, where in problem.columns.items() if where.start in columns]
         assert len(names) >= 2
         for unknown in names:
@@ -139,12 +139,12 @@ def test_a_lens_has_columns_where_views_have_rows_of_it():
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
     (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
     free = replace(problem, columns={**problem.columns, "camera": slice(6, 10)})
-    derivative, columns = unknown_jacobian(free, group, links, 10)
+    derivative, columns = unknown_jacobian(free, group, links, state, 10)
     assert columns.tolist() == [*range(10)]
     np.testing.assert_array_equal(derivative[:, 6:, 6:], np.tile(np.eye(4), (3, 1, 1)))
     assert not derivative[:, 6:, :6].any()
     assert not derivative[:, :6, 6:].any()
-    of_pose, columns = unknown_jacobian(free, group, links, 6)
+    of_pose, columns = unknown_jacobian(free, group, links, state, 6)
     assert columns.tolist() == [*range(6)]
     np.testing.assert_array_equal(of_pose, derivative[:, :6, :6])
 
@@ -155,7 +155,7 @@ def test_without_unknowns_views_have_no_columns():
     (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
     asked = SimpleNamespace(robot_model=lambda robot: robot and SimpleNamespace())
     for derivative, columns in (
-        unknown_jacobian(replace(problem, columns={}), group, links, 6),
+        unknown_jacobian(replace(problem, columns={}), group, links, state, 6),
         robot_model_jacobian(asked, group, links, state, 6),
     ):
         assert derivative.shape == (3, 6, 0)

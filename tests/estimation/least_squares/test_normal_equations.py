@@ -11,7 +11,7 @@ from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.cell import Intrinsics, Unknown
 from basecal.effects import joint_offsets
-from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.normal_equations import (
     LinearisedViews,
     linearise,
@@ -91,9 +91,7 @@ def dense(problem: Problem, state: State):
             shaken = np.linalg.inv(spread + np.einsum("ni,nj->nij", *[JITTER_S * group.motion] * 2))
             gradient_of = (shaken @ spread @ view.gradient[..., None])[..., 0]
             view = view._replace(information=shaken, gradient=gradient_of)
-        derivative, columns = unknown_jacobian(problem, group, links, rows)
-        of_robots, more = robot_model_jacobian(problem, group, links, state, rows)
-        derivative, columns = np.concatenate([derivative, of_robots], -1), np.concatenate([columns, more])
+        derivative, columns = unknown_jacobian(problem, group, links, state, rows)
         full = np.zeros((len(group), rows, p + 6 * k))
         full[..., columns] = derivative
         for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, rows):

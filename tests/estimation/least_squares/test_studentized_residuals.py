@@ -26,7 +26,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
 from basecal.estimation.solve import solve
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.seen_points import point_jacobians
+from basecal.estimation.view.target_points import point_jacobians
 from basecal.geometry import SE3, Camera
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.simulation import Scenario, simulate
@@ -168,7 +168,7 @@ def dense_rows(problem, state):
         links = chain(group, state, problem.stops)
         error = (group.measurement.measured_camera_from_target.inverse() @ links.camera_from_target).log()
         inner = group.measurement.weight[..., None] * right_jacobian_inverse(error)
-        derivative, columns = unknown_jacobian(problem, group, links, 6)
+        derivative, columns = unknown_jacobian(problem, group, links, state, 6)
         full = np.zeros((len(group), 6, p + 6 * k))
         full[..., columns] = inner @ derivative
         for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):
@@ -253,7 +253,7 @@ def test_points_of_small_targets_deviate_as_all_else_says(arms):
     links = chain(group, state, problem.stops)
     points = point_jacobians(group.measurement, links.camera_from_target, state.cameras["wrist"], False)
     p, k = problem.width, len(problem.stops)
-    derivative, columns = unknown_jacobian(problem, group, links, 6)
+    derivative, columns = unknown_jacobian(problem, group, links, state, 6)
     full = np.zeros((8, 6, p + 6 * k))
     full[..., columns] = derivative
     for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):

@@ -27,7 +27,7 @@ def _model(errors=None):
     problem, _ = build_problem(s.cell, s.recording)
     unit = with_robot_noise(problem, dict.fromkeys(ROBOTS, np.ones(6)))
     state = without_errors(unit, State(s.truth, s.cameras, np.zeros((0, 6))))
-    return mixed_model(unit, state, ROBOTS, None if errors is None else dict.fromkeys(ROBOTS, errors))
+    return mixed_model(unit, state, ROBOTS, [] if errors is None else [dict.fromkeys(ROBOTS, errors)])
 
 
 def test_two_robots_are_expected_alike_and_slopes_are_derivatives():
@@ -43,9 +43,9 @@ def test_two_robots_are_expected_alike_and_slopes_are_derivatives():
 def test_errors_in_common_go_by_stops_or_stand_by_themselves():
     """Over the sigma of stops, and by the reach; or in radians, by their own lever, whatever stops do."""
     model = _model(SharedErrors.repeat_coordinates(np.ones((8, 1))))
-    over = hyperpriors(model, REACH_M, SharedPrior((2.5, 2.0), ""))
+    over = hyperpriors(model, REACH_M, [SharedPrior((2.5, 2.0), "")])
     np.testing.assert_allclose(np.exp(over.start[5:]), [3.75e-4, 7.5e-4, 6e-4, 7.5e-4], rtol=1e-9)
-    alone = hyperpriors(model, REACH_M, KINEMATICS)
+    alone = hyperpriors(model, REACH_M, [KINEMATICS])
     np.testing.assert_allclose(np.exp(alone.start[5:]), [1.6e-4, 8e-4] * 2, rtol=1e-9)
     raised = alone.start + np.log(10) * np.repeat([1.0, 0.0], [5, 4])
     plain = hyperpriors(_model(), REACH_M)
@@ -60,7 +60,7 @@ def test_beside_errors_in_common_single_stops_may_be_tied_less():
     off = np.zeros(9)
     off[1] = 0.1
     for tie in (1.05, 2.0):
-        prior = hyperpriors(model, REACH_M, KINEMATICS._replace(tie=tie))
+        prior = hyperpriors(model, REACH_M, [KINEMATICS._replace(tie=tie)])
         costs = prior.value(prior.start + off)[0] - prior.value(prior.start)[0]
         np.testing.assert_allclose(costs, (0.1 / np.log(tie)) ** 2)
 
@@ -137,7 +137,7 @@ def test_all_that_is_known_of_sigmas_is_one_density(lever, is_over_stop, rng):
     common = SharedPrior((2.5, 3.0), "", is_over_stop, (lever, 1.7), tie=1.4)
     (key,) = model.sigmas.views
     model = replace(model, white={key: (9.0, 100.0)})
-    prior = hyperpriors(model, {"eye": 0.5, "hand": 0.02}, common)
+    prior = hyperpriors(model, {"eye": 0.5, "hand": 0.02}, [common])
     logs = prior.start + rng.standard_normal(9)
     scatter = (logs[0] - np.log(2 * 0.3)) / np.hypot(np.log(3), 1 / np.sqrt(200))
     cost = scatter**2 + np.log(2 * np.pi * (np.log(3) ** 2 + 1 / 200))
@@ -167,13 +167,13 @@ def test_twenty_freedoms_tell_how_points_scatter(freedoms, mean, factor):
 def _with_jitter(model, *cameras):
     """The model with open jitter of these cameras."""
     of = model.sigmas
-    return replace(model, sigmas=SigmaPlaces.sequential(list(of.views), list(of.stops), cameras, bool(of.shared)))
+    return replace(model, sigmas=SigmaPlaces.sequential(list(of.views), list(of.stops), cameras, len(of.shared)))
 
 
 def test_stamps_are_expected_to_jitter_by_a_fifth_of_a_millisecond():
     """Within a factor of five, whatever arms have."""
     model = _with_jitter(_model(), "wrist")
-    prior = hyperpriors(model, REACH_M, None)
+    prior = hyperpriors(model, REACH_M)
     plain = hyperpriors(_model(), REACH_M)
     assert len(prior.start) == 6
     np.testing.assert_allclose(np.exp(prior.start), [*np.exp(plain.start), 2e-4])
@@ -185,8 +185,8 @@ def test_each_stamps_jitter_stands_between_stops_and_what_they_share():
     """Of two cameras one after the other; what is expected of all else is as without them."""
     shared = SharedErrors.repeat_coordinates(np.ones((8, 1)))
     common = SharedPrior((2.5, 2.0), "")
-    plain = hyperpriors(_model(shared), REACH_M, common)
-    prior = hyperpriors(_with_jitter(_model(shared), "left", "right"), REACH_M, common)
+    plain = hyperpriors(_model(shared), REACH_M, [common])
+    prior = hyperpriors(_with_jitter(_model(shared), "left", "right"), REACH_M, [common])
     np.testing.assert_allclose(np.exp(prior.start), [*np.exp(plain.start[:5]), 2e-4, 2e-4, *np.exp(plain.start[5:])])
     off = 0.3 * np.arange(11.0)
     without = np.delete(off, [5, 6])

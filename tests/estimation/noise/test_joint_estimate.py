@@ -239,14 +239,15 @@ def sigmas_found(rng, shapes=None):
 
 def test_sigmas_go_by_their_names(rng):
     """In the order of the logarithms: fields of cameras, shift and turn of each robot, jitter, what stops share."""
-    found = joint_estimate._sigmas(sigmas_found(rng), SimpleNamespace(shapes={}))
+    of = sigmas_found(rng)
+    found, (common,) = joint_estimate._estimate(of, SimpleNamespace(shapes={})), joint_estimate._shared_sigmas(of)
     assert found.cameras == {"left": Noise(pose_m=pytest.approx(1.0)), "right": Noise(pixel_px=pytest.approx(2.0))}
     assert found.robots.keys() == {"eye", "hand"}
     np.testing.assert_allclose(found.robots["eye"], [3.0] * 3 + [4.0] * 3)
     np.testing.assert_allclose(found.robots["hand"], [5.0] * 3 + [6.0] * 3)
     assert found.jitter_s == {"left": pytest.approx(7.0)}
-    assert found.common.keys() == {"hand"}
-    np.testing.assert_allclose(found.common["hand"], [10.0, 11.0])
+    assert common.keys() == {"hand"}
+    np.testing.assert_allclose(common["hand"], [10.0, 11.0])
     assert found.shapes == {}
 
 
@@ -257,10 +258,10 @@ def test_shapes_add_to_those_that_the_problem_has(rng):
     before = np.array([0.5, -1.0])
     for shapes, expected in (({}, mean), ({"board": before}, before + mean)):
         problem = SimpleNamespace(shapes=shapes)
-        found = joint_estimate._sigmas(of, problem).shapes["board"]
+        found = joint_estimate._estimate(of, problem).shapes["board"]
         np.testing.assert_allclose(found[0], expected)
         np.testing.assert_array_equal(found[1], spread)
-        estimate = joint_estimate._estimate(of, problem, True)
+        estimate = joint_estimate._final_estimate(of, problem, True)
         np.testing.assert_allclose(estimate.shapes["board"][0], before if shapes else mean)
     largest = np.abs(mean).max()
     for limit in (1.01 * largest, 0.99 * largest):
@@ -273,7 +274,7 @@ def test_shapes_add_to_those_that_the_problem_has(rng):
 def test_an_estimate_holds_what_was_found(rng):
     """Sigmas by their names; of robots also the mean of their squares, of what is log-normal by twice its variance."""
     of = sigmas_found(rng)
-    found = joint_estimate._estimate(of, SimpleNamespace(shapes={}), False)
+    found = joint_estimate._final_estimate(of, SimpleNamespace(shapes={}), False)
     assert (found.factor, found.settled, found.minus_2_log_evidence, found.plain_minus_2_log_evidence) == (
         1.0,
         False,

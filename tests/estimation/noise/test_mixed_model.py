@@ -63,7 +63,7 @@ def test_errors_of_stops_are_their_own_and_what_they_have_in_common(arms):
     rng = np.random.default_rng(0)
     modes = {name: rng.standard_normal((count_stops(problem, name), 2)) for name in ROBOTS}
     shared = {name: SharedErrors.repeat_coordinates(of) for name, of in modes.items()}
-    model = mixed_model(problem, state, ROBOTS, shared)
+    model = mixed_model(problem, state, ROBOTS, [shared])
     errors, columns = rng.standard_normal(model.of_errors.shape), rng.standard_normal(len(model.prior))
     found, layout = model.stop_errors(errors, columns), model.layout
     number = dict.fromkeys(ROBOTS, 0)
@@ -72,14 +72,15 @@ def test_errors_of_stops_are_their_own_and_what_they_have_in_common(arms):
         own = errors[layout.block[stop]][layout.row[stop] :][:6]
         if layout.column[stop] >= 0:
             own, tied = columns[layout.column[stop] :][:6], tied + 1
-        first, common = layout.common[robot]
+        first, common = layout.shared[0][robot]
         own = own + common.by_stop[number[robot]] @ columns[first : first + 12]
         number[robot] += 1
         np.testing.assert_allclose(found[stop], own, rtol=1e-12)
     assert (tied > 0) == (arms == "halves")
     assert len(model.prior) == problem.width + 6 * tied + 24
     np.testing.assert_array_equal(np.diag(model.prior)[problem.width :], 1.0)
-    assert np.isin(model.of_columns, [of.start + k for of in model.sigmas.shared.values() for k in (0, 1)]).sum() == 24
+    places = [of.start + k for of in model.sigmas.shared[0].values() for k in (0, 1)]
+    assert np.isin(model.of_columns, places).sum() == 24
 
 
 OWN = ([0, 1, 2, 3], [-1] * 4)
@@ -141,7 +142,7 @@ def derivative(problem, layout, view, motion, common):
         at = layout.column[stop] if in_columns else layout.row[stop]
         (columns if in_columns else errors)[:, at : at + 6] += sign * np.eye(6)
         if robot in common:
-            first, shared = layout.common[robot]
+            first, shared = layout.shared[0][robot]
             columns[:, first : first + len(shared.is_turn)] += sign * shared.by_stop[stand]
     ((_, row),) = layout.jitter_rows
     if row[view] >= 0:
@@ -170,7 +171,7 @@ def test_moments_are_sums_over_views(stops, known_s, robots_in_common, mount, rn
         for robot in robots_in_common
         if robot in problem.stops.robot
     }
-    model = mixed_model(problem, state, ROBOTS, common)
+    model = mixed_model(problem, state, ROBOTS, [common])
     layout = model.layout
     ((jitter, _),) = layout.jitter_rows
     (group,) = problem.groups
@@ -206,7 +207,7 @@ def test_stops_share_errors_of_a_scene():
     stops, first = len(problem.stops), problem.width + 6 * len(problem.stops)
     shared = SharedErrors(np.tile(np.eye(6), (count_stops(problem, "left"), 1, 1)), np.repeat([False, True], 3))
     nowhere, column = np.full(stops, -1), problem.width + 6 * np.arange(stops)
-    layout = Layout(nowhere, nowhere, column, 1, 6, first + 6, {"left": (first, shared)}, {}, {}, ())
+    layout = Layout(nowhere, nowhere, column, 1, 6, first + 6, ({"left": (first, shared)},), {}, ())
     of = _scene_moments(problem, problem.tied, state, layout)
     own = column[np.array(problem.stops.robot) == "left"][:, None] + np.arange(6)
     assert len(own) > 1
@@ -219,12 +220,12 @@ def test_sigmas_scale_what_they_are_of():
     problem, state = two_arm_problem(np.zeros((6, 6)), *STAR)
     problem, _ = shaken(problem, 6)
     shared = SharedErrors(np.ones((2, 6, 3)), np.array([False, True, True]))
-    model = mixed_model(problem, state, ("hand",), {"hand": shared})
+    model = mixed_model(problem, state, ("hand",), [{"hand": shared}])
     v, none = len(model.sigmas.views), [-1] * 6
     shift_and_turn = [v] * 3 + [v + 1] * 3
     assert model.of_columns.tolist() == none + shift_and_turn + [v + 3, v + 4, v + 4]
     assert model.of_errors.tolist() == [[*none, *none, v + 2]] * 5 + [[*none, *shift_and_turn, v + 2]]
-    of_both = mixed_model(problem, state, ROBOTS, {"hand": shared})
+    of_both = mixed_model(problem, state, ROBOTS, [{"hand": shared}])
     of_hand = [v + 2] * 3 + [v + 3] * 3
     assert of_both.of_columns.tolist() == none + of_hand + [v + 7, v + 8, v + 8]
     assert of_both.of_errors.tolist() == [[*shift_and_turn, *none, v + 4]] * 5 + [[*shift_and_turn, *of_hand, v + 4]]
@@ -244,7 +245,7 @@ def test_what_is_known_beforehand_is_that_of_the_state():
     problem, state = pose_problem(np.zeros((3, 6)), None, known, np.ones(6))
     state = replace(state, transforms={**state.transforms, MOUNT: SE3.exp(1e-3 * sigma)})
     shared = {"eye": SharedErrors.repeat_coordinates(np.ones((3, 1)))}
-    model = mixed_model(problem, state, ("eye",), shared)
+    model = mixed_model(problem, state, ("eye",), [shared])
     np.testing.assert_allclose(model.prior, np.diag([*sigma**-2, *[1.0] * 6]), rtol=1e-4, atol=10.0)
     np.testing.assert_array_equal(model.prior[6:], np.eye(12)[6:])
     np.testing.assert_allclose(model.prior_gradient, [*1e-3 / sigma, *[0.0] * 6], rtol=1e-3, atol=1e-6)
@@ -263,7 +264,7 @@ def test_a_shape_has_columns_of_its_own(rng):
     np.testing.assert_allclose(part.fixed[shape], view.gradient[:, 6:].sum(0), rtol=1e-12)
     np.testing.assert_allclose(part.fixed_fixed[shape, shape], view.information[:, 6:, 6:].sum(0), rtol=1e-12)
     (group,) = problem.groups
-    by_unknown, columns = unknown_jacobian(problem, group, chain(group, state, problem.stops), 6)
+    by_unknown, columns = unknown_jacobian(problem, group, chain(group, state, problem.stops), state, 6)
     both = np.einsum("nij,nik->jk", by_unknown, view.information[:, :6, 6:])
     np.testing.assert_allclose(part.fixed_fixed[columns, shape], both, rtol=1e-9, atol=1e-9 * np.abs(both).max())
     np.testing.assert_array_equal(part.fixed_fixed[shape, :18], part.fixed_fixed[:18, shape].T)

@@ -25,6 +25,7 @@ from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
+from basecal.numerics.batch import take
 from basecal.simulation import Scenario, simulate
 
 ROBOTS = ("eye", "hand")
@@ -46,7 +47,7 @@ def dense_model(problem, state, logs):
     error = (group.measurement.measured_camera_from_target.inverse() @ links.camera_from_target).log()
     inner = right_jacobian_inverse(error)
     n = len(group)
-    by_x, columns = unknown_jacobian(problem, group, links, 6)
+    by_x, columns = unknown_jacobian(problem, group, links, state, 6)
     x = np.zeros((6 * n, problem.width))
     x[:, columns] = (inner @ by_x).reshape(6 * n, -1)
     z = np.zeros((n, 6, len(problem.stops), 6))
@@ -105,7 +106,7 @@ def test_slope_is_the_derivative(arms, smooth):
     state = replace(state, stop_errors=1e-3 * rng.standard_normal(state.stop_errors.shape))
     modes = {robot: rng.standard_normal((count_stops(problem, robot), 2)) for robot in ROBOTS} if smooth else {}
     shared = {robot: SharedErrors.repeat_coordinates(of) for robot, of in modes.items()}
-    model = mixed_model(problem, state, ROBOTS, shared)
+    model = mixed_model(problem, state, ROBOTS, [shared] if smooth else [])
     logs = np.log([0.3, *[1e-3, 2e-3] * (4 if smooth else 2)]) + 0.2 * rng.standard_normal(model.sigmas.count)
     steps = 1e-4 * np.eye(len(logs))
     differences = [(posterior(model, logs + h).value - posterior(model, logs - h).value) / 2e-4 for h in steps]
@@ -267,7 +268,7 @@ def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
         np.testing.assert_allclose(found.blocks.own[block], own[here, here], rtol=1e-8, atol=1e-10)
     assert not found.blocks.lost.any()
     some = np.array([1, 4, 10])
-    known = solve_columns(node_equations(model, np.log(sigmas)[None]), some).take(0)
+    known = take(solve_columns(node_equations(model, np.log(sigmas)[None]), some), 0)
     np.testing.assert_allclose(known.mean, mean[some], rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(known.spread, covariance[np.ix_(some, some)], rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(scales(np.log(sigmas), model.of_columns), expected.scales[:COLUMNS])
@@ -278,7 +279,7 @@ def test_errors_of_stops_are_in_their_units(of_numbers):
     model, parts, sigmas = of_numbers
     expected = written(model, parts, sigmas)
     units = expected.mean * expected.scales
-    errors, (_, shared) = units[COLUMNS:].reshape(BLOCKS, ROWS), model.layout.common["hand"]
+    errors, (_, shared) = units[COLUMNS:].reshape(BLOCKS, ROWS), model.layout.shared[0]["hand"]
     of_stops = np.array([errors[0, :6], units[3:9], errors[1, :6]])
     of_stops[1:] += shared.by_stop @ units[9:11]
     np.testing.assert_allclose(posterior(model, np.log(sigmas)).stop_errors, of_stops, rtol=1e-6, atol=1e-8)

@@ -17,8 +17,8 @@ def test_sigmas_stand_one_after_the_other(kinds):
     assert places.views == {VIEWS[0]: 0, VIEWS[1]: 1}
     assert places.stops == {"eye": slice(2, 4), "hand": slice(4, 6)}
     assert places.jitter == {"left": 6}
-    assert places.shared == ({"eye": slice(7, 9), "hand": slice(9, 11)} if kinds else {})
-    assert places.beside == ({"eye": slice(11, 13), "hand": slice(13, 15)} if kinds == 2 else {})
+    pairs = {"eye": slice(7, 9), "hand": slice(9, 11)}, {"eye": slice(11, 13), "hand": slice(13, 15)}
+    assert places.shared == pairs[:kinds]
     assert places.count == 7 + 4 * kinds
     np.testing.assert_array_equal(places.is_of_views, np.arange(places.count) < 2)
 
@@ -26,4 +26,4 @@ def test_sigmas_stand_one_after_the_other(kinds):
 def test_nothing_open_has_no_place():
     """Neither of views nor of robots."""
     nothing = SigmaPlaces.sequential((), (), (), 1)
-    assert (nothing.count, nothing.is_of_views.tolist(), dict(nothing.shared)) == (0, [], {})
+    assert (nothing.count, nothing.is_of_views.tolist(), nothing.shared) == (0, [], ({},))

@@ -15,7 +15,7 @@ from basecal.estimation.outliers import classify
 from basecal.estimation.outliers.classify import CHANCE_OF_VIEW, classify_inliers, is_stated, view_scale
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers
 from basecal.estimation.outliers.robust_scale import robust_scale
-from basecal.estimation.outliers.view_ransac import explain_views, view_ransac
+from basecal.estimation.outliers.view_ransac import PointViews
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.view.points import PointMeasurement
@@ -185,14 +185,14 @@ def test_points_that_stray_one_by_one_leave_their_view(off_px, stays):
 @pytest.mark.parametrize(("target", "numbers"), [("points", 2), ("points3d", 3)])
 def test_points_that_may_come_back_are_judged_by_as_many_numbers_as_they_have(monkeypatch, target, numbers):
     """Two of a pixel, three of a point in space, at the chance at which a good point is left out."""
-    limits = []
+    limits, largest_agreement = [], PointViews.largest_agreement
 
-    def kept_limit(few, poses, camera, limit, prior):
-        """As `view_ransac`."""
+    def kept_limit(views, poses, limit):
+        """As `largest_agreement`."""
         limits.append(limit)
-        return view_ransac(few, poses, camera, limit, prior)
+        return largest_agreement(views, poses, limit)
 
-    monkeypatch.setattr(classify, "view_ransac", kept_limit)
+    monkeypatch.setattr(PointViews, "largest_agreement", kept_limit)
     problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY), 2)
     before = InlierMask((np.arange(12) != 5,), all_inliers(problem).points)
     views, _, _ = kept_of(bumped(problem, [5]), state, before)
@@ -239,7 +239,7 @@ def test_a_view_whose_points_all_agree_is_off_itself():
     at[1, 2] += 0.5
     at[2, 5] += 9.0
     few = replace(group.measurement, points_in_camera=at)
-    found = explain_views(few, SE3.identity((3,)), None, 30.0)
+    found = PointViews(few, None).agreement(SE3.identity((3,)), 30.0)
     assert classify._agrees_with_itself(few, found, None, 30.0).tolist() == [True, False, True]
 
 
@@ -276,8 +276,8 @@ def test_where_many_views_are_out_a_clean_one_may_go_more_often(kept, chance):
 @pytest.mark.parametrize(("target", "kinds"), [("pose", 0), ("led", 0), ("points", 1)])
 def test_only_views_of_several_points_are_looked_through(monkeypatch, target, kinds):
     """Of poses, and of lights, there is nothing that could agree without the rest."""
-    asked = []
-    monkeypatch.setattr(classify, "view_ransac", lambda *of: asked.append(of) or view_ransac(*of))
+    asked, subset_fits = [], PointViews.subset_fits
+    monkeypatch.setattr(PointViews, "subset_fits", lambda *of: asked.append(of) or subset_fits(*of))
     problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY), 2)
     before = InlierMask((np.arange(12) != 5,), all_inliers(problem).points)
     kept_of(bumped(problem, [5]), state, before)

@@ -9,8 +9,8 @@ import pytest
 from tests.ends import with_hand
 
 from basecal.estimation.outliers import view_ransac as ransac
-from basecal.estimation.outliers.agreeing_samples import agreeing_samples
-from basecal.estimation.outliers.view_ransac import Prior, explain_views, largest_agreement, subset_fits, view_ransac
+from basecal.estimation.outliers.consensus import agreeing_samples
+from basecal.estimation.outliers.view_ransac import PointViews, Prior
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -19,6 +19,17 @@ from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 
 LIMIT = 27.6
+
+
+def view_ransac(measurement, start, camera, limit, prior=None):
+    """The largest agreement within each view, by subsets of its points."""
+    views = PointViews(measurement, camera, prior)
+    return views.largest_agreement(views.subset_fits(start), limit)
+
+
+def explain_views(measurement, pose, camera, limit, prior=None):
+    """The agreement of views' points with given poses."""
+    return PointViews(measurement, camera, prior).agreement(pose, limit)
 
 
 def truth_of(scenario, seed):
@@ -92,10 +103,11 @@ def test_hypotheses_serve_every_limit():
     problem, state, true = truth_of(Scenario(samples=5), 5)
     measurement, wrong = strays(problem, 9, 5)
     lens = state.cameras["wrist"]
-    poses = subset_fits(measurement, true, lens)
+    views = PointViews(measurement, lens)
+    poses = views.subset_fits(true)
     assert poses.translation.shape == (42, 5, 3)
     for limit in (LIMIT, 30 * LIMIT):
-        found, anew = largest_agreement(measurement, poses, lens, limit), view_ransac(measurement, true, lens, limit)
+        found, anew = views.largest_agreement(poses, limit), view_ransac(measurement, true, lens, limit)
         np.testing.assert_array_equal(found.points, anew.points)
         np.testing.assert_array_equal(found.cost, anew.cost)
         np.testing.assert_array_equal(found.points & wrong, False)
@@ -206,7 +218,7 @@ def test_the_best_of_several_poses_is_taken():
     of = PointMeasurement(points, np.tile(points, (2, 1, 1)), seen, weight, weight)
     far, near = np.full(6, 0.5), np.full(6, 1e-3)
     poses = SE3.exp(np.array([[far, far], [far, near], [near, far], [np.full(6, np.nan)] * 2]))
-    found = largest_agreement(of, poses, None, LIMIT)
+    found = PointViews(of, None).largest_agreement(poses, LIMIT)
     np.testing.assert_allclose(found.camera_from_target.log(), 0.0, atol=1e-9)
     np.testing.assert_allclose(found.cost, 0.0, atol=1e-12)
     assert found.points.all()
@@ -241,11 +253,11 @@ def test_closed_form_poses_are_those_of_the_points_taken(monkeypatch):
     np.testing.assert_array_equal(found[5].matrix, near[2].matrix)
     asked, closed = [], ransac._closed_form
     monkeypatch.setattr(ransac, "_closed_form", lambda *of: asked.append(of) or closed(*of))
-    subset_fits(measurement, true, camera)
+    PointViews(measurement, camera).subset_fits(true)
     assert len(asked) == 1
     for target in ("points", "points3d"):
         problem, state, true = truth_of(Scenario(samples=3, target=target), 0)
-        subset_fits(problem.groups[0].measurement, true, state.cameras.get("wrist"))
+        PointViews(problem.groups[0].measurement, state.cameras.get("wrist")).subset_fits(true)
     assert len(asked) == 1
 
 
@@ -256,7 +268,7 @@ def test_views_are_fitted_until_none_of_their_points_changes_sides():
     pixels = problem.groups[0].measurement.pixels
     thrown = rng.uniform(size=pixels.shape[:2]) < 0.3
     pixels = pixels + np.where(thrown[..., None], rng.normal(0, 1.5, pixels.shape), 0.0)
-    views = ransac._Views(replace(problem.groups[0].measurement, pixels=pixels), state.cameras["wrist"], None)
-    found = ransac._settle(views, true @ SE3.exp(rng.uniform(-2e-3, 2e-3, (30, 6))), LIMIT)
+    views = PointViews(replace(problem.groups[0].measurement, pixels=pixels), state.cameras["wrist"])
+    found = views._settle(true @ SE3.exp(rng.uniform(-2e-3, 2e-3, (30, 6))), LIMIT)
     again = views.agreement(views.fit(found.camera_from_target, found.points, 6), LIMIT).cheaper(found)
     np.testing.assert_array_equal(again.points, found.points)

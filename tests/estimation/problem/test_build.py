@@ -27,6 +27,8 @@ from basecal.estimation.problem.build import (
     free_ends,
     recorded_by_joints,
     recorded_joints,
+    repeated_views,
+    view_content,
 )
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.problem import Problem
@@ -327,3 +329,32 @@ def test_views_of_a_chessboard_have_its_half_turn(seen_as):
         assert group.readings == ()
     else:
         np.testing.assert_array_equal(group.half_turn.matrix, half_turn(board).matrix)
+
+
+@pytest.mark.parametrize("target", ["charuco", "points3d", "pose"])
+def test_contents_are_equal_for_copies_alone(target):
+    """Another view, another stop, another number in the last bit, is another content."""
+    made = simulate(Scenario(samples=3, target=target), 0)
+    first, second = (s.observations[0] for s in made.recording.samples[:2])
+    assert view_content(first, (0, 1)) == view_content(replace(first), (0, 1))
+    assert view_content(first, (0, 1)) != view_content(second, (0, 1))
+    assert view_content(first, (0, 1)) != view_content(first, (0, 2))
+    if target == "charuco":
+        nearly = replace(first, pixels=np.nextafter(first.pixels, np.inf))
+        assert view_content(first, (0, 1)) != view_content(nearly, (0, 1))
+
+
+def test_many_copies_are_listed_up_to_ten():
+    """The count is told whole, and nothing is said of none."""
+    assert repeated_views([]) == []
+    (finding,) = repeated_views(list(range(12)))
+    assert finding.code == "duplicate-samples"
+    assert finding.message.startswith("12 views, of sample 0")
+    (single,) = repeated_views([4])
+    assert single.message.startswith("The view of sample 4 repeats that of an earlier sample")
+    assert "remove them" in single.message
+    assert "8, 9, ..." in finding.message
+    assert "10, ..." not in finding.message
+    (ten,) = repeated_views(list(range(10)))
+    assert "..." not in ten.message
+    assert ten.about == tuple("0123456789")

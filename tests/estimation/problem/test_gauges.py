@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from tests.touch_cells import recorded, touch_cell, touch_lines
 
+from basecal.accuracy.calibrate import calibrate
+from basecal.cell import Cell, Recording
+from basecal.cell.targets.points import points_target
 from basecal.effects import deflection, joint_offsets, link_parameters
+from basecal.errors import InputError
+from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.gauges import (
     LEAST_RMS,
     determined_directions,
     determined_joints,
     end_moves,
+    held_gauges,
     independent_moves,
 )
 from basecal.estimation.problem.robot_parameters import robot_model
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
 
 OFFSETS = {"joint_offsets": joint_offsets.Stated(status="free")}
 LINKS = {"link_parameters": link_parameters.Stated(status="free")}
@@ -146,3 +157,60 @@ def test_of_each_gauge_among_joints_one_is_held():
     assert np.linalg.matrix_rank(moves[..., told].reshape(48, 2)) == 2
     two = np.concatenate([moves[..., [0, 2]], moves[..., [0]] + moves[..., [2]]], -1)
     assert len(determined_joints(two, np.zeros((8, 6, 0)))) == 2
+
+
+LINE = {"socket_1": [0.0, 0.0, 0.0], "socket_2": [0.0, 0.05, 0.0]}
+
+
+def test_the_rotation_about_the_line_is_held():
+    """Of a line along y that about y alone; of a plate of three marks nothing."""
+    cell = touch_cell((), marks={"plate": {"points_m": LINE}, "wide": {"points_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}})
+    held = held_gauges(cell, ())
+    assert held["eye_base_from_plate"].tolist() == [0, 0, 0, 0, 1, 0]
+    assert "eye_base_from_wide" not in held
+
+
+def test_an_arm_by_a_plate_of_two_sockets():
+    """One arm that touches two sockets: good, and the tip and the sockets are where they are."""
+    cell = touch_cell((), marks={"plate": {"points_m": LINE}}, robots={"eye": {"noise": NOISE}}, tips=TIP)
+    marks = {name: np.array([0.4, 0.1, 0.2]) + at for name, at in LINE.items()}
+    lines = [line for line in touch_lines(np.random.default_rng(0), 48, 1e-4, marks) if "eye" in line["robots"]]
+    found = calibrate(cell, recorded(cell, lines))
+    assert found.verdict == "good"
+    assert found["eye_flange_from_eye_tip"].mean.translation == pytest.approx([0.02, -0.01, 0.15], abs=5e-4)
+
+
+NOISE = {"sigma_t_m": 1e-6, "sigma_r_rad": 1e-6}
+TIP = {"eye_tip": {"on": "eye"}}
+
+
+def _of_a_point(status: str = "free") -> tuple[Cell, Recording]:
+    """Poses measured of a target that is declared as one point."""
+    made = simulate(Scenario(samples=12, target="pose", target_mount=status), seed=0)
+    board = replace(made.cell.targets["board"], target=points_target([[0.0, 0.0, 0.0]]))
+    return replace(made.cell, targets={"board": board}), made.recording
+
+
+def test_orientation_of_a_point_that_was_measured_as_poses_counts():
+    """Its mount has six columns, and the answer is that of a target of no kind."""
+    cell, recording = _of_a_point()
+    solution = solve(cell, recording)
+    assert solution.problem.point_mounts == frozenset()
+    plain = replace(cell, targets={"board": replace(cell.targets["board"], target=None)})
+    for name, estimate in solve(plain, recording).transforms.items():
+        np.testing.assert_allclose(solution.transforms[name].mean.matrix, estimate.mean.matrix, atol=1e-9)
+        np.testing.assert_allclose(solution.transforms[name].covariance, estimate.covariance, rtol=1e-6, atol=1e-15)
+
+
+@pytest.mark.parametrize("status", ["fixed", "prior"])
+def test_a_stated_mount_of_a_point_has_no_orientation_for_poses(status):
+    """The error says what to leave out."""
+    with pytest.raises(InputError, match="Leave out its `kind`"):
+        build_problem(*_of_a_point(status))
+
+
+@pytest.mark.parametrize(("target", "points"), [("led", {"hand_flange_from_board"}), ("points", set())])
+def test_a_light_is_a_point(target, points):
+    """The mount of a single light is a point; that of several points is none."""
+    made = simulate(Scenario(samples=8, target=target), seed=0)
+    assert build_problem(made.cell, made.recording)[0].point_mounts == points

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from basecal.estimation.scene.adjust import Task, adjust, residuals_px
+from basecal.cell import Intrinsics, Unknown
+from basecal.estimation.scene.adjust import Task, adjust, prior_information, residuals_px
+from basecal.estimation.scene.state import take_step
 from basecal.geometry import SE3
 from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, started
 
@@ -51,3 +54,34 @@ def test_a_tail_keeps_gross_errors_from_the_mount():
         return float(np.linalg.norm((sound.inverse() @ mount).log()))
 
     assert apart(robust) < 0.1 * apart(plain)
+
+
+def test_gradients_are_differences_of_costs():
+    """Of a mount with a prior, a stated lens, a free lens and errors of stops."""
+    scene = made_scene(1, arms=2, count=3)
+    known = Unknown("prior", MOUNT, np.full(6, 0.01))
+    stated = Intrinsics("prior", LENS, np.full(9, 0.5))
+    first = replace(scene.views.cameras[0], mount=known, lens=stated)
+    views = replace(scene.views, cameras=(first, scene.views.cameras[1]))
+    sigmas = np.full((6, 6), 1e-3)
+    task = Task(views, scene.tracks, PIXEL, sigmas, (LENS, LENS))
+    columns = task.columns
+    rng = np.random.default_rng(0)
+    state = take_step(scene.truth, columns, rng.normal(0, 1e-3, columns.errors.stop))
+    about = prior_information(task, state)
+    for _ in range(5):
+        step = rng.normal(0, 1e-7, columns.errors.stop)
+        ahead, behind = (prior_information(task, take_step(state, columns, sign * step)).cost for sign in (1, -1))
+        assert ahead - behind == pytest.approx(4 * about.gradient @ step, rel=1e-3, abs=1e-9)
+
+
+def test_a_prior_at_its_middle_costs_nothing():
+    """The state that is expected has no gradient, and one sigma of a mount costs one."""
+    scene = made_scene(2, count=3)
+    first = replace(scene.views.cameras[0], mount=Unknown("prior", MOUNT, np.full(6, 0.01)))
+    views = replace(scene.views, cameras=(replace(first, lens=Intrinsics("prior", LENS, np.full(9, 0.5))),))
+    task = Task(views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (LENS,))
+    about = prior_information(task, scene.truth)
+    assert about.cost == pytest.approx(0.0, abs=1e-12)
+    off = replace(scene.truth, mounts=SE3.stack([MOUNT @ SE3.exp([0.01, 0, 0, 0, 0, 0])]))
+    assert prior_information(task, off).cost == pytest.approx(1.0)

@@ -8,7 +8,6 @@ import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
-from basecal.estimation.scene.state import scene_columns
 from basecal.geometry import SE3
 from tied_scene import tracks_alone
 
@@ -16,7 +15,7 @@ from tied_scene import tracks_alone
 def test_tracks_say_in_a_problem_what_they_say_alone() -> None:
     """Nothing else seen, the information about base, mounts and lenses is that of the scene's own adjustment."""
     _, fit, problem, state = tracks_alone(1)
-    own = scene_columns(fit.views, fit.state.lenses)
+    own = fit.columns
     where = [own.bases[1], *own.mounts, *own.lenses]
     names = (
         "left_base_from_right_base",

@@ -10,7 +10,7 @@ import pytest
 from basecal.estimation.view import pixels
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.seen_points import point_jacobians
+from basecal.estimation.view.target_points import point_jacobians
 from basecal.geometry import SE3, Camera
 
 LENS = Camera("pinhole", [100.0, 100.0, 50.0, 40.0])

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from basecal.errors import InputError
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.target_points import spread_rows
-from basecal.geometry import SE3
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.target_points import point_jacobians, spread_rows
+from basecal.geometry import SE3, Camera
 
 POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [0.1, 0.2, 0.05]])
 
@@ -77,3 +80,159 @@ def test_points_turned_and_then_moved_are_in_the_camera():
     turned = whole.turn(poses)
     np.testing.assert_allclose(turned, np.moveaxis(POINTS @ poses.rotation.mT, -1, 0), rtol=0, atol=1e-15)
     np.testing.assert_array_equal(whole.translate(poses, turned), whole.camera_points(poses))
+
+
+SEEN = np.array([[True, True, True], [True, False, True]])
+WEIGHT = SEEN * np.array([4.0, 2.0, 1.0])
+
+
+@pytest.fixture(params=["bearings", "pixels", "points"])
+def measurement(request, rng):
+    """Two views of three points, of which one was not seen."""
+    points = rng.normal(size=(3, 3))
+    if request.param == "bearings":
+        return BearingMeasurement(points, rng.normal(size=(2, 3, 3)), WEIGHT)
+    if request.param == "pixels":
+        return PixelMeasurement(points, rng.normal(size=(2, 3, 2)), SEEN, 0.5 * WEIGHT, WEIGHT, 0.1, 2.0 * SEEN)
+    return PointMeasurement(points, rng.normal(size=(2, 3, 3)), SEEN, 0.5 * WEIGHT, WEIGHT)
+
+
+def test_weights_are_scaled_and_masked(measurement):
+    """Sigmas twice as large, and one point as if it had not been seen."""
+    np.testing.assert_array_equal(measurement.noisier(2.0).weight, WEIGHT / 2)
+    kept = np.array([[True, True, False], [True, True, True]])
+    fewer = measurement.mask_points(kept)
+    np.testing.assert_array_equal(fewer.weight, np.where(kept, WEIGHT, 0.0))
+    assert fewer.point_counts().tolist() == [2, 2]
+
+
+def test_points_are_counted_and_hold_as_many_freedoms_as_a_pose_has(measurement):
+    """Each by its coordinates, six at most."""
+    assert measurement.point_counts().tolist() == [3, 2]
+    assert measurement.equations().tolist() == [min(6, count * measurement.coordinates) for count in (3, 2)]
+
+
+def test_only_arrays_with_a_batch_axis_are_taken_apart(measurement):
+    """What all entries of a batch saw alike stays as it is."""
+    assert set(measurement.axes) <= set(vars(measurement))
+    (name,) = set(measurement.axes) - {"seen", "stated", "weight", "relative"}
+    several = np.stack([getattr(measurement, name) + shift for shift in range(4)])
+    taken = replace(measurement, **{name: several}).take_batch(np.array([3, 1]))
+    np.testing.assert_array_equal(getattr(taken, name), several[[3, 1]])
+    assert taken.weight is measurement.weight
+    heavier = replace(measurement, weight=np.stack([WEIGHT, 2 * WEIGHT])).take_batch(1)
+    np.testing.assert_array_equal(heavier.weight, 2 * WEIGHT)
+    assert getattr(heavier, name) is getattr(measurement, name)
+
+
+LENS = Camera("pinhole", [500.0, 510.0, 320.0, 240.0])
+BENT_LENS = Camera("pinhole", [500.0, 510.0, 320.0, 240.0, -0.1, 0.05, 1e-3, 0.0, 0.0])
+SEEN_OF_FOUR = np.array([[True, True, True, True], [True, False, True, True]])
+STATED = SEEN_OF_FOUR * np.array([4.0, 0.0, 2.0, 0.0])
+AT = SE3.from_rotvec([[0.1, 0.0, 0.2], [0.0, -0.3, 0.1]], [[0.0, 0.1, 2.0], [0.1, 0.0, 3.0]])
+
+
+@pytest.fixture(params=["pixel_px", "point_m"])
+def seen_points(request, rng):
+    """Two views of four points, off by random numbers, of which one was not seen and two state a sigma."""
+    points, weight = 0.3 * rng.normal(size=(4, 3)), np.where(SEEN_OF_FOUR, np.where(STATED > 0, STATED, 3.0), 0.0)
+    in_camera = AT.rotation[:, None] @ points[..., None]
+    in_camera = in_camera[..., 0] + AT.translation[:, None]
+    kind, exact = (
+        (PixelMeasurement, LENS.project(in_camera)) if request.param == "pixel_px" else (PointMeasurement, in_camera)
+    )
+    return kind(points, exact + rng.normal(size=exact.shape), SEEN_OF_FOUR, STATED, weight)
+
+
+def test_derivatives_are_those_of_the_residuals(seen_points):
+    """By the place of a point, by differences; residuals are the same as those of poses."""
+    places = seen_points.camera_points(AT)
+    off, by_point, by_lens = seen_points.with_derivatives(places, LENS, False)
+    np.testing.assert_allclose(off, seen_points.residuals(AT, LENS), atol=1e-9)
+    assert by_lens is None
+    for axis in range(3):
+        shift = 1e-6 * np.eye(3)[axis]
+        ahead, behind = (seen_points.with_derivatives(places + s, LENS, False)[0] for s in (shift, -shift))
+        np.testing.assert_allclose(by_point[..., axis], (ahead - behind) / 2e-6, rtol=1e-6, atol=1e-6)
+
+
+def test_squares_are_of_points_without_a_sigma(seen_points):
+    """By the sigma in use; what was not seen counts nothing."""
+    off = seen_points.residuals(AT, LENS)
+    expected = sum(
+        9.0 * np.sum(off[v, p] ** 2) for v in range(2) for p in range(4) if SEEN_OF_FOUR[v, p] and not STATED[v, p]
+    )
+    assert seen_points.squares(AT, LENS) == {seen_points.noise_field: pytest.approx(expected)}
+    free, all_seen = seen_points.coordinates * 3, seen_points.coordinates * 7
+    assert seen_points.counts() == {"stated": all_seen - free, seen_points.noise_field: free}
+
+
+def test_masked_points_were_never_seen(seen_points):
+    """They state nothing and weigh nothing; where all are kept nothing changes."""
+    kept = np.ones((2, 4), dtype=bool)
+    assert seen_points.mask_points(kept) is seen_points
+    kept[0, 2] = False
+    fewer = seen_points.mask_points(kept)
+    np.testing.assert_array_equal(fewer.seen, SEEN_OF_FOUR & kept)
+    np.testing.assert_array_equal([fewer.stated, fewer.weight], np.where(kept, [STATED, seen_points.weight], 0.0))
+    assert fewer.point_counts().tolist() == [3, 3]
+
+
+def test_what_states_no_sigma_any_more_keeps_its_weight(seen_points):
+    """Of points in space; pixels keep how they compare, 1 for those that stated none."""
+    silent = replace(seen_points, stated=STATED).without_sigmas()
+    assert not silent.stated.any()
+    np.testing.assert_array_equal(silent.weight, seen_points.weight)
+    if isinstance(silent, PixelMeasurement):
+        np.testing.assert_allclose(silent.relative, np.where(STATED > 0, STATED / 3.0, 1.0))
+
+
+def poses(rng, n):
+    away = SE3.exp(0.2 * rng.standard_normal((n, 6)))
+    return SE3(away.rotation, away.translation + np.array([0, 0, 1.5]))
+
+
+def pixels(rng, n=3, p=6):
+    points = 0.2 * rng.standard_normal((p, 3))
+    weight = rng.uniform(0.5, 2.0, (n, p)) * (rng.uniform(size=(n, p)) < 0.8)
+    return PixelMeasurement(points, 300 + 20 * rng.standard_normal((n, p, 2)), weight > 0, weight, weight)
+
+
+@pytest.mark.parametrize("lens", [False, True])
+def test_points_sum_up_to_their_view(rng, lens):
+    """Squares to the cost, J'r to the gradient and J'J to the information, with the lens's columns or without."""
+    seen_points, at = pixels(rng), poses(rng, 3)
+    rows, view = point_jacobians(seen_points, at, BENT_LENS, lens), seen_points.linearise(at, BENT_LENS, lens)
+    np.testing.assert_allclose(np.sum(rows.residual**2, (1, 2)), view.cost)
+    gradient = np.einsum("npdk,npd->nk", rows.jacobian, rows.residual)
+    np.testing.assert_allclose(gradient, view.gradient, rtol=1e-9, atol=1e-9 * np.abs(view.gradient).max())
+    information = np.einsum("npdk,npdl->nkl", rows.jacobian, rows.jacobian)
+    np.testing.assert_allclose(information, view.information, rtol=1e-9, atol=1e-9 * np.abs(information).max())
+
+
+def test_3d_points_sum_up_to_their_view(rng):
+    """The same for points measured in 3-D, which need no lens."""
+    points, at = rng.standard_normal((5, 3)), poses(rng, 2)
+    weight = rng.uniform(0.5, 2.0, (2, 5)) * (rng.uniform(size=(2, 5)) < 0.8)
+    seen_points = PointMeasurement(points, rng.standard_normal((2, 5, 3)), weight > 0, weight, weight)
+    rows, view = point_jacobians(seen_points, at, None, False), seen_points.linearise(at, None, False)
+    np.testing.assert_allclose(np.sum(rows.residual**2, (1, 2)), view.cost)
+    np.testing.assert_allclose(np.einsum("npdk,npd->nk", rows.jacobian, rows.residual), view.gradient, atol=1e-9)
+    np.testing.assert_allclose(np.einsum("npdk,npdl->nkl", rows.jacobian, rows.jacobian), view.information, atol=1e-9)
+
+
+def test_points_not_seen_say_nothing(rng):
+    """Neither those without weight nor those behind the camera: no residual, no derivative, and they are told."""
+    seen_points, at = pixels(rng), poses(rng, 3)
+    behind = replace(seen_points, points_in_target=seen_points.points_in_target - np.array([0, 0, 9.0]))
+    rows = point_jacobians(behind, at, BENT_LENS, False)
+    assert not rows.seen.any()
+    assert not rows.residual.any()
+    assert not rows.jacobian.any()
+    ahead = point_jacobians(seen_points, at, BENT_LENS, False)
+    np.testing.assert_array_equal(ahead.seen, seen_points.seen)
+    unweighted = replace(seen_points, weight=np.where(np.arange(6) == 2, 0.0, seen_points.weight))
+    np.testing.assert_array_equal(
+        point_jacobians(unweighted, at, BENT_LENS, False).seen, seen_points.seen & (np.arange(6) != 2)
+    )
+    assert not ahead.residual[~seen_points.seen].any()

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from basecal.errors import InputError
-from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import FAULTS, read_faults
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from shared.facing_arms import facing_arms
 
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DriverError
-from basecal.simulation.running.clock import Clock
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.protocol import Address, connect
 from basecal.simulation.running.server import CellServer
 from shared.facing_arms import facing_arms

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.simulation.running.clock import Clock
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.vision.detectors import find
 

@@ -8,9 +8,8 @@ import pytest
 from basecal.cell.files import read_cell, read_truth
 from basecal.cell.results.truth_file import read_truth_extra
 from basecal.errors import DatasetError
-from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import FAULTS, read_faults
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.world_file import read_world, write_world, write_world_truth
 from shared.facing_arms import facing_arms
 

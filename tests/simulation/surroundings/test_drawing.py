@@ -7,8 +7,7 @@ import pytest
 
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
-from basecal.simulation.running.clock import Clock
-from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.ur5e import ur5e
 from basecal.simulation.surroundings.drawing import Scene, Surroundings
 from basecal.simulation.surroundings.graphics import missing_graphics

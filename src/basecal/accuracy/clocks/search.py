@@ -21,8 +21,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_problem
-from basecal.estimation.streams.jitter import with_jitter
-from basecal.estimation.streams.passing import with_passing_times
+from basecal.estimation.streams.jitter import with_jitter, with_passing_times
 from basecal.estimation.streams.rolling_shutter import Known, line_time_name
 from basecal.estimation.streams.streams import Streams, Synchronised, synchronise
 

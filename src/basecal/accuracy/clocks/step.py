@@ -19,7 +19,7 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.streams.rolling_shutter import line_time_name
 from basecal.estimation.streams.streams import Streams, Synchronised
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.seen_points import point_jacobians
+from basecal.estimation.view.target_points import point_jacobians
 from basecal.geometry import Array, BoolArray
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from basecal.estimation.noise.joint_estimate import MANY_VIEWS
-from basecal.estimation.noise.some_views import some_views
+from basecal.estimation.noise.robot_noise import some_views
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
 

@@ -25,9 +25,8 @@ from basecal.estimation.start.rotation_search import (
     search_rotations,
     settled_rotations,
 )
-from basecal.estimation.view.known_poses import KnownPoses
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.view_pose import view_poses
+from basecal.estimation.view.view_pose import KnownPoses, view_poses
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.rotation import lengths
 
@@ -191,7 +190,7 @@ def _triples(loops: Sequence[Loop]) -> list[Triple | None]:
             alike.setdefault((loops[k].unknown, rotations.clear), []).append(k)
     for (_, clear), rows in alike.items():
         same = [loops[k] for k in rows]
-        better = settled_rotations(same, [found[k][:3] for k in rows]) if clear else search_rotations(same)
+        better = settled_rotations(same, [found[k] for k in rows]) if clear else search_rotations(same)
         found.update(zip(rows, better, strict=True))
     return [_triple(loop, found.get(k)) for k, loop in enumerate(loops)]
 

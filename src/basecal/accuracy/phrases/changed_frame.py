@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import NotConverged
-from basecal.estimation.outliers.agreeing_samples import CLEAR_GAP, agreeing_samples
+from basecal.estimation.outliers.consensus import CLEAR_GAP, agreeing_samples
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.solve import Solution, solve_problem
 from basecal.geometry import PoseEstimate

@@ -16,9 +16,9 @@ import numpy as np
 from basecal.cell import Loop, SampleResidual, Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
-from basecal.estimation.noise.some_views import some_views
+from basecal.estimation.noise.robot_noise import some_views
 from basecal.estimation.observability.observability import analyse_observability
-from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.problem import Problem, State, sequential_columns
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3
@@ -124,9 +124,7 @@ def _relations(solution: Solution) -> list[_Relation]:
 def _fit_pair(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str]) -> State | None:
     """The state that fits one pair best, of a base and mounts, the base's prior left out; None if it is not seen."""
     whole, state = some_views(solution.problem.with_groups([group]), solution.state, len(group))
-    widths = {name: whole.columns[name].stop - whole.columns[name].start for name in mounts} | {base: 6}
-    ends = np.cumsum([0, *widths.values()])
-    columns = {name: slice(int(i), int(j)) for name, i, j in zip(widths, ends[:-1], ends[1:], strict=True)}
+    columns = sequential_columns({name: whole.column_width(name) for name in mounts} | {base: 6})
     problem = replace(whole, columns=columns, unknowns={**whole.unknowns, base: Unknown()}, models={})
     end = bundle_adjust(problem, state, degrees_of_freedom(problem), _PAIR_FIT_STEPS)
     observability = analyse_observability(problem, end.state, end.normal.hessian, solution.noise.factor)

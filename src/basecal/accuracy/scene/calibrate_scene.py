@@ -28,7 +28,6 @@ from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, Sampl
 from basecal.errors import InputError
 from basecal.estimation.scene.adjust import SceneFit, residuals_px
 from basecal.estimation.scene.spread import scene_covariance
-from basecal.estimation.scene.state import Columns, scene_columns
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array, Camera, PoseEstimate
 
@@ -82,9 +81,9 @@ class _Place(NamedTuple):
         return PoseEstimate(self.mean, covariance[self.columns, self.columns] if self.columns else np.zeros((6, 6)))
 
 
-def _places(cell: Cell, fit: SceneFit, columns: Columns) -> tuple[list[_Place], list[_Place]]:
+def _places(cell: Cell, fit: SceneFit) -> tuple[list[_Place], list[_Place]]:
     """The bases of robots but that of the reference, and the mounts of cameras."""
-    views, state = fit.views, fit.state
+    views, state, columns = fit.views, fit.state, fit.columns
     names = [cell.base_name(robot) for robot in views.robots], [cell.mount_name(each.name) for each in views.cameras]
     bases = map(_Place, names[0], state.bases, views.bases, columns.bases)
     mounts = map(_Place, names[1], state.mounts, (each.mount for each in views.cameras), columns.mounts)
@@ -102,8 +101,7 @@ def _covariance(cell: Cell, fit: SceneFit) -> Array:
 
 def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> Calibration:
     """The calibration of a scene that was adjusted."""
-    columns = scene_columns(fit.views, fit.state.lenses)
-    covariance, (bases, mounts) = _covariance(cell, fit), _places(cell, fit, columns)
+    covariance, (bases, mounts) = _covariance(cell, fit), _places(cell, fit)
     motion = scene_motion(fit)
     for finding in motion_findings(motion):
         covariance, report.findings = covariance + np.outer(motion.step, motion.step), [*report.findings, finding]
@@ -125,7 +123,7 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
         judge_findings(report.findings),
         transforms=found,
         status={each.name: each.known.status for each in (*bases, *mounts)},
-        cameras=_lenses(fit, columns, covariance),
+        cameras=_lenses(fit, covariance),
         noise={"pixel_px": fit.sigma_px, "robots": _robot_noise(fit)},
         order=tuple(rows),
         joint_covariance=covariance[np.ix_(at, at)] if len(at) else None,
@@ -148,9 +146,9 @@ def _compare_statement(statement: Unknown, base: PoseEstimate) -> tuple[Array | 
     return apart[:3], (of_scene + np.diag(sigma**2))[:3, :3]
 
 
-def _lenses(fit: SceneFit, columns: Columns, covariance: Array) -> dict[str, tuple[Camera, Array]]:
+def _lenses(fit: SceneFit, covariance: Array) -> dict[str, tuple[Camera, Array]]:
     """Lenses that are not fixed, with their covariance, by camera."""
-    every = zip(fit.views.cameras, fit.state.lenses, columns.lenses, strict=True)
+    every = zip(fit.views.cameras, fit.state.lenses, fit.columns.lenses, strict=True)
     return {camera.name: (lens, covariance[where, where]) for camera, lens, where in every if where is not None}
 
 

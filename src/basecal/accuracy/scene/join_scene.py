@@ -24,7 +24,6 @@ from basecal.estimation.problem.build import scene_groups
 from basecal.estimation.problem.problem import State
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.spread import scene_covariance, widening
-from basecal.estimation.scene.state import scene_columns
 from basecal.estimation.scene.tie import with_scene
 from basecal.estimation.scene.views import AT_WORLD
 from basecal.estimation.settings import Settings
@@ -95,8 +94,8 @@ def _update_images(images: Images, solution: Solution, cell: Cell, anchor: str) 
 
 def _noise(solution: Solution, robot: str) -> Array | None:
     """The noise of a robot's stops in a solution, (6,) [m, rad]; None if it has none."""
-    rows = [k for k, name in enumerate(solution.problem.stops.robot) if name == robot]
-    return solution.problem.stops.sigma[rows[0]] if rows else None
+    stops = solution.problem.stops
+    return stops.sigma[stops.first[robot]] if robot in stops.first else None
 
 
 def _place_in_world(fit: SceneFit, world_from_base: SE3 | None) -> SceneFit:
@@ -113,7 +112,7 @@ def _place_in_world(fit: SceneFit, world_from_base: SE3 | None) -> SceneFit:
 
 def _base_findings(cell: Cell, solution: Solution, fit: SceneFit) -> Iterator[Finding]:
     """Findings of other evidence about each base that the scene has."""
-    columns, covariance = scene_columns(fit.views, fit.state.lenses), scene_covariance(fit)
+    columns, covariance = fit.columns, scene_covariance(fit)
     for k, where in enumerate(columns.bases):
         if where is None:
             continue

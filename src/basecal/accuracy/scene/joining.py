@@ -15,8 +15,7 @@ import numpy as np
 from basecal.accuracy.scene.images import Images
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.alignment import alignments, are_one
-from basecal.estimation.scene.base import project_points, refine_transform
+from basecal.estimation.scene.alignment import alignments, are_one, project_points, refine_transform
 from basecal.estimation.scene.views import FEWEST_VIEWS, Tracks
 from basecal.geometry import SE3, Array, IntArray
 from basecal.numerics.batch import concatenate

@@ -14,7 +14,6 @@ from basecal.accuracy.task.meeting import choose_places
 from basecal.accuracy.task.task import place_kind, placed_transforms, task_places
 from basecal.cell import Cell, MeetingError
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.state import scene_columns
 from basecal.estimation.settings import Settings
 from basecal.geometry import Array
 
@@ -51,7 +50,7 @@ def _variance_m2(covariances: Array) -> float:
 
 def _error_covariances(cell: Cell, fit: SceneFit, covariance: Array, robot: int, task_m: Array) -> Array:
     """Covariances of the distance of two flanges, (n, 3, 3) [m^2], in the axes of the other robot's base."""
-    columns = scene_columns(fit.views, fit.state.lenses).bases[robot]
+    columns = fit.columns.bases[robot]
     assert columns is not None
     reference, base = fit.views.robots.index(cell.reference), fit.state.bases[robot]
     points_m = task_m if len(task_m) else _recorded_places(fit, (reference, robot))

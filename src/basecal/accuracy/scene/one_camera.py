@@ -12,9 +12,8 @@ import numpy as np
 
 from basecal.accuracy.scene.images import Images
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.epipolar import PointPairs, point_pairs
 from basecal.estimation.scene.fit import fit_scene
-from basecal.estimation.scene.mount_search import MountStart, find_mount, scale_focal
+from basecal.estimation.scene.mount_search import MountStart, PointPairs, find_mount, point_pairs, scale_focal
 from basecal.estimation.scene.state import start_state
 from basecal.estimation.scene.views import AT_WORLD, FEWEST_VIEWS, SceneViews, Tracks
 from basecal.geometry import SE3, Array, Camera, IntArray

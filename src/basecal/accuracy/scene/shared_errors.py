@@ -17,7 +17,6 @@ from basecal.effects import smooth_by_place
 from basecal.effects.faces.expected_size import SigmaPrior
 from basecal.effects.length_scale import LENGTHS, outward
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.state import scene_columns
 from basecal.geometry import SE3, Array, IntArray
 
 _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviations
@@ -50,7 +49,7 @@ class Response(NamedTuple):
 
 def respond(fit: SceneFit, by_stop: Array) -> Response:
     """The response to errors by which flanges move so, (s, 6, k), right tangents of each stop."""
-    errors = scene_columns(fit.views, fit.state.lenses).errors
+    errors = fit.columns.errors
     moves = by_stop.reshape(-1, by_stop.shape[-1])
     across = fit.pixel_information[:, errors] @ moves / fit.sigma_px**2
     follows = np.linalg.solve(fit.information, across)

@@ -335,7 +335,7 @@ def _negative_log_evidence(solution: Solution, name: str) -> float:
         return model_sigmas(problem, solution.state, noise).minus_2_log_evidence
     start, other = replace(noise, logs=noise.models[name].logs), next((n for n in noise.common if n != name), "")
     terms = (shared_term(problem, each, open_robots(problem)) for each in (name, other))
-    return model_sigmas(problem, solution.state, start, *terms).minus_2_log_evidence
+    return model_sigmas(problem, solution.state, start, list(filter(None, terms))).minus_2_log_evidence
 
 
 def _describe(situation: Situation, suspect: Suspect, solution: Solution, corrected_solution: Solution) -> FoundEffect:

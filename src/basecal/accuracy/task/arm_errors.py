@@ -45,7 +45,7 @@ class ArmErrors:
             arms = {robot: errors for robot, errors in found.items() if errors is not None}
             key = tuple(len(errors.is_turn) for errors in arms.values())
             if arms and key not in models:
-                models[key] = kinds, model_sigmas(problem, state, noise, SharedTerm(arms, EXPECTED_PRIOR))
+                models[key] = kinds, model_sigmas(problem, state, noise, [SharedTerm(arms, EXPECTED_PRIOR)])
         return list(models.values())
 
     @cached_property

@@ -18,7 +18,6 @@ from basecal.accuracy.task.field_errors import field_covariance
 from basecal.accuracy.task.kinematic_errors import moved_by_errors
 from basecal.accuracy.task.meeting import Meeting, add_own
 from basecal.accuracy.task.pose_errors import POSE_EFFECTS, moved_by_pose_errors, unseen_share
-from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.joint_estimate import (
     companion_name,
@@ -81,7 +80,7 @@ def _models_by_joints(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
     problem, state = meeting.problem, meeting.state
     models = []
     for kinds, sigmas in arms.joint_models:
-        columns = sigmas.model.layout.common
+        (columns,) = sigmas.model.layout.shared
         moved = [
             (columns[robot][0], meeting.propagate(robot, moved_by_errors(problem, state, robot, where_m, kinds)))
             for robot, where_m in meeting.places_m.items()
@@ -101,27 +100,24 @@ def _models_by_poses(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
         return []
     found, models = arms.fitted.noise.models, {}
     for name, sigmas in found.items():
-        layout, places = sigmas.model.layout, sigmas.model.sigmas
         if name in ("", *POSE_EFFECTS):
-            models[name] = _model_by_poses(meeting, sigmas, name, layout.common, places.shared)
+            models[name] = _model_by_poses(meeting, sigmas, name, 0)
         elif RANDOM_EFFECTS[name].by_times is not None:
-            of = _model_by_poses(meeting, sigmas, companion_name(name, found), layout.beside, places.beside)
-            alone = [(places.shared[r], np.ones(len(at))) for r, at in meeting.places_m.items() if r in layout.common]
+            of = _model_by_poses(meeting, sigmas, companion_name(name, found), 1)
+            columns, places = sigmas.model.layout.shared[0], sigmas.model.sigmas.shared[0]
+            alone = [(places[r], np.ones(len(at))) for r, at in meeting.places_m.items() if r in columns]
             models[name] = replace(of, unknown=[*of.unknown, *alone])
     return [
         replace(models[name], prior=float(prior)) for name, prior in zip(models, model_priors([*models]), strict=True)
     ]
 
 
-def _model_by_poses(
-    meeting: Meeting,
-    sigmas: SigmaPosterior,
-    name: str,
-    columns: Mapping[str, tuple[int, SharedErrors]],
-    places: Mapping[str, slice],
-) -> _Model:
-    """A model with errors smooth in the pose, or none, by the columns of these and the places of their sigmas."""
-    arms = {r: at for r, at in meeting.places_m.items() if r in columns and name in POSE_EFFECTS}
+def _model_by_poses(meeting: Meeting, sigmas: SigmaPosterior, name: str, number: int) -> _Model:
+    """A model with errors smooth in the pose, which are the kind of that number among its shared ones, or none."""
+    if name not in POSE_EFFECTS:
+        return _Model(sigmas, [], [])
+    columns, places = sigmas.model.layout.shared[number], sigmas.model.sigmas.shared[number]
+    arms = {r: at for r, at in meeting.places_m.items() if r in columns}
     moves = {r: moved_by_pose_errors(meeting.problem, r, at, name) for r, at in arms.items()}
     moved = [(columns[r][0], meeting.propagate(r, of)) for r, of in moves.items()]
     return _Model(sigmas, moved, [(places[r], unseen_share(meeting.problem, r, at, name)) for r, at in arms.items()])

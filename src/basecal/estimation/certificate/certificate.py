@@ -28,12 +28,13 @@ from basecal.estimation.certificate.rotation_cost import (
 from basecal.estimation.certificate.view_rotation import view_costs
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import SAME_COST, Solution
-from basecal.estimation.start.closed_form import solve_rotations, solve_translations
+from basecal.estimation.start.closed_form import Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3
 
 _TIGHT_GAP = 1e-3  # relative gap up to which a bound counts as tight: what is left is far below the noise
 _SMALLEST_COST = 1e-10  # of exact data, whose gap is rounding over rounding
@@ -143,13 +144,12 @@ def _scope_reason(solution: Solution) -> str:
     return ""
 
 
-def _least_bound(form: LoopForm, factors: tuple[Array, Array, Array]) -> Bound:
+def _least_bound(form: LoopForm, own: Rotations) -> Bound:
     """The bound at the least value found: from the solution, by closed form, and from a grid if that is not proven."""
     loop = form.loop
     if not loop.unknown:
         return Bound((), float(form.form[0, 0]), float(form.form[0, 0]), np.inf)
-    closed = solve_rotations(loop)
-    first = _lowest_minimum(form, [factors, (closed.x, closed.y, closed.z)])
+    first = _lowest_minimum(form, [own, solve_rotations(loop)])
     found = lower_bound(form.form, first[0])
     if ProvenLoop(form, found).gap <= _TIGHT_GAP:
         return found
@@ -157,9 +157,9 @@ def _least_bound(form: LoopForm, factors: tuple[Array, Array, Array]) -> Bound:
     return lower_bound(form.form, second[0]) if second[1] < first[1] * (1 - SAME_COST) else found
 
 
-def _lowest_minimum(form: LoopForm, starts: list[tuple[Array, Array, Array]]) -> tuple[Factors, float]:
+def _lowest_minimum(form: LoopForm, starts: list[Rotations]) -> tuple[Factors, float]:
     """The lowest end of short descents from the starts, descended to the end."""
-    ends = [local_minimum(form.form, rotation_factors(form.loop, *start), _SHORT_SWEEPS) for start in starts]
+    ends = [local_minimum(form.form, rotation_factors(form.loop, start), _SHORT_SWEEPS) for start in starts]
     return local_minimum(form.form, min(ends, key=lambda end: end[1])[0])
 
 
@@ -185,13 +185,9 @@ def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
 def _better_state(solution: Solution, start: State) -> State | None:
     """The end of a descent on everything, if it is lower than the solution."""
     dof = degrees_of_freedom(solution.problem)
-    end = bundle_adjust(solution.problem, _clear_errors(start), dof, 2 * _DESCENT_STEPS)
+    end = bundle_adjust(solution.problem, without_errors(solution.problem, start), dof, 2 * _DESCENT_STEPS)
     lower = end.cost < solution.cost * (1 - SAME_COST) - SAME_COST
     return end.state if lower and not _same_place(end.state, solution.state) else None
-
-
-def _clear_errors(state: State) -> State:
-    return replace(state, stop_errors=np.zeros_like(state.stop_errors))
 
 
 def _explore_surroundings(solution: Solution, share: float, gap: float) -> Certified:
@@ -201,7 +197,7 @@ def _explore_surroundings(solution: Solution, share: float, gap: float) -> Certi
         for g in solution.problem.groups
     )
     dof = degrees_of_freedom(few)
-    reference = bundle_adjust(few, _clear_errors(solution.state), dof, _DESCENT_STEPS)
+    reference = bundle_adjust(few, without_errors(few, solution.state), dof, _DESCENT_STEPS)
     angle = 2 * float(np.arcsin(np.sqrt(share)))
     for start in _turned_states(solution, angle):
         end = bundle_adjust(few, start, dof, _DESCENT_STEPS)
@@ -232,5 +228,5 @@ def _turned_states(solution: Solution, angle: float) -> list[State]:
             name: state.transforms[name] @ SE3.exp(np.concatenate([np.zeros(3), turn]))
             for name, turn in zip(turning, turns, strict=True)
         }
-        out.append(_clear_errors(replace(state, transforms={**state.transforms, **turned})))
+        out.append(without_errors(problem, replace(state, transforms={**state.transforms, **turned})))
     return out

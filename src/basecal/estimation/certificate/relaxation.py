@@ -17,6 +17,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # its parts are loaded when they are first used
 
 from basecal.estimation.start.closed_form import kron
 from basecal.geometry import Array, IntArray
@@ -115,10 +116,14 @@ def _with_first(unit: Array) -> Array:
 
 def _exchange_mean(matrix: Array, count: int) -> Array:
     """The part of a matrix that products see: its mean over all exchanges of a factor's indices."""
-    of = matrix.reshape((4,) * (2 * count))
-    for j in range(count):
-        of = (of + np.swapaxes(of, j, count + j)) / 2
-    return of.reshape(matrix.shape)
+    return _class_means(matrix, _classes(count))
+
+
+def _class_means(matrix: Array, classes: IntArray) -> Array:
+    """A matrix whose entries of each class are their mean."""
+    flat = classes.ravel()
+    means: Array = np.bincount(flat, matrix.ravel()) / np.maximum(np.bincount(flat), 1)
+    return means[classes]
 
 
 @cache
@@ -147,15 +152,7 @@ def _clear_first_row(form: Array, count: int) -> Array:
 def _vanishing(count: int) -> Operator:
     """Projection onto the matrices that vanish on products and leave the first row and column at rest."""
     inner = _classes(count)[1:, 1:]
-    flat, shape = inner.ravel(), inner.shape
-    members = np.maximum(np.bincount(flat), 1)
-
-    def project(matrix: Array) -> Array:
-        """A matrix less its mean over the exchanges."""
-        mean: Array = matrix - (np.bincount(flat, matrix.ravel()) / members)[flat].reshape(shape)
-        return mean
-
-    return project
+    return lambda matrix: matrix - _class_means(matrix, inner)
 
 
 def _maximise_dual(form: Array, count: int) -> Array:
@@ -203,16 +200,10 @@ def _newton(inverse: Array, pull: float, project: Operator) -> tuple[Array, floa
 
 
 def _solve_conjugate_gradients(operator: Operator, right: Array) -> Array:
-    """Conjugate gradients, to a hundredth. Source: Hestenes & Stiefel 1952."""
-    found, left = np.zeros_like(right), right.copy()
-    along, size = left.copy(), float(np.vdot(left, left))
-    enough = _GRADIENT_TOLERANCE**2 * size
-    for _ in range(_MOST_GRADIENTS):
-        if size <= enough:
-            break
-        image = operator(along)
-        length = size / float(np.vdot(along, image))
-        found, left = found + length * along, left - length * image
-        before, size = size, float(np.vdot(left, left))
-        along = left + (size / before) * along
-    return found
+    """Conjugate gradients, to a hundredth."""
+    flat = scipy.sparse.linalg.LinearOperator(
+        (right.size, right.size), lambda step: operator(step.reshape(right.shape)).ravel(), dtype=right.dtype
+    )
+    solve, limits = scipy.sparse.linalg.cg, {"rtol": _GRADIENT_TOLERANCE, "maxiter": _MOST_GRADIENTS}
+    found: Array = solve(flat, right.ravel(), **limits)[0]
+    return found.reshape(right.shape)

@@ -81,10 +81,10 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
     return LoopForm(loop, form / max(total, 1e-300), total, merged)
 
 
-def rotation_factors(loop: Loop, x: Array, y: Array, z: Array) -> Factors:
+def rotation_factors(loop: Loop, rotations: Rotations) -> Factors:
     """The unit quaternions of the unknown rotations: of X, and of the inverses of Y and Z."""
-    found = {"x": quaternion_from_rotation(x), "y": _inverse(y), "z": _inverse(z)}
-    return tuple(found[name] for name in loop.unknown)
+    of = {"x": quaternion_from_rotation(rotations.x), "y": _inverse(rotations.y), "z": _inverse(rotations.z)}
+    return tuple(of[name] for name in loop.unknown)
 
 
 def rotations_from_factors(loop: Loop, factors: Factors) -> Rotations:
@@ -98,16 +98,16 @@ def rotations_from_factors(loop: Loop, factors: Factors) -> Rotations:
             return known.rotation
         return rotation_from_quaternion(found[name] if name == "x" else _CONJUGATE * found[name])
 
-    return Rotations(rotation("x"), rotation("y"), rotation("z"), True)
+    return Rotations(rotation("x"), rotation("y"), rotation("z"))
 
 
-def present(problem: Problem, state: State, group: ViewGroup, letters: str) -> tuple[Array, Array, Array]:
+def present(problem: Problem, state: State, group: ViewGroup, letters: str) -> Rotations:
     """Rotations of X, Y and Z of a state, merged as in a `LoopForm`."""
     x, z = state.transforms[group.eye.mount].rotation, state.transforms[group.hand.mount].rotation
     y = group.eye_base_from_hand_base(state.transforms).rotation
     if letters == "x":
-        return y.T @ x, np.eye(3), z
-    return (x, np.eye(3), y @ z) if letters == "z" else (x, y, z)
+        return Rotations(y.T @ x, np.eye(3), z)
+    return Rotations(x, np.eye(3), y @ z) if letters == "z" else Rotations(x, y, z)
 
 
 def _inverse(rotation: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from basecal.cell import Unknown
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise, retract
-from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.problem.problem import Problem, State, Stops, sequential_columns
 from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.numerics.batch import stack
@@ -100,11 +100,11 @@ def _structure(problem: Problem, group: ViewGroup) -> Hashable:
     """The structure that the pairs of one batch share."""
     points = getattr(group.measurement, "points_in_target", np.zeros((0, 3)))
     lens = problem.lenses.get(group.camera)
-    widths = tuple((of, _width(problem, name)) for of, name in _frames(group).items())
+    widths = tuple((of, problem.column_width(name)) for of, name in _frames(group).items())
     # Each stop has a sigma of its own; those of a robot are alike.
     sigmas = tuple(problem.stops.sigma[end.stop[0]].tobytes() if end.has_noise else b"" for end in group.ends)
     still = tuple(end.robot is None for end in group.ends)
-    of_lens = (lens is not None, _width(problem, group.camera))
+    of_lens = (lens is not None, problem.column_width(group.camera))
     return type(group.measurement), points.tobytes(), still, widths, of_lens, sigmas
 
 
@@ -118,27 +118,16 @@ def _frames(group: ViewGroup) -> dict[str, str]:
     return named
 
 
-def _width(problem: Problem, name: str) -> int:
-    where = problem.columns.get(name)
-    return 0 if where is None else where.stop - where.start
-
-
 def _join_pairs(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
     groups = [problem.groups[number] for number in numbers]
     frames = [_frames(group) for group in groups]
     most = max(map(len, groups))
     rows = np.stack([np.where(np.arange(most) < len(g), np.arange(most), 0) for g in groups])
     taken = [group.take(row) for group, row in zip(groups, rows, strict=True)]
-    columns, at = {}, 0
-    for name, width in [
-        *((of, _width(problem, name)) for of, name in frames[0].items()),
-        (_LENS_FIELD, _width(problem, groups[0].camera)),
-    ]:
-        if width:
-            columns[name] = slice(at, at + width)
-            at += width
+    fields = {**frames[0], _LENS_FIELD: groups[0].camera}
+    widths = {of: problem.column_width(name) for of, name in fields.items() if name in problem.columns}
     where = [
-        np.concatenate([_range(problem, named.get(of, group.camera)) for of in columns])
+        np.r_[tuple(problem.columns[named.get(of, group.camera)] for of in widths)]
         for group, named in zip(groups, frames, strict=True)
     ]
     noisy = [k for k, end in enumerate(groups[0].ends) if end.has_noise]
@@ -146,7 +135,8 @@ def _join_pairs(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
     stops = np.stack([np.concatenate([none, *(g.ends[k].stop for k in noisy)]) for g in taken])
     sigma = problem.stops.sigma[stops[0]]
     unknowns = {of: Unknown("free") for of in frames[0]}
-    points = frozenset(of for of in frames[0] if columns.get(of) and columns[of].stop - columns[of].start == 3)
+    points = frozenset(of for of in frames[0] if widths.get(of) == 3)
+    columns = sequential_columns(widths)
     return AlikePairs(
         Problem(problem.reference, (_merge_groups(taken),), unknowns, points, {}, Stops(sigma), columns),
         numbers,
@@ -157,11 +147,6 @@ def _join_pairs(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
         np.stack(where),
         stops,
     )
-
-
-def _range(problem: Problem, name: str) -> IntArray:
-    where = problem.columns[name]
-    return np.arange(where.start, where.stop)
 
 
 def _merge_groups(groups: Sequence[ViewGroup]) -> ViewGroup:

@@ -15,13 +15,16 @@ from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.se3_jacobians import right_jacobian
 
 
-def unknown_jacobian(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> tuple[Array, IntArray]:
+def unknown_jacobian(
+    problem: Problem, group: ViewGroup, links: Chain, state: State, rows: int
+) -> tuple[Array, IntArray]:
     """Derivative of views to the unknowns of their group.
 
     Args:
         problem: The problem.
         group: Its views, n of them.
         links: The factors of their `camera_from_target`.
+        state: Where.
         rows: 6, or 6 + k with the lens's k parameters.
 
     Returns:
@@ -31,7 +34,7 @@ def unknown_jacobian(problem: Problem, group: ViewGroup, links: Chain, rows: int
     present = [(name, sign, link) for name, sign, link in parts if name in problem.columns]
     lens = problem.columns.get(group.camera) if rows > 6 else None
     places = [problem.columns[name] for name, _, _ in present] + ([lens] if lens else [])
-    columns = [np.arange(c.start, c.stop) for c in places]
+    columns = [np.r_[where] for where in places]
     out = np.zeros((*links.target_from_camera.shape, rows, sum(map(len, columns))))
     at = 0
     for (name, sign, link), where in zip(present, columns, strict=False):
@@ -47,7 +50,11 @@ def unknown_jacobian(problem: Problem, group: ViewGroup, links: Chain, rows: int
         at += len(where)
     if lens:
         out[..., 6:, at:] = np.eye(rows - 6)
-    return out, np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)
+    known = np.concatenate([np.zeros(0, dtype=np.int64), *columns])
+    if not problem.models:
+        return out, known
+    of_robots, more = robot_model_jacobian(problem, group, links, state, rows)
+    return np.concatenate([out, of_robots], -1), np.concatenate([known, more])
 
 
 def robot_model_jacobian(
@@ -71,7 +78,7 @@ def robot_model_jacobian(
         block = np.zeros((*shape, rows, moved.shape[-1]))
         block[..., :6, :] = moved
         blocks.append(block)
-        columns += [np.arange(problem.columns[n].start, problem.columns[n].stop) for n in model.widths]
+        columns += [np.r_[problem.columns[name]] for name in model.widths]
     return np.concatenate(blocks, -1), np.concatenate(columns)
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.cell import Unknown
-from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, SharedView
 from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.estimation.problem.problem import Problem, State, chain
@@ -99,7 +99,7 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
         state: Where.
         weights: For each group (..., n): what each view counts, its private stops' errors included; 1 where None.
     """
-    hessian, gradient, cost = _priors(problem, state)
+    hessian, gradient, cost = priors(problem, state)
     cost += np.sum(state.stop_errors**2, axis=(-1, -2))
     eliminated, log_det, views = np.zeros(state.batch), np.zeros(state.batch), []
     shared = problem.shared_stops
@@ -135,18 +135,13 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
     return NormalEquations(cost, gradient, symmetric, eliminated, log_det, tuple(views), system)
 
 
-def prior_information(problem: Problem, state: State) -> Array:
-    """The priors' part of the Hessian, (..., p, p)."""
-    return _priors(problem, state)[0]
-
-
 def retract(problem: Problem, state: State, normal: NormalEquations, step: Array) -> State:
     """The state after a step of the unknowns, (..., p), with the stop errors that are best to first order then."""
     columns = problem.columns
     names = [name for name in columns if name in state.transforms]
     tangents = np.zeros((len(names), *state.batch, 6))
     for k, name in enumerate(names):
-        tangents[k, ..., : columns[name].stop - columns[name].start] = step[..., columns[name]]
+        tangents[k, ..., : problem.column_width(name)] = step[..., columns[name]]
     after = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents) if names else SE3.identity((0,))
     transforms = {**state.transforms, **{name: after[k] for k, name in enumerate(names)}}
     lenses = {
@@ -191,10 +186,7 @@ def _linearise_group(
     if shake is not None:
         view = ViewInformation(*without_motion(*view, shake))
     rows = view.gradient.shape[-1]
-    derivative, columns = unknown_jacobian(problem, group, links, rows)
-    if problem.models:
-        of_robots, more = robot_model_jacobian(problem, group, links, state, rows)
-        derivative, columns = np.concatenate([derivative, of_robots], -1), np.concatenate([columns, more])
+    derivative, columns = unknown_jacobian(problem, group, links, state, rows)
     stops = stop_error_jacobians(group, links, state, problem.stops, rows)
     kept = tuple(_select(stop, error, shared_stops[stop] >= 0, shared_stops) for stop, error in stops)
     private = tuple(_select(stop, error, shared_stops[stop] < 0, None) for stop, error in stops)
@@ -291,8 +283,8 @@ def _stop_errors(problem: Problem, state: State, normal: NormalEquations, step: 
     return errors
 
 
-def _priors(problem: Problem, state: State) -> tuple[Array, Array, Array]:
-    """Hessian, gradient and cost of the priors."""
+def priors(problem: Problem, state: State) -> tuple[Array, Array, Array]:
+    """Hessian (..., p, p), gradient (..., p) and cost (...) of the priors."""
     width = problem.width
     hessian, gradient = np.zeros((*state.batch, width, width)), np.zeros((*state.batch, width))
     cost = np.zeros(state.batch)

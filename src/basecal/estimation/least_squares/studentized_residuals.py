@@ -18,7 +18,7 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.seen_points import PointJacobians, SeenPoints, point_jacobians
+from basecal.estimation.view.target_points import PointJacobians, SeenPoints, point_jacobians
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.spectral import VIEW_ROUNDING, inverse_beside_identity, scaled_spectrum, spectrum
 

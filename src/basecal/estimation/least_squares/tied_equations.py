@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.tied_views import TiedViews
@@ -55,14 +55,13 @@ def linearise_scene(problem: Problem, scene: TiedViews, state: State) -> TiedEqu
         reference = scene.camera_from_world[first : first + len(group)]
         parts.append(_linearise_group(problem, scene, group, reference, state))
         first += len(group)
-    offset, by_unknowns, by_errors = (np.concatenate([part[k] for part in parts], axis) for k, axis in _AXES)
     for camera, about in scene.lenses.items():
-        where, off = problem.columns[camera], state.cameras[camera].parameters - about.parameters
+        off = state.cameras[camera].parameters - about.parameters
         rows = np.zeros((*state.batch, off.shape[-1], problem.width))
-        rows[..., np.arange(where.start, where.stop)] = np.eye(off.shape[-1])
-        offset = np.concatenate([offset, np.broadcast_to(off, rows.shape[:-1])], -1)
-        by_unknowns = np.concatenate([by_unknowns, rows], -2)
-        by_errors = np.concatenate([by_errors, np.zeros((*rows.shape[:-1], by_errors.shape[-1]))], -2)
+        rows[..., problem.columns[camera]] = np.eye(off.shape[-1])
+        none = np.zeros((*rows.shape[:-1], 6 * len(scene.stops)))
+        parts.append((np.broadcast_to(off, rows.shape[:-1]), rows, none))
+    offset, by_unknowns, by_errors = (np.concatenate([part[k] for part in parts], axis) for k, axis in _AXES)
     carried = offset @ scene.information
     cost = scene.cost + np.sum(offset * (2 * scene.gradient + carried), -1)
     return TiedEquations(cost, scene.gradient + carried, scene.information, by_unknowns, by_errors)
@@ -79,11 +78,8 @@ def _linearise_group(
     offset = (reference.inverse() @ links.camera_from_target).log()
     turn = right_jacobian_inverse(offset)
     by_unknowns = np.zeros((*offset.shape, problem.width))
-    derivatives = [unknown_jacobian(problem, group, links, 6)]
-    if problem.models:
-        derivatives.append(robot_model_jacobian(problem, group, links, state, 6))
-    for derivative, columns in derivatives:
-        by_unknowns[..., columns] = turn @ derivative
+    derivative, columns = unknown_jacobian(problem, group, links, state, 6)
+    by_unknowns[..., columns] = turn @ derivative
     by_errors = np.zeros((*offset.shape[:-1], len(scene.stops), 6, 6))
     for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):
         by_errors[..., np.arange(n), np.searchsorted(scene.stops, stop), :, :] = turn @ by_error

@@ -94,10 +94,14 @@ class NoiseEstimate:
 
     def hold_sigmas(self, problem: Problem) -> Problem:
         """The problem with these sigmas, held, and targets shaped so."""
+        return replace(self.apply(problem), held=True)
+
+    def apply(self, problem: Problem) -> Problem:
+        """The problem with these sigmas, which may be estimated again, and targets shaped so."""
         problem = reshape_targets(problem, {name: shape for name, (shape, _) in self.shapes.items()})
         groups = (g.with_noise(self.cameras.get(g.camera, self.noise)) for g in problem.groups)
         noisy = with_robot_noise(problem.with_groups(groups), self.robots)
-        return replace(noisy, held=True, jitter_s={**problem.jitter_s, **self.jitter_s})
+        return replace(noisy, jitter_s={**problem.jitter_s, **self.jitter_s})
 
 
 def residual_counts(problem: Problem) -> dict[str, int]:
@@ -114,7 +118,7 @@ def residual_counts(problem: Problem) -> dict[str, int]:
 def degrees_of_freedom(problem: Problem) -> int:
     """Scalar residuals, priors among them, less unknowns."""
     status = _statuses(problem)
-    priors = sum(where.stop - where.start for name, where in problem.columns.items() if status[name] == "prior")
+    priors = sum(problem.column_width(name) for name in problem.columns if status[name] == "prior")
     held = sum(
         int(of.sum()) for name, of in problem.gauges.items() if name in problem.columns and status[name] == "free"
     )

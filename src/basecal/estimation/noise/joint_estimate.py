@@ -9,7 +9,7 @@ Source: docs/mathematics.md (5.2), (5.3).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,9 +26,14 @@ from basecal.estimation.noise.laplace import (
 from basecal.estimation.noise.mixed_model import EstimatesOf, make_estimates, mixed_model, open_jitter
 from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, merge_estimates, neighbourhoods
 from basecal.estimation.noise.random_effects import has_similar_errors, shared_term
-from basecal.estimation.noise.robot_noise import count_stops, stands, with_robot_noise, without_errors
-from basecal.estimation.noise.shaped_targets import reshape_targets
-from basecal.estimation.noise.some_views import recorded_subset, some_views
+from basecal.estimation.noise.robot_noise import (
+    count_stops,
+    recorded_subset,
+    some_views,
+    stands,
+    with_robot_noise,
+    without_errors,
+)
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
@@ -43,27 +48,6 @@ _SETTLED_CHANGE = 0.02  # of logarithms, and of shapes in sigmas: as well as a t
 MANY_VIEWS = 2000
 _SOME_VIEWS = (500, MANY_VIEWS)
 _NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a few of any arm's
-
-
-@dataclass(frozen=True, eq=False)
-class _Sigmas:
-    """Sigmas by name: noise by camera, of robots those of single stops, (6,) [m, rad], and shared ones, (2,) [m, rad].
-
-    With them, of targets the coefficients of their shape, (k,), and the covariance of these.
-    """
-
-    cameras: Mapping[str, Noise]
-    robots: Mapping[str, Array]
-    common: Mapping[str, Array]
-    shapes: Mapping[str, tuple[Array, Array]]
-    jitter_s: Mapping[str, float]
-
-    def apply(self, problem: Problem) -> Problem:
-        """The problem with them."""
-        problem = reshape_targets(problem, {name: shape for name, (shape, _) in self.shapes.items()})
-        groups = (g.with_noise(self.cameras[g.camera]) if g.camera in self.cameras else g for g in problem.groups)
-        noisy = with_robot_noise(problem.with_groups(groups), self.robots)
-        return replace(noisy, jitter_s={**problem.jitter_s, **self.jitter_s})
 
 
 def open_robots(problem: Problem) -> list[str]:
@@ -110,7 +94,7 @@ def _estimate_neighbourhoods(
         step(done, len(parts))
         found[robot] = _estimate_sigmas(part.problem, part.state, iterations, None)[2]
     noise = merge_estimates(found, parts)
-    used = replace(noise.hold_sigmas(problem), held=problem.held)
+    used = noise.apply(problem)
     end = bundle_adjust(used, without_errors(used, start), degrees_of_freedom(used), iterations)
     return used, end, noise
 
@@ -126,13 +110,13 @@ def _estimate_sigmas(
         used, logs = with_robot_noise(nominal, dict.fromkeys(robots, np.repeat(_NOMINAL, 3))), None
         start = _clear_open_errors(problem, used, start, robots)
     else:
-        used, logs = _with_sigmas(problem, guess), guess.logs
+        used, logs = guess.apply(problem), guess.logs
         start = start if len(start.stop_errors) == len(used.stops) else without_errors(used, start)
     if max(map(len, problem.groups), default=0) > MANY_VIEWS:
         few, few_start = recorded_subset(problem, without_errors(problem, start), MANY_VIEWS)
         _, few_end, found = _estimate_sigmas(few, few_start, iterations, guess)
         if few_end.converged and found.settled and found.logs is not None:
-            return _extend_estimate(_with_sigmas(problem, found), few_end.state, iterations, found.logs)
+            return _extend_estimate(found.apply(problem), few_end.state, iterations, found.logs)
     end, settled = bundle_adjust(used, start, dof, iterations, sigmas=ROUGH_SIGMAS), False
     plain = _sigma_posterior(used, end.state, robots, logs)
     for _ in range(_ALTERNATIONS):
@@ -142,7 +126,7 @@ def _estimate_sigmas(
         if settled:
             break
     used, end = _readjust(used, end, plain, dof, iterations)
-    return used, end, _estimate(plain, used, settled)
+    return used, end, _final_estimate(plain, used, settled)
 
 
 def _extend_estimate(
@@ -153,12 +137,7 @@ def _extend_estimate(
     end = bundle_adjust(problem, without_errors(problem, start), dof, iterations, sigmas=ROUGH_SIGMAS)
     plain = _sigma_posterior(problem, end.state, open_robots(problem), logs)
     problem, end = _readjust(problem, end, plain, dof, iterations)
-    return problem, end, _estimate(plain, problem, True)
-
-
-def _with_sigmas(problem: Problem, estimate: NoiseEstimate) -> Problem:
-    """The problem with sigmas that were estimated, which may be estimated again."""
-    return replace(estimate.hold_sigmas(problem), held=problem.held)
+    return problem, end, _final_estimate(plain, problem, True)
 
 
 def _clear_open_errors(problem: Problem, nominal: Problem, state: State, robots: Sequence[str]) -> State:
@@ -203,10 +182,10 @@ def integrate_sigmas(
     found = replace(noise, covariance=covariance, minus_2_log_evidence=best.minus_2_log_evidence, models=models)
     if not likeliest:
         return replace(found, common={}, beside_common=None)
-    sigmas = _sigmas(best, problem)
+    sigmas = _estimate(best, problem)
     beside = replace(noise, robots=sigmas.robots, cameras=sigmas.cameras, jitter_s=sigmas.jitter_s)
-    common = {likeliest: sigmas.common, companion_name(likeliest, models): _shared_sigmas(best, is_beside=True)}
-    return replace(found, common={name: of for name, of in common.items() if name}, beside_common=beside)
+    common = zip((likeliest, companion_name(likeliest, models)), _shared_sigmas(best), strict=False)
+    return replace(found, common=dict(common), beside_common=beside)
 
 
 def model_priors(names: Sequence[str]) -> Array:
@@ -255,16 +234,13 @@ def _sigma_models(
             if term is not None and (effect.by_times is None or has_similar_errors(models[""], term.errors)):
                 logs = near[name].logs if name in near else noise.logs
                 second = shared_term(problem, companion_name(name, models), robots)
-                models[name] = _sigma_posterior(problem, state, robots, logs, term, second, estimates)
+                terms = [term] if second is None else [term, second]
+                models[name] = _sigma_posterior(problem, state, robots, logs, terms, estimates)
     return models
 
 
 def model_sigmas(
-    problem: Problem,
-    state: State,
-    noise: NoiseEstimate,
-    term: SharedTerm | None = None,
-    second_term: SharedTerm | None = None,
+    problem: Problem, state: State, noise: NoiseEstimate, terms: Sequence[SharedTerm] = ()
 ) -> SigmaPosterior:
     """The sigmas of a model, which may have more shared errors.
 
@@ -272,11 +248,10 @@ def model_sigmas(
         problem: The problem with the most likely sigmas.
         state: Its optimum.
         noise: These sigmas, estimated jointly.
-        term: Shared errors of stops of some of `open_robots`; none if None.
-        second_term: A second kind of them.
+        terms: Kinds of errors that stops of some of `open_robots` share, two at most.
     """
     with np.errstate(all="ignore"):
-        return _sigma_posterior(problem, state, open_robots(problem), noise.logs, term, second_term)
+        return _sigma_posterior(problem, state, open_robots(problem), noise.logs, terms)
 
 
 def _readjust(
@@ -291,7 +266,7 @@ def _readjust(
     # Errors of stops stay the same in metres and radians.
     robots = list(posterior.model.sigmas.stops)
     physical = end.state.stop_errors * _units(problem, robots)
-    problem = _sigmas(posterior, problem).apply(problem)
+    problem = _estimate(posterior, problem).apply(problem)
     state = replace(end.state, stop_errors=physical / _units(problem, robots))
     return problem, bundle_adjust(problem, state, dof, iterations, sigmas=sigmas)
 
@@ -301,8 +276,7 @@ def _sigma_posterior(
     state: State,
     robots: Sequence[str],
     logs: Array | None,
-    term: SharedTerm | None = None,
-    second_term: SharedTerm | None = None,
+    terms: Sequence[SharedTerm] = (),
     estimates: EstimatesOf | None = None,
 ) -> SigmaPosterior:
     """The sigmas about a state, looked for from `logs`; also of shared errors of stops, of two kinds at most.
@@ -317,12 +291,10 @@ def _sigma_posterior(
         problem: Problem, state: State, start: Array | None, estimates: EstimatesOf | None = None
     ) -> SigmaPosterior:
         """The mode of a problem's views."""
-        of_errors = [None if each is None else each.errors for each in (term, second_term)]
-        priors = [None if each is None else each.prior for each in (term, second_term)]
-        model = mixed_model(problem, state, robots, of_errors[0], estimates, of_errors[1])
-        return sigma_posterior(model, hyperpriors(model, reach_m, *priors), start)
+        model = mixed_model(problem, state, robots, [each.errors for each in terms], estimates)
+        return sigma_posterior(model, hyperpriors(model, reach_m, [each.prior for each in terms]), start)
 
-    is_near = logs is not None and term is None
+    is_near = logs is not None and not terms
     for most in () if is_near else _SOME_VIEWS:
         if max(map(len, unit.groups), default=0) > most:
             logs = find_mode(*some_views(unit, physical, most), logs).logs
@@ -347,9 +319,27 @@ def _reach(problem: Problem, robot: str) -> float:
     return float(np.sqrt(np.mean(np.sum(poses.translation[seen] ** 2, -1))))
 
 
-def _sigmas(posterior: SigmaPosterior, problem: Problem) -> _Sigmas:
-    """The most likely sigmas by name, and shapes that add to those of the problem."""
+def _shared_sigmas(posterior: SigmaPosterior) -> list[dict[str, Array]]:
+    """The most likely sigmas of each kind of errors that stops share, (2,) [m, rad], by robot."""
+    model = posterior.model
+    return [
+        {robot: np.exp(posterior.logs[at]) for robot, at in places.items() if robot in robots}
+        for places, robots in zip(model.sigmas.shared, model.layout.shared, strict=True)
+    ]
+
+
+def _final_estimate(posterior: SigmaPosterior, problem: Problem, is_settled: bool) -> NoiseEstimate:
+    """The most likely sigmas, and the shapes that the problem has."""
+    found = _estimate(posterior, problem)
+    shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in found.shapes.items()}
+    return replace(found, settled=is_settled, shapes=shapes)
+
+
+def _estimate(posterior: SigmaPosterior, problem: Problem) -> NoiseEstimate:
+    """The most likely sigmas, and shapes that add to those of the problem."""
     model, values, places = posterior.model, np.exp(posterior.logs), posterior.model.sigmas
+    # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
+    raised = np.exp(posterior.logs + np.diag(posterior.covariance))
     cameras: dict[str, Noise] = {}
     for (camera, name), at in places.views.items():
         cameras[camera] = cameras.get(camera, Noise())._replace(**{name: float(values[at])})
@@ -357,41 +347,17 @@ def _sigmas(posterior: SigmaPosterior, problem: Problem) -> _Sigmas:
     for target, rows in model.layout.shapes.items():
         before = problem.shapes.get(target, np.zeros(rows.stop - rows.start))
         shapes[target] = before + posterior.columns.mean[rows], posterior.columns.spread[rows, rows]
-    return _Sigmas(
-        cameras,
-        {robot: np.repeat(values[at], 3) for robot, at in places.stops.items()},
-        _shared_sigmas(posterior),
-        shapes,
-        {camera: float(values[at]) for camera, at in places.jitter.items()},
-    )
-
-
-def _shared_sigmas(posterior: SigmaPosterior, is_beside: bool = False) -> dict[str, Array]:
-    """The most likely sigmas of errors that stops share, (2,) [m, rad], by robot; or of the second kind."""
-    sigmas, layout = posterior.model.sigmas, posterior.model.layout
-    places, robots = (sigmas.beside, layout.beside) if is_beside else (sigmas.shared, layout.common)
-    return {robot: np.exp(posterior.logs[at]) for robot, at in places.items() if robot in robots}
-
-
-def _estimate(posterior: SigmaPosterior, problem: Problem, is_settled: bool) -> NoiseEstimate:
-    """The most likely sigmas, and the shapes that the problem has."""
-    sigmas = _sigmas(posterior, problem)
-    # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
-    raised, places = np.exp(posterior.logs + np.diag(posterior.covariance)), posterior.model.sigmas
-    shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in sigmas.shapes.items()}
-    estimated = tuple(f for f in Noise._fields if any(name == f for _, name in places.views))
-    noise = next(iter(sigmas.cameras.values()), Noise())
     return NoiseEstimate(
-        noise,
+        next(iter(cameras.values()), Noise()),
         1.0,
-        estimated,
-        is_settled,
-        sigmas.robots,
-        sigmas.cameras,
+        tuple(f for f in Noise._fields if any(name == f for _, name in places.views)),
+        True,
+        {robot: np.repeat(values[at], 3) for robot, at in places.stops.items()},
+        cameras,
         minus_2_log_evidence=posterior.minus_2_log_evidence,
         plain_minus_2_log_evidence=posterior.minus_2_log_evidence,
         shapes=shapes,
         logs=posterior.logs,
-        jitter_s=sigmas.jitter_s,
+        jitter_s={camera: float(values[at]) for camera, at in places.jitter.items()},
         robot_variances={robot: np.repeat(raised[at], 3) ** 2 for robot, at in places.stops.items()},
     )

@@ -19,8 +19,8 @@ import numpy as np
 from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.estimation.noise.reml import Columns, Equations, node_equations, posterior, scales, solve_columns
-from basecal.estimation.noise.secant import Secant, correct_curvature
 from basecal.geometry import Array, IntArray
+from basecal.numerics.batch import take
 from basecal.numerics.mixtures import probabilities
 from basecal.numerics.spectral import floored_spectrum, scaled_spectrum, spectrum
 
@@ -48,6 +48,9 @@ _LIKELY_SHARE = 0.1  # of a model, for the quick integral: less likely ones chan
 _LEAST_CURVATURE = 0.1  # of a logarithm no prior leaves so wide, a factor of 20: keeps saddles from endless steps
 _MOST_OFF = float(np.log(400.0))  # how far a sigma is looked for from what is expected: any device's is within
 _LEAST_OF_VIEWS = float(np.log(20.0))  # how far below that those of views: less is rounding of made-up data
+_PARALLEL = 1e-8  # cosine of step and correction: below it the pair says nothing of the curvature along the step
+_LEAST_LEFT = 0.2  # of the curvature along a correction that lowers it: less makes steps too long
+_REGULAR = 1e-300  # what is regular already is not changed by it
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ class SigmaPosterior:
     @cached_property
     def columns(self) -> Columns:
         """Posterior of the columns at these sigmas, kept since it is used repeatedly."""
-        return solve_columns(node_equations(self.model, self.logs[None]), np.arange(len(self.model.prior))).take(0)
+        return take(solve_columns(node_equations(self.model, self.logs[None]), np.arange(len(self.model.prior))), 0)
 
     @cached_property
     def nodes(self) -> _Nodes:
@@ -205,7 +208,7 @@ def _weighed_nodes(
     values = np.where(np.isfinite(values), values, np.inf) - nodes.drawn
     weights = np.exp(-0.5 * (values - values.min()))
     counts = weights > 0  # others may hold what is no number
-    return weights[counts] / weights.sum(), nodes.logs[counts], known.take(counts)
+    return weights[counts] / weights.sum(), nodes.logs[counts], take(known, counts)
 
 
 class _Nodes(NamedTuple):
@@ -268,3 +271,29 @@ def _root(covariance: Array) -> Array:
         return np.asarray(np.linalg.cholesky(covariance).T)
     except np.linalg.LinAlgError:
         return spectrum(covariance).root.T
+
+
+class Secant(NamedTuple):
+    """A step, (k,), and the change of the slope over it, (k,)."""
+
+    step: Array
+    change: Array
+
+
+def correct_curvature(curvature: Array, secants: Sequence[Secant]) -> Array:
+    """The curvature, (k, k) positive definite, that has the slope change as it did, as far as it stays regular.
+
+    The average information equals the observed one to within the scatter of the data. If errors of two robots have
+    nearly the same effect, it is off by up to a factor of two. Steps by it alone then oscillate. Each pair of a step
+    and of the change of the slope over it is a symmetric correction of rank one.
+    Source: Broyden 1967; Conn, Gould & Toint 1991 (when to leave one out).
+    """
+    for step, change in secants:
+        off = change - curvature @ step
+        along = float(off @ step)
+        if abs(along) <= _PARALLEL * float(np.linalg.norm(off) * np.linalg.norm(step)):
+            continue
+        left = 1 + floored_spectrum(curvature, _REGULAR).squared_mahalanobis(off) / along
+        if left > _LEAST_LEFT:
+            curvature = curvature + np.outer(off, off) / along
+    return curvature

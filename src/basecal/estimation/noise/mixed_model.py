@@ -15,8 +15,8 @@ import numpy as np
 
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.target_shape import unit_shifts
-from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
-from basecal.estimation.least_squares.normal_equations import prior_residuals
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
+from basecal.estimation.least_squares.normal_equations import priors
 from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.estimation.noise.shaped_targets import shaped_points, shaped_targets
 from basecal.estimation.noise.sigma_places import SigmaPlaces
@@ -68,8 +68,7 @@ class Layout:
         blocks: How many blocks.
         rows: Rows of each.
         width: How many columns.
-        common: By robot the first column of the errors that its stops share, and the effect.
-        beside: Likewise of a second kind of them.
+        shared: Of each kind of errors that stops share, by robot their first column, and the effect.
         shapes: By target the columns of its shape.
         jitter_rows: By group, of each view the block and the row there of its stamp's jitter, (n,) each; -1 for none.
     """
@@ -80,15 +79,14 @@ class Layout:
     blocks: int
     rows: int
     width: int
-    common: Mapping[str, tuple[int, SharedErrors]]
-    beside: Mapping[str, tuple[int, SharedErrors]]
+    shared: tuple[Mapping[str, tuple[int, SharedErrors]], ...]
     shapes: Mapping[str, slice]
     jitter_rows: tuple[tuple[IntArray, IntArray], ...]
 
     def shared_columns(self, robot: str) -> Iterator[tuple[slice, Array]]:
         """Columns of the errors that a robot's stops share, and how its flange moves with them, (stops, 6, k)."""
-        for at, shared in (of[robot] for of in (self.common, self.beside) if robot in of):
-            yield slice(at, at + len(shared.is_turn)), shared.by_stop
+        for at, errors in (of[robot] for of in self.shared if robot in of):
+            yield slice(at, at + len(errors.is_turn)), errors.by_stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,9 +154,8 @@ def mixed_model(
     problem: Problem,
     state: State,
     robots: Sequence[str],
-    common: Mapping[str, SharedErrors] | None = None,
+    shared: Sequence[Mapping[str, SharedErrors]] = (),
     estimates: EstimatesOf | None = None,
-    second_errors: Mapping[str, SharedErrors] | None = None,
 ) -> MixedModel:
     """The problem about a state.
 
@@ -166,11 +163,10 @@ def mixed_model(
         problem: The problem; stops of `robots` have unit sigmas, so that their errors are in metres and radians.
         state: The state.
         robots: Whose sigmas are open.
-        common: By robot the effect that its stops share.
+        shared: Kinds of errors that stops share, by robot.
         estimates: `make_estimates` problem and state, where they are known.
-        second_errors: Likewise a second one.
     """
-    layout = _layout(problem, common or {}, second_errors or {})
+    layout = _layout(problem, shared)
     estimates = make_estimates(problem, state) if estimates is None else estimates
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, float]] = {}
@@ -185,7 +181,7 @@ def mixed_model(
         parts[SCENE, STATED] = _scene_moments(problem, problem.tied, state, layout)
     prior, gradient, cost = _prior(problem, state, layout)
     open_views = sorted(key for key in parts if key[1] != STATED)
-    sigmas = SigmaPlaces.sequential(open_views, robots, open_jitter(problem), bool(layout.common) + bool(layout.beside))
+    sigmas = SigmaPlaces.sequential(open_views, robots, open_jitter(problem), len(shared))
     scaled = _sigma_indices(problem, layout, sigmas)
     robot_of_stop = problem.stops.robot
     return MixedModel(parts, problem.width, prior, gradient, cost, sigmas, *scaled, white, layout, robot_of_stop)
@@ -197,7 +193,7 @@ def open_jitter(problem: Problem) -> tuple[str, ...]:
     return tuple(sorted(problem.open_jitter & moving))
 
 
-def _layout(problem: Problem, first: Mapping[str, SharedErrors], second: Mapping[str, SharedErrors]) -> Layout:
+def _layout(problem: Problem, kinds: Sequence[Mapping[str, SharedErrors]]) -> Layout:
     count = len(problem.stops)
     pairs = np.concatenate([np.column_stack([end.stop for end in g.ends]) for g in problem.groups])
     of_scene = [] if problem.tied is None else problem.tied.stops.tolist()
@@ -211,16 +207,16 @@ def _layout(problem: Problem, first: Mapping[str, SharedErrors], second: Mapping
     for stop in of.hubs:
         column[stop] = width
         width += 6
-    common, beside = dict[str, tuple[int, SharedErrors]](), dict[str, tuple[int, SharedErrors]]()
-    for kind, by_robot in ((common, first), (beside, second)):
+    shared: tuple[dict[str, tuple[int, SharedErrors]], ...] = tuple({} for _ in kinds)
+    for of_kind, by_robot in zip(shared, kinds, strict=True):
         for robot, errors in by_robot.items():
-            kind[robot] = (width, errors)
+            of_kind[robot] = (width, errors)
             width += len(errors.is_turn)
     shapes = {}
     for target, count in shaped_targets(problem).items():
         shapes[target] = slice(width, width + count)
         width += count
-    return Layout(block, row, column, blocks, rows, width, common, beside, shapes, jitter_rows)
+    return Layout(block, row, column, blocks, rows, width, shared, shapes, jitter_rows)
 
 
 def _jitter_layout(
@@ -254,10 +250,8 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     n, rows = view.gradient.shape
     rows -= 0 if by_shape is None else by_shape.stop - by_shape.start  # what is left is of pose and lens
     fixed = np.zeros((n, rows, layout.width))
-    of_unknowns, columns = unknown_jacobian(problem, group, links, rows)
+    of_unknowns, columns = unknown_jacobian(problem, group, links, state, rows)
     fixed[:, :, columns] = of_unknowns
-    of_models, more = robot_model_jacobian(problem, group, links, state, rows)
-    fixed[:, :, more] = of_models
     errors, present = np.zeros((n, rows, layout.rows)), np.zeros((n, rows))
     block = np.full(n, -1, dtype=np.int64)
     noisy = [end for end in group.ends if end.has_noise]
@@ -360,13 +354,9 @@ def _set_rows(array: Array, rows: IntArray, values: Array) -> None:
 
 
 def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array, float]:
-    prior, gradient, cost = np.zeros((layout.width, layout.width)), np.zeros(layout.width), 0.0
-    for residual, jacobian, where in prior_residuals(problem, state):
-        prior[where, where] += jacobian.T @ jacobian
-        gradient[where] += jacobian.T @ residual
-        cost += float(residual @ residual)
-    own = np.arange(problem.width, layout.width)
-    prior[own, own] = 1.0
+    known, of_unknowns, total = priors(problem, state)
+    prior, gradient, cost = np.eye(layout.width), np.zeros(layout.width), float(total)
+    prior[: problem.width, : problem.width], gradient[: problem.width] = known, of_unknowns
     for target, columns in layout.shapes.items():
         mean = problem.shapes.get(target, np.zeros(columns.stop - columns.start))
         gradient[columns] = mean
@@ -378,8 +368,8 @@ def _sigma_indices(problem: Problem, layout: Layout, sigmas: SigmaPlaces) -> tup
     """See `MixedModel`: of each column and each error its sigma."""
     column = np.full(layout.width, -1, dtype=np.int64)
     error = np.full((layout.blocks, layout.rows), -1, dtype=np.int64)
-    places = {robot: place.start for robot, place in sigmas.stops.items()}
-    of_robot = np.array([places.get(robot, -1) for robot in problem.stops.robot], dtype=np.int64)
+    first = {robot: place.start for robot, place in sigmas.stops.items()}
+    of_robot = np.array([first.get(robot, -1) for robot in problem.stops.robot], dtype=np.int64)
     which, six = of_robot[:, None] + np.repeat([0, 1], 3), np.arange(6)
     tied, hub = ((of_robot >= 0) & (at >= 0) for at in (layout.block, layout.column))
     error[layout.block[tied, None], layout.row[tied, None] + six] = which[tied]
@@ -387,7 +377,7 @@ def _sigma_indices(problem: Problem, layout: Layout, sigmas: SigmaPlaces) -> tup
     for group, (own, row) in zip(problem.groups, layout.jitter_rows, strict=True):
         if group.camera in sigmas.jitter:
             error[own[own >= 0], row[own >= 0]] = sigmas.jitter[group.camera]
-    for kind, of_kind in ((layout.common, sigmas.shared), (layout.beside, sigmas.beside)):
-        for robot, (at, shared) in kind.items():
-            column[at : at + len(shared.is_turn)] = of_kind[robot].start + shared.is_turn
+    for columns, places in zip(layout.shared, sigmas.shared, strict=True):
+        for robot, (at, errors) in columns.items():
+            column[at : at + len(errors.is_turn)] = places[robot].start + errors.is_turn
     return column, error

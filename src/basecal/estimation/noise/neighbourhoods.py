@@ -13,8 +13,8 @@ import numpy as np
 
 from basecal.estimation.least_squares.sparse_normal_equations import MANY_COLUMNS
 from basecal.estimation.noise.estimate import NoiseEstimate
-from basecal.estimation.noise.some_views import some_views
-from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.noise.robot_noise import some_views
+from basecal.estimation.problem.problem import Problem, State, sequential_columns
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 
@@ -94,9 +94,4 @@ def _columns(problem: Problem, held_base: str | None) -> dict[str, slice]:
     for group in problem.groups:
         named |= {*group.frames, group.camera}
     named.discard(held_base)
-    columns, at = {}, 0
-    for name, where in problem.columns.items():
-        if name in named:
-            columns[name] = slice(at, at + where.stop - where.start)
-            at = columns[name].stop
-    return columns
+    return sequential_columns({name: problem.column_width(name) for name in problem.columns if name in named})

@@ -23,8 +23,9 @@ import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
 from basecal.estimation.noise.mixed_model import MixedModel, Moments, chunks
-from basecal.geometry import Array, BoolArray, IntArray
+from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import with_identity
+from basecal.numerics.batch import take
 from basecal.numerics.inverse_factors import inverse_factors
 from basecal.numerics.spectral import floored_spectrum
 
@@ -47,10 +48,6 @@ class Columns:
     value: Array
     mean: Array
     spread: Array
-
-    def take(self, node: int | BoolArray) -> Columns:
-        """The columns at one node, or at some."""
-        return Columns(self.value[node], self.mean[node], self.spread[node])
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +183,7 @@ def posterior(model: MixedModel, logs: Array) -> Posterior:
     b, q, m = *model.of_errors.shape, len(model.prior)
     blocks = _Blocks(np.empty((b, q)), np.empty((b, q, q)), np.empty((b, q, m)), np.zeros(b), np.empty((m, m)))
     equations = Equations(*(of[None] for of in _eliminate_errors(model, logs, blocks)))
-    known = _solve(equations, np.arange(m)).take(0)
+    known = take(_solve(equations, np.arange(m)), 0)
     # Of the errors there follow those where the columns are zero, and what these move them by.
     u, at = scales(logs, model.of_errors), known.mean * scales(logs, model.of_columns)
     errors = -(blocks.alone + (blocks.own @ (u * (blocks.by_columns @ at))[..., None])[..., 0])

@@ -18,16 +18,14 @@ class SigmaPlaces:
         views: By camera and field of `Noise`.
         stops: By robot, the two of its single stops: of translation and rotation.
         jitter: By camera, that of its stamps.
-        shared: By robot, the two of errors that its stops share; none if the model has no such errors.
-        beside: Likewise of a second kind of such errors.
+        shared: Of each kind of errors that stops share, by robot, the two of these.
         count: How many there are.
     """
 
     views: Mapping[tuple[str, str], int]
     stops: Mapping[str, slice]
     jitter: Mapping[str, int]
-    shared: Mapping[str, slice]
-    beside: Mapping[str, slice]
+    shared: tuple[Mapping[str, slice], ...]
     count: int
 
     @staticmethod
@@ -38,9 +36,11 @@ class SigmaPlaces:
         of_views = {key: number for number, key in enumerate(views)}
         of_stops, at = _pairs(robots, len(of_views))
         of_jitter = {camera: at + number for number, camera in enumerate(cameras)}
-        of_shared, at = _pairs(robots if kinds > 0 else (), at + len(of_jitter))
-        of_beside, count = _pairs(robots if kinds > 1 else (), at)
-        return SigmaPlaces(of_views, of_stops, of_jitter, of_shared, of_beside, count)
+        shared, count = list[Mapping[str, slice]](), at + len(of_jitter)
+        for _ in range(kinds):
+            of_kind, count = _pairs(robots, count)
+            shared.append(of_kind)
+        return SigmaPlaces(of_views, of_stops, of_jitter, tuple(shared), count)
 
     @property
     def is_of_views(self) -> BoolArray:

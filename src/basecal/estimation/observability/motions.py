@@ -95,8 +95,7 @@ def _orientations(turns: Array) -> int:
 
 def _least_motion(problem: Problem) -> dict[str, float]:
     """The least motion that counts, rms, of each robot with stated noise: some thousandths, and several sigmas."""
-    first = {name: k for k, name in reversed(list(enumerate(problem.stops.robot)))}
-    noise = {name: float((problem.stops.sigma[k] / MOVE_SCALE).max()) for name, k in first.items()}
+    noise = {name: float((problem.stops.sigma[k] / MOVE_SCALE).max()) for name, k in problem.stops.first.items()}
     return {name: max(LEAST_RMS, _NOISE_SIGMAS * largest) for name, largest in noise.items()}
 
 

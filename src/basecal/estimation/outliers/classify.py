@@ -22,12 +22,13 @@ from basecal.estimation.least_squares.studentized_residuals import (
 from basecal.estimation.noise.estimate import residual_counts
 from basecal.estimation.outliers.inlier_mask import InlierMask, without_points
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
-from basecal.estimation.outliers.view_ransac import Prior, RansacViews, explain_views, view_ransac
+from basecal.estimation.outliers.view_ransac import PointViews, Prior, RansacViews
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.target_points import SeenPoints
 from basecal.estimation.view.view_pose import refine_poses
 from basecal.geometry import BoolArray, Camera, IntArray
+from basecal.numerics.batch import take
 
 CHANCE_OF_VIEW = 1e-4  # that a good view is left out: one recording of a hundred views in a hundred
 CHANCE_OF_POINT = 1e-6  # that a good point is left out: there are a hundred times as many points
@@ -82,7 +83,7 @@ def classify_inliers(problem: Problem, state: State, inliers: InlierMask) -> Cla
     # A clean view may go more often where many are out: what is far off is likelier one more.
     before = np.concatenate(inliers.views)
     chance = _CHANCE_AMONG_OUTLIERS if len(before) and before.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW
-    scale = view_scale(problem, [_take_rows(s, v) for s, v in zip(views, inliers.views, strict=True)], chance)
+    scale = view_scale(problem, [take(s, v) for s, v in zip(views, inliers.views, strict=True)], chance)
     own = [judged_by_view(g.measurement) for g in about.problem.groups]
     by_view = _point_scale(problem, points, inliers, own)
     by_state = _point_scale(problem, points, inliers, [~o for o in own])
@@ -98,15 +99,11 @@ def classify_inliers(problem: Problem, state: State, inliers: InlierMask) -> Cla
     return Classification(now, views, points, stops, scale, by_view)
 
 
-def _take_rows(squares: MahalanobisSquared, rows: BoolArray) -> MahalanobisSquared:
-    return MahalanobisSquared(squares.value[rows], squares.freedoms[rows])
-
-
 def _point_scale(
     problem: Problem, points: Sequence[MahalanobisSquared], inliers: InlierMask, masks: list[BoolArray]
 ) -> Scale:
     rows = [w & v for w, v in zip(masks, inliers.views, strict=True)]
-    squares = [_take_rows(s, r) for s, r in zip(points, rows, strict=True)]
+    squares = [take(s, r) for s, r in zip(points, rows, strict=True)]
     return robust_scale(squares, 0, is_stated(problem), CHANCE_OF_POINT)
 
 
@@ -143,7 +140,8 @@ def _readmit(
         few = measurement.take(some)
         camera = model.state.cameras.get(group.camera)
         limit = float(of_points.limit(np.array(measurement.coordinates)))
-        found = view_ransac(few, prior.camera_from_target, camera, limit, prior)
+        of_few = PointViews(few, camera, prior)
+        found = of_few.largest_agreement(of_few.subset_fits(prior.camera_from_target), limit)
         tension = prior.tension(found.camera_from_target)[0] * scale.variance
         left, all_points = found.points.sum(1), few.seen.sum(1)
         strays = (left >= _LEAST_STRAYED * all_points) & (left > 1) & ~_agrees_with_itself(few, found, camera, limit)
@@ -159,9 +157,8 @@ def _agrees_with_itself(
     sparse_views: SeenPoints, agreement: RansacViews, camera: Camera | None, limit: float
 ) -> BoolArray:
     """Whether all points of a view, (n,), agree with one another: then the view is off, not its points."""
-    alone = explain_views(
-        sparse_views, refine_poses(sparse_views, agreement.camera_from_target, camera).camera_from_target, camera, limit
-    )
+    poses = refine_poses(sparse_views, agreement.camera_from_target, camera).camera_from_target
+    alone = PointViews(sparse_views, camera).agreement(poses, limit)
     return np.asarray(alone.points.sum(1) == sparse_views.seen.sum(1))
 
 

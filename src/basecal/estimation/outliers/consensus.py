@@ -1,27 +1,33 @@
-"""Where leaving out and taking back came to rest, and whether that is an answer to go by.
+"""Where leaving out and taking back came to rest, whether that is an answer to go by, and which samples agree if not.
 
 `benchmarks.outliers` judges its limits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeGuard
 
 import numpy as np
 
+from basecal.estimation.least_squares.studentized_residuals import studentize_views
 from basecal.estimation.noise.estimate import CONTRADICTED, PLAUSIBLE_PX, UNSUSPECTED_PX
 from basecal.estimation.outliers.classify import Classification, is_stated
 from basecal.estimation.outliers.inlier_mask import InlierMask
-from basecal.estimation.problem.problem import Problem
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.geometry import Array, IntArray
 
 _LEAST_KEPT = 0.5  # of the views an answer rests on: fewer may agree by chance
 _CLEAR_SHARE = 0.6  # of the views that agree convince, so that no further start is tried
 _QUIETER = 4.0  # times less variance: unstated noise spreads over all views alike
 _PLAUSIBLE_SIGMAS = 10.0  # residual of poses and points that an answer may have
+CLEAR_GAP = 5.0
+"""Factor in sigmas between neighbours: noise leaves no such gap."""
+_LEAST_SHARE, _MOST_SHARE = 0.3, 0.8  # of the samples: a gap outside the middle is the tail of noise
+_FARTHEST = 1e15  # misfits beyond are alike [sigma]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,3 +102,32 @@ def _is_within_noise(end: Consensus) -> bool:
 def _inlier_share(end: Consensus) -> float:
     views = np.concatenate(end.kept.views)
     return float(views.mean()) if len(views) else 0.0
+
+
+def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ...]:
+    """Numbers of the samples that a state explains far better than the rest, by the state that explains them best.
+
+    Between the last of them and the first of the rest, misfits in sigmas grow by a factor of five at least. None are
+    returned if no state shows such a gap between 30 % and 80 % of the samples.
+    """
+    found: tuple[float, tuple[int, ...]] = (np.inf, ())
+    numbers, row = np.unique(np.concatenate([g.sample for g in problem.groups]), return_inverse=True)
+    for state in states:
+        squares = studentize_views(problem, state)
+        sigmas = np.sqrt(np.concatenate([s.value / np.maximum(s.freedoms, 1) for s in squares]))
+        worst = np.zeros(len(numbers))  # view of each sample
+        np.maximum.at(worst, row, sigmas)
+        found = min(found, _split_at_gap(numbers, worst), key=lambda f: f[0])
+    return found[1]
+
+
+def _split_at_gap(numbers: IntArray, sigmas: Array) -> tuple[float, tuple[int, ...]]:
+    """The largest misfit before the first clear gap of the sorted ones, and the samples up to there."""
+    order = np.argsort(sigmas, kind="stable")
+    ordered = np.clip(sigmas[order], 1.0, _FARTHEST)
+    first, last = int(np.ceil(_LEAST_SHARE * len(order))), int(_MOST_SHARE * len(order))
+    gaps = np.flatnonzero(ordered[first : last + 1] > CLEAR_GAP * ordered[first - 1 : last])
+    if not len(gaps):
+        return np.inf, ()
+    count = first + int(gaps[0])
+    return float(ordered[count - 1]), tuple(sorted(int(n) for n in numbers[order[:count]]))

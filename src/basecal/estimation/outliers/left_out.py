@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from basecal.cell import Cell
+from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.outliers.classify import Classification
 from basecal.estimation.outliers.inlier_mask import InlierMask
 from basecal.estimation.problem.problem import Problem, State
@@ -14,7 +15,7 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.estimation.view.seen_points import SeenPoints, point_jacobians
+from basecal.estimation.view.target_points import SeenPoints, point_jacobians
 from basecal.estimation.view.view_pose import FEWEST_3D_POINTS, FEWEST_POINTS, refine_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import lengths
@@ -65,8 +66,7 @@ def measure_left_out_items(
     """
     found = []
     for k, group in enumerate(problem.groups):
-        as_recorded = replace(state, stop_errors=np.zeros_like(state.stop_errors))
-        expected = as_recorded.camera_from_target(group, problem.stops)
+        expected = without_errors(problem, state).camera_from_target(group, problem.stops)
         sigmas = np.sqrt(judgement.views[k].value / judgement.view_scale.variance)
         for view in np.flatnonzero(~inliers.views[k]):
             found.append(_left_out_view(group, state, expected, int(view), float(sigmas[view])))

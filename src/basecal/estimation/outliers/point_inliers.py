@@ -16,20 +16,14 @@ from basecal.estimation.noise.estimate import CONTRADICTED, PLAUSIBLE_PX, UNSUSP
 from basecal.estimation.outliers.classify import CHANCE_OF_POINT, is_stated
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, point_count
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
-from basecal.estimation.outliers.view_ransac import (
-    FEW_POINTS,
-    explain_views,
-    largest_agreement,
-    near_fits,
-    subset_fits,
-)
+from basecal.estimation.outliers.view_ransac import FEW_POINTS, PointViews
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.first_state import lenses
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.target_points import SeenPoints
 from basecal.estimation.view.view_pose import refine_poses
-from basecal.geometry import SE3, BoolArray, Camera, IntArray
+from basecal.geometry import SE3, BoolArray, IntArray
 
 _SCALE_ROUNDS = 4  # rounds of scale and inliers in turn, at most
 # Share of a view's points that agree at the fit to all of them, from which on no random subsets are drawn: of so many
@@ -74,13 +68,13 @@ def readmit_points(problem: Problem, state: State, inliers: InlierMask, scale: S
         lens, near = state.cameras.get(group.camera), state.camera_from_target(group, problem.stops)[views]
         poses = refine_poses(rest.take(views), near, lens).camera_from_target
         limit = float(scale.limit(np.array(measurement.coordinates)))
-        found = explain_views(measurement.take(views), poses, lens, limit)
+        found = PointViews(measurement.take(views), lens).agreement(poses, limit)
         points[k] = points[k].copy()
         points[k][views] |= found.points
     return replace(inliers, points=tuple(points))
 
 
-_Fits = Callable[[SeenPoints, SE3, Camera | None], SE3]
+_Fits = Callable[[PointViews, SE3], SE3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,15 +90,16 @@ def _scale_and_points(problem: Problem, state: State, suspects: list[IntArray]) 
 
     Subsets are drawn of those views alone of which the fit to all points does not explain most.
     """
-    poses = [_hypotheses(g, of, problem, state, near_fits) for g, of in zip(problem.groups, suspects, strict=True)]
+    fits = PointViews.near_fits
+    poses = [_hypotheses(g, of, problem, state, fits) for g, of in zip(problem.groups, suspects, strict=True)]
     scale, kept = _choose_points(problem, state, poses)
     unclear = [_unclear(g, k, of) for g, k, of in zip(problem.groups, kept, suspects, strict=True)]
     if any(map(len, unclear)):
         for k, group in enumerate(problem.groups):
             clear = np.setdiff1d(suspects[k], unclear[k])
             poses[k] = [
-                *_hypotheses(group, clear, problem, state, near_fits),
-                *_hypotheses(group, unclear[k], problem, state, subset_fits),
+                *_hypotheses(group, clear, problem, state, fits),
+                *_hypotheses(group, unclear[k], problem, state, PointViews.subset_fits),
             ]
         scale, kept = _choose_points(problem, state, poses)
     return scale.variance, kept
@@ -154,7 +149,7 @@ def _hypotheses(
     if not len(views) or not isinstance(measurement, SeenPoints):
         return []
     near = state.camera_from_target(group, problem.stops)[views]
-    return [_Hypotheses(views, fits(measurement.take(views), near, state.cameras.get(group.camera)))]
+    return [_Hypotheses(views, fits(PointViews(measurement.take(views), state.cameras.get(group.camera)), near))]
 
 
 def _agreeing_points(
@@ -169,7 +164,7 @@ def _agreeing_points(
     squares = [np.zeros(0)]
     for of in hypotheses:
         few = measurement.take(of.views)
-        found = largest_agreement(few, of.poses, state.cameras.get(group.camera), limit)
+        found = PointViews(few, state.cameras.get(group.camera)).largest_agreement(of.poses, limit)
         kept[of.views] = found.points | ~few.seen
         # Of all points, not of those within the limit: a limit that is too tight must not confirm itself.
         squares.append(found.squares[few.seen])

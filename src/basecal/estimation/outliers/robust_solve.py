@@ -14,7 +14,6 @@ import numpy as np
 from basecal.cell import Cell
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.studentized_residuals import judged_by_view, studentize_views
-from basecal.estimation.outliers.agreeing_samples import agreeing_samples
 from basecal.estimation.outliers.classify import (
     Classification,
     classify_inliers,
@@ -23,6 +22,7 @@ from basecal.estimation.outliers.classify import (
 )
 from basecal.estimation.outliers.consensus import (
     Consensus,
+    agreeing_samples,
     best_consensus,
     convincing,
     fits,

@@ -19,7 +19,7 @@ from basecal.estimation.least_squares.studentized_residuals import studentize_vi
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.outliers.inlier_mask import select_samples
 from basecal.estimation.problem.correspondence import choose_correspondence
-from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.problem import Problem, State, sequential_columns
 from basecal.estimation.start.first_state import first_states, lenses, light_states
 from basecal.geometry import Camera, IntArray
 from basecal.numerics.batch import take
@@ -72,10 +72,8 @@ def score(problem: Problem, state: State, uses_stated_noise: bool) -> float:
 def _with_lenses(problem: Problem, cameras: Mapping[str, Camera]) -> Problem:
     """The problem with every lens known: few samples would rather bend it than give up a wrong pose."""
     known = {name: Intrinsics("fixed", camera) for name, camera in cameras.items()}
-    widths = {name: c.stop - c.start for name, c in problem.columns.items() if name not in known}
-    ends = np.cumsum([0, *widths.values()])
-    columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
-    return replace(problem, lenses=known, columns=columns)
+    widths = {name: problem.column_width(name) for name in problem.columns if name not in known}
+    return replace(problem, lenses=known, columns=sequential_columns(widths))
 
 
 def _subsets(problem: Problem, numbers: IntArray) -> Iterator[IntArray]:

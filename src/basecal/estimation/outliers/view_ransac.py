@@ -17,9 +17,10 @@ import numpy as np
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.target_points import SeenPoints
 from basecal.estimation.view.view_pose import refine_poses, view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
+from basecal.numerics.batch import choose_entries, concatenate, take
 from basecal.numerics.spectral import dimension
 
 # Of many points, so many random subsets of so few: with a third of the points wrong one in eight is clean.
@@ -48,10 +49,6 @@ class Prior:
         force = (self.information @ error[..., None])[..., 0]
         return np.einsum("ni,ni->n", error, force), force
 
-    def take(self, views: IntArray) -> Prior:
-        """The priors of the views at these indices."""
-        return Prior(self.camera_from_target[views], self.information[views])
-
 
 @dataclass(frozen=True, eq=False)
 class RansacViews:
@@ -69,23 +66,9 @@ class RansacViews:
     squares: Array
     cost: Array
 
-    def take(self, views: IntArray) -> RansacViews:
-        """The views at these indices."""
-        return RansacViews(self.camera_from_target[views], self.points[views], self.squares[views], self.cost[views])
-
     def cheaper(self, rival: RansacViews) -> RansacViews:
         """The cheaper of two consensuses of each view; this one if they are equal."""
-        take = rival.cost < self.cost
-        one, two = self.camera_from_target, rival.camera_from_target
-        return RansacViews(
-            SE3(
-                np.where(take[:, None, None], two.rotation, one.rotation),
-                np.where(take[:, None], two.translation, one.translation),
-            ),
-            np.where(take[:, None], rival.points, self.points),
-            np.where(take[:, None], rival.squares, self.squares),
-            np.where(take, rival.cost, self.cost),
-        )
+        return choose_entries(rival.cost < self.cost, rival, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,21 +86,22 @@ class _WithPrior:
 
     def take(self, views: IntArray) -> _WithPrior:
         """The views at these indices."""
-        return _WithPrior(self.measurement.take(views), self.prior.take(views))
+        return take(self, views)
 
 
 @dataclass(frozen=True, eq=False)
-class _Views:
-    """Views by one camera, (n,), and where they should be."""
+class PointViews:
+    """Views by one camera, (n,), and where they should be.
+
+    Attributes:
+        measurement: The views.
+        camera: The lens; None for points in 3-D.
+        prior: Where they should be.
+    """
 
     measurement: SeenPoints
     camera: Camera | None
-    prior: Prior | None
-
-    def take(self, views: IntArray) -> _Views:
-        """The views at these indices, which may repeat."""
-        prior = None if self.prior is None else self.prior.take(views)
-        return _Views(self.measurement.take(views), self.camera, prior)
+    prior: Prior | None = None
 
     def fit(self, start: SE3, points: BoolArray, steps: int) -> SE3:
         """Poses fitted to some of the points, (n, p), and to the prior, (n,)."""
@@ -127,7 +111,7 @@ class _Views:
         ).camera_from_target
 
     def agreement(self, pose: SE3, limit: float) -> RansacViews:
-        """The agreement of points with poses, (n,)."""
+        """The agreement of points, of squared residuals over sigma up to a limit, with poses, (n,)."""
         # Squared residuals over sigma, (n, p); infinite where a point cannot be seen, 0 where it was not.
         of = self.measurement
         off = of.residuals(pose, self.camera)
@@ -138,94 +122,54 @@ class _Views:
         cost = np.minimum(squares, limit).sum(-1) + tension
         return RansacViews(pose, of.seen & (squares <= limit), squares, cost)
 
+    def near_fits(self, start: SE3) -> SE3:
+        """Poses that each view may have, (2, n): `start`, and from there fitted to all points."""
+        fitted = self.fit(start, self.measurement.seen, _FIRST_STEPS)
+        return _reshape_poses(concatenate([start, fitted]), (2, len(start)))
 
-def view_ransac(
-    measurement: SeenPoints, start: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
-) -> RansacViews:
-    """The largest agreement within each view.
+    def subset_fits(self, guess: SE3) -> SE3:
+        """Poses that each view may have, (m, n): `near_fits`, and from there fitted to subsets of the points."""
+        measurement, found = self.measurement, [_reshape_poses(self.near_fits(guess), (-1,))]
+        subsets = _subsets(measurement.seen)
+        for which in _chunks(*subsets.shape):
+            points = subsets[which].reshape(-1, subsets.shape[-1])
+            rows = _every_view(len(guess), len(subsets[which]))
+            start = guess[rows]
+            many, flat = points.shape[-1] > FEW_POINTS, dimension(measurement.points_in_target) < 3
+            if isinstance(measurement, PixelMeasurement) and many and flat:
+                start = _closed_form(measurement, points, self.camera, guess)
+            found.append(take(self, rows).fit(start, points, _FIRST_STEPS))
+        return _reshape_poses(concatenate(found), (-1, len(guess)))
 
-    Args:
-        measurement: The views, (n,).
-        start: Where they may be, a start among others, (n,).
-        camera: The lens; None for points in 3-D.
-        limit: Squared residual over sigma beyond which a point does not agree.
-        prior: Where they should be.
-    """
-    return largest_agreement(measurement, subset_fits(measurement, start, camera, prior), camera, limit, prior)
+    def largest_agreement(self, poses: SE3, limit: float) -> RansacViews:
+        """The pose of each view, of those it may have, (m, n), that explains most, fitted to the points that agree.
 
+        The first of them is fitted so, too; see `agreement` for the limit.
+        """
+        m, n = poses.translation.shape[:2]
+        costs = []
+        for which in _chunks(m, *self.measurement.seen.shape):
+            some = _reshape_poses(poses[which], (-1,))
+            costs.append(take(self, _every_view(n, len(some) // n)).agreement(some, limit).cost.reshape(-1, n))
+        cost = np.concatenate(costs)
+        best = poses[np.argmin(np.where(np.isnan(cost), np.inf, cost), axis=0), np.arange(n)]
+        both = take(self, _every_view(n, 2))._settle(concatenate([best, poses[0]]), limit)
+        return take(both, slice(0, n)).cheaper(take(both, slice(n, None)))
 
-def explain_views(
-    measurement: SeenPoints, pose: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
-) -> RansacViews:
-    """The consensus of views' points at given poses, (n,); the arguments are those of `view_ransac`."""
-    return _Views(measurement, camera, prior).agreement(pose, limit)
-
-
-def near_fits(measurement: SeenPoints, start: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
-    """Poses that each view may have, (2, n): `start`, and from there fitted to all points."""
-    fitted = _Views(measurement, camera, prior).fit(start, measurement.seen, _FIRST_STEPS)
-    return _reshape_poses(_join_poses([start, fitted]), (2, len(start)))
-
-
-def subset_fits(measurement: SeenPoints, guess: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
-    """Poses that each view may have, (m, n): `near_fits`, and from there fitted to subsets of the points."""
-    views = _Views(measurement, camera, prior)
-    found = [_reshape_poses(near_fits(measurement, guess, camera, prior), (-1,))]
-    subsets = _subsets(measurement.seen)
-    for which in _chunks(*subsets.shape):
-        points = subsets[which].reshape(-1, subsets.shape[-1])
-        rows = _every_view(len(guess), len(subsets[which]))
-        start = guess[rows]
-        many, flat = points.shape[-1] > FEW_POINTS, dimension(measurement.points_in_target) < 3
-        if isinstance(measurement, PixelMeasurement) and many and flat:
-            start = _closed_form(measurement, points, camera, guess)
-        found.append(views.take(rows).fit(start, points, _FIRST_STEPS))
-    return _reshape_poses(_join_poses(found), (-1, len(guess)))
-
-
-def largest_agreement(
-    measurement: SeenPoints, poses: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
-) -> RansacViews:
-    """The pose of each view, of those it may have, (m, n), that explains most, fitted to the points that agree.
-
-    The first of them is fitted so, too; the other arguments are those of `view_ransac`.
-    """
-    views, (m, n) = _Views(measurement, camera, prior), poses.translation.shape[:2]
-    costs = []
-    for which in _chunks(m, *measurement.seen.shape):
-        some = _reshape_poses(poses[which], (-1,))
-        costs.append(views.take(_every_view(n, len(some) // n)).agreement(some, limit).cost.reshape(-1, n))
-    cost = np.concatenate(costs)
-    best = poses[np.argmin(np.where(np.isnan(cost), np.inf, cost), axis=0), np.arange(n)]
-    both = _settle(views.take(_every_view(n, 2)), _join_poses([best, poses[0]]), limit)
-    return both.take(np.arange(n)).cheaper(both.take(np.arange(n, 2 * n)))
-
-
-def _settle(views: _Views, pose: SE3, limit: float) -> RansacViews:
-    """Fitted to the points that agree, and judged again, each view until none of its points changes sides."""
-    found = views.agreement(pose, limit)
-    moving = np.arange(len(pose))
-    for _ in range(_FIT_ROUNDS):
-        few, before = views.take(moving), found.take(moving)
-        after = few.agreement(few.fit(before.camera_from_target, before.points, _FIT_STEPS), limit).cheaper(before)
-        found = _replace_rows(found, moving, after)
-        moving = moving[np.any(after.points != before.points, axis=-1)]
-        if not len(moving):
-            break
-    return found
-
-
-def _replace_rows(views: RansacViews, rows: IntArray, replacement: RansacViews) -> RansacViews:
-    """A copy with other values for the views at `rows`."""
-    source = np.arange(len(views.cost))
-    source[rows] = len(source) + np.arange(len(rows))
-    both = RansacViews(
-        _join_poses([views.camera_from_target, replacement.camera_from_target]),
-        np.concatenate([views.points, replacement.points]),
-        np.concatenate([views.squares, replacement.squares]),
-        np.concatenate([views.cost, replacement.cost]),
-    )
-    return both.take(source)
+    def _settle(self, pose: SE3, limit: float) -> RansacViews:
+        """Fitted to the points that agree, and judged again, each view until none of its points changes sides."""
+        found = self.agreement(pose, limit)
+        moving, source = np.arange(len(pose)), np.arange(len(pose))
+        for _ in range(_FIT_ROUNDS):
+            few, before = take(self, moving), take(found, moving)
+            after = few.agreement(few.fit(before.camera_from_target, before.points, _FIT_STEPS), limit).cheaper(before)
+            rows = source.copy()
+            rows[moving] = len(source) + np.arange(len(moving))
+            found = take(concatenate([found, after]), rows)
+            moving = moving[np.any(after.points != before.points, axis=-1)]
+            if not len(moving):
+                break
+        return found
 
 
 def _subsets(is_visible: BoolArray) -> BoolArray:
@@ -253,11 +197,7 @@ def _closed_form(measurement: PixelMeasurement, subsets: BoolArray, camera: Came
         np.where(seen, float(camera.focal.mean()), 0.0),
     )
     poses = view_poses(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
-    pose = poses.camera_from_target[:, 0]
-    return SE3(
-        np.where(poses.has_pose[:, None, None], pose.rotation, start.rotation[rows]),
-        np.where(poses.has_pose[:, None], pose.translation, start.translation[rows]),
-    )
+    return choose_entries(poses.has_pose, poses.camera_from_target[:, 0], start[rows])
 
 
 def _chunks(count: int, views: int, points: int) -> Iterator[slice]:
@@ -269,10 +209,6 @@ def _chunks(count: int, views: int, points: int) -> Iterator[slice]:
 def _every_view(views: int, times: int) -> IntArray:
     """Rows of all views, several times over."""
     return np.tile(np.arange(views, dtype=np.int64), times)
-
-
-def _join_poses(poses: list[SE3]) -> SE3:
-    return SE3(np.concatenate([p.rotation for p in poses]), np.concatenate([p.translation for p in poses]))
 
 
 def _reshape_poses(poses: SE3, shape: tuple[int, ...]) -> SE3:

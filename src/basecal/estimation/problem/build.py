@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from basecal.cell import (
-    WORLD,
     CandidateObservation,
     Cell,
     Finding,
     Intrinsics,
     Observation,
     PixelObservation,
+    PointObservation,
+    PoseObservation,
     Recording,
     RobotState,
     Sample,
@@ -26,36 +27,40 @@ from basecal.effects.deflection import NAME as DEFLECTION
 from basecal.effects.deflection import apply_gravity
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import half_turn
-from basecal.estimation.problem.held_gauges import held_gauges
+from basecal.estimation.problem.gauges import held_gauges, point_mounts
 from basecal.estimation.problem.measurements import GRIP, alternative_readings, make_measurement
-from basecal.estimation.problem.point_mounts import point_mounts
-from basecal.estimation.problem.problem import Problem, Stops, check_carriers
-from basecal.estimation.problem.repeated_views import repeated_views, view_content
+from basecal.estimation.problem.problem import Problem, Stops, check_carriers, sequential_columns
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
 from basecal.estimation.problem.same_stop import stop_numbers
 from basecal.estimation.problem.stated_lens import with_usual_error
-from basecal.estimation.problem.tied_views import SCENE, scene_end
+from basecal.estimation.problem.tied_views import SCENE
 from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
 
 Views = list[tuple[int, Observation]]
+_LISTED_SAMPLES = 10  # samples that a message names; assumed to fit it
 
 
-@dataclass
-class _Poses:
-    """Poses of one robot at the samples that have them.
+class RecordedStates(NamedTuple):
+    """States of one robot, (n,) each: poses, the number of the stop, and joints (n, k) if all have some."""
 
-    `row` of a sample, the poses, of each row the stop (its number among the robot's own, and its row in `Stops`), and
-    the joints.
-    """
+    base_from_flange: SE3
+    stand: IntArray
+    joints: Array | None
 
-    row: dict[int, int] = field(default_factory=dict)
-    base_from_flange: SE3 = field(default_factory=lambda: SE3.identity((0,)))
-    stand: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    stop: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    joints: Array | None = None
+    @property
+    def stands(self) -> int:
+        """How many stops there are."""
+        return int(self.stand.max(initial=-1)) + 1
+
+
+class _Poses(NamedTuple):
+    """The row of each sample that has a pose of a robot, and the states in these rows."""
+
+    row: Mapping[int, int]
+    states: RecordedStates
 
 
 def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
@@ -71,9 +76,9 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     poses = _poses(cell, samples)
     stops = _number_stops(cell, poses)
     views = _views(cell, samples, poses, findings)
-    groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
+    groups = tuple(_group(cell, samples, poses, stops, key, views[key]) for key in sorted(views))
     unstated = frozenset(name for name, robot in cell.robots.items() if robot.noise is None)
-    stands = {name: int(of.stand.max(initial=-1)) + 1 for name, of in poses.items()}
+    stands = {name: of.states.stands for name, of in poses.items()}
     problem = replace(_problem(cell, groups, stops), unstated=unstated, stands=stands)
     return problem.with_models(_models(cell, problem)), findings
 
@@ -91,13 +96,11 @@ def scene_groups(
     """
     samples = canonical_order(recording.samples)
     index, poses = {sample.sample: i for i, sample in enumerate(samples)}, _poses(cell, samples)
-    first = {robot: k for k, robot in reversed(list(enumerate(problem.stops.robot)))}
     groups = []
     for camera, numbers in sample_numbers.items():
-        eye = _end(cell, poses, camera, cell.cameras[camera].on, [index[number] for number in numbers])
-        stop = eye.stand + first[eye.robot] if eye.robot in first else np.full(len(numbers), -1, dtype=np.int64)
-        nothing = PoseMeasurement(SE3.identity((len(stop),)), *np.zeros((2, len(stop), 6)))
-        ends = replace(eye, stop=stop), scene_end(len(stop))
+        eye = _end(cell, poses, problem.stops, camera, [index[number] for number in numbers])
+        nothing = PoseMeasurement(SE3.identity((len(numbers),)), *np.zeros((2, len(numbers), 6)))
+        ends = eye, End.still(SCENE, len(numbers))
         groups.append(ViewGroup(camera, SCENE, ends, np.array(numbers, dtype=np.int64), nothing))
     return tuple(groups)
 
@@ -159,27 +162,12 @@ def canonical_order(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
 
 def _poses(cell: Cell, samples: tuple[Sample, ...]) -> dict[str, _Poses]:
     """Poses of all robots, by name."""
-    states: dict[str, list[tuple[int, RobotState]]] = defaultdict(list)
-    for i, sample in enumerate(samples):
-        for robot, state in sample.robots.items():
-            states[robot].append((i, state))
-    return {name: _robot_poses(cell, name, states[name]) for name in cell.robots}
-
-
-def _robot_poses(cell: Cell, robot: str, having: list[tuple[int, RobotState]]) -> _Poses:
-    if not having:
-        return _Poses()
-    row = {i: k for k, (i, _) in enumerate(having)}
-    found = recorded_states(cell, robot, [state for _, state in having])
-    return _Poses(row, found.base_from_flange, found.stand, found.stand, found.joints)
-
-
-class RecordedStates(NamedTuple):
-    """States of one robot, (n,) each: poses, the number of the stop, and joints (n, k) if all have some."""
-
-    base_from_flange: SE3
-    stand: IntArray
-    joints: Array | None
+    poses = {}
+    for name in cell.robots:
+        having = [i for i, sample in enumerate(samples) if name in sample.robots]
+        states = recorded_states(cell, name, [samples[i].robots[name] for i in having])
+        poses[name] = _Poses({i: row for row, i in enumerate(having)}, states)
+    return poses
 
 
 def recorded_states(cell: Cell, robot: str, states: list[RobotState]) -> RecordedStates:
@@ -188,6 +176,8 @@ def recorded_states(cell: Cell, robot: str, states: list[RobotState]) -> Recorde
     Raises:
         InputError: if some are joints and the robot has no kinematics.
     """
+    if not states:
+        return RecordedStates(SE3.identity((0,)), np.zeros(0, dtype=np.int64), None)
     base_from_flange = _flanges(cell, robot, states)
     recorded = [state.joints_rad for state in states if state.joints_rad is not None]
     joints = np.stack(recorded) if len(recorded) == len(states) else None
@@ -211,18 +201,14 @@ def _flanges(cell: Cell, robot: str, states: list[RobotState]) -> SE3:
 
 
 def _number_stops(cell: Cell, poses: Mapping[str, _Poses]) -> Stops:
-    """One row a stop over all robots with stated noise; `poses` then hold rows, -1 without noise."""
+    """One row a stop over all robots with stated noise."""
     sigmas: list[Array] = [np.zeros((0, 6))]
     names: list[str] = []
     for name, of in poses.items():
         noise = cell.robots[name].noise
-        if noise is None or not np.any(noise) or not len(of.stop):
-            of.stop = np.full(len(of.stop), -1, dtype=np.int64)
-            continue
-        count = int(of.stop.max()) + 1
-        of.stop = of.stop + len(names)
-        names += [name] * count
-        sigmas.append(np.broadcast_to(noise, (count, 6)))
+        if noise is not None and np.any(noise):
+            names += [name] * of.states.stands
+            sigmas.append(np.broadcast_to(noise, (of.states.stands, 6)))
     return Stops(np.concatenate(sigmas), tuple(names))
 
 
@@ -243,7 +229,7 @@ def _views(
             elif isinstance(observation, CandidateObservation) and (shape is None or not shape.is_point):
                 lacking["candidates for several lights, which cannot be distinguished"].append(sample.sample)
             else:
-                stops = [int(poses[r].stand[poses[r].row[i]]) for r in needed if r in cell.robots]
+                stops = [int(poses[r].states.stand[poses[r].row[i]]) for r in needed if r in cell.robots]
                 content = view_content(observation, stops)
                 if content in known:
                     repeated.append(sample.sample)
@@ -252,10 +238,7 @@ def _views(
                     for kind in _kinds(observation):
                         views[camera, target, kind].append((i, observation))
     findings += repeated_views(repeated)
-    for why, numbers in lacking.items():
-        shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
-        what = f"{len(numbers)} view(s) are not used, of sample {shown}: {why}."
-        findings.append(Finding("dropped-sample", "info", tuple(map(str, numbers)), what))
+    findings += [dropped_samples(numbers, why) for why, numbers in lacking.items()]
     for camera, target, _ in views:
         check_carriers(cell, camera, target)
     return views
@@ -270,10 +253,14 @@ def _kinds(observation: Observation) -> tuple[str, ...]:
 
 
 def _group(
-    cell: Cell, samples: tuple[Sample, ...], poses: Mapping[str, _Poses], key: tuple[str, str, str], views: Views
+    cell: Cell,
+    samples: tuple[Sample, ...],
+    poses: Mapping[str, _Poses],
+    stops: Stops,
+    key: tuple[str, str, str],
+    views: Views,
 ) -> ViewGroup:
     camera, target, kind = key
-    on_eye, on_hand = cell.cameras[camera].on, cell.targets[target].on
     index = [i for i, _ in views]
     shape = cell.targets[target].target
     observations = [o for _, o in views]
@@ -282,7 +269,7 @@ def _group(
     return ViewGroup(
         camera=camera,
         target=target,
-        ends=(_end(cell, poses, camera, on_eye, index), _end(cell, poses, target, on_hand, index)),
+        ends=(_end(cell, poses, stops, camera, index), _end(cell, poses, stops, target, index)),
         sample=np.array([samples[i].sample for i in index], dtype=np.int64),
         measurement=measurement,
         readings=readings,
@@ -290,20 +277,16 @@ def _group(
     )
 
 
-def _end(cell: Cell, poses: Mapping[str, _Poses], body: str, carrier: str, index: list[int]) -> End:
+def _end(cell: Cell, poses: Mapping[str, _Poses], stops: Stops, body: str, index: list[int]) -> End:
     """The recorded states, in these samples, of the robot that carries a camera or target; `world` does not move."""
-    mount = cell.mount_name(body)
-    if carrier == WORLD:
-        nowhere = np.full(len(index), -1, dtype=np.int64)
-        return End(None, mount, None, SE3.identity((len(index),)), nowhere, nowhere)
-    if carrier in cell.plates:
-        nowhere = np.full(len(index), -1, dtype=np.int64)
-        return End(None, mount, cell.plate_name(carrier), SE3.identity((len(index),)), nowhere, nowhere)
-    of = poses[carrier]
-    rows = np.array([of.row[i] for i in index])
+    mount, carrier = cell.mount_name(body), (cell.cameras.get(body) or cell.targets[body]).on
+    if carrier not in cell.robots:
+        return End.still(mount, len(index), cell.plate_name(carrier) if carrier in cell.plates else None)
+    states, rows = poses[carrier].states, np.array([poses[carrier].row[i] for i in index])
     base = None if carrier == cell.reference else cell.base_name(carrier)
-    joints = None if of.joints is None else of.joints[rows]
-    return End(carrier, mount, base, of.base_from_flange[rows], of.stop[rows], of.stand[rows], joints)
+    joints, stand = None if states.joints is None else states.joints[rows], states.stand[rows]
+    stop = stand + stops.first[carrier] if carrier in stops.first else np.full(len(rows), -1, dtype=np.int64)
+    return End(carrier, mount, base, states.base_from_flange[rows], stop, stand, joints)
 
 
 def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:
@@ -318,8 +301,6 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
         lenses[name] = intrinsics = with_usual_error(intrinsics)
         if intrinsics.status != "fixed":
             widths[name] = 4 + cell.cameras[name].distortion_terms
-    ends = np.cumsum([0, *widths.values()])
-    columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
     chains = {
         name: apply_gravity(robot.chain, robot.parameters.get(DEFLECTION))
         for name, robot in cell.robots.items()
@@ -333,8 +314,45 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
         points,
         lenses,
         stops,
-        columns,
+        sequential_columns(widths),
         chains=chains,
         exact_targets=exact,
         gauges=held_gauges(cell, groups),
     )
+
+
+def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:
+    """Content of a view, and the stops of the robots that carry camera and target: equal for copies."""
+    if isinstance(observation, PoseObservation):
+        arrays: list[Array] = [observation.camera_from_target.rotation, observation.camera_from_target.translation]
+    elif isinstance(observation, TouchObservation):
+        arrays = []
+    elif isinstance(observation, PointObservation):
+        arrays = [observation.points_in_camera, observation.ids.astype(np.float64)]
+    else:
+        ids = observation.ids if isinstance(observation, PixelObservation) else np.zeros(0)
+        arrays = [observation.pixels, ids.astype(np.float64)]
+    return observation.camera, observation.target, *stops, *map(np.ndarray.tobytes, arrays)
+
+
+def repeated_views(numbers: Sequence[int]) -> list[Finding]:
+    """A finding about the samples, by number, whose views are counted with earlier ones; none without any."""
+    if not numbers:
+        return []
+    shown, one = _list_samples(numbers), len(numbers) == 1
+    which = f"The view of sample {shown} repeats" if one else f"{len(numbers)} views, of sample {shown}, repeat"
+    what = f"{which} that of an earlier sample to the last bit."
+    why = f"No camera does that; {'it' if one else 'each'} counts once."
+    do = ("Look for rows that were copied, and remove them.",)
+    return [Finding("duplicate-samples", "info", tuple(map(str, numbers)), what, do, why)]
+
+
+def dropped_samples(numbers: Sequence[int], why: str) -> Finding:
+    """A finding about the samples, by number, whose views are not used."""
+    what = f"{len(numbers)} view(s) are not used, of sample {_list_samples(numbers)}: {why}."
+    return Finding("dropped-sample", "info", tuple(map(str, numbers)), what)
+
+
+def _list_samples(numbers: Sequence[int]) -> str:
+    """Numbers of samples in words, some of many."""
+    return ", ".join(map(str, numbers[:_LISTED_SAMPLES])) + (", ..." if len(numbers) > _LISTED_SAMPLES else "")

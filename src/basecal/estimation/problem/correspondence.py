@@ -29,15 +29,7 @@ def half_turn(target: Target) -> SE3 | None:
 
 def half_turn_views(measurement: PixelMeasurement) -> PixelMeasurement:
     """The views of a grid read from its other end: point k is point n - 1 - k."""
-    backwards = slice(None, None, -1)
-    return replace(
-        measurement,
-        pixels=measurement.pixels[:, backwards],
-        seen=measurement.seen[:, backwards],
-        stated=measurement.stated[:, backwards],
-        weight=measurement.weight[:, backwards],
-        relative=None if measurement.relative is None else measurement.relative[:, backwards],
-    )
+    return measurement.take_points(slice(None, None, -1))
 
 
 def choose_correspondence(problem: Problem, state: State) -> tuple[Problem, bool]:

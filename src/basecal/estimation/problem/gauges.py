@@ -2,15 +2,24 @@
 
 A joint that never moved rotates the arm as its base does, and so does the next one after it. The last joint rotates
 what the flange carries as its mounts do. A rotation about a joint's own axis is that joint's offset. The poses of the
-flange show which of these a recording leaves open; the arm alone does not. Source: docs/mathematics.md, "Gauges".
+flange show which of these a recording leaves open; the arm alone does not. Nothing depends on a plate's rotation about
+the line of its marks, or on a plane's motion within itself. Source: docs/mathematics.md, "Gauges".
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from basecal.cell import Cell
+from basecal.errors import InputError
+from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.view.contacts import GRIPS, ContactMeasurement
+from basecal.estimation.view.points import is_touch
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
-from basecal.numerics.spectral import Spectrum, scaled_spectrum
+from basecal.numerics.spectral import Spectrum, principal_axes, scaled_spectrum
 
 # Motion of the flange by a radian of something, root of the mean square [rad], below which it is what the noise of
 # recorded poses may make: real arms have some milliradians.
@@ -71,3 +80,51 @@ def determined_joints(moves: Array, other_moves: Array) -> IntArray:
         along = left[held[-1]] / np.linalg.norm(left[held[-1]])
         left = left - np.outer(left @ along, along)
     return np.setdiff1d(np.arange(moves.shape[-1]), np.array(held, dtype=np.int64))
+
+
+def held_gauges(cell: Cell, groups: Sequence[ViewGroup]) -> dict[str, Array]:
+    """Directions of tangents that are held, of each transform that has some and is not fixed: 1, else 0, (6,)."""
+    found = {cell.plate_name(plate): _line_rotation(cell, plate) for plate in cell.plates}
+    for group in groups:
+        if isinstance(group.measurement, ContactMeasurement):
+            found[group.eye.mount] = np.array(group.measurement.camera_gauge, dtype=np.float64)
+            found[group.hand.mount] = np.array(group.measurement.target_gauge, dtype=np.float64)
+    unknowns = cell.transforms
+    return {name: of for name, of in found.items() if of.any() and unknowns[name].status != "fixed"}
+
+
+def _line_rotation(cell: Cell, plate: str) -> Array:
+    """The rotation of a plate about the line that all its marks are on, if they are."""
+    places = [target.mount.mean for target in cell.targets.values() if target.on == plate]
+    points = np.array([at.translation for at in places if at is not None])
+    of, held = principal_axes(points - points.mean(0)), np.zeros(6)
+    if of.dimension == 1:
+        held[3 + int(np.argmax(np.abs(of.axes[:, 0])))] = 1.0
+    return held
+
+
+def point_mounts(cell: Cell, groups: Sequence[ViewGroup]) -> frozenset[str]:
+    """Names of the mounts of single points, but of those that were measured as poses: their orientation counts.
+
+    Raises:
+        InputError: if a point that was measured as poses is seen as a point, too, or its mount is stated, which has no
+            rotation then.
+    """
+    points = {t.name for t in cell.targets.values() if t.target is not None and t.target.is_point}
+    posed = {g.target for g in groups if isinstance(g.measurement, PoseMeasurement)} & points
+    seen = {g.target for g in groups if not isinstance(g.measurement, PoseMeasurement)}
+    for target in sorted(posed):
+        if target in seen or cell.targets[target].mount.status != "free":
+            raise InputError(
+                f"target {target!r} is one point, which has no orientation, and is observed by `camera_from_target`. "
+                "Leave out its `kind` and state its mount with a rotation. Views of the point itself are of another "
+                "target"
+            )
+    return frozenset(map(cell.mount_name, (points - posed) | _tips(groups)))
+
+
+def _tips(groups: Sequence[ViewGroup]) -> set[str]:
+    """Tips that see points at their own origin only: no rotation of such a mount matters."""
+    return {g.camera for g in groups} - {
+        g.camera for g in groups if not is_touch(g.measurement) or isinstance(g.measurement, tuple(GRIPS.values()))
+    }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,11 @@ class Stops:
 
     def __len__(self) -> int:
         return len(self.sigma)
+
+    @cached_property
+    def first(self) -> dict[str, int]:
+        """Row of each robot's first stop."""
+        return {name: k for k, name in reversed(list(enumerate(self.robot)))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +92,11 @@ class Problem:
     def width(self) -> int:
         """Number of columns."""
         return max((c.stop for c in self.columns.values()), default=0)
+
+    def column_width(self, name: str) -> int:
+        """How many columns an unknown has; 0 if it is fixed."""
+        where = self.columns.get(name)
+        return 0 if where is None else where.stop - where.start
 
     @property
     def all_groups(self) -> tuple[ViewGroup, ...]:
@@ -179,13 +190,7 @@ class State:
 
     def spread(self, problem: Problem, count: int) -> State:
         """A single state, so many times; lenses that are not estimated serve all."""
-
-        def repeat(transform: SE3) -> SE3:
-            """One transform, so many times."""
-            rotation = np.broadcast_to(transform.rotation, (count, 3, 3))
-            return SE3.adopt(rotation, np.broadcast_to(transform.translation, (count, 3)))
-
-        transforms = {name: repeat(transform) for name, transform in self.transforms.items()}
+        transforms = {name: transform.repeat(count) for name, transform in self.transforms.items()}
         cameras = dict(self.cameras)
         for name in cameras.keys() & problem.columns.keys():
             parameters = self.cameras[name].parameters
@@ -315,6 +320,12 @@ def _flange_errors(group: ViewGroup, state: State, stops: Stops) -> tuple[SE3 | 
     first = SE3.adopt(error.rotation[..., :n, :, :], error.translation[..., :n, :])
     second = SE3.adopt(error.rotation[..., -n:, :, :], error.translation[..., -n:, :])
     return first if eye.has_noise else None, second if hand.has_noise else None
+
+
+def sequential_columns(widths: Mapping[str, int]) -> dict[str, slice]:
+    """Columns one after another, so many of each name."""
+    ends = np.cumsum([0, *widths.values()]).tolist()
+    return {name: slice(*each) for name, each in zip(widths, pairwise(ends), strict=True)}
 
 
 def check_carriers(cell: Cell, camera: str, target: str) -> None:

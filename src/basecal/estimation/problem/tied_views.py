@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from basecal.estimation.problem.view_group import End, ViewGroup
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import SE3, Array, Camera, IntArray
 
 SCENE = "scene"
@@ -47,9 +47,3 @@ class TiedViews:
     def stops(self) -> IntArray:
         """(k,) stops with noise in which views stand."""
         return np.unique(np.concatenate([group.eye.stop[group.eye.stop >= 0] for group in self.groups]))
-
-
-def scene_end(count: int) -> End:
-    """The end of the scene in so many views."""
-    nowhere = np.full(count, -1, dtype=np.int64)
-    return End(None, SCENE, None, SE3.identity((count,)), nowhere, nowhere)

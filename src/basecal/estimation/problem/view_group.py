@@ -39,6 +39,12 @@ class End:
     joints: Array | None = None
     passed_s: Array | None = None
 
+    @classmethod
+    def still(cls, mount: str, count: int, base: str | None = None) -> End:
+        """The end of what stands on `world`, or on a plate, in so many views."""
+        nowhere = np.full(count, -1, dtype=np.int64)
+        return cls(None, mount, base, SE3.identity((count,)), nowhere, nowhere)
+
     @cached_property
     def flange_from_base(self) -> SE3:
         """(n,) inverses of the recorded poses."""

@@ -1,4 +1,4 @@
-"""The most likely state of a scene: Levenberg-Marquardt with the points eliminated, and gross errors left out.
+"""The most likely state of a scene, and its priors: Levenberg-Marquardt with the points eliminated.
 
 `benchmarks.scene` judges its limits.
 """
@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from basecal.cell import Intrinsics
+from basecal.estimation.least_squares.normal_equations import prior_residual
 from basecal.estimation.scene.equations import PixelEquations, pixel_equations, point_steps, reduced_equations
-from basecal.estimation.scene.priors import prior_information
 from basecal.estimation.scene.state import Columns, SceneState, column_jacobian, scene_columns, take_step
 from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import Array, Camera, IntArray
@@ -20,6 +21,10 @@ from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marq
 _MOST_STEPS = 30  # of one descent
 _SHARE_LEFT = 1e-3  # its square is the share of the cost that may be left to go
 _POINT_STEPS = 2  # Gauss-Newton steps of the points after each step of the cameras
+FOCAL_SHARE = 0.1  # [1] sigma of a free focal length about its guess; assumed
+_CENTER_SHARE = 0.03  # [1] of the image size, sigma of a free principal point; assumed
+_ASPECT_SHARE = 1e-3  # [1] sigma of fy / fx: pixels of today's sensors are square; assumed
+_TERM = 1.0  # [1] sigma of a distortion term of which nothing is known; assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +47,14 @@ class Task:
     guesses: tuple[Camera, ...]
     tail: float = field(default=np.inf, kw_only=True)
 
+    @property
+    def columns(self) -> Columns:
+        """Columns of all that is not fixed."""
+        return scene_columns(self.views, self.guesses)
+
     def linearise(self, state: SceneState) -> tuple[Quadratic, Quadratic]:
         """Image points and priors about a state, in all columns."""
-        columns = scene_columns(self.views, state.lenses)
-        of_pixels = _reduce_equations(self, state, columns)
-        return of_pixels, prior_information(self.views, state, columns, self.stop_sigma, self.guesses)
+        return _reduce_equations(self, state), prior_information(self, state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +110,7 @@ class _System:
     def retract(self, state: SceneState, model: Quadratic, step: Array) -> SceneState:
         """See `System`; the points are at their best for the cameras after the step."""
         alone = take(state, 0)
-        after = take_step(alone, scene_columns(self.task.views, alone.lenses), step[0])
+        after = take_step(alone, self.task.columns, step[0])
         for _ in range(_POINT_STEPS):
             after = after.with_points(after.points + point_steps(self.task.tracks, _weigh_equations(self.task, after)))
         return stack([after])
@@ -112,9 +120,9 @@ class _System:
         return self
 
 
-def _reduce_equations(task: Task, state: SceneState, columns: Columns) -> Quadratic:
+def _reduce_equations(task: Task, state: SceneState) -> Quadratic:
     """Normal equations of image points in all columns; a point behind its camera costs as much as one at ten tails."""
-    equations = _weigh_equations(task, state)
+    equations, columns = _weigh_equations(task, state), task.columns
     gradient, information = reduced_equations(task.views.camera, task.tracks, equations, columns.lens_widths)
     moves = column_jacobian(task.views, state, columns)
     squares = np.sum(equations.residual**2, 1)
@@ -138,3 +146,51 @@ def _weigh_equations(task: Task, state: SceneState) -> PixelEquations:
     equations = pixel_equations(task.views, task.tracks, state, 1 / task.sigma_px)
     share = 1 / np.sqrt(1 + np.sum(equations.residual**2, 1, keepdims=True) / task.tail**2)
     return equations.scale(share)
+
+
+def prior_information(task: Task, state: SceneState) -> Quadratic:
+    """Prior information of all unknowns: what is known of mounts, bases, lenses and errors of stops."""
+    columns, sigmas = task.columns, task.stop_sigma
+    width = columns.errors.stop
+    gradient, information, cost = np.zeros(width), np.zeros((width, width)), 0.0
+    for residual, jacobian, where in _residuals(task, state):
+        gradient[where] += jacobian.T @ residual
+        information[where, where] += jacobian.T @ jacobian
+        cost += float(residual @ residual)
+    scaled = (state.errors / sigmas**2).ravel()
+    gradient[columns.errors] = scaled
+    at = np.arange(columns.errors.start, columns.errors.stop)
+    information[at, at] = (1 / sigmas**2).ravel()
+    return Quadratic(np.array(cost + scaled @ state.errors.ravel()), gradient, information)
+
+
+def _residuals(task: Task, state: SceneState) -> list[tuple[Array, Array, slice]]:
+    """Residuals in sigmas, their derivatives and columns, of all but the errors of stops."""
+    found, views, columns = [], task.views, task.columns
+    mounts = tuple(camera.mount for camera in views.cameras)
+    stacks = (mounts, state.mounts, columns.mounts), (views.bases, state.bases, columns.bases)
+    places = [(known, values[k], where[k]) for all_known, values, where in stacks for k, known in enumerate(all_known)]
+    for known, value, where in places:
+        if where is not None and known.status == "prior":
+            found.append((*prior_residual(known, value), where))
+    for camera, lens, guess, where in zip(views.cameras, state.lenses, task.guesses, columns.lenses, strict=True):
+        if where is not None:
+            found.append((*_lens_residual(camera.lens, lens, guess), where))
+    return found
+
+
+def _lens_residual(intrinsics: Intrinsics, value: Camera, guess: Camera) -> tuple[Array, Array]:
+    """A stated lens by its sigmas; a free one by what lenses have."""
+    if intrinsics.status == "prior" and intrinsics.camera is not None and intrinsics.sigma is not None:
+        return (value.parameters - intrinsics.camera.parameters) / intrinsics.sigma, np.diag(1 / intrinsics.sigma)
+    count = len(value.parameters)
+    focal = float(guess.focal.mean())
+    width, height = guess.size_px or (2 * focal, 2 * focal)
+    terms = np.where(np.isfinite(guess.term_sigmas), guess.term_sigmas, _TERM)
+    rows = np.eye(count)
+    rows[0] *= 1 / (FOCAL_SHARE * focal)
+    rows[1] = (rows[1] - np.eye(count)[0]) / (_ASPECT_SHARE * focal)
+    rows[2:4] /= _CENTER_SHARE * np.array([[width], [height]])
+    rows[4:] /= terms[:, None]
+    expected = np.concatenate([[focal, focal], guess.center, np.zeros(count - 4)])
+    return rows @ (value.parameters - expected), rows

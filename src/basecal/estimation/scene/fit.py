@@ -12,12 +12,11 @@ import numpy as np
 
 from basecal.estimation.noise.hyperpriors import ROBOT_RAD
 from basecal.estimation.scene.adjust import SceneFit, Task, adjust, residuals_px
-from basecal.estimation.scene.equations import pixel_equations, point_information
-from basecal.estimation.scene.points import triangulate
+from basecal.estimation.scene.equations import pixel_equations, point_information, sums
 from basecal.estimation.scene.sigmas import estimate_sigmas, sigmas_by_stop
-from basecal.estimation.scene.state import SceneState, scene_columns
+from basecal.estimation.scene.state import SceneState
 from basecal.estimation.scene.views import SceneViews, Tracks
-from basecal.geometry import Array, Camera
+from basecal.geometry import Array, BoolArray, Camera
 from basecal.numerics.robust_step import NORMAL_MAD
 
 _REFINEMENTS = 4  # in which gross errors are left out
@@ -26,6 +25,7 @@ _TAIL = 2.0  # sigmas from which on an image point counts less
 _GROSS = 4.0  # sigmas beyond which an image point is left out
 _FIRST_LIMIT_PX = 12.0  # [px] that are left out at first, halved in each round
 _DEPTH_SHARE = 0.2  # of its distance: a point whose depth is known worse is left out
+_LEAST_ANGLE_DEG = 0.3  # rms angle of a point's rays to their mean, below which its depth is noise
 
 
 def fit_scene(
@@ -54,7 +54,7 @@ def fit_scene(
     state = replace(start, points=points[kept])
     task = Task(views, tracks, _FIRST_PX, sigmas_by_stop(views, by_robot), guesses, tail=_TAIL)
     for number in range(_REFINEMENTS):
-        _check_points(task, state)
+        _check_points(task)
         found = adjust(task, state)
         sigma_px = _robust_sigma(found)
         _, stop_sigma = estimate_sigmas(replace(found, sigma_px=sigma_px), stop_noise)
@@ -62,7 +62,7 @@ def fit_scene(
         tracks, state = _without_gross(found, limit_px)
         task = replace(task, tracks=tracks, sigma_px=sigma_px, stop_sigma=stop_sigma)
     task = replace(task, tail=np.inf)
-    _check_points(task, state)
+    _check_points(task)
     for _ in range(2):
         found = adjust(task, state)
         sigma_px, stop_sigma = estimate_sigmas(found, stop_noise)
@@ -70,9 +70,8 @@ def fit_scene(
     return adjust(task, state)
 
 
-def _check_points(task: Task, state: SceneState) -> None:
-    unknowns = scene_columns(task.views, state.lenses).errors.start
-    if 2 * len(task.tracks) - 3 * task.tracks.count <= unknowns:
+def _check_points(task: Task) -> None:
+    if 2 * len(task.tracks) - 3 * task.tracks.count <= task.columns.errors.start:
         raise np.linalg.LinAlgError("too few points of the scene are left")
 
 
@@ -97,3 +96,22 @@ def _without_gross(fit: SceneFit, limit_px: float) -> tuple[Tracks, SceneState]:
     deep = worst[tracks.point] < _DEPTH_SHARE * distance
     kept, old = tracks.take((off < limit_px) & deep)
     return kept, replace(state, points=state.points[old])
+
+
+def triangulate(views: SceneViews, tracks: Tracks, state: SceneState) -> tuple[Array, BoolArray]:
+    """The points nearest to all their rays, (p, 3) [m], and which are in front of all their cameras and well seen."""
+    world_from_camera = state.world_from_camera(views)
+    direction, valid = views.directions(tracks, state.lenses)
+    ray = (world_from_camera.rotation[tracks.view] @ direction[..., None])[..., 0]
+    centre = world_from_camera.translation[tracks.view]
+    across = np.eye(3) - ray[:, :, None] * ray[:, None, :]
+    count = tracks.count
+    whole: Array = sums(tracks.point, count, across) + 1e-12 * np.eye(3)
+    points = np.linalg.solve(whole, sums(tracks.point, count, across @ centre[..., None]))[..., 0]
+    mean = sums(tracks.point, count, ray)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+    sine = np.linalg.norm(np.cross(ray, mean[tracks.point]), axis=1)
+    rms = np.sqrt(sums(tracks.point, count, sine[:, None] ** 2)[:, 0] / np.maximum(np.bincount(tracks.point), 1))
+    behind = np.vecdot(ray, points[tracks.point] - centre) <= 0
+    is_lost = np.bincount(tracks.point, behind | ~valid, minlength=count) > 0
+    return np.asarray(points, dtype=np.float64), (rms > np.radians(_LEAST_ANGLE_DEG)) & ~is_lost

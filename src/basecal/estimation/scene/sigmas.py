@@ -16,7 +16,6 @@ from scipy.optimize import minimize
 from basecal.effects.faces.shared_errors import TIE
 from basecal.estimation.noise.hyperpriors import ROBOT_RAD
 from basecal.estimation.scene.adjust import SceneFit, residuals_px
-from basecal.estimation.scene.state import scene_columns
 from basecal.estimation.scene.views import SceneViews
 from basecal.geometry import Array
 
@@ -86,7 +85,7 @@ def estimate_sigmas(fit: SceneFit, stop_noise: Sequence[Array | None]) -> tuple[
         fit: The optimum.
         stop_noise: (6,) noise of each robot [m, rad]; None if it is to be estimated.
     """
-    own = scene_columns(fit.views, fit.state.lenses).errors
+    own = fit.columns.errors
     prior = fit.information - fit.pixel_information / fit.sigma_px**2
     prior[own, own] = 0.0
     errors = np.zeros(own.stop)

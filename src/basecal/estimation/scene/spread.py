@@ -14,7 +14,6 @@ import numpy as np
 from scipy.cluster.vq import kmeans2
 
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.state import scene_columns
 from basecal.geometry import Array, BoolArray
 
 _CLUSTERS = 10  # of points
@@ -24,8 +23,7 @@ _SEED = 1  # any other would do
 
 def scene_covariance(fit: SceneFit) -> Array:
     """Covariance of all columns that are no errors of stops, (q, q)."""
-    columns = scene_columns(fit.views, fit.state.lenses)
-    own = columns.errors.start
+    own = fit.columns.errors.start
     of_model = np.linalg.inv(fit.information)[:own, :own]
     root = np.linalg.cholesky(of_model)
     for parts in (_point_clusters(fit), _view_folds(fit)):
@@ -37,7 +35,7 @@ def scene_covariance(fit: SceneFit) -> Array:
 
 def widening(fit: SceneFit) -> float:
     """Factor of sigmas of image points by which the covariance is that of `scene_covariance` on average."""
-    own = scene_columns(fit.views, fit.state.lenses).errors.start
+    own = fit.columns.errors.start
     of_model = np.linalg.inv(fit.information)[:own, :own]
     return float(np.sqrt(np.trace(np.linalg.solve(of_model, scene_covariance(fit))) / own))
 

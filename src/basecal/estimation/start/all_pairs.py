@@ -7,16 +7,16 @@ is refined alone, all of them side by side; bases are placed by the fewest of th
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from basecal.estimation.problem.problem import Problem
-from basecal.estimation.start.base_graph import place_bases
-from basecal.estimation.start.closed_form import solve_translations
+from basecal.estimation.start.closed_form import Rotations, Triple, solve_translations
 from basecal.estimation.start.pair_views import PairViews
-from basecal.estimation.start.refinement import Refinement, Triple, refine_jointly
+from basecal.estimation.start.refinement import Refinement, refine_jointly
 from basecal.estimation.start.rotation_search import rotation_angle, settled_rotations
 from basecal.geometry import SE3
 
@@ -70,7 +70,7 @@ def _restart_pairs(wishes: Sequence[Refinement]) -> list[Refinement]:
     for unknown in {wish.loop.unknown for wish in wishes}:
         numbers = [k for k, wish in enumerate(wishes) if wish.loop.unknown == unknown]
         some = [wishes[k] for k in numbers]
-        near = [[end.rotation for end in wish.starts[0]] for wish in some]
+        near = [Rotations(x.rotation, y.rotation, z.rotation) for x, y, z in (wish.starts[0] for wish in some)]
         turns = settled_rotations([wish.loop for wish in some], near)
         for k, wish, turn in zip(numbers, some, turns, strict=True):
             settled[k] = replace(wish, starts=[solve_translations(wish.loop, turn)])
@@ -84,3 +84,23 @@ def _misfit(sight: PairViews, triple: Triple) -> float:
     own = sight.candidates[np.arange(len(chosen)), chosen]
     found = float(np.median(rotation_angle(own.rotation, sight.group.close_loop(*triple).rotation)))
     return found if np.isfinite(found) else np.inf
+
+
+Relations = Mapping[tuple[str | None, str | None], SE3]
+"""`eye_base_from_hand_base` of pairs, by the names of both bases; the reference has none."""
+
+
+def place_bases(bases: Mapping[str, SE3], relations: Relations) -> dict[str, SE3]:
+    """Where bases stand in the world: those that are given, and all that relations lead to from them."""
+    near: dict[str | None, list[tuple[str | None, SE3]]] = defaultdict(list)
+    for (eye, hand), eye_from_hand in relations.items():
+        near[eye].append((hand, eye_from_hand))
+        near[hand].append((eye, eye_from_hand.inverse()))
+    placed = dict[str | None, SE3]([(None, SE3.identity()), *bases.items()])
+    waiting = [*placed]
+    for name in waiting:  # grows
+        for other, from_other in near[name]:
+            if other not in placed:
+                placed[other] = placed[name] @ from_other
+                waiting.append(other)
+    return {name: pose for name, pose in placed.items() if name is not None}

@@ -37,13 +37,17 @@ class Loop(NamedTuple):
         return "".join(k for k in "xyz" if getattr(self, k) is None)
 
 
+Triple = tuple[SE3, SE3, SE3]
+"""X, Y and Z."""
+
+
 class Rotations(NamedTuple):
-    """Three rotations, and whether the data determine those that were not known."""
+    """Three rotations, (3, 3) each, and whether the data determine those that were not known."""
 
     x: Array
     y: Array
     z: Array
-    clear: bool
+    clear: bool = True
 
 
 def kron(left: Array, right: Array) -> Array:
@@ -76,11 +80,11 @@ def solve_rotations(loop: Loop) -> Rotations:
     a, b, c, w = loop.a.rotation, loop.b.rotation, loop.c.rotation, loop.weight
     x, y, z = (None if t is None else t.rotation for t in (loop.x, loop.y, loop.z))
     if x is not None and y is not None:
-        return Rotations(x, y, z if z is not None else mean_rotation((y @ c).mT @ a @ x @ b, w), True)
+        return Rotations(x, y, z if z is not None else mean_rotation((y @ c).mT @ a @ x @ b, w))
     if x is not None and z is not None:
-        return Rotations(x, mean_rotation(a @ x @ b @ (c @ z).mT, w), z, True)
+        return Rotations(x, mean_rotation(a @ x @ b @ (c @ z).mT, w), z)
     if y is not None and z is not None:
-        return Rotations(mean_rotation(a.mT @ y @ c @ z @ b.mT, w), y, z, True)
+        return Rotations(mean_rotation(a.mT @ y @ c @ z @ b.mT, w), y, z)
     if y is not None:
         p, q, clear = _solve_two(kron(b.mT, a), kron(eye, y @ c), w)
         return Rotations(p, y, q, clear)
@@ -126,7 +130,7 @@ def mean_rotation(matrices: Array, weight: Array) -> Array:
     return nearest_rotation(np.einsum("n,nij->ij", weight**2, matrices))
 
 
-def solve_translations(loop: Loop, rotations: Rotations) -> tuple[SE3, SE3, SE3]:
+def solve_translations(loop: Loop, rotations: Rotations) -> Triple:
     """X, Y and Z with the translations that fit best once the rotations are known.
 
     RA tX - tY - RY RC tZ = RY tC - tA - RA RX tB, by least squares of least norm.
@@ -135,19 +139,21 @@ def solve_translations(loop: Loop, rotations: Rotations) -> tuple[SE3, SE3, SE3]
     right = loop.c.translation @ rotations.y.T - loop.a.translation
     right -= (a @ (loop.b.translation @ rotations.x.T)[..., None])[..., 0]
     columns = {"x": a, "y": np.broadcast_to(-np.eye(3), a.shape), "z": -(rotations.y @ c)}
-    known = {"x": loop.x, "y": loop.y, "z": loop.z}
-    for name, value in known.items():
-        if value is not None:
-            right = right - (columns[name] @ value.translation[:, None])[..., 0]
-    free = [name for name in "xyz" if known[name] is None]
+    for name in "xyz":
+        if name not in loop.unknown:
+            right = right - (columns[name] @ getattr(loop, name).translation[:, None])[..., 0]
+    free = loop.unknown
     w = loop.weight[:, None, None]
     rows = np.concatenate([columns[name] for name in free], -1) * w
     solution = least_norm(rows.reshape(-1, 3 * len(free)), (right * w[..., 0]).reshape(-1))
-    at = {name: solution[3 * i : 3 * i + 3] for i, name in enumerate(free)}
+    return complete_loop(loop, rotations, solution)
 
-    def complete_pose(name: str, rotation: Array) -> SE3:
-        """The known pose, or the rotation with its translation."""
-        value = known[name]
-        return SE3.adopt(rotation.copy(), at[name].copy()) if value is None else value
 
-    return complete_pose("x", rotations.x), complete_pose("y", rotations.y), complete_pose("z", rotations.z)
+def complete_loop(loop: Loop, rotations: Rotations, translations: Array) -> Triple:
+    """X, Y and Z: what is known of them, else by their rotations and the unknown translations, (3 k,), in turn."""
+    at = dict(zip(loop.unknown, translations.reshape(-1, 3), strict=True))
+    x, y, z = (
+        SE3.adopt(getattr(rotations, name).copy(), at[name].copy()) if name in at else getattr(loop, name)
+        for name in "xyz"
+    )
+    return x, y, z

@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import End, ViewGroup
-from basecal.estimation.start.rotation_grid import icosahedral_rotations
+from basecal.estimation.start.rotation_search import icosahedral_rotations
 from basecal.estimation.view.contacts import ContactMeasurement, GripMeasurement, HingeMeasurement, PlaneMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array

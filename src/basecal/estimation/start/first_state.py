@@ -17,20 +17,19 @@ import numpy as np
 from basecal.cell import Cell, Unknown
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust_batch
-from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
+from basecal.estimation.least_squares.studentized_residuals import studentize_views
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.start.all_pairs import placed_by_pairs
-from basecal.estimation.start.base_graph import place_bases
-from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
+from basecal.estimation.start.all_pairs import place_bases, placed_by_pairs
+from basecal.estimation.start.closed_form import Loop, Triple, solve_rotations, solve_translations
 from basecal.estimation.start.contacts import place_contacts, rigid_ends, turned_starts, without_contacts
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.metric_points import has_metric_start, place_by_points
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
-from basecal.estimation.start.refinement import Refinement, Triple, pair_problem, refine_jointly
+from basecal.estimation.start.refinement import Refinement, pair_problem, refine_jointly
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
-from basecal.geometry import SE3, Camera, IntArray
+from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.numerics.batch import take
 from basecal.numerics.steps import run_in_step
 
@@ -45,6 +44,9 @@ _BATCH_STARTS = 5  # starts of a light side by side: more may be in vain where o
 _RIDGE = 1e-9  # of views of a point: where rays are parallel, depth stays that of the mount known so far
 _TIGHT_RAD = 0.3  # a prior this narrow is a start by itself [rad]
 _TURNED_STEPS = 30  # of descents from bases turned about what they touched: the best is refined again
+_HEAVY_ROUNDS = 25  # rounds at most
+_FIRST_STEPS = 3  # steps before the first weights: the start is rough
+_SCALE_SHARE = 0.6  # of the views set the scale: three tenths may be reflections and still be outvoted
 
 
 @dataclass
@@ -283,3 +285,21 @@ def _mount_of_points(sight: PairViews, x: SE3, y: SE3, places: SE3) -> SE3:
     right = (across @ origin_in_flange[:, None, :, None]).sum(0) + _RIDGE * places.translation[:, None]
     points_in_flange = np.linalg.solve(total, right)[..., 0]
     return umeyama(chords.points_in_target, points_in_flange[None], np.ones((1, len(points_in_flange))))[0]
+
+
+def cauchy_irls(problem: Problem, states: State) -> State:
+    """The states of Cauchy's likelihood over views, downhill of a batch of states, each of its own scale.
+
+    Weights never end at zero. The scale is that of six tenths of the views. Where a state is not finite all stay where
+    they are by then. Source: Holland & Welsch 1977 (iteratively reweighted least squares).
+    """
+    weights: list[Array] | None = None
+    for _ in range(_HEAVY_ROUNDS):
+        try:
+            states = bundle_adjust_batch(problem, states, 1, _FIRST_STEPS if weights is None else 1, weights).state
+            ratios = [np.minimum(s.value, 1e30) / np.maximum(s.freedoms, 1) for s in studentize_views(problem, states)]
+        except np.linalg.LinAlgError:
+            break
+        scale = np.maximum(np.quantile(np.concatenate(ratios, -1), _SCALE_SHARE, axis=-1, keepdims=True), 1e-30)
+        weights = [1 / (1 + ratio / scale) for ratio in ratios]
+    return states

@@ -1,4 +1,9 @@
-"""Starts of a target of which a view shows too little for a pose: by the point that most views see, as a light."""
+"""Starts of a target of which a view shows too little for a pose: by the point that most views see, as a light.
+
+In A X B = Y C Z the rotations of X and Y are fixed on a grid. The directions to a light then give the translations by
+linear least squares.
+Source: docs/mathematics.md (6.5).
+"""
 
 from __future__ import annotations
 
@@ -6,12 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.estimation.start.closed_form import Loop
+from basecal.estimation.start.closed_form import Loop, Rotations, Triple, complete_loop
 from basecal.estimation.start.pair_views import PairViews, as_light
-from basecal.estimation.start.rotation_grid import light_starts
-from basecal.geometry import SE3
+from basecal.estimation.start.rotation_search import icosahedral_rotations
+from basecal.geometry import SE3, Array
 
-Triple = tuple[SE3, SE3, SE3]
+_RIDGE = 1e-6  # keeps translations of least norm where views do not determine them
+_MOST_VIEWS = 40  # views by which cells of the grid are ranked
+_BEST_OF_CAMERA = 8  # cells of each rotation of X that are ranked with those of the others
 
 
 def light_search(sight: PairViews, loop: Loop, max_count: int) -> tuple[PairViews, Loop, list[Triple]]:
@@ -31,3 +38,57 @@ def light_search(sight: PairViews, loop: Loop, max_count: int) -> tuple[PairView
     light_z = None if loop.z is None else SE3(np.eye(3), loop.z @ chords.points_in_target[point])
     light = as_point.loop(loop.x, loop.y, light_z, np.zeros(len(views), dtype=np.int64))
     return as_point, light, light_starts(light, one.bearings_in_camera[:, 0], max_count)
+
+
+def light_starts(loop: Loop, bearings_in_camera: Array, max_count: int) -> list[Triple]:
+    """The most promising X, Y and Z for a single light.
+
+    Args:
+        loop: Flange poses and what is known; its B is not used.
+        bearings_in_camera: (n, 3) unit, towards the light.
+        max_count: How many to give, best first.
+    """
+    step = max(1, -(-len(loop.a) // _MOST_VIEWS))
+    a, c, b = loop.a[::step], loop.c[::step], bearings_in_camera[::step]
+    grid = icosahedral_rotations()
+    xs = grid if loop.x is None else loop.x.rotation[None]
+    ys = grid if loop.y is None else loop.y.rotation[None]
+    scored: list[tuple[float, Array, Array, Array]] = []
+    for x in xs:
+        scored += _with_camera(loop, a, c, b, x, ys)
+    scored.sort(key=lambda s: s[0])
+    return [complete_loop(loop, Rotations(x, y, np.eye(3)), at) for _, x, y, at in scored[:max_count]]
+
+
+def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> list[tuple[float, Array, Array, Array]]:
+    """Scores, rotations of X and Y, and unknown translations, for one rotation of X and all of Y."""
+    sight = (a.rotation @ x @ b[..., None])[..., 0]
+    across = np.eye(3) - sight[:, :, None] * sight[:, None, :]
+    columns: dict[str, Array] = {}
+    m, n = len(ys), len(b)
+    turned = ys[:, None] @ c.rotation
+    columns["x"] = np.broadcast_to(-a.rotation, (m, n, 3, 3))
+    columns["y"] = np.broadcast_to(np.eye(3), (m, n, 3, 3))
+    columns["z"] = turned
+    constant = (ys[:, None] @ c.translation[..., None])[..., 0] - a.translation
+    for name in "xyz":
+        known = getattr(loop, name)
+        if known is not None:
+            constant = constant + (columns[name] @ known.translation[:, None])[..., 0]
+    rows = np.concatenate([columns[name] for name in loop.unknown], -1)
+    solution = _least_squares(across, rows, constant)
+    along = (rows @ solution[:, None, :, None])[..., 0] + constant
+    depth = np.einsum("mni,ni->mn", along, sight)
+    length = np.linalg.norm(along, axis=-1) + 1e-12
+    score = np.mean(1 - depth / length, axis=-1)
+    return [(float(score[k]), x, ys[k], solution[k]) for k in np.argsort(score)[:_BEST_OF_CAMERA]]
+
+
+def _least_squares(cross_terms: Array, rows: Array, constant: Array) -> Array:
+    """Translations that bring points nearest to their lines of sight, (m, k)."""
+    projected = cross_terms @ rows
+    flat = projected.reshape(len(rows), -1, rows.shape[-1])
+    right = (cross_terms @ constant[..., None]).reshape(len(rows), -1, 1)
+    ridge = _RIDGE * len(cross_terms) * np.eye(rows.shape[-1])
+    normal = flat.mT @ flat + ridge
+    return -np.asarray(np.linalg.solve(normal, flat.mT @ right)[..., 0], dtype=np.float64)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.start.closed_form import Loop
-from basecal.estimation.start.half_turns import turned_views
+from basecal.estimation.start.closed_form import Loop, Triple
+from basecal.estimation.start.rotation_search import HOPELESS_RAD, rotation_angle
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -30,6 +30,8 @@ _UNSURE_RAD = 0.02  # [rad] sigma of a view's rotation that halves its weight
 _FEWEST_POSES = 3  # of many views: fewer tell less than all as of a light
 _RIDGE = 1e-9  # [1/m^2, 1/rad^2] of views that hold no pose: next to no weight, not none
 _START_SIGMA_PX = 0.5  # sigma of a pixel where none is stated [px]
+_DESCENT_ROUNDS = 20
+_LEAST_GAIN_RAD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,7 @@ class PairViews:
         pose = (np.arange(len(row)) >= len(self.group)).astype(np.int64)
         return loop._replace(a=loop.a[row], b=self.candidates[row, pose], c=loop.c[row], weight=self.weight[row])
 
-    def closest_pose(self, triple: tuple[SE3, SE3, SE3]) -> IntArray:
+    def closest_pose(self, triple: Triple) -> IntArray:
         """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
         assert self.candidates is not None
         x, y, z = (of.rotation for of in triple)
@@ -98,8 +100,7 @@ def pair_views(
     measurement = few.measurement
     if isinstance(measurement, PoseMeasurement):
         pose = measurement.measured_camera_from_target
-        both = SE3(np.stack([pose.rotation] * 2, 1), np.stack([pose.translation] * 2, 1))
-        return PairViews(few, both, np.ones(len(few)), total)
+        return PairViews(few, pose.spread()[:, [0, 0]], np.ones(len(few)), total)
     if isinstance(measurement, PointMeasurement):
         return _point_views(few, measurement, total)
     assert isinstance(measurement, PixelMeasurement)
@@ -173,8 +174,7 @@ def _point_views(group: ViewGroup, measurement: PointMeasurement, total: int) ->
     enough = np.flatnonzero(_whole_views(measurement))
     few = measurement.take(enough)
     pose = umeyama(few.points_in_target, few.points_in_camera, few.seen.astype(np.float64))
-    both = SE3(np.stack([pose.rotation] * 2, 1), np.stack([pose.translation] * 2, 1))
-    return PairViews(group.take(enough), both, np.ones(len(enough)), total)
+    return PairViews(group.take(enough), pose.spread()[:, [0, 0]], np.ones(len(enough)), total)
 
 
 def umeyama(p_in_a: Array, p_in_b: Array, weight: Array) -> SE3:
@@ -193,3 +193,43 @@ def as_light(measurement: Measurement) -> tuple[BearingMeasurement, int]:
     """The directions of a view's measurement, and the point that most views see."""
     assert isinstance(measurement, BearingMeasurement)
     return measurement, int(np.argmax((measurement.weight > 0).sum(0)))
+
+
+def turned_views(group: ViewGroup, read: Array, mask: Array) -> BoolArray:
+    """Which views to read from the other end, (n,), given the target's rotations read both ways, (n, 3, 3) each.
+
+    If one robot alone moved between two views, it and the target rotated by the same angle, whatever the mounts are.
+    Views are read so that angles agree over all pairs. If no pair decides, each is read with the least rotation against
+    the first.
+    """
+    alike = np.einsum("nij,ij->n", read, read[0])
+    turn = np.einsum("nij,ij->n", mask, read[0]) > alike
+    # Where one robot moved between views and the other stood still, by how much the target turned is known.
+    eye_still, hand_still = (stand[:, None] == stand[None] for stand in (group.eye.stand, group.hand.stand))
+    told = np.asarray((eye_still != hand_still) & ~np.eye(len(group), dtype=bool))
+    if not told.any():
+        return np.asarray(turn)
+    eye, hand = group.eye.base_from_flange.rotation, group.hand.base_from_flange.rotation
+    of_eye, of_hand = (rotation_angle(r[:, None], r) for r in (eye, hand))
+    angle = np.where(hand_still, of_eye, of_hand)
+    # How far off is view i read the way s from view j read the way t, (i, s, j, t) [rad].
+    both = np.stack([read, mask], 1)
+    between = rotation_angle(both[:, :, None, None], both)
+    misfit = np.minimum(np.abs(between - angle[:, None, :, None]), HOPELESS_RAD) * told[:, None, :, None]
+    turn = _descend_readings(misfit, turn.astype(np.int64))
+    first = _descend_readings(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
+    rows = np.arange(len(turn))
+    return min((turn, first), key=lambda t: float(misfit[rows, t][:, rows, t].sum())).astype(bool)
+
+
+def _descend_readings(misfit: Array, turn: Array) -> Array:
+    """The readings, (n,), from which no single view gains by being read otherwise."""
+    turn, rows = turn.copy(), np.arange(len(turn))
+    for _ in range(_DESCENT_ROUNDS * len(turn)):
+        both = misfit[:, :, rows, turn].sum(-1)
+        gain = both[rows, turn] - both.min(-1)
+        most = int(np.argmax(gain))
+        if gain[most] < _LEAST_GAIN_RAD:
+            break
+        turn[most] = 1 - turn[most]
+    return turn

@@ -12,14 +12,12 @@ import numpy as np
 
 from basecal.cell import Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_batch
-from basecal.estimation.problem.problem import Problem, State, Stops
-from basecal.estimation.start.closed_form import Loop, Rotations, solve_translations
+from basecal.estimation.problem.problem import Problem, State, Stops, sequential_columns
+from basecal.estimation.start.closed_form import Loop, Rotations, Triple, solve_translations
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.start.rotation_search import pose_starts, settled_rotations
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3
 from basecal.numerics.batch import stack
-
-Triple = tuple[SE3, SE3, SE3]
 
 _GRID_CELLS = 16  # of the grid of rotations that are refined; judged by benchmarks.starts
 _REFINEMENT_STEPS = 30  # a start that needs more is in no basin; the best is refined again with all views
@@ -85,26 +83,21 @@ def _search_starts(wishes: Sequence[Refinement]) -> list[list[Triple]]:
     """Starts by a search over rotations, with the better pose of each view, and with both of those that have two."""
     both = {k: loop for k, wish in enumerate(wishes) if (loop := wish.views.ambiguous_loop(wish.loop)) is not None}
     found = pose_starts([*(wish.loop for wish in wishes), *both.values()], _GRID_CELLS)
-    starts = [[_place_rotations(wish.loop, turn) for turn in of] for wish, of in zip(wishes, found, strict=False)]
+    starts = [[solve_translations(wish.loop, turn) for turn in of] for wish, of in zip(wishes, found, strict=False)]
     for k, of in zip(both, found[len(wishes) :], strict=True):
         views, loop = wishes[k].views, wishes[k].loop
         chosen = [_choose_poses(views, loop, turn) for turn in of]
-        starts[k] += [_place_rotations(*each) for each in zip(chosen, of, strict=True)]
+        starts[k] += [solve_translations(*each) for each in zip(chosen, of, strict=True)]
         settled = settled_rotations(chosen, of)
-        starts[k] += [_place_rotations(_choose_poses(views, loop, each[:3]), each[:3]) for each in settled]
+        starts[k] += [solve_translations(_choose_poses(views, loop, each), each) for each in settled]
     return starts
 
 
-def _choose_poses(views: PairViews, loop: Loop, rotations: tuple[Array, Array, Array]) -> Loop:
+def _choose_poses(views: PairViews, loop: Loop, rotations: Rotations) -> Loop:
     """A loop with the pose of each view that is nearer to what rotations of X, Y and Z predict."""
     assert views.candidates is not None
-    choice = views.closest_pose(_place_rotations(loop, rotations))
+    choice = views.closest_pose(solve_translations(loop, rotations))
     return loop._replace(b=views.candidates[np.arange(len(choice)), choice])
-
-
-def _place_rotations(loop: Loop, rotations: tuple[Array, Array, Array]) -> Triple:
-    """Rotations of X, Y and Z with their translations."""
-    return solve_translations(loop, Rotations(*rotations, True))
 
 
 def pair_problem(views: PairViews, loop: Loop, is_point: bool) -> Problem:
@@ -112,8 +105,6 @@ def pair_problem(views: PairViews, loop: Loop, is_point: bool) -> Problem:
     eye, hand = views.group.without_stops().ends
     ends = replace(eye, mount="x", base=None), replace(hand, mount="z", base="y")
     group = replace(views.group, ends=ends, readings=())
-    widths = [(name, 3 if name == "z" and is_point else 6) for name in loop.unknown]
-    at = np.cumsum([0, *(w for _, w in widths)])
-    columns = {name: slice(int(at[i]), int(at[i + 1])) for i, (name, _) in enumerate(widths)}
+    columns = sequential_columns({name: 3 if name == "z" and is_point else 6 for name in loop.unknown})
     unknowns = {name: Unknown() for name in "xyz"}
     return Problem("", (group,), unknowns, frozenset(), {}, Stops(np.zeros((0, 6))), columns)

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from basecal.estimation.start.closed_form import Loop, Rotations
-from basecal.estimation.start.rotation_grid import icosahedral_rotations
-from basecal.geometry import Array, IntArray
-from basecal.geometry.rotation import nearest_rotation
+from basecal.geometry import Array, IntArray, read_only
+from basecal.geometry.rotation import nearest_rotation, rotation_exp
+from basecal.numerics.batch import concatenate, take
 
 # Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
 _GRID_CELLS = 16
@@ -41,6 +42,19 @@ HOPELESS_RAD = 0.5
 
 Turns = Mapping[str, Array]
 """By letter of X, Y and Z: (h, m, 3, 3) rotations of h loops, m of each."""
+
+
+@cache
+def icosahedral_rotations() -> Array:
+    """The sixty rotations that carry an icosahedron onto itself, (60, 3, 3).
+
+    Those of a tetrahedron, each after a turn about a vertex: half turns about the axes, and the axes in turn.
+    """
+    vertex = np.array([0.0, 1.0, (1 + 5**0.5) / 2])
+    about_vertex = rotation_exp(2 * np.pi / 5 * np.arange(5)[:, None] * vertex / np.linalg.norm(vertex))
+    signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    tetrahedral = np.array([np.roll(np.diag(each), shift, axis=0) for each in signs for shift in range(3)])
+    return read_only((tetrahedral[:, None] @ about_vertex).reshape(-1, 3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +81,6 @@ class _Loops:
     unknown: str
     moments: Array
 
-    def take(self, rows: IntArray) -> _Loops:
-        """The loops at these indices."""
-        known = {letter: turn[rows] for letter, turn in self.known.items()}
-        a, b, c, weight, moments = (m[rows] for m in (self.a, self.b, self.c, self.weight, self.moments))
-        return _Loops(a, b, c, weight, self.count[rows], known, self.unknown, moments)
-
     def means(self, letter: str, turns: Turns, count: bool = False) -> Array:
         """Weighted sums whose nearest rotation is the one of `letter`, (h, m, 3, 3); `count` firsts by all seconds.
 
@@ -88,10 +96,10 @@ class _Loops:
         return np.asarray((q[:, :, None] @ half).reshape(h, p.shape[1], 3, 3))
 
 
-def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[tuple[Array, Array, Array]]]:
+def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[Rotations]]:
     """The most promising rotations of X, Y and Z of each loop whose views give whole poses, without duplicates.
 
-    The best cells of the grid, refined: most of them end in the same few places. Rotations are (3, 3).
+    The best cells of the grid, refined: most of them end in the same few places.
 
     Args:
         loops: With the same unknowns.
@@ -103,17 +111,16 @@ def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[tuple[Array,
     turns = {k: np.broadcast_to(turn, (len(loops), count, 3, 3)) for k, turn in at.items()}
     off = np.max([rotation_angle(turns[k][:, :, None], turns[k][:, None]) for k in every.unknown], axis=0)
     return [
-        [(turns["x"][h, i], turns["y"][h, i], turns["z"][h, i]) for i in _distinct_rotations(off[h])]
-        for h in range(len(loops))
+        [Rotations(*(turns[k][h, i] for k in "xyz")) for i in _distinct_rotations(off[h])] for h in range(len(loops))
     ]
 
 
-def settled_rotations(loops: Sequence[Loop], starts: Sequence[Sequence[Array]]) -> list[Rotations]:
+def settled_rotations(loops: Sequence[Loop], starts: Sequence[Rotations]) -> list[Rotations]:
     """Rotations of loops with the same unknowns that agree with each loop's own samples, downhill of X, Y, Z."""
     every = _loops(loops)
-    begun = {k: np.stack([turns["xyz".index(k)][None] for turns in starts]) for k in every.unknown}
+    begun = {k: np.stack([getattr(turns, k)[None] for turns in starts]) for k in every.unknown}
     at = _alternate(every, {**every.known, **begun}, _SETTLING_ROUNDS)
-    return [Rotations(at["x"][h, 0], at["y"][h, 0], at["z"][h, 0], True) for h in range(len(loops))]
+    return [Rotations(*(at[k][h, 0] for k in "xyz")) for h in range(len(loops))]
 
 
 def _distinct_rotations(angles: Array) -> list[int]:
@@ -132,15 +139,15 @@ def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
     found = {k: turn[:, 0].copy() for k, turn in at.items()}
     going = np.arange(len(loops))
     for rounds, best in _ALTERNATION_SCHEDULE:
-        some = every.take(going)
+        some = take(every, going)
         at, angle = _rank_rotations(some, _alternate(some, at, rounds), best)
         for letter, turn in at.items():
             found[letter][going] = turn[:, 0]
         near = angle[:, 0] < HOPELESS_RAD
-        going, at = going[near], {k: turn[near] for k, turn in at.items()}
+        going, at = going[near], take(at, near)
         if not len(going):
             break
-    return [Rotations(*triple, True) for triple in zip(found["x"], found["y"], found["z"], strict=True)]
+    return [Rotations(*triple) for triple in zip(found["x"], found["y"], found["z"], strict=True)]
 
 
 def rotation_angle(first: Array, second: Array) -> Array:
@@ -180,10 +187,9 @@ def _grid_starts(loops: _Loops, max_count: int) -> dict[str, Array]:
     """The most promising rotations, (h, m, 3, 3) by letter, best first; of so many loops at a time as a cache holds."""
     count = len(loops.moments)
     parts = [
-        _best_of_grid(loops.take(np.arange(at, min(at + _CHUNK_LOOPS, count))), max_count)
-        for at in range(0, count, _CHUNK_LOOPS)
+        _best_of_grid(take(loops, slice(at, at + _CHUNK_LOOPS)), max_count) for at in range(0, count, _CHUNK_LOOPS)
     ]
-    return {letter: np.concatenate([part[letter] for part in parts]) for letter in parts[0]}
+    return concatenate(parts)
 
 
 def _best_of_grid(loops: _Loops, max_count: int) -> dict[str, Array]:
@@ -233,7 +239,7 @@ def _alternate(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
     for _ in range(rounds):
         if not len(moving):
             break
-        some, now = loops.take(moving), {k: turn[moving] for k, turn in found.items()}
+        some, now = take(loops, moving), take(found, moving)
         for letter in loops.unknown:
             now[letter] = nearest_rotation(some.means(letter, now))
         change = [np.abs(now[k] - found[k][moving]).max((1, 2, 3)) for k in loops.unknown]

@@ -22,6 +22,7 @@ from basecal.cell import (
     Sample,
 )
 from basecal.errors import InputError
+from basecal.estimation.problem.build import dropped_samples
 from basecal.estimation.streams.path import LARGEST_GAP_S, Path
 from basecal.estimation.streams.rolling_shutter import Known, Moving, correct_rolling_shutter, line_time_name, mean_row
 from basecal.geometry import SE3
@@ -279,9 +280,5 @@ def _check_overlap(streams: Streams) -> None:
 
 
 def _gap_findings(numbers: Sequence[int]) -> list[Finding]:
-    if not numbers:
-        return []
-    shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
     why = f"no robot was recorded within {LARGEST_GAP_S} s before and after"
-    what = f"{len(numbers)} view(s) are not used, of sample {shown}: {why}."
-    return [Finding("dropped-sample", "info", tuple(map(str, numbers)), what)]
+    return [dropped_samples(numbers, why)] if numbers else []

@@ -7,9 +7,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from basecal.estimation.view.measured_points import MeasuredPoints
 from basecal.estimation.view.measurement import Noise, ViewInformation
 from basecal.estimation.view.moments import UPPER
+from basecal.estimation.view.target_points import MeasuredPoints
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.array import to_front
 

@@ -15,8 +15,7 @@ from basecal.estimation.view.measurement import (
     sums_of_squares,
 )
 from basecal.estimation.view.moments import UPPER, dot
-from basecal.estimation.view.seen_points import SeenPoints
-from basecal.estimation.view.target_points import require_camera, spread_rows
+from basecal.estimation.view.target_points import SeenPoints, require_camera, spread_rows
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.array import to_back, to_front
 from basecal.geometry.lens import Projection
@@ -192,9 +191,7 @@ class PixelMeasurement(SeenPoints):
             rows = np.concatenate([half, count - 1 - half[half < count // 2][::-1]])  # one in the middle is its own
         else:
             rows = spread_rows(self.points_in_target, max_count)
-        of_points = {name: getattr(self, name)[:, rows] for name in ("pixels", "seen", "stated", "weight")}
-        relative = None if self.relative is None else self.relative[:, rows]
-        return replace(self, points_in_target=self.points_in_target[rows], relative=relative, **of_points)
+        return replace(self.take_points(rows), points_in_target=self.points_in_target[rows])
 
     def with_noise(self, noise: Noise) -> Self:
         """See `Measurement`."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.estimation.view.measurement import Measurement, Noise, ViewInformation, sums_of_squares
 from basecal.estimation.view.moments import UPPER
-from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.target_points import SeenPoints
 from basecal.geometry import SE3, Array, BoolArray, Camera
 
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from basecal.errors import InputError
-from basecal.estimation.view.measurement import ViewInformation
+from basecal.estimation.view.measurement import Noise, ViewInformation, limit_equations
 from basecal.estimation.view.moments import Monomials, gradient_and_information
-from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 from basecal.geometry.array import to_back, to_front
 from basecal.numerics.batch import SHARED, take
 from basecal.numerics.spectral import dimension
@@ -80,3 +81,144 @@ def require_camera(camera: Camera | None) -> Camera:
     if camera is None:
         raise InputError("pixels say nothing without the camera's lens")
     return camera
+
+
+class MeasuredPoints(TargetPoints):
+    """Points of one target as one camera measured them in some views; the methods are those of `Measurement`.
+
+    Attributes:
+        weight: ([b,] n, p) 1 / sigma of a coordinate in use, 0 if the point was not seen.
+        coordinates: How many a point has.
+        axes: How many axes each array has that may have one of a batch before them.
+    """
+
+    weight: Array
+    coordinates: ClassVar[int]
+    axes: ClassVar[Mapping[str, int]]
+
+    def take_batch(self, rows: Rows | int) -> Self:
+        """See `Measurement`."""
+        arrays = {name: getattr(self, name) for name in self.axes}
+        batched = {name: of[rows] for name, of in arrays.items() if of is not None and of.ndim > self.axes[name]}
+        return self._with(**batched)
+
+    def take_points(self, rows: Rows) -> Self:
+        """A copy with what was measured at these indices of points, which the target's points do not follow."""
+        arrays = {name: getattr(self, name) for name in self.axes}
+        return self._with(**{name: of[:, rows] for name, of in arrays.items() if of is not None})
+
+    def noisier(self, factor: float) -> Self:
+        """See `Measurement`."""
+        return self._with(weight=self.weight / factor)
+
+    def mask_points(self, points: BoolArray) -> Self:
+        """See `Measurement`."""
+        return self._with(weight=np.where(points, self.weight, 0.0))
+
+    def without_sigmas(self) -> Self:
+        """See `Measurement`."""
+        return self
+
+    def point_counts(self) -> IntArray:
+        """See `Measurement`."""
+        return np.asarray(np.count_nonzero(self.weight, axis=-1), dtype=np.int64)
+
+    def equations(self) -> IntArray:
+        """See `Measurement`."""
+        return limit_equations(self.coordinates * self.point_counts())
+
+    def _with(self, **changed: Any) -> Self:
+        return replace(self, **changed)
+
+
+class SeenPoints(MeasuredPoints):
+    """Points of one target, each seen or not, in some views.
+
+    Attributes:
+        seen: ([b,] n, p) whether the point was seen.
+        stated: ([b,] n, p) 1 / sigma of a coordinate, or 0 if none was stated.
+        noise_field: Of `Noise`, the sigma of a coordinate without a stated one.
+    """
+
+    seen: BoolArray
+    stated: Array
+    noise_field: ClassVar[str]
+
+    @abstractmethod
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """See `Measurement`."""
+
+    @abstractmethod
+    def with_noise(self, noise: Noise) -> Self:
+        """See `Measurement`."""
+
+    @abstractmethod
+    def residuals(self, camera_from_target: SE3, camera: Camera | None) -> Array:
+        """Predicted less seen coordinates, (n, p, d); not finite if a point cannot be seen, anything if it was not."""
+
+    @abstractmethod
+    def with_derivatives(
+        self, points_in_camera: Array, camera: Camera | None, lens: bool
+    ) -> tuple[Array, Array, Array | None]:
+        """As `residuals`, of points (n, p, 3), with derivatives by these, (n, p, d, 3), and if `lens` by its terms."""
+
+    def tangent_rows(
+        self, camera_from_target: SE3, camera: Camera | None, lens: bool
+    ) -> tuple[Array, Array, Array | None]:
+        """As `with_derivatives`, about poses (n,) and by their tangent, (n, p, d, 6)."""
+        off, by_point, by_lens = self.with_derivatives(self.camera_points(camera_from_target), camera, lens)
+        # Of f(camera_from_target @ p), from df/dp, (n, p, d, 3).
+        shift = by_point @ camera_from_target.rotation[:, None]
+        return off, np.concatenate([shift, np.cross(self.points_in_target[:, None], shift)], -1), by_lens
+
+    def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
+        """See `Measurement`."""
+        unstated = self.weight * (self.stated == 0)
+        off = np.nan_to_num(self.residuals(camera_from_target, camera)) * unstated[..., None]
+        return {self.noise_field: float(np.sum(off**2))}
+
+    def mask_points(self, points: BoolArray) -> Self:
+        """See `Measurement`."""
+        if points.all():
+            return self
+        stated, weight = (np.where(points, of, 0.0) for of in (self.stated, self.weight))
+        return self._with(seen=self.seen & points, stated=stated, weight=weight)
+
+    def without_sigmas(self) -> Self:
+        """See `Measurement`."""
+        return self._with(stated=np.zeros_like(self.stated))
+
+    def point_counts(self) -> IntArray:
+        """See `Measurement`."""
+        return np.asarray(np.count_nonzero(self.seen, axis=-1), dtype=np.int64)
+
+    def counts(self) -> dict[str, int]:
+        """See `Measurement`."""
+        stated, seen = int(np.count_nonzero(self.stated)), int(np.count_nonzero(self.seen))
+        return {"stated": self.coordinates * stated, self.noise_field: self.coordinates * (seen - stated)}
+
+
+@dataclass(frozen=True, eq=False)
+class PointJacobians:
+    """Points of views.
+
+    Attributes:
+        residual: (n, p, d) predicted minus seen, over sigma; zero where not seen.
+        jacobian: (n, p, d, 6 + k) its derivative to the view's tangent and, where it is free, the lens.
+        seen: (n, p) whether the point was seen and lies before the camera.
+    """
+
+    residual: Array
+    jacobian: Array
+    seen: BoolArray
+
+
+def point_jacobians(
+    measurement: SeenPoints, camera_from_target: SE3, camera: Camera | None, lens: bool
+) -> PointJacobians:
+    """Each point of views about `camera_from_target`, (n,)."""
+    off, by_pose, by_lens = measurement.tangent_rows(camera_from_target, camera, lens)
+    seen = measurement.seen & (measurement.weight > 0) & np.isfinite(off).all(-1)
+    weight = np.where(seen, measurement.weight, 0.0)[..., None]
+    jacobian = by_pose if by_lens is None else np.concatenate([by_pose, by_lens], -1)
+    return PointJacobians(np.nan_to_num(off) * weight, np.nan_to_num(jacobian) * weight[..., None], seen)

@@ -6,15 +6,16 @@ Zisserman 2004 (7.2, direct linear transform), Schweighofer & Pinz 2006 (the sec
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
+from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import cross, lengths, nearest_rotation, with_identity
-from basecal.numerics.batch import choose_entries, concatenate
+from basecal.numerics.batch import choose_entries, concatenate, take
 from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
 from basecal.numerics.spectral import principal_axes, smallest_vectors
 
@@ -79,7 +80,7 @@ def view_poses(
     twice = measurement.take(np.arange(len(guesses)) % n)
     poses = refine_poses(twice, guesses @ plane_from_target, iterations=iterations)
     enough = is_visible.sum(-1) >= (FEWEST_POINTS if flat else _FEWEST_IN_SPACE)
-    first, second = poses.take(slice(0, n)), poses.take(slice(len(guesses) - n, None))
+    first, second = take(poses, slice(0, n)), take(poses, slice(len(guesses) - n, None))
     swapped = ~(first.cost <= second.cost) & ~np.isnan(second.cost)
     best, next_best = choose_entries(swapped, second, first), choose_entries(swapped, first, second)
     cost = np.stack([best.cost, next_best.cost], -1)
@@ -144,10 +145,6 @@ class _Refined:
     cost: Array
     information: Array
 
-    def take(self, views: slice) -> _Refined:
-        """The views of a slice."""
-        return _Refined(self.camera_from_target[views], self.cost[views], self.information[views])
-
 
 class Views(Protocol):
     """The fit of views at poses; see `Measurement`."""
@@ -188,3 +185,28 @@ def refine_poses(views: Views, start: SE3, camera: Camera | None = None, iterati
         return _Refined(start, at.cost, at.information)
     optima = levenberg_marquardt(_Poses(views, camera), start, Stop(iterations, sigmas=_SETTLED_GAIN))
     return _Refined(optima.state, optima.cost, optima.about.information)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPoses:
+    """`view_poses` that remembers what it found of each view, by all that its pose depends on.
+
+    Attributes:
+        known: What was found of views, a batch of one each.
+    """
+
+    known: dict[bytes, ViewPoses] = field(default_factory=dict)
+
+    def __call__(
+        self, points_in_target: Array, bearings_in_camera: Array, is_visible: BoolArray, measurement: BearingMeasurement
+    ) -> ViewPoses:
+        """See `view_poses`."""
+        target = points_in_target.tobytes()
+        of_views = zip(bearings_in_camera, is_visible, measurement.weight, strict=True)
+        keys = [target + b.tobytes() + s.tobytes() + w.tobytes() for b, s, w in of_views]
+        rows = np.array([row for row, key in enumerate(keys) if key not in self.known], dtype=np.int64)
+        if len(rows):
+            found = view_poses(points_in_target, bearings_in_camera[rows], is_visible[rows], measurement.take(rows))
+            for k, row in enumerate(rows):
+                self.known[keys[row]] = take(found, np.array([k]))
+        return concatenate([self.known[key] for key in keys])

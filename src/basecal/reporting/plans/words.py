@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from numpy import degrees
 
 from basecal.cell import TouchObservation
-from basecal.geometry.euler import rpy_of_rotation
 from basecal.planning.plan import Plan
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import PLACE_WORDS, Headline
@@ -57,7 +56,7 @@ def touch_lines(plan: Plan) -> Iterator[str]:
         for seen in (each for each in sample.observations if isinstance(each, TouchObservation)):
             (state,), how = sample.robots.values(), ""
             if state.base_from_flange is not None:
-                angles = degrees(rpy_of_rotation(state.base_from_flange.rotation))
+                angles = degrees(state.base_from_flange.rpy)
                 how = f", flange turned by roll, pitch, yaw {', '.join(f'{angle:.0f}' for angle in angles)} deg"
             yield f"  touch {seen.mark} with {seen.tip}{how}"
 

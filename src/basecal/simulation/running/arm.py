@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -50,6 +51,12 @@ class Leg:
         moved = self.goal - self.start
         return np.where(np.abs(moved) > 1e-9, np.sign(moved), self.side_before)
 
+    def rest(self, share: float) -> tuple[Array, Array]:
+        """Side of its play of each joint, and by how much it stands elsewhere, with so much of the way done."""
+        ends = (self.side_before, self.side), (self.error_before, self.error)
+        side, error = (before + share * (after - before) for before, after in ends)
+        return side, error
+
     def share(self, now_s: float) -> float:
         """How much of the way is done, 0 to 1: a quintic, whose speed and acceleration begin and end with zero."""
         done = float(np.clip((now_s - self.begin_s) / self.lasts_s, 0.0, 1.0)) if self.lasts_s > 0 else 1.0
@@ -94,10 +101,8 @@ class RunningArm:
             self._start_motion(self.commanded_joints(now_s + 0.5 * _STOPPING_S), _STOPPING_S, now_s)
 
     def _start_motion(self, joints: Array, lasts_s: float, now_s: float) -> None:
-        leg, share = self._leg, self._leg.share(now_s)
-        side = leg.side_before + share * (leg.side - leg.side_before)
-        error = leg.error_before + share * (leg.error - leg.error_before)
-        self._leg = Leg(now_s, lasts_s, self.commanded_joints(now_s), joints, side, error, self._error(joints))
+        rest = self._leg.rest(self._leg.share(now_s))
+        self._leg = Leg(now_s, lasts_s, self.commanded_joints(now_s), joints, *rest, self._error(joints))
         self._readings = 0
 
     @property
@@ -136,10 +141,9 @@ class RunningArm:
         return self.chain.joint_frames(self._true_joints(now_s))
 
     def _true_joints(self, now_s: float) -> Array:
-        leg = self._leg
-        share = leg.share(now_s)
-        play = 0.5 * self._faults.size("backlash") * (leg.side_before + share * (leg.side - leg.side_before))
-        error = leg.error_before + share * (leg.error - leg.error_before)
+        share = self._leg.share(now_s)
+        side, error = self._leg.rest(share)
+        play = 0.5 * self._faults.size("backlash") * side
         return self.commanded_joints(now_s) + play + error + self._ring(now_s) + self._stray(share)
 
     def _ring(self, now_s: float) -> Array:
@@ -162,5 +166,10 @@ class RunningArm:
     def _render(self, joints: Array, number: int) -> Array:
         """Normal numbers, one a joint, that are the same whenever the arm is sent to the same place."""
         where = np.round(joints, 9) + 0.0
-        words = hashlib.sha256(repr((self._seed, self._name, number, where.tolist())).encode()).digest()
-        return np.random.default_rng(np.frombuffer(words, dtype=np.uint32)).standard_normal(len(joints))
+        return numbers_of(self._seed, self._name, number, where.tolist()).standard_normal(len(joints))
+
+
+def numbers_of(*words: Any) -> np.random.Generator:
+    """Random numbers that are the same for the same words."""
+    hashed = hashlib.sha256(repr(words).encode()).digest()
+    return np.random.default_rng(np.frombuffer(hashed, dtype=np.uint32))

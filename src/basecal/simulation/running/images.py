@@ -46,7 +46,7 @@ class CameraView:
     """The images of one camera; the last one drawn without noise is kept, since arms mostly stand still."""
 
     def __init__(self, lens: Camera, reflection: float, surroundings: Surroundings | None = None) -> None:
-        self._lens, self._reflection, self._neighbour_records = lens, reflection, surroundings
+        self._lens, self._reflection, self._surroundings = lens, reflection, surroundings
         self._kept: tuple[Seen, bool, Array] | None = None
         self._plain: Array | None = None
         self._dim: tuple[Scene, Array] | None = None
@@ -74,8 +74,8 @@ class CameraView:
 
     def close(self) -> None:
         """Let go of what draws."""
-        if self._neighbour_records is not None:
-            self._neighbour_records.close()
+        if self._surroundings is not None:
+            self._surroundings.close()
 
     def _centre(self, scene: Seen) -> Array:
         """Where the target's middle is in the image, (2,) [px]."""
@@ -92,9 +92,9 @@ class CameraView:
 
     def _board_image(self, scene: Seen) -> Array:
         view = (scene.shape, scene.camera_from_target)
-        if self._neighbour_records is None or scene.scene is None:
+        if self._surroundings is None or scene.scene is None:
             return radiance(self._lens, [view], _BOARD_SETTINGS)
-        return print_targets(self._lens, [view], self._neighbour_records.backdrop(scene.scene), _BOARD_SETTINGS)
+        return print_targets(self._lens, [view], self._surroundings.backdrop(scene.scene), _BOARD_SETTINGS)
 
     def _light_image(self, scene: Seen, is_lit: bool) -> Array:
         behind = self._backdrop(scene)
@@ -110,9 +110,9 @@ class CameraView:
 
     def _backdrop(self, scene: Seen) -> Array:
         """The backdrop without the LED."""
-        if self._neighbour_records is not None and scene.scene is not None:
+        if self._surroundings is not None and scene.scene is not None:
             if self._dim is None or self._dim[0] != scene.scene:
-                levels = np.asarray(_DIM_SHARE * self._neighbour_records.backdrop(scene.scene).levels, dtype=np.float64)
+                levels = np.asarray(_DIM_SHARE * self._surroundings.backdrop(scene.scene).levels, dtype=np.float64)
                 self._dim = (scene.scene, levels)
             return self._dim[1]
         if self._plain is None:
@@ -121,13 +121,11 @@ class CameraView:
 
     def _visible_points(self, scene: Seen) -> tuple[BoolArray, BoolArray]:
         """Which points of a light nothing hides, directly and again."""
-        if self._neighbour_records is None or scene.scene is None:
+        if self._surroundings is None or scene.scene is None:
             return np.ones(len(scene.shape.points), dtype=bool), np.ones(len(scene.reflected), dtype=bool)
         points = scene.scene.world_from_target @ scene.shape.points
         below = scene.scene.world_from_camera @ scene.reflected
-        return self._neighbour_records.is_visible(scene.scene, points), self._neighbour_records.is_mirrored(
-            scene.scene, below
-        )
+        return self._surroundings.is_visible(scene.scene, points), self._surroundings.is_mirrored(scene.scene, below)
 
 
 def _is_equal(scene: Seen, other_scene: Seen) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +10,7 @@ import numpy as np
 from basecal.cell import WORLD, CellTarget, Target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
-from basecal.simulation.running.arm import RunningArm
-from basecal.simulation.running.clock import Clock
+from basecal.simulation.running.arm import RunningArm, numbers_of
 from basecal.simulation.running.images import CameraView, Seen
 from basecal.simulation.running.world import World
 from basecal.simulation.surroundings.drawing import Scene, Surroundings
@@ -92,9 +91,9 @@ class Plant:
         """The scene before a camera now."""
         return self._camera_scene(camera, self._clock.time_s())
 
-    def light(self, carrier: bool) -> None:
+    def light(self, is_on: bool) -> None:
         """Switch the light."""
-        self._lit = carrier
+        self._lit = is_on
 
     def shot(self, camera: str) -> Shot:
         """The next image of a camera, after those that were lost."""
@@ -119,8 +118,7 @@ class Plant:
     def _render(self, camera: str, stream: int) -> np.random.Generator:
         """Random numbers of an image, the same for the same one since the arms were sent to the same place."""
         goals = [arm.goal.round(9).tolist() for arm in self._arms.values()]
-        words = hashlib.sha256(repr((self._world.seed, camera, goals, self._shots, stream)).encode()).digest()
-        return np.random.default_rng(np.frombuffer(words, dtype=np.uint32))
+        return numbers_of(self._world.seed, camera, goals, self._shots, stream)
 
     def _arm(self, robot: str) -> RunningArm:
         if robot not in self._arms:
@@ -205,3 +203,30 @@ class Plant:
 
     def _is_pushed(self, fault: str, robot: str) -> bool:
         return robot != WORLD and self._arms[robot].moves > self._world.faults.delay_moves(fault)
+
+
+class Clock:
+    """Seconds since the cell began to run.
+
+    With a `speed` of 0 time advances only while somebody waits, by exactly as much. The behaviour of a cell then
+    depends on its requests alone, not on the load of the machine.
+
+    Attributes:
+        speed: Seconds of the cell in a second on the wall.
+    """
+
+    def __init__(self, speed: float = 1.0) -> None:
+        self.speed = speed
+        self._began, self._spent = time.monotonic(), 0.0
+
+    def time_s(self) -> float:
+        """The time [s]."""
+        return self._spent if self.speed == 0 else (time.monotonic() - self._began) * self.speed
+
+    def wait(self, seconds: float) -> float:
+        """The time after so many seconds of the cell."""
+        if self.speed == 0:
+            self._spent += seconds
+        else:
+            time.sleep(seconds / self.speed)
+        return self.time_s()

@@ -110,7 +110,7 @@ def _joints(chain: SerialChain, base_from_flange: SE3) -> Array:
         InputError: if none does.
     """
     starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (_START_COUNT, chain.n))
-    joints, reached = solve_joints(chain, SE3.stack([base_from_flange] * _START_COUNT), starts)
+    joints, reached = solve_joints(chain, base_from_flange.repeat(_START_COUNT), starts)
     near = reached & np.all(np.abs(joints) < np.pi, axis=-1)
     if not near.any():
         raise InputError("an arm does not reach where it has to begin; choose another seed")
