@@ -34,7 +34,7 @@ def test_what_is_reached_is_counted_once(tmp_path: Path) -> None:
     path.write_text("sample,id,u,v\n0,1,10.5,20.5\n")
 
     def read() -> str:
-        from basecal.exchange.pixels import read_pixels
+        from basecal.exchange.streams import read_pixels
 
         read_pixels(path)
         return "answered"

@@ -72,7 +72,7 @@ class _Entry(NamedTuple):
     where: Field
 
 
-def read_colmap(path: str | Path) -> dict[int, StatedLens]:
+def read_colmap_lenses(path: str | Path) -> dict[int, StatedLens]:
     """The lenses of a reconstruction by their CAMERA_ID.
 
     Args:
