@@ -14,7 +14,7 @@ from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.cli.typed_words import typed_command
 from basecal.errors import BasecalError, FrameNotFound, UsageError
-from basecal.exchange.motions.registry import MOTIONS
+from basecal.exchange.motions.writers import MOTIONS
 from basecal.fields.typed_length import length_m
 
 _KINDS = "; ".join(f"{name}: {each.words}" for name, each in MOTIONS.items())

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.lens_parameter import LensParameter
-from basecal.effects.faces.simulated_fault import ONE, SimulatedFault
+from basecal.effects.faces.effect import ONE, Effect, LensParameter, SimulatedFault
 from basecal.geometry import Array, Camera
 
 _USUAL = 1e-3  # of the width of the image, of each term at the farthest corner

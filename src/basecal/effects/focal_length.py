@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import format_with_sigma
-from basecal.effects.faces.lens_parameter import LensParameter
-from basecal.effects.faces.simulated_fault import SimulatedFault
+from basecal.effects.faces.effect import Effect, LensParameter, SimulatedFault, format_with_sigma
 from basecal.geometry import Array, Camera
 
 _USUAL = 2e-3  # of the focal length

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import format_with_sigma
-from basecal.effects.faces.lens_parameter import LensParameter
-from basecal.effects.faces.simulated_fault import ONE, SimulatedFault
+from basecal.effects.faces.effect import ONE, Effect, LensParameter, SimulatedFault, format_with_sigma
 from basecal.geometry import Array, Camera
 
 # One that counts from the corner of the first pixel, not from its centre, is half a pixel off, and (w + 1) / 2 a whole.

@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.effects.faces.effect import Effect, Face
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import Effect, Face, RandomEffect
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
 from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.effects import smooth
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import Effect, RandomEffect
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
 from basecal.geometry import SE3, Array
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from basecal.effects import smooth
 from basecal.effects.bending import turns_by_reach
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import Effect, RandomEffect
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.smooth_by_place import EXPECTED
 from basecal.geometry import SE3, Array

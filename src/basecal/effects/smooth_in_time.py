@@ -11,10 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.effects import smooth
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import DEGREE, Effect, RandomEffect, SimulatedFault
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
-from basecal.effects.faces.simulated_fault import DEGREE, SimulatedFault
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 

@@ -14,7 +14,7 @@ from basecal.accuracy.drift.shifts import Shift
 from basecal.accuracy.drift.verify import POWER, Verification
 from basecal.accuracy.model_comparison.nested_models import MOVED
 from basecal.cell import PastVerification
-from basecal.effects.faces.found_effect import format_tangent, format_with_sigma
+from basecal.effects.faces.effect import format_tangent, format_with_sigma
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import error_text
 

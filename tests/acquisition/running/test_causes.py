@@ -9,7 +9,7 @@ import pytest
 
 from basecal.accuracy.drift.shifts import SIZE_KIND, Shift
 from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 
 TANGENT = np.array([3e-3, 4e-3, 0, 0, 0, np.radians(1)])
 

@@ -12,7 +12,7 @@ from basecal.cell.files import read_cell
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import InputError
 from basecal.exchange.importing.bring_in import add_to_cell
-from basecal.exchange.importing.cell_content import NO_CELL, KnownCell
+from basecal.exchange.importing.carriers import NO_CELL, KnownCell
 from basecal.exchange.importing.hand_eye import (
     Carriers,
     HandEyeRecord,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.accuracy.drift.shifts import SIZE_KIND, Shift
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import describe_effect
 
 _REPORTED = {"base-moved", "robot-model", "length-scale"}

@@ -15,7 +15,7 @@ from basecal.accuracy.model_comparison.nested_models import CONFIRMED
 from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
 from basecal.acquisition.running.estimate import RunningEstimate, running_estimate
 from basecal.cell import Cell, Recording, Sample
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import describe_effect
 
 _WINDOW_SAMPLES = 3  # samples that are compared together, to see what is too small to see in one

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, create_model
 
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import RandomEffect
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.fields.file_forms import THREE, Number, Real, Sigma, Whole, as_written
 

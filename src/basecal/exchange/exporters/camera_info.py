@@ -8,10 +8,8 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.exchange.exports.cameras import choose_camera, exported_camera
-from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.quoting import yaml_word
-from basecal.exchange.exports.remarks import comments
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.wanted import Exporter, Wanted, comments
 from basecal.exchange.ros_lenses import ros_lens
 from basecal.geometry import Array
 

@@ -6,11 +6,9 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.quoting import xml_comment
-from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.tree import Place, places
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.wanted import Exporter, Wanted, comments, describe_transform
 from basecal.exchange.urdf import exactly
 
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from basecal.errors import MissingExtra
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.tree import Place, places
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.wanted import Exporter, Wanted, comments, describe_transform
 
 
 def export_text(request: Wanted) -> str:

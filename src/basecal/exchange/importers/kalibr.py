@@ -15,7 +15,7 @@ from typing import Any
 
 from basecal.errors import InputError, list_names
 from basecal.exchange.fields import Field, read_fields
-from basecal.exchange.importing.cell_content import known_cell
+from basecal.exchange.importing.carriers import known_cell
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.lens import LensStatus, imported_target, lens_of_file, mount_by_chain
 from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera

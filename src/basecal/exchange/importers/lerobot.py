@@ -9,8 +9,7 @@ import numpy as np
 
 from basecal.errors import UsageError
 from basecal.exchange.images import image_size
-from basecal.exchange.importing.carriers import choose_carrier
-from basecal.exchange.importing.cell_content import KnownCell, known_cell, open_size, recorded_samples
+from basecal.exchange.importing.carriers import KnownCell, choose_carrier, known_cell, open_size, recorded_samples
 from basecal.exchange.importing.cell_files import scratch_folder
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.joint_model import joint_model

@@ -15,7 +15,7 @@ from pathlib import Path
 from basecal.cell import RobotState
 from basecal.errors import InputError, list_names
 from basecal.exchange.fields import read_fields
-from basecal.exchange.importing.cell_content import KnownCell, known_cell
+from basecal.exchange.importing.carriers import KnownCell, known_cell
 from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.geometry import SE3, Array, read_only

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from basecal.errors import InputError, UsageError
-from basecal.exchange.importing.cell_content import known_cell
+from basecal.exchange.importing.carriers import known_cell
 from basecal.kinematics import SerialChain, read_chain
 
 _WIDEST_DEG = 45.0  # of a joint's offset: beyond this nothing is known of it

@@ -9,8 +9,16 @@ from typing import Any, Literal
 from basecal.cell.format.plain import pose_dict
 from basecal.errors import InputError
 from basecal.exchange.images import image_size
-from basecal.exchange.importing.carriers import carried_entry, check_robot, choose_carrier, choose_name
-from basecal.exchange.importing.cell_content import KnownCell, NoCell, known_cell, recorded_samples
+from basecal.exchange.importing.carriers import (
+    KnownCell,
+    NoCell,
+    carried_entry,
+    check_robot,
+    choose_carrier,
+    choose_name,
+    known_cell,
+    recorded_samples,
+)
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.lens_files.stated_lens import StatedLens, camera_entry
 from basecal.geometry import SE3
