@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from cyclopts import Parameter, validators
 
-from basecal.cli.detection import detected_recording
+from basecal.cli.detect import detected_recording
 from basecal.cli.next_step import has_drivers
-from basecal.cli.option_types import OpensPage, Output, Seed, number_range
-from basecal.cli.task_point import Box, Point, task_points
+from basecal.cli.option_types import Box, OpensPage, Output, Point, Seed, number_range, task_points
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.cli.typed_words import typed_command
 from basecal.errors import BasecalError, FrameNotFound, UsageError

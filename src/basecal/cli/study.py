@@ -6,9 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from basecal.cli.detection import counting
 from basecal.cli.option_types import Output, number_range
-from basecal.cli.terminal import print_json, progress, say
+from basecal.cli.terminal import counting, print_json, progress, say
 from basecal.errors import UsageError
 
 if TYPE_CHECKING:

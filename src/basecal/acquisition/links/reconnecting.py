@@ -10,8 +10,7 @@ import numpy as np
 
 from basecal.acquisition.driver import Reading
 from basecal.acquisition.freshness import STALE_S, Stale, Waits, wait_for_newer
-from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import state_vector
+from basecal.acquisition.states import check_reading
 from basecal.errors import BasecalError, DriverError
 
 _RETRY_S = 0.2  # between two attempts to connect
@@ -139,7 +138,7 @@ class ReconnectingRobot(ABC):
 
 
 def _is_same(reading: Reading, last: Reading) -> bool:
-    return np.array_equal(state_vector(reading.state), state_vector(last.state))
+    return np.array_equal(reading.state.vector, last.state.vector)
 
 
 def _domain_error(name: str, error: Exception, is_first: bool = False) -> BasecalError:

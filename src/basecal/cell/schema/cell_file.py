@@ -16,9 +16,8 @@ from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_nouns import cell_noun
 from basecal.cell.schema.cell_schema import SCHEMA, CellEntry
-from basecal.cell.schema.clamping import clamp_names
 from basecal.cell.schema.errors import check_schema, collect_problems
-from basecal.cell.schema.touching import mark_names
+from basecal.cell.schema.touching import clamp_names, mark_names
 from basecal.errors import BasecalError, InputError, check_type, nearest
 from basecal.fields.problems import SHORT_LENGTH, Loc, Problem, dataset_error, shorten
 from basecal.kinematics import SerialChain, read_chain

@@ -10,10 +10,9 @@ from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
 from basecal.cell.cell import Clock, RollingShutter
-from basecal.cell.schema.clamping import ClampEntry, named_clamps
 from basecal.cell.schema.keep_out import KeepOutEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
-from basecal.cell.schema.touching import MarkEntry, TipEntry
+from basecal.cell.schema.touching import ClampEntry, MarkEntry, TipEntry, named_clamps
 from basecal.cell.targets.registry import AnyTargetEntry
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.fields.parameters import Parameters

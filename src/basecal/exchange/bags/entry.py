@@ -12,8 +12,8 @@ from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey, plain
 from basecal.exchange.fields import Field
 from basecal.exchange.importing.carriers import KnownCell, NoCell, Sight, sight_entry
+from basecal.exchange.importing.lens import StatedLens, camera_entry
 from basecal.exchange.lens_files.camera_info import camera_info_lens
-from basecal.exchange.lens_files.stated_lens import StatedLens, camera_entry
 
 _RECTIFIED = "image_rect"
 

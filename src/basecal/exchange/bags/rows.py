@@ -16,8 +16,7 @@ from basecal.exchange.bags.images import image_file
 from basecal.exchange.bags.sources import Taken
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.exchange.importing.imported import Row
-from basecal.geometry import SE3, Array
-from basecal.geometry.rotation import nearest_rotation
+from basecal.geometry import Array
 
 _MOST_ROWS = 200_000  # as many as a recording may have samples
 _AROUND_S = 0.15  # before and after an image, in which robots must stand: longer than a camera lags behind
@@ -156,7 +155,7 @@ def find_stops(tracks: Tracks) -> tuple[Instant, ...]:
         for name, track in tracks.robots.items():
             values = _standing_state(track, chosen[0].stamp_s)
             assert values is not None
-            robots[name] = _mean_state(track, values)
+            robots[name] = _state(track, 0).with_vector(values)
         stops.append(Instant(chosen[0].stamp_s, robots, chosen))
     return tuple(stops)
 
@@ -218,9 +217,3 @@ def _vectors(track: Track, part: slice) -> Array:
     assert track.poses is not None
     poses = track.poses[part]
     return np.concatenate([poses.translation, poses.rotation.reshape(-1, 9)], axis=1)
-
-
-def _mean_state(track: Track, values: Array) -> RobotState:
-    if track.joints is not None:
-        return RobotState(joints_rad=values)
-    return RobotState(SE3(nearest_rotation(values[3:].reshape(3, 3)), values[:3]))

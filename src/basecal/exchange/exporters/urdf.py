@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.bounded_file import read_bounded
 from basecal.cell import Calibration, Cell
-from basecal.cell.results.calibration_dict import program_version
+from basecal.cell.results.versions import program_version
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exports.wanted import Exporter, Wanted
 from basecal.exchange.urdf import corrected_urdf

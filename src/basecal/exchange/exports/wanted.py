@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from basecal.cell import Calibration, Cell
-from basecal.cell.results.calibration_dict import program_version
+from basecal.cell.results.versions import program_version
 from basecal.errors import RefusedCalibration, printable
 from basecal.geometry import PoseEstimate
 

@@ -21,7 +21,7 @@ from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.lens_files.stated_lens import StatedLens, camera_entry, made_camera
+from basecal.exchange.importing.lens import StatedLens, camera_entry, made_camera
 from basecal.geometry import SE3
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.images import list_images, missing_numbers, read_time, unreadable_images, usual_size
-from basecal.exchange.importing.carriers import carried_entry, check_robot, choose_carrier, known_cell, open_size
+from basecal.exchange.importing.carriers import Sight, carried_entry, check_robot, choose_carrier, known_cell, open_size
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
 from basecal.fields.problems import Loc
@@ -69,7 +69,7 @@ def read_images(
     files = list_images(Path(folder))
     new, replaced = _camera_entry(cell, camera, on)
     carrier = new["cameras"][camera].get("on")
-    shown = target_entry(cell, target, shape, {target_name: target_on}, {camera: carrier})
+    shown = target_entry(cell, target, shape, Sight(camera, target_name, carrier, target_on))
     looked = _read_images(Path(folder), files, progress)
     time: Callable[[Path], float | None] = read_time if by == "time" else lambda path: None
     rows = tuple(Row(images={camera: path}, image=path.name, stamp_s=time(path)) for path in files)

@@ -17,8 +17,14 @@ from basecal.errors import InputError, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.importing.carriers import known_cell
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.lens import LensStatus, imported_target, lens_of_file, mount_by_chain
-from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera
+from basecal.exchange.importing.lens import (
+    LensStatus,
+    StatedLens,
+    imported_target,
+    lens_of_file,
+    made_camera,
+    mount_by_chain,
+)
 
 _PROJECTION = "pinhole"  # the one of Kalibr's that lenses here have
 _MODELS = {"radtan": ("pinhole", 4), "equidistant": ("fisheye", 4), "none": ("pinhole", 0)}

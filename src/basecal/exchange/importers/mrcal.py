@@ -17,8 +17,7 @@ from basecal.errors import DatasetError, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.lens import LensStatus, lens_of_file
-from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera
+from basecal.exchange.importing.lens import LensStatus, StatedLens, lens_of_file, made_camera
 from basecal.fields.problems import Loc, shorten
 
 _TERMS = {

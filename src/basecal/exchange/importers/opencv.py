@@ -15,9 +15,15 @@ from typing import Literal
 from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import Field
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.lens import LensStatus, lens_of_file
+from basecal.exchange.importing.lens import (
+    LensStatus,
+    StatedLens,
+    lens_of_file,
+    made_camera,
+    matrix_parameters,
+    opencv_terms,
+)
 from basecal.exchange.lens_files.file_storage import read_file_storage
-from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera, matrix_parameters, opencv_terms
 from basecal.exchange.npz import read_arrays
 from basecal.geometry import Camera
 from basecal.geometry.lenses.registry import term_counts

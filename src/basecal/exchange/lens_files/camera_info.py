@@ -12,7 +12,7 @@ from pathlib import Path
 
 from basecal.errors import DatasetError, list_names
 from basecal.exchange.fields import Field, read_fields
-from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera, matrix_parameters, opencv_terms
+from basecal.exchange.importing.lens import StatedLens, made_camera, matrix_parameters, opencv_terms
 
 _FISHEYE = {"equidistant", "fisheye"}
 _PINHOLE = {"plumb_bob", "rational_polynomial", "thin_prism", ""}

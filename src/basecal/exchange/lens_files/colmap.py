@@ -18,7 +18,7 @@ from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, list_names, nearest
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field
-from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera
+from basecal.exchange.importing.lens import StatedLens, made_camera
 from basecal.fields.problems import shorten
 
 _TO_PIXEL_CENTRES = -0.5

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.summary import wrap_text
 
 _NUMBER_COLUMNS = ("sigma_mm", "sigma_deg", "held_out_mm", "held_out_deg", "samples", "time_s")

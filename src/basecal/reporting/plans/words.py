@@ -9,8 +9,7 @@ from numpy import degrees
 from basecal.cell import TouchObservation
 from basecal.geometry.euler import rpy_of_rotation
 from basecal.planning.plan import Plan
-from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.statement.verdict import PLACE_WORDS, Headline
+from basecal.reporting.statement.verdict import PLACE_WORDS, Headline, two_digits
 
 
 def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:

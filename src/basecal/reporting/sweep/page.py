@@ -7,8 +7,8 @@ from itertools import combinations, islice
 from typing import Any
 
 from basecal.reporting.figures.curves import COLOURS, Band, curves
-from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.heat_map import heat_map
+from basecal.reporting.svg import Figure
 from basecal.reporting.sweep.text import failure_reasons, table_rows
 from basecal.reporting.templates.environment import fill_page
 

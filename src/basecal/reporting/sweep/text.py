@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import two_digits
 
 COLUMN_TITLES = (
     "solved",
