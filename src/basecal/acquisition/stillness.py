@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.acquisition.driver import Camera, CameraImage, Reading, Robot
+from basecal.acquisition.driver import Camera, CameraImage, Reading, Robot, check_reading, has_arrived
 from basecal.acquisition.freshness import Patience
-from basecal.acquisition.states import check_reading, has_arrived
 from basecal.cell import RobotState
 from basecal.cell.target import Target
 from basecal.geometry import Array

@@ -83,8 +83,7 @@ def try_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]
     from basecal.reporting.sweep.page import sweep_page
     from basecal.reporting.sweep.text import sweep_text
     from basecal.studies.run import run_study
-    from basecal.studies.summary import summarise
-    from basecal.studies.table import write_table
+    from basecal.studies.summary import summarise, write_table
 
     with counting("trying") as step:
         run_study(study, folder, workers, step)

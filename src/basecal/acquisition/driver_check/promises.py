@@ -11,9 +11,17 @@ from typing import TypeVar
 
 import numpy as np
 
-from basecal.acquisition.driver import Camera, HasWatchdog, Moves, Reading, Robot, StopGuarantee
+from basecal.acquisition.driver import (
+    ARRIVED_RAD_M,
+    Camera,
+    HasWatchdog,
+    Moves,
+    Reading,
+    Robot,
+    StopGuarantee,
+    check_reading,
+)
 from basecal.acquisition.freshness import LEAST_HZ
-from basecal.acquisition.states import ARRIVED_RAD_M, check_reading
 from basecal.acquisition.supervision.limits import STALE_S
 from basecal.cell import RobotState
 from basecal.errors import DriverError

@@ -11,12 +11,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from basecal.acquisition.driver import CameraImage, Place, Reading, checked_options
+from basecal.acquisition.driver import CameraImage, Place, Reading, check_reading, checked_options
 from basecal.acquisition.freshness import Waits
 from basecal.acquisition.ros2.dds import LAST_DOMAIN, choose_domain, domain_words
 from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
-from basecal.acquisition.states import check_reading
 from basecal.errors import BasecalError, DriverError
 from basecal.exchange.bags.bag import COMPRESSED, IMAGE, Message, Topic
 from basecal.exchange.bags.images import image_file

@@ -22,6 +22,8 @@ from typing import Any
 import numpy as np
 
 from basecal.acquisition.driver import (
+    OFF_PLACE_RAD,
+    OFF_WAY_RAD,
     ChecksGoals,
     Freedrives,
     HasWatchdog,
@@ -29,16 +31,12 @@ from basecal.acquisition.driver import (
     Place,
     Reading,
     Robot,
-    driver_failure,
-)
-from basecal.acquisition.drivers.registry import driver_kind
-from basecal.acquisition.states import (
-    OFF_PLACE_RAD,
-    OFF_WAY_RAD,
     check_reading,
+    driver_failure,
     has_arrived,
     joint_off_way,
 )
+from basecal.acquisition.drivers.registry import driver_kind
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
     CLOSE_S,

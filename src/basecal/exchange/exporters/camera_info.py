@@ -10,7 +10,7 @@ from basecal.errors import InputError
 from basecal.exchange.exports.cameras import choose_camera, exported_camera
 from basecal.exchange.exports.quoting import yaml_word
 from basecal.exchange.exports.wanted import Exporter, Wanted, comments
-from basecal.exchange.ros_lenses import ros_lens
+from basecal.exchange.lens_files.camera_info import ros_lens
 from basecal.geometry import Array
 
 

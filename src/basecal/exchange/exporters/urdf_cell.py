@@ -8,7 +8,7 @@ from basecal.bounded_file import read_bounded
 from basecal.errors import InputError
 from basecal.exchange.exporters.urdf import applied_kinds, corrected_text
 from basecal.exchange.exports.wanted import Exporter, Wanted, comments
-from basecal.exchange.urdf_scene import RobotPart, link_names, merged_urdf
+from basecal.exchange.urdf import RobotPart, link_names, merged_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES, joint_origins
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from basecal.bounded_file import read_bounded
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exports.wanted import Exporter, Wanted, comments, describe_transform
-from basecal.exchange.urdf_scene import patched_urdf
+from basecal.exchange.urdf import patched_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
 
 

@@ -20,7 +20,7 @@ from basecal.exchange.importing.carriers import KnownCell, Sight, known_cell
 from basecal.exchange.importing.cell_files import scratch_folder
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.name_options import parse_name_options
+from basecal.fields.typed_length import parse_name_options
 
 Progress = Callable[[int, int], None]
 

@@ -12,7 +12,7 @@ from basecal.exchange.images import image_size
 from basecal.exchange.importing.carriers import KnownCell, choose_carrier, known_cell, open_size, recorded_samples
 from basecal.exchange.importing.cell_files import scratch_folder
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.joint_model import joint_model
+from basecal.exchange.joints import joint_model
 from basecal.exchange.lerobot import (
     Episode,
     JointUnit,

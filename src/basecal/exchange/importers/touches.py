@@ -16,9 +16,8 @@ from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.poses import POSE_ADVICE, table_reading
 from basecal.exchange.importing.carriers import KnownCell, known_cell, recorded_samples
 from basecal.exchange.importing.imported import By, Imported, OneOf, Row, controller_places
-from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.importing.text_table import read_text_table, select_robot
-from basecal.exchange.joints import read_joints
+from basecal.exchange.joints import joint_model, read_joints
 from basecal.exchange.poses import LengthUnit
 
 

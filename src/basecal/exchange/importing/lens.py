@@ -12,7 +12,6 @@ import numpy as np
 from basecal.cell.format.plain import numbers, pose_dict
 from basecal.errors import InputError
 from basecal.exchange.fields import Field
-from basecal.exchange.images import image_size
 from basecal.exchange.importing.carriers import (
     KnownCell,
     NoCell,
@@ -77,6 +76,8 @@ def lens_of_file(
 
 def _check_size(folder: Path, cell: KnownCell, camera: str, size_px: tuple[int, int] | None, source: str) -> None:
     """Raise an InputError if the cell, or the first image of the camera, has another size."""
+    from basecal.exchange.images import image_size  # headers of images, which no export needs
+
     samples = recorded_samples(folder, cell)
     image = next((sample.images[camera] for sample in samples if camera in sample.images), None)
     sizes = {f"camera {camera!r} in cell.yaml": cell.cameras[camera].size_px}
