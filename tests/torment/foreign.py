@@ -17,6 +17,7 @@ from basecal.exchange.importers.colmap import read_colmap_images
 from basecal.exchange.importers.data_set import read_data_set_record
 from basecal.exchange.importers.easy_handeye import read_easy_handeye_record
 from basecal.exchange.importers.kalibr import read_camchain, read_target
+from basecal.exchange.importers.lerobot import find_film, write_images
 from basecal.exchange.importers.moveit_samples import is_joint_states, read_joint_states, read_moveit_record
 from basecal.exchange.importers.mrcal import read_cameramodel
 from basecal.exchange.importers.opencv import read_opencv_lens
@@ -26,7 +27,6 @@ from basecal.exchange.joints import read_joints
 from basecal.exchange.lens_files.camera_info import read_camera_info
 from basecal.exchange.lens_files.colmap import read_colmap_lenses
 from basecal.exchange.lerobot import read_episode
-from basecal.exchange.lerobot_films import find_film, write_images
 from basecal.kinematics import read_chain
 from colmap_files import IMAGES, binary_images, text_images
 from torment.damage import damaged, torn_bytes

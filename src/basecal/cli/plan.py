@@ -186,7 +186,7 @@ def _print_plan(
 
     from basecal.cell.files import write_plan
     from basecal.cell.format.writing import write_output
-    from basecal.reporting.plans.words import plan_lines
+    from basecal.reporting.plans.page import plan_lines
 
     data = plan_dict(plan_result, needed_m)
     if motion is not None and output is None:

@@ -80,8 +80,7 @@ def summary_text(summary: dict[str, Any]) -> str:
 
 def try_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]:
     """The summary of a study, which is tried and written; with its words."""
-    from basecal.reporting.sweep.page import sweep_page
-    from basecal.reporting.sweep.text import sweep_text
+    from basecal.reporting.sweep.page import sweep_page, sweep_text
     from basecal.studies.run import run_study
     from basecal.studies.summary import summarise, write_table
 
@@ -95,8 +94,7 @@ def try_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]
 
 def _fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dict[str, Any]:
     """The summary of a folder of cells, which are calibrated."""
-    from basecal.reporting.fleet.page import fleet_page
-    from basecal.reporting.fleet.text import fleet_text
+    from basecal.reporting.fleet.page import fleet_page, fleet_text
     from basecal.studies.fleet.run import make_fleet, run_fleet
     from basecal.studies.fleet.summary import fleet_rows, summarise_fleet, write_fleet_table
 

@@ -17,7 +17,7 @@ from basecal.geometry import SE3, Array
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
     """Errors along each axis by modes of recorded poses, (m,), at poses, (n,)."""
-    found = smooth.Modes.from_poses(recorded_poses, kernel).sizes(poses)
+    found = smooth.Modes.strongest(recorded_poses, kernel).sizes(poses)
     return SharedErrors.repeat_coordinates(found).rotate_to(poses) if found.shape[1] else None
 
 

@@ -51,16 +51,18 @@ def _similar_path(path: Path) -> str:
     return f" (did you mean {min(others)}?)" if others - {""} else ""
 
 
-def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
+def grey_image(data: bytes | str, size_px: tuple[int, int] | None) -> Image | str:
     """The image in the bytes of a file, (h, w) of uint8 or uint16, colour turned to grey, or why there is none.
 
     Pixels are where the sensor gave them, whatever rotation EXIF states. That rotation is for viewing the image,
     whereas a lens is calibrated as it is mounted on its sensor.
 
     Args:
-        data: What the file holds.
+        data: What the file holds, or why it cannot be read.
         size_px: Width and height it has to have; None if any will do.
     """
+    if isinstance(data, str):
+        return data
     if (why := _refusal_reason(data, size_px)) is not None:
         return why
     pixels, amiss = decode(data)

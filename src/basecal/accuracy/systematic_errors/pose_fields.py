@@ -81,4 +81,4 @@ def pose_field(situation: Situation, robot: str) -> PoseField | None:
     if has_joints or count_stops(problem, robot) < FEWEST_STOPS or any(robot in of for of in common.values()):
         return None
     poses, seen = stands(problem, robot)
-    return PoseField(robot, Modes.from_poses(poses[np.flatnonzero(seen)], kernel))
+    return PoseField(robot, Modes.strongest(poses[np.flatnonzero(seen)], kernel))

@@ -131,8 +131,7 @@ class ReplayCamera:
         return CameraImage(self._tape.tick(), self._read(paths[self._name]))
 
     def _read(self, path: str) -> Grey:
-        data = read_bytes(self._tape.folder / path)
-        grey = data if isinstance(data, str) else grey_image(data, self._tape.cell.cameras[self._name].size_px)
+        grey = grey_image(read_bytes(self._tape.folder / path), self._tape.cell.cameras[self._name].size_px)
         if isinstance(grey, str):
             raise DriverError(f"{self._name}: {path} {grey}")
         return grey

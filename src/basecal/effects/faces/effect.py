@@ -232,6 +232,14 @@ Face = Literal["statement", "size", "unknown", "random", "candidate", "map", "wo
 in the error map and `verify`; words; fault of the simulator."""
 
 
+NOT_OF_LENSES: dict[Face, str] = {
+    "random": "a lens is the same in all views",
+    "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",
+    "map": "the answer's covariance contains it",
+}
+"""Faces that parameters of lenses have not."""
+
+
 @dataclass(frozen=True, eq=False)
 class Effect:
     """One effect.

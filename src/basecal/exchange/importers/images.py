@@ -120,8 +120,7 @@ def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int,
     sizes: dict[str, tuple[int, int]] = {}
     damaged: list[str] = []
     for done, path in enumerate(files, start=1):
-        data = read_bytes(path)
-        image = data if isinstance(data, str) else grey_image(data, None)
+        image = grey_image(read_bytes(path), None)
         if isinstance(image, str):
             damaged.append(f"{path.name} {image}")
         else:

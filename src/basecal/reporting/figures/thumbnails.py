@@ -110,8 +110,7 @@ def _picture(
     size_px = cell.cameras[camera].size_px
     if recording.folder is None or size_px is None:
         return None
-    data = read_bytes(Path(recording.folder) / sample.images[camera])
-    jpeg = None if isinstance(data, str) else thumbnail(data, size_px, width)
+    jpeg = thumbnail(read_bytes(Path(recording.folder) / sample.images[camera]), size_px, width)
     if jpeg is None:
         return None
     label = f"sample {sample.sample} seen by {camera}"
