@@ -14,8 +14,7 @@ from basecal.cell import RobotState
 from basecal.errors import DatasetError, InputError, UsageError
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import keyed_rows
-from basecal.exchange.importing.carriers import known_cell
-from basecal.exchange.importing.imported import Row
+from basecal.exchange.importing.imported import Row, known_cell
 from basecal.exchange.importing.text_table import TextTable, read_text_table, rows_of_numbers, select_robot
 from basecal.geometry import Array
 from basecal.kinematics import SerialChain, read_chain

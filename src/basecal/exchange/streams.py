@@ -24,8 +24,7 @@ from basecal.cell import (
 from basecal.errors import DatasetError, FrameNotFound, InputError
 from basecal.exchange.columns import read_columns
 from basecal.exchange.controller_poses import PoseStream, read_poses
-from basecal.exchange.importing.carriers import NoCell, choose_name, known_cell
-from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.imported import Imported, NoCell, Row, choose_name, known_cell
 from basecal.exchange.importing.template import cell_text
 from basecal.exchange.npz import read_arrays
 from basecal.exchange.poses import LengthUnit

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exports.quoting import xml_comment
+from basecal.exchange.exports.exporter import xml_comment
 from basecal.geometry import SE3, Array
 from basecal.geometry.euler import rpy_of_rotation
 from basecal.kinematics import SerialChain, parse_chain, path_joint_names

@@ -15,7 +15,7 @@ from basecal.exchange.bags.entry import bag_entry, bag_lens, urdf_name
 from basecal.exchange.bags.frames import Tree
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, CameraSource, Taken
 from basecal.exchange.bags.survey import Survey
-from basecal.exchange.importing.carriers import NO_CELL
+from basecal.exchange.importing.imported import NO_CELL
 from basecal.kinematics import SerialChain
 
 K = np.array([500.0, 0, 320, 0, 510, 240, 0, 0, 1])

@@ -15,7 +15,7 @@ from basecal.errors import FrameNotFound, InputError, RefusedCalibration
 from basecal.exchange.controller_poses import Reading, read_controller_poses
 from basecal.exchange.exporters.exporter import export, pasteable
 from basecal.exchange.exporters.registry import EXPORTERS
-from basecal.exchange.exports.wanted import Takes
+from basecal.exchange.exports.exporter import Takes
 from export_example import BASE, CALIBRATION, CELL, INVERSE, POINT, all_poses
 
 OF_TRANSFORMS = [kind for kind, each in EXPORTERS.items() if {*each.takes} & {"transform", "urdf"} == {"transform"}]

@@ -20,7 +20,7 @@ from basecal.exchange.importers.moveit_samples import (
     read_joint_states,
     read_moveit_record,
 )
-from basecal.exchange.importing.carriers import NO_CELL
+from basecal.exchange.importing.imported import NO_CELL
 from basecal.geometry import SE3
 from cell_example import URDF
 

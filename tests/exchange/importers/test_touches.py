@@ -15,8 +15,7 @@ from basecal.cli import main
 from basecal.errors import DatasetError
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.touches import new_rows, touch_names
-from basecal.exchange.importing.carriers import NO_CELL
-from basecal.exchange.importing.imported import Row
+from basecal.exchange.importing.imported import NO_CELL, Row
 from basecal.geometry import SE3
 
 SIGMA_M = 1e-4

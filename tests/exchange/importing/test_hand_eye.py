@@ -12,7 +12,6 @@ from basecal.cell.files import read_cell
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import InputError
 from basecal.exchange.importing.bring_in import add_to_cell
-from basecal.exchange.importing.carriers import NO_CELL, KnownCell
 from basecal.exchange.importing.hand_eye import (
     Carriers,
     HandEyeRecord,
@@ -22,6 +21,7 @@ from basecal.exchange.importing.hand_eye import (
     imported_hand_eye,
     is_camera_on_robot,
 )
+from basecal.exchange.importing.imported import NO_CELL, KnownCell
 from basecal.geometry import SE3
 
 POSES = SE3.exp(np.random.default_rng(7).normal(size=(3, 6)) * 0.4)

@@ -13,8 +13,7 @@ from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.fields import parse_fields
 from basecal.exchange.importing.bring_in import add_to_cell
-from basecal.exchange.importing.carriers import NO_CELL
-from basecal.exchange.importing.imported import Imported
+from basecal.exchange.importing.imported import NO_CELL, Imported
 from basecal.exchange.importing.lens import (
     OPENCV_TERMS,
     StatedLens,

@@ -12,7 +12,7 @@ from basecal.exchange.bags.frames import Tree, hint
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, CameraSource, Taken
 from basecal.exchange.bags.survey import Survey, plain
 from basecal.exchange.bags.tags import TAG_POSES, TAGS, frames_of_tags
-from basecal.exchange.importing.carriers import KnownCell
+from basecal.exchange.importing.imported import KnownCell
 from basecal.kinematics import SerialChain, parse_chain
 
 # As URDFs of Universal Robots, Franka, KUKA, ABB, FANUC, Yaskawa, UFACTORY and Doosan name them, the first that is.

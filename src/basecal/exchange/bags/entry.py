@@ -11,7 +11,7 @@ from basecal.cell.schema.cell_schema import is_frame_name
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey, plain
 from basecal.exchange.fields import Field
-from basecal.exchange.importing.carriers import KnownCell, NoCell, Sight, sight_entry
+from basecal.exchange.importing.imported import KnownCell, NoCell, Sight, sight_entry
 from basecal.exchange.importing.lens import StatedLens, camera_entry
 from basecal.exchange.lens_files.camera_info import camera_info_lens
 

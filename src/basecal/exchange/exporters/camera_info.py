@@ -8,8 +8,7 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.exchange.exports.cameras import choose_camera, exported_camera
-from basecal.exchange.exports.quoting import yaml_word
-from basecal.exchange.exports.wanted import Exporter, Wanted, comments
+from basecal.exchange.exports.exporter import Exporter, Wanted, comments, yaml_word
 from basecal.exchange.lens_files.camera_info import ros_lens
 from basecal.geometry import Array
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from basecal.exchange.exports.cameras import exported_camera
-from basecal.exchange.exports.wanted import Exporter, Wanted, comments, describe_transform
+from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform
 from basecal.geometry import Array
 
 

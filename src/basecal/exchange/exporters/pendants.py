@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.exports.digits import format_decimals, length_decimals, written_numbers
-from basecal.exchange.exports.wanted import Exporter, NamedTransform, Wanted, comments, describe_transform
+from basecal.exchange.exports.exporter import Exporter, NamedTransform, Wanted, comments, describe_transform
 
 _LONGEST_NAME = 32
 """Characters of an identifier. Source: RAPID Overview, "Identifiers"."""

@@ -19,7 +19,7 @@ from basecal.exchange.exporters import (
     usd,
 )
 from basecal.exchange.exporters.pendants import PENDANTS
-from basecal.exchange.exports.wanted import Exporter
+from basecal.exchange.exports.exporter import Exporter
 
 EXPORTERS: Mapping[str, Exporter] = {
     **PENDANTS,

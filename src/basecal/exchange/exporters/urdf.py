@@ -11,7 +11,7 @@ from basecal.bounded_file import read_bounded
 from basecal.cell import Calibration, Cell
 from basecal.cell.results.versions import program_version
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exports.wanted import Exporter, Wanted
+from basecal.exchange.exports.exporter import Exporter, Wanted
 from basecal.exchange.urdf import corrected_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
 

@@ -16,10 +16,9 @@ from basecal.exchange.bags.sources import Asked, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey, survey_bag
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.exchange.images import image_size
-from basecal.exchange.importing.carriers import KnownCell, Sight, known_cell
 from basecal.exchange.importing.cell_files import scratch_folder
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
-from basecal.exchange.importing.imported import Imported
+from basecal.exchange.importing.imported import Imported, KnownCell, Sight, known_cell
 from basecal.fields.typed_length import parse_name_options
 
 Progress = Callable[[int, int], None]

@@ -21,8 +21,7 @@ from basecal.errors import DatasetError, InputError, UsageError, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field, written_number
 from basecal.exchange.images import natural_order, read_time
-from basecal.exchange.importing.carriers import Sight, choose_name, known_cell, seen_rows, sight_entry
-from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.imported import Imported, Row, Sight, choose_name, known_cell, seen_rows, sight_entry
 from basecal.exchange.importing.lens import LensStatus, lens_of_file
 from basecal.exchange.importing.pairing import plain_name
 from basecal.exchange.lens_files.colmap import read_colmap_lenses, reconstruction_file

@@ -10,9 +10,18 @@ from typing import Any, Literal
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.images import list_images, missing_numbers, read_time, unreadable_images, usual_size
-from basecal.exchange.importing.carriers import Sight, carried_entry, check_robot, choose_carrier, known_cell, open_size
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
-from basecal.exchange.importing.imported import By, Imported, Row
+from basecal.exchange.importing.imported import (
+    By,
+    Imported,
+    Row,
+    Sight,
+    carried_entry,
+    check_robot,
+    choose_carrier,
+    known_cell,
+    open_size,
+)
 from basecal.fields.problems import Loc
 
 _PAIRING_HELP: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}

@@ -15,8 +15,7 @@ from typing import Any
 
 from basecal.errors import InputError, list_names
 from basecal.exchange.fields import Field, read_fields
-from basecal.exchange.importing.carriers import known_cell
-from basecal.exchange.importing.imported import Imported
+from basecal.exchange.importing.imported import Imported, known_cell
 from basecal.exchange.importing.lens import (
     LensStatus,
     StatedLens,

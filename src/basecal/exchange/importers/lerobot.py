@@ -15,9 +15,15 @@ from basecal.box import frames
 from basecal.errors import DatasetError, InputError, UsageError, list_names
 from basecal.exchange.fields import read_fields
 from basecal.exchange.images import image_size
-from basecal.exchange.importing.carriers import KnownCell, choose_carrier, known_cell, open_size, recorded_samples
 from basecal.exchange.importing.cell_files import scratch_folder
-from basecal.exchange.importing.imported import Imported
+from basecal.exchange.importing.imported import (
+    Imported,
+    KnownCell,
+    choose_carrier,
+    known_cell,
+    open_size,
+    recorded_samples,
+)
 from basecal.exchange.joints import joint_model
 from basecal.exchange.lerobot import (
     LARGEST_INFO,

@@ -15,9 +15,8 @@ from pathlib import Path
 from basecal.cell import RobotState
 from basecal.errors import InputError, list_names
 from basecal.exchange.fields import read_fields
-from basecal.exchange.importing.carriers import KnownCell, known_cell
 from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
-from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.imported import Imported, KnownCell, Row, known_cell
 from basecal.geometry import SE3, Array, read_only
 
 _ADVICE = "check that its lengths are metres, object_wrt_sensor is the target in the camera, and --camera-on"

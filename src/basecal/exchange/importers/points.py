@@ -12,8 +12,7 @@ from basecal.cell import PointObservation
 from basecal.errors import DatasetError, UsageError
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import column_unit, keyed_rows, plain_column
-from basecal.exchange.importing.carriers import known_cell
-from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.imported import Imported, Row, known_cell
 from basecal.exchange.importing.text_table import read_text_table, rows_of_numbers
 from basecal.exchange.poses import LengthUnit, unit_length_m
 from basecal.geometry import Array

@@ -14,8 +14,16 @@ from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.poses import POSE_ADVICE, table_reading
-from basecal.exchange.importing.carriers import KnownCell, known_cell, recorded_samples
-from basecal.exchange.importing.imported import By, Imported, OneOf, Row, controller_places
+from basecal.exchange.importing.imported import (
+    By,
+    Imported,
+    KnownCell,
+    OneOf,
+    Row,
+    controller_places,
+    known_cell,
+    recorded_samples,
+)
 from basecal.exchange.importing.text_table import read_text_table, select_robot
 from basecal.exchange.joints import joint_model, read_joints
 from basecal.exchange.poses import LengthUnit

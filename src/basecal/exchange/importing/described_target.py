@@ -14,7 +14,7 @@ from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.cell.targets.kind import PrintSizes, is_indistinguishable
 from basecal.cell.targets.registry import TARGETS
 from basecal.errors import InputError, UsageError, list_names
-from basecal.exchange.importing.carriers import KnownCell, Sight, carried_entry, known_cell
+from basecal.exchange.importing.imported import KnownCell, Sight, carried_entry, known_cell
 from basecal.fields.typed_length import columns_rows, length_m
 
 _COUNTED = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows

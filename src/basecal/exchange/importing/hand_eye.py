@@ -10,8 +10,7 @@ from typing import Any
 from basecal.cell import WORLD, PoseObservation, RobotState, Unknown
 from basecal.cell.format.plain import pose_dict
 from basecal.errors import InputError
-from basecal.exchange.importing.carriers import KnownCell, NoCell, check_robot, choose_name, known_cell
-from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.imported import Imported, KnownCell, NoCell, Row, check_robot, choose_name, known_cell
 from basecal.geometry import SE3
 
 _CARRIER_WORDS = ("robot", WORLD)

@@ -12,7 +12,8 @@ import numpy as np
 from basecal.cell.format.plain import numbers, pose_dict
 from basecal.errors import InputError
 from basecal.exchange.fields import Field
-from basecal.exchange.importing.carriers import (
+from basecal.exchange.importing.imported import (
+    Imported,
     KnownCell,
     NoCell,
     carried_entry,
@@ -22,7 +23,6 @@ from basecal.exchange.importing.carriers import (
     known_cell,
     recorded_samples,
 )
-from basecal.exchange.importing.imported import Imported
 from basecal.geometry import SE3, Camera
 
 LensStatus = Literal["fixed", "free"]

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.exchange.exports.quoting import csv_row, yaml_word
+from basecal.exchange.exports.exporter import csv_row, yaml_word
 from basecal.exchange.motions.way import Motion, Way
 
 _POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")

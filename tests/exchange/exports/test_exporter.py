@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from dataclasses import replace
+from xml.dom import minidom
+from xml.etree.ElementTree import tostring
+
+import pytest
+from ruamel.yaml import YAML
 
 from basecal.cell import Cell, Robot
-from basecal.exchange.exports.wanted import comments, describe_transform, provenance
+from basecal.exchange.exports.exporter import comments, csv_row, describe_transform, provenance, xml_comment, yaml_word
 from export_example import BASE, CALIBRATION, FIXED, wanted
+
+TEXTS = ("a", "", '"', "\\", "a\nb", "a\x85\u2028\x00b", "]: {#", "\U0001f600", "- a", "e\u0301", "\t")
 
 
 def test_own_frames_are_those_of_the_name():
@@ -55,3 +64,28 @@ def test_direction_units_and_sigma_are_said():
 def test_a_comment_is_one_line():
     """Whatever a name holds."""
     assert comments(["a\nos.system('x')", "b\x1b[2J"], "#") == ["# a os.system('x')", "# b\\x1b[2J"]
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_yaml_reads_the_same_text(text):
+    """By the rules of both versions."""
+    for version in ("1.1", "1.2"):
+        yaml = YAML(typ="safe", pure=True)
+        yaml.version = version
+        assert yaml.load(f"a: [{yaml_word(text)}, b]") == {"a": [text, "b"]}
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_csv_reads_the_same_text(text):
+    """In its own cell of its own row; formulas are texts."""
+    row = csv_row(["a", text, "b"], ["-1"])
+    prefix = "'" if text[:1] in ("-", "\t") and text else ""
+    assert list(csv.reader(io.StringIO(row, newline=""))) == [["a", prefix + text, "b", "-1"]]
+    assert csv_row(["=1+1", "@x", "+1"]) == "'=1+1,'@x,'+1"
+
+
+@pytest.mark.parametrize("text", ["--->", "----", "-", "--><a/><!--", "\x01", "]]>"])
+def test_a_comment_ends_where_it_ends(text):
+    """Whatever it holds, the element after it is the only one."""
+    document = minidom.parseString(f"<r>{tostring(xml_comment(text), encoding='unicode')}<b/></r>")
+    assert [node.nodeName for node in document.documentElement.childNodes] == ["#comment", "b"]

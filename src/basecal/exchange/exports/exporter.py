@@ -1,14 +1,17 @@
-"""The class of an exporter, the request that it answers, and the comments of its file.
+"""The class of an exporter, the request that it answers, and comments and quoted words of its file.
 
 Its module in `exporters` ends in an `EXPORTER` of this class.
 """
 
 from __future__ import annotations
 
+import csv
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,6 +23,8 @@ from basecal.geometry import PoseEstimate
 Takes = Literal["transform", "robot", "camera", "urdf", "joint"]
 
 _HASH = 12  # digits of a hash: enough to tell any two recordings apart
+_ENDS = "\r\n"
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,5 +137,29 @@ def describe_transform(transform: NamedTransform, units: str) -> str:
 
 
 def comments(lines: Iterable[str], mark: str) -> list[str]:
-    """Lines of comments that hold nothing but one line each."""
-    return [f"{mark} {' '.join(printable(line).split())}" for line in lines]
+    """Lines of comments that hold nothing but one line each; `mark` begins each, if it is not empty."""
+    return [f"{mark} {' '.join(printable(line).split())}".strip() for line in lines]
+
+
+def yaml_word(text: str) -> str:
+    """A string of YAML, of both its versions, on one line and in ASCII."""
+    return '"' + "".join(c if _is_plain(c) else f"\\U{ord(c):08x}" for c in text) + '"'
+
+
+def _is_plain(character: str) -> bool:
+    return character.isascii() and character.isprintable() and character not in '"\\'
+
+
+def csv_row(cells: Iterable[str], numbers: Iterable[str] = ()) -> str:
+    """A row of comma-separated values; a text that a table would calculate as a formula starts with `'`."""
+    text = StringIO()
+    texts = [f"'{cell}" if cell.startswith(_FORMULA) else cell for cell in cells]
+    csv.writer(text, lineterminator=_ENDS).writerow([*texts, *numbers])  # quotes what holds any of them
+    return text.getvalue().removesuffix(_ENDS)
+
+
+def xml_comment(text: str) -> Any:
+    """An element of XML that is a comment, and holds no two hyphens in a row."""
+    from xml.etree.ElementTree import Comment
+
+    return Comment(f" {re.sub('-(?=-)', '- ', printable(text))} ")
