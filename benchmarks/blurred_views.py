@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from basecal.acquisition.images.sharpness import Sharpness
+from basecal.acquisition.taking import Sharpness
 from basecal.cell import Target
 from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.chessboard import chessboard_target

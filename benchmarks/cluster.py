@@ -28,7 +28,7 @@ from basecal.studies.jobs import WorkerPool
 from basecal.studies.run import run_study
 from basecal.studies.study import Study
 from basecal.studies.study_file import study_from_text
-from basecal.studies.table import results
+from basecal.studies.summary import results
 from benchmarks.common import table, write
 from benchmarks.study import BOARD
 

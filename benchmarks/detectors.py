@@ -24,7 +24,7 @@ from basecal.vision.detectors import find
 from basecal.vision.draw.light import LightSettings, light_levels, render_light
 from basecal.vision.draw.render import RenderSettings, render
 from basecal.vision.kinds import led
-from basecal.vision.kinds.fiducial import charuco_board, dictionary
+from basecal.vision.kinds.ways import charuco_board, dictionary
 from benchmarks.common import on_one_core, table, write
 
 CAMERA = Camera("pinhole", np.array([766.5, 765.4, 640.9, 358.8, -0.35, 0.179, 0.0, 0.0, 0.0]), (1280, 720))

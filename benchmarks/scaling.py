@@ -22,7 +22,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import SE3
-from basecal.reporting.sweep.chart_file import chart_file
+from basecal.reporting.study_text import chart_file
 from basecal.simulation import Scenario, simulate
 from benchmarks.common import on_one_core, table, write
 

@@ -16,7 +16,7 @@ from typing import Any
 from basecal.studies.jobs import WorkerPool
 from basecal.studies.run import run_study
 from basecal.studies.study_file import study_from_text
-from basecal.studies.table import results
+from basecal.studies.summary import results
 from benchmarks.common import table, write
 
 BOARD = "samples: 30, board: {kind: chessboard, corners: [6, 4], square_m: 0.04}"

@@ -13,13 +13,11 @@ from basecal.accuracy.fit_details import fit_details
 from basecal.cell import Cell
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import scene
-from basecal.reporting.decision.components import component_figure
+from basecal.reporting.decision.outlook import component_figure
 from basecal.reporting.figures.camera_points import points_by_camera
-from basecal.reporting.figures.image_coverage import image_coverage
-from basecal.reporting.figures.lens_uncertainty import lens_uncertainty
-from basecal.reporting.figures.orientations import orientation_figure
+from basecal.reporting.figures.image_grid import image_coverage, lens_uncertainty
 from basecal.reporting.figures.residual_map import residual_map
-from basecal.reporting.figures.residual_polar import residual_polar
+from basecal.reporting.figures.rings import orientation_figure, residual_polar
 from basecal.simulation import Scenario, simulate
 
 FOLDER = Path(__file__).parent / "figures"

@@ -6,8 +6,7 @@ import numpy as np
 
 from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Robot, Unknown
 from basecal.exchange.exports.choice import chosen_transforms
-from basecal.exchange.exports.remarks import provenance
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Wanted, provenance
 from basecal.geometry import SE3, PoseEstimate
 
 BASE = "eye_base_from_hand_base"

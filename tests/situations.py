@@ -20,7 +20,7 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fit_details import FitDetails, fit_details
 from basecal.cell import Calibration, Cell, Finding, Recording, Tolerance
 from basecal.cell.calibration import Severity
-from basecal.reporting.decision.checks import check_words
+from basecal.reporting.decision.tiles import check_words
 from basecal.reporting.page import page
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.testbed import simulate

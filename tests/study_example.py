@@ -9,7 +9,7 @@ import numpy as np
 from basecal.studies.chunk import COLUMNS
 from basecal.studies.study import Study
 from basecal.studies.study_file import study_from_text
-from basecal.studies.table import results
+from basecal.studies.summary import results
 
 BOARD = "board: {kind: chessboard, corners: [4, 3], square_m: 0.06}"
 

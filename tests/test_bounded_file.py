@@ -12,13 +12,13 @@ import pytest
 from basecal.bounded_file import read_bounded
 from basecal.cell.files import read_calibration, read_cell, read_recording, read_truth
 from basecal.errors import DatasetError
-from basecal.exchange.colmap_images import read_colmap_images
 from basecal.exchange.controller_poses import read_poses
+from basecal.exchange.importers.colmap import read_colmap_images
+from basecal.exchange.importers.mrcal import read_cameramodel
+from basecal.exchange.importers.opencv import read_opencv_lens
 from basecal.exchange.lens_files.camera_info import read_camera_info
-from basecal.exchange.lens_files.colmap import read_colmap
-from basecal.exchange.lens_files.mrcal import read_cameramodel
-from basecal.exchange.lens_files.opencv import read_opencv
-from basecal.exchange.pixels import read_pixels
+from basecal.exchange.lens_files.colmap import read_colmap_lenses
+from basecal.exchange.streams import read_pixels
 from basecal.kinematics import read_chain
 from cell_example import CELL, URDF
 
@@ -74,8 +74,8 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "npz": ("a.npz", lambda path: read_poses(path, "m")),
     "pixels": ("a.csv", read_pixels),
     "fields": ("a.yaml", read_camera_info),
-    "file storage": ("a.yml", read_opencv),
-    "cameras of COLMAP": ("cameras.bin", read_colmap),
+    "file storage": ("a.yml", read_opencv_lens),
+    "cameras of COLMAP": ("cameras.bin", read_colmap_lenses),
     "images of COLMAP": ("images.bin", read_colmap_images),
     "cameramodel": ("a.cameramodel", read_cameramodel),
 }

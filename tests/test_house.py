@@ -469,14 +469,7 @@ MIRRORED = (
 )
 NOTHING_TO_TEST = {
     "cell/files.py": "names of other modules",
-    "exchange/exports/exporter.py": "values without behaviour",
     "accuracy/findings/evidence.py": "values without behaviour",
-    "effects/faces/effect.py": "values, which tests/effects/test_registry.py holds",
-    "effects/faces/lens_parameter.py": "values without behaviour",
-    "effects/faces/random_effect.py": "values without behaviour",
-    "effects/faces/simulated_fault.py": "values without behaviour",
-    "effects/faces/target_parameter.py": "values without behaviour",
-    "effects/faces/views.py": "a protocol, and moves that the tests of each effect hold",
     "acquisition/supervision/limits.py": "times, which the trials of tests/safety hold",
 }
 

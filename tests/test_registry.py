@@ -14,7 +14,6 @@ from basecal.cell.targets.registry import TARGETS, TargetKindName
 from basecal.effects.registry import EFFECTS
 from basecal.exchange.exporters.pendants import PENDANTS
 from basecal.exchange.exporters.registry import EXPORTERS
-from basecal.exchange.motions.registry import MOTIONS
 from basecal.geometry.lenses.registry import LENSES
 from basecal.planning.patterns import PATTERNS
 from basecal.studies.solvers.registry import SOLVERS
@@ -82,7 +81,6 @@ def test_the_check_bites(source: str) -> None:
         ("cell/targets", "KIND = ", TARGETS),
         ("geometry/lenses", "MODEL = ", LENSES),
         ("exchange/exporters", "EXPORTER = ", EXPORTERS.keys() - PENDANTS.keys()),
-        ("exchange/motions", "MOTION = ", MOTIONS),
         ("acquisition/drivers", "def open_", DRIVERS),
         ("planning", "def plan(", PATTERNS),
         ("studies/solvers", "SOLVER = ", SOLVERS),

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from basecal import write_recording
-from basecal.exchange.assemble import recording_from_streams
 from basecal.exchange.controller_poses import read_poses
+from basecal.exchange.streams import recording_from_streams
 
 COLUMNS = 5
 

@@ -12,6 +12,10 @@ _MB = 2**20
 _NO_FILE = "is not a file but a pipe, a device or the like; copy what it gives into a file"
 
 
+class MissingFile(DatasetError):
+    """A file that is not there."""
+
+
 def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
     """The bytes of a regular file.
 
@@ -23,7 +27,8 @@ def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
         missing: What to do where there is none.
 
     Raises:
-        DatasetError: if it is not there, is no regular file, has more bytes, or cannot be read.
+        MissingFile: if it is not there.
+        DatasetError: if it is no regular file, has more bytes, or cannot be read.
     """
     name = str(path)
     try:
@@ -32,7 +37,7 @@ def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
             is_file, size = stat.S_ISREG(about.st_mode), about.st_size
             data = file.read(largest + 1) if is_file and size <= largest else b""
     except FileNotFoundError:
-        raise DatasetError(name, f"cannot be read: there is no such file{f'; {missing}' if missing else ''}") from None
+        raise MissingFile(name, f"cannot be read: there is no such file{f'; {missing}' if missing else ''}") from None
     except (OSError, ValueError) as error:
         raise DatasetError(name, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not is_file:

@@ -16,9 +16,9 @@ from basecal.cell.format.yaml_text import parse_yaml
 from basecal.errors import FrameNotFound, InputError
 from basecal.estimation.settings import Settings
 from basecal.estimation.stages import Stages
-from basecal.exchange.assemble import recording_from_streams
 from basecal.exchange.controller_poses import PoseStream
 from basecal.exchange.importing.template import cell_text
+from basecal.exchange.streams import recording_from_streams
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import basecal
-from basecal.cell import Calibration, Cell, CellCamera, Robot, RobotParameters, Unknown
+from basecal.cell import Calibration, Cell, CellCamera, Rival, Robot, RobotParameters, Unknown, Validation
+from basecal.cell.files import calibration_from_dict, calibration_to_dict
 from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, PoseEstimate
 from export_example import CALIBRATION
@@ -66,3 +67,14 @@ def test_a_point_has_no_frame_to_start_from():
     with pytest.raises(FrameNotFound, match=r"there are: arm_flange, wrist$"):
         calibration.frame_between("wrist", "lamp")
     assert calibration.frame_between("wrist", "arm_flange").mean.translation.tolist() == [0, 0, 0]
+
+
+def test_file_holds_millimetres_and_degrees() -> None:
+    """Errors are written in mm and deg, those of a method that fails as null, and read back the same."""
+    rivals = (Rival("basecal", 2e-3, 0.01), Rival("OpenCV TSAI"))
+    data = calibration_to_dict(Calibration("good", validation=Validation("k-fold", 5, rivals=rivals)))
+    assert data["validation"]["rivals"][0]["target_mm"] == 2.0
+    assert data["validation"]["rivals"][1] == {"name": "OpenCV TSAI", "target_mm": None, "target_deg": None}
+    read = calibration_from_dict(data).validation.rivals
+    assert [each.name for each in read] == ["basecal", "OpenCV TSAI"]
+    assert abs(read[0].target_rad - 0.01) < 1e-15

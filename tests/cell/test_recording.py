@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.cell import CandidateObservation, PixelObservation, Recording, Sample
+from basecal.cell import CandidateObservation, PixelObservation, Recording, RobotState, Sample
+from basecal.geometry import SE3
 
 
 def test_sigmas_are_stated_ones_unless_said():
@@ -36,3 +37,19 @@ def test_images_are_found_by_sample_and_camera():
         (7, "right"): "images/b.png",
         (2, "left"): "c",
     }
+
+
+def test_a_vector_holds_all_of_a_state():
+    """Joints stay as they are; a pose is its position and its rotation matrix."""
+    assert RobotState(joints_rad=np.array([1.0, 2.0])).vector.tolist() == [1.0, 2.0]
+    pose = SE3.exp(np.array([0.1, 0.2, 0.3, 0.0, 0.0, 0.5]))
+    np.testing.assert_array_equal(RobotState(pose).vector, [*pose.translation, *pose.rotation.ravel()])
+
+
+def test_a_vector_is_a_state_of_the_same_kind():
+    """Joints stay as they are; a rotation that is none quite becomes the nearest one."""
+    assert RobotState(joints_rad=np.zeros(2)).with_vector(np.array([1.0, 2.0])).joints_rad.tolist() == [1.0, 2.0]
+    pose = SE3.exp(np.array([0.1, 0.2, 0.3, 0.0, 0.0, 0.5]))
+    off = np.concatenate([pose.translation, 1.01 * pose.rotation.ravel()])
+    found = RobotState(SE3.identity()).with_vector(off).base_from_flange
+    np.testing.assert_allclose(found.matrix, pose.matrix, atol=1e-12)

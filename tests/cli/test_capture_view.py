@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +15,7 @@ from basecal.acquisition.capture import Step
 from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.watching import End
-from basecal.cli.capture_view import capture_view
+from basecal.cli.capture_view import capture_view, pressed_keys
 from basecal.errors import DriverError
 from basecal.simulation import Scenario, simulate
 
@@ -91,3 +92,30 @@ def test_who_interrupts_is_told_what_is_kept(
     ):
         raise KeyboardInterrupt
     assert view.watch.snapshot.end == End("STOPPED", f"I{told}.")
+
+
+def test_where_nobody_is_no_key_is_pressed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pipe or a closed stream gives none, and is not read."""
+    for stream in (io.StringIO("q"), None):
+        monkeypatch.setattr(sys, "stdin", stream)
+        with pressed_keys() as key:
+            assert key() == ""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
+def test_a_key_at_a_terminal_comes_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a newline, once; the terminal is afterwards as it was before."""
+    import pty
+    import termios
+
+    outside, inside = pty.openpty()
+    before = termios.tcgetattr(inside)
+    with os.fdopen(inside, "r") as stream:
+        monkeypatch.setattr(sys, "stdin", stream)
+        with pressed_keys() as key:
+            assert key() == ""
+            os.write(outside, b" ")
+            assert key() == " "
+            assert key() == ""
+        assert termios.tcgetattr(stream.fileno()) == before
+    os.close(outside)

@@ -1,10 +1,41 @@
-"""What a shell completes."""
+"""The manual page."""
 
 from __future__ import annotations
+
+import shutil
+import subprocess
 
 import pytest
 
 from basecal.cli import _VERBS, main
+from basecal.cli.completion import manual
+
+
+def test_it_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    """By the verb that prints completions."""
+    assert main(["completion", "man"]) == 0
+    assert capsys.readouterr().out == manual()
+
+
+def test_the_manual_has_a_section_for_each_verb() -> None:
+    """With its options and its examples; a dash is one that can be copied, and no line is taken for a request."""
+    page = manual()
+    assert all(f".SH basecal {verb}\n" in page for verb in _VERBS)
+    assert r".SH basecal import easy\-handeye" in page
+    assert ".SH basecal study paper" in page
+    assert "\n.B \\-\\-station\\-choice" in page
+    assert "\n.br\nbasecal capture mycell \\-\\-freedrive \\-\\-web\n" in page
+    requests = {line.split()[0] for line in page.splitlines() if line.startswith((".", "'"))}
+    assert requests == {".TH", ".SH", ".B", ".I", ".PP", ".TP", ".br"}
+
+
+@pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")
+def test_man_reads_the_manual() -> None:
+    """Without a complaint, and with an option on a line of its own."""
+    words = ["groff", "-man", "-Tascii", "-ww", "-P-cbou"]
+    read = subprocess.run(words, input=manual(), capture_output=True, text=True, check=True)
+    assert read.stderr == ""
+    assert "\n       --tool-speed-limit STR\n" in read.stdout
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

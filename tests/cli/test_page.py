@@ -7,8 +7,11 @@ from shutil import copytree
 
 import pytest
 
-from basecal.cell.files import latest_run
+from basecal.cell import Calibration
+from basecal.cell.files import latest_run, write_calibration
 from basecal.cli import main
+from basecal.cli.page import find_run
+from basecal.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -86,3 +89,13 @@ def test_json_writes_no_page(calibrated: Path, capsys: pytest.CaptureFixture[str
     assert main(["report", str(calibrated), "--json"]) == 0
     assert capsys.readouterr().err == ""
     assert not page_of(calibrated).exists()
+
+
+def test_a_cell_is_its_latest_run(tmp_path: Path) -> None:
+    (tmp_path / "cell.yaml").write_text("")
+    with pytest.raises(InputError, match="has no run yet: basecal calibrate"):
+        find_run(tmp_path)
+    run = write_calibration(Calibration("refused"), tmp_path).parent
+    assert find_run(tmp_path) == run
+    assert find_run(run) == run
+    assert find_run(run / "calibration.json") == run / "calibration.json"

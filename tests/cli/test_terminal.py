@@ -7,13 +7,18 @@ import os
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import JUDGING_STAGES, READING_STAGES, SOLVING_STAGES
+from basecal.cell.files import read_cell
 from basecal.cli import main, terminal
-from basecal.cli.terminal import ask, quote_path, say, say_verdict
+from basecal.cli.detect import detected_recording
+from basecal.cli.terminal import _SHARES, TimeLeft, ask, counting, quote_path, say, say_verdict
 from basecal.errors import UsageError, printable
 
 CLI = Path(__file__).parents[2] / "src" / "basecal" / "cli"
@@ -141,3 +146,108 @@ def test_a_verdict_has_a_colour(settings: dict[str, str], is_coloured: bool, mon
     monkeypatch.setattr(sys, "stdout", plain)
     say_verdict("FAIL: 3 mm", "refused")
     assert plain.getvalue() == "FAIL: 3 mm\n"
+
+
+class Clock:
+    """Seconds that pass when they are told to."""
+
+    time_s = 100.0
+
+    def __call__(self) -> float:
+        return self.time_s
+
+
+@pytest.fixture
+def clock() -> Iterator[Clock]:
+    return Clock()
+
+
+def test_it_names_what_is_done(clock: Clock) -> None:
+    """From the first stage on; of the time nothing is said before anything is known."""
+    left = TimeLeft("calibrating", clock)
+    assert str(left) == "calibrating"
+    left.enter("noise")
+    clock.time_s += 0.4
+    assert str(left) == "calibrating: noise"
+    assert left.seconds() is None
+
+
+def test_it_counts_down(clock: Clock) -> None:
+    """What is left is as the share of the stages that are to come, less what has passed of the present one."""
+    left = TimeLeft("calibrating", clock)
+    left.enter("noise")
+    clock.time_s += 32.0
+    left.enter("conventions")
+    assert left.seconds() == pytest.approx(103.0)
+    clock.time_s += 8.0
+    assert str(left) == "calibrating: conventions, about 95 s left"
+    clock.time_s += 1000.0
+    assert str(left) == "calibrating: conventions"
+
+
+def test_a_stage_that_comes_again_counts_once(clock: Clock) -> None:
+    """And one that is not known counts as nothing."""
+    left = TimeLeft("calibrating", clock)
+    for stage in ("noise", "conventions", "noise", "new"):
+        left.enter(stage)
+        clock.time_s += 9.0
+    left.enter("cross-validation")
+    assert left.seconds() == pytest.approx(36.0 * 63 / 72)
+
+
+def test_parts_of_a_stage_are_shown(clock: Clock) -> None:
+    """How much of it is done, while its time counts from its beginning."""
+    left = TimeLeft("calibrating", clock)
+    left.enter("noise")
+    clock.time_s += 32.0
+    left.enter("conventions")
+    clock.time_s += 4.0
+    left.enter("conventions, 3 of 9")
+    clock.time_s += 4.0
+    assert str(left) == "calibrating: conventions, 3 of 9, about 95 s left"
+
+
+def test_stages_of_calibrate_have_shares():
+    """Each that every calibration has; those of streams and of a task are not counted."""
+    named = {stage.name for stage in (*READING_STAGES, *SOLVING_STAGES, *JUDGING_STAGES)} - {None}
+    assert named - _SHARES.keys() == {"clocks", "task"}
+
+
+def test_a_recording_without_images_is_taken_as_it_is(tmp_path, monkeypatch):
+    """Nothing is looked for, no detector is loaded."""
+    main(["simulate", str(tmp_path / "c"), "--samples", "3"])
+    monkeypatch.setitem(sys.modules, "basecal.vision.detect", None)
+    recording = detected_recording(tmp_path / "c", read_cell(tmp_path / "c"))
+    assert [len(sample.observations) for sample in recording.samples] == [1, 1, 1]
+
+
+def test_images_are_looked_at(tmp_path):
+    """Every corner that is rendered, within a pixel of where a second look finds it."""
+    main(["simulate", str(tmp_path / "c"), "--samples", "2", "--images"])
+    cell = read_cell(tmp_path / "c")
+    first, again = (detected_recording(tmp_path / "c", cell) for _ in range(2))
+    for a, b in zip(first.samples, again.samples, strict=True):
+        assert len(a.observations) == 1
+        np.testing.assert_array_equal(a.observations[0].pixels, b.observations[0].pixels)
+
+
+def test_steps_are_counted_on_a_terminal_alone(monkeypatch, capsys):
+    """Elsewhere nothing is written."""
+    with counting("detecting") as step:
+        step(1, 2)
+    assert capsys.readouterr() == ("", "")
+    monkeypatch.setattr(terminal, "is_terminal", lambda stream: True)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with counting("detecting") as step:
+        step(2, 2)
+    assert "detecting" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("total", [1, 50])
+def test_the_last_step_is_the_whole(monkeypatch, capsys, total):
+    """A bar that is full says 100 %."""
+    monkeypatch.setattr(terminal, "is_terminal", lambda stream: True)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with counting("detecting") as step:
+        step(total, total)
+    assert "100%" in capsys.readouterr().err

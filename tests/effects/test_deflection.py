@@ -42,7 +42,7 @@ def test_joints_turn_by_the_torque_of_gravity():
     joints = np.random.default_rng(0).uniform(-2, 2, (5, 6))
     compliance = 1e-4 * np.arange(6.0)
     torques = gravity_torques(of.apply_gravity(six_axis(), of.Stated(down=[0.0, 1.0, 0.0])), joints)
-    found = of.shift(six_axis(), of.Stated(down=[0.0, 7.0, 0.0]), joints, compliance)
+    found = of.EFFECT.parameter.shift(six_axis(), of.Stated(down=[0.0, 7.0, 0.0]), joints, compliance)
     np.testing.assert_allclose(found, compliance * torques, rtol=1e-14)
 
 
@@ -82,8 +82,8 @@ def test_a_batch_of_compliances_goes_over_all_joints():
     """Each of a batch at every row of joints, as one by one."""
     joints = np.random.default_rng(0).uniform(-2, 2, (5, 6))
     values = 1e-4 * np.random.default_rng(1).standard_normal((3, 6))
-    found = of.shift(six_axis(), of.Stated(), joints, values)
-    one_by_one = [of.shift(six_axis(), of.Stated(), joints, value) for value in values]
+    found = of.EFFECT.parameter.shift(six_axis(), of.Stated(), joints, values)
+    one_by_one = [of.EFFECT.parameter.shift(six_axis(), of.Stated(), joints, value) for value in values]
     np.testing.assert_allclose(found, one_by_one, rtol=1e-14)
 
 

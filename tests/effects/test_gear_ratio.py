@@ -10,7 +10,7 @@ import pytest
 from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Recording, RobotState
 from basecal.effects import gear_ratio as of
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.simulation import Scenario, simulate
 from made_views import moved_by_pose, views_of

@@ -26,7 +26,7 @@ FOUND = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([2.0, 3.0]), 
 @pytest.mark.parametrize(("stated", "sigma"), [({"status": "free"}, None), ({"sigma_rad": 0.01}, [0.01] * 6)])
 def test_a_column_a_joint(stated, sigma):
     """A radian each, with the prior's sigma where there is one."""
-    columns = of.columns(six_axis(), of.Stated(**{"status": "prior", **stated}))
+    columns = of.EFFECT.parameter.columns(six_axis(), of.Stated(**{"status": "prior", **stated}))
     np.testing.assert_array_equal(columns.basis, np.eye(6))
     assert (columns.sigma if sigma is None else columns.sigma.tolist()) == sigma
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.stretch import candidates, words
 from basecal.geometry import SE3
 from basecal.simulation import Scenario

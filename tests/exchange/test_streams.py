@@ -7,9 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from basecal.cell import PixelObservation, PoseObservation
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
+from basecal.errors import DatasetError, InputError
+from basecal.exchange.controller_poses import PoseStream
+from basecal.exchange.streams import read_pixels, recording_from_streams
+from basecal.geometry import SE3
 from pose_files import drawn, options, pose_files, stack
+
+CSV = "sample,id,u,v\n2,5,1.5,2.5\n0,3,10,20\n2,1,3,4\n"
 
 
 @pytest.fixture
@@ -93,3 +100,107 @@ def test_failed_import_leaves_nothing(
     assert main(["import", "poses", str(tmp_path / "c"), *options(files), "--length-unit", "m"]) == 3
     assert "short.txt holds 3" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
+
+
+def test_points_go_to_their_samples(tmp_path: Path) -> None:
+    """Rows in any order give each sample its points, in the order of the ids."""
+    (tmp_path / "a.csv").write_text(CSV)
+    views = read_pixels(tmp_path / "a.csv")
+    assert list(views) == [0, 2]
+    np.testing.assert_array_equal(views[2][0], [1, 5])
+    np.testing.assert_array_equal(views[2][1], [[3, 4], [1.5, 2.5]])
+
+
+def test_archives_give_the_same(tmp_path: Path) -> None:
+    """Columns u and v apart or as one array of pixels read alike, under both spellings of the names."""
+    columns = {"sample": np.array([0, 0]), "id": np.array([1, 0])}
+    np.savez(tmp_path / "apart.npz", **columns, u=np.array([1.0, 2.0]), v=np.array([3.0, 4.0]))
+    np.savez(
+        tmp_path / "one.npz", samples=columns["sample"], ids=columns["id"], pixels=np.array([[1.0, 3.0], [2.0, 4.0]])
+    )
+    for name in ("apart.npz", "one.npz"):
+        ids, pixels = read_pixels(tmp_path / name)[0]
+        np.testing.assert_array_equal(ids, [0, 1])
+        np.testing.assert_array_equal(pixels, [[2, 4], [1, 3]])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("sample,id,u\n0,0,1\n", "has no v"),
+        ("sample,id,u,v\n0,0.5,1,1\n", "whole number"),
+        ("sample,id,u,v\n-1,0,1,1\n", "whole number"),
+        ("sample,id,u,v\n0,4,1,1\n0,4,2,2\n", "sample 0 has id 4 twice"),
+        ("sample,id,u,v\n0,4,nan,1\n", "not finite"),
+    ],
+)
+def test_bad_csv(tmp_path: Path, text: str, said: str) -> None:
+    """What is wrong with a table of points is said with its file."""
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(DatasetError, match=said):
+        read_pixels(tmp_path / "a.csv")
+
+
+def test_bad_archives(tmp_path: Path) -> None:
+    """Arrays of different length, other shapes and NaN are refused by name."""
+    two = np.array([0, 1])
+    np.savez(tmp_path / "length.npz", sample=two, id=two, u=np.zeros(3), v=np.zeros(3))
+    np.savez(tmp_path / "shape.npz", sample=two, id=two, pixels=np.zeros((2, 3)))
+    np.savez(tmp_path / "nan.npz", sample=two, id=two, pixels=np.full((2, 2), np.nan))
+    for name, said in [
+        ("length.npz", "u: has shape"),
+        ("shape.npz", r"expected \(n, 2\)"),
+        ("nan.npz", "row 0 is not finite"),
+    ]:
+        with pytest.raises(DatasetError, match=said):
+            read_pixels(tmp_path / name)
+
+
+def stream(name: str, count: int, seed: int) -> PoseStream:
+    return PoseStream(name, SE3.exp(np.random.default_rng(seed).normal(size=(count, 6))), np.arange(count) * 0.5)
+
+
+def test_sample_i_holds_row_i() -> None:
+    """Sample i has the i-th pose of every stream, its stamp, and the pixels given for i."""
+    eye, hand, seen = stream("a", 3, 0), stream("c", 3, 1), stream("b", 3, 2)
+    pixels = {1: (np.array([4]), np.array([[7.0, 8.0]]))}
+    recording = recording_from_streams({"eye": eye, "hand": hand}, "camera", "target", seen, pixels, sigma_px=0.4)
+    assert [sample.sample for sample in recording.samples] == [0, 1, 2]
+    sample = recording.samples[1]
+    pose, points = sample.observations
+    assert sample.stamp_s == 0.5
+    assert isinstance(pose, PoseObservation)
+    assert isinstance(points, PixelObservation)
+    np.testing.assert_array_equal(sample.robots["hand"].base_from_flange.matrix, hand.poses[1].matrix)
+    np.testing.assert_array_equal(pose.camera_from_target.matrix, seen.poses[1].matrix)
+    np.testing.assert_array_equal(points.pixels, [[7, 8]])
+    np.testing.assert_array_equal(points.sigma_px, [0.4])
+    assert len(recording.samples[0].observations) == 1
+
+
+def test_lengths_must_agree() -> None:
+    """Files of different length are refused, each with its length."""
+    with pytest.raises(InputError, match=r"a\.txt holds 3, c\.txt holds 4"):
+        recording_from_streams({"eye": stream("a.txt", 3, 0), "hand": stream("c.txt", 4, 1)}, "camera", "target")
+
+
+def test_a_robot_of_one_pose_stands_still() -> None:
+    """Its pose is of every sample, and the times are those of what moves."""
+    moving, still = stream("a", 3, 0), stream("c", 1, 1)
+    samples = recording_from_streams({"hand": still, "eye": moving}, "camera", "target").samples
+    assert [sample.stamp_s for sample in samples] == [0, 0.5, 1]
+    for sample in samples:
+        np.testing.assert_array_equal(sample.robots["hand"].base_from_flange.matrix, still.poses[0].matrix)
+
+
+def test_pixels_must_have_a_pose() -> None:
+    """Pixels of a sample past the last pose are refused."""
+    pixels = {3: (np.array([0]), np.array([[1.0, 2.0]]))}
+    with pytest.raises(InputError, match="sample 3, but the poses end at sample 2"):
+        recording_from_streams({"eye": stream("a", 3, 0)}, "camera", "target", pixels=pixels)
+
+
+def test_some_robot_is_needed() -> None:
+    """Without any stream there is no sample to make."""
+    with pytest.raises(InputError, match="no pose file"):
+        recording_from_streams({}, "camera", "target")

@@ -9,8 +9,8 @@ import pytest
 
 from basecal.cell.files import latest_run
 from basecal.cli import main
-from basecal.errors import InputError
-from basecal.fields.typed_length import columns_rows, length_m
+from basecal.errors import InputError, UsageError
+from basecal.fields.typed_length import columns_rows, length_m, parse_name_options
 
 
 @pytest.mark.parametrize(
@@ -56,3 +56,18 @@ def test_a_tolerance_decides_and_is_remembered(tmp_path: Path, capsys: pytest.Ca
     assert ">PASS<" in (run / "report.html").read_text(encoding="utf-8")
     assert (run / "report.txt").read_text(encoding="utf-8").startswith("FAIL: ")
     assert json.loads((run / "calibration.json").read_text(encoding="utf-8"))["tolerance"]["asked_m"] == 1e-6
+
+
+def test_words_stand_by_their_names():
+    """What comes behind the first equals sign is the words, whatever is in them."""
+    assert parse_name_options("--robot", ["left=a,b", "right=/x=y"], "NAME=WORDS") == {"left": "a,b", "right": "/x=y"}
+
+
+@pytest.mark.parametrize(
+    ("given", "error"),
+    [(["left"], "expected NAME=WORDS"), (["=a"], "expected NAME=WORDS"), (["a=b", "a=c"], "given twice")],
+)
+def test_what_has_another_form(given, error):
+    """No name, no words, and the same name twice."""
+    with pytest.raises(UsageError, match=f"--robot .*: {error}"):
+        parse_name_options("--robot", given, "NAME=WORDS")

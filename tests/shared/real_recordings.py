@@ -31,8 +31,8 @@ from basecal.cell import (
 from basecal.cell.files import read_cell, read_recording
 from basecal.cell.targets.led import led_target
 from basecal.errors import DatasetError
-from basecal.exchange.assemble import recording_from_streams
 from basecal.exchange.controller_poses import PoseStream, read_poses
+from basecal.exchange.streams import recording_from_streams
 from basecal.geometry import SE3, Array
 from basecal.vision.detect import detect
 

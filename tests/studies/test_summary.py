@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+import importlib.util
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from basecal.errors import InputError
+from basecal.studies import summary as module
+from basecal.studies.chunk import COLUMNS, chunk_path
 from basecal.studies.jobs import WorkerPool
 from basecal.studies.run import run_study
-from basecal.studies.summary import summarise
-from basecal.studies.table import results
+from basecal.studies.study import Study
+from basecal.studies.summary import results, summarise, write_table
 from study_example import SMALL, study
 
 
@@ -53,3 +58,51 @@ def test_predicted_sigmas_are_true(tmp_path: Path) -> None:
     assert point["solved"] == 400
     assert abs(point["nees"]["mean"] - 6) < 0.7
     assert 0.91 < point["coverage"]["share"] < 0.99
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Path]:
+    study_ = study(trials=4, hold=f"layout: shifts, {SMALL}", axes="shift_m: [0.1, 0.2], solver: [closed_form]")
+    folder = tmp_path_factory.mktemp("table") / "out"
+    run_study(study_, folder, WorkerPool(1))
+    return study_, folder
+
+
+def test_parquet_has_all_trials(made: tuple[Study, Path]) -> None:
+    """The axes first; what the solver does not give is missing, not a number."""
+    pq = pytest.importorskip("pyarrow.parquet")
+    found = pq.read_table(write_table(*made))
+    assert found.column_names == ["shift_m", "solver", *COLUMNS]
+    assert found.column("shift_m").to_pylist() == [0.1] * 4 + [0.2] * 4
+    expected = np.concatenate([result.trials.error_mm for _, result in results(*made)])
+    assert np.array_equal(found.column("error_mm").to_numpy(), expected)
+    assert found.column("sigma_mm").null_count == 8
+
+
+def test_csv_where_there_is_no_pyarrow(made: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same numbers to the last digit, nothing where there is none."""
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    path = write_table(*made)
+    assert path.name == "table.csv"
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    expected = np.concatenate([result.trials.error_mm for _, result in results(*made)])
+    assert [float(row["error_mm"]) for row in rows] == expected.tolist()
+    assert {row["sigma_mm"] for row in rows} == {""}
+    assert not list(path.parent.glob(".*"))
+
+
+def test_batches_join(made: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many rows are held at a time, the table is the same."""
+    pq = pytest.importorskip("pyarrow.parquet")
+    whole = pq.read_table(write_table(*made))
+    monkeypatch.setattr(module, "_ROWS", 1)
+    assert pq.read_table(write_table(*made)).equals(whole)
+
+
+def test_a_missing_chunk_is_said(made: tuple[Study, Path], tmp_path: Path) -> None:
+    """No table of a part."""
+    assert chunk_path(made[1], made[0].chunks[0]).exists()
+    with pytest.raises(InputError, match="lacks the trials of chunk 0"):
+        write_table(made[0], tmp_path)
+    assert list(tmp_path.iterdir()) == []

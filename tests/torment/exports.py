@@ -23,8 +23,8 @@ from ruamel.yaml import YAML
 from basecal.cell import Calibration, Cell, Finding, RobotParameters
 from basecal.exchange.exporters.exporter import export
 from basecal.exchange.exporters.registry import EXPORTERS
-from basecal.exchange.motions.registry import MOTIONS
 from basecal.exchange.motions.way import Way
+from basecal.exchange.motions.writers import MOTIONS
 from basecal.geometry import Camera
 from basecal.kinematics import read_chain
 from export_example import BASE, CALIBRATION, CELL

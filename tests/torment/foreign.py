@@ -12,21 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from basecal.exchange.colmap_images import read_colmap_images
-from basecal.exchange.hand_eye.arrays import read_record_of_arrays
-from basecal.exchange.hand_eye.easy_handeye import read_easy_handeye
-from basecal.exchange.hand_eye.industrial import read_data_set
-from basecal.exchange.hand_eye.moveit import is_joint_states, read_joint_states, read_moveit_samples
+from basecal.exchange.importers.arrays import read_record_of_arrays
+from basecal.exchange.importers.colmap import read_colmap_images
+from basecal.exchange.importers.data_set import read_data_set_record
+from basecal.exchange.importers.easy_handeye import read_easy_handeye_record
+from basecal.exchange.importers.kalibr import read_camchain, read_target
+from basecal.exchange.importers.lerobot import find_film, write_images
+from basecal.exchange.importers.moveit_samples import is_joint_states, read_joint_states, read_moveit_record
+from basecal.exchange.importers.mrcal import read_cameramodel
+from basecal.exchange.importers.opencv import read_opencv_lens
 from basecal.exchange.importers.points import read_points
 from basecal.exchange.importers.touches import read_touches
 from basecal.exchange.joints import read_joints
 from basecal.exchange.lens_files.camera_info import read_camera_info
-from basecal.exchange.lens_files.colmap import read_colmap
-from basecal.exchange.lens_files.kalibr import read_camchain, read_target
-from basecal.exchange.lens_files.mrcal import read_cameramodel
-from basecal.exchange.lens_files.opencv import read_opencv
+from basecal.exchange.lens_files.colmap import read_colmap_lenses
 from basecal.exchange.lerobot import read_episode
-from basecal.exchange.lerobot_films import find_film, write_images
 from basecal.kinematics import read_chain
 from colmap_files import IMAGES, binary_images, text_images
 from torment.damage import damaged, torn_bytes
@@ -93,13 +93,13 @@ def _of_texts(texts: dict[str, bytes], read: Callable[[Path], object]) -> Trial:
 
 
 def _moveit(path: Path) -> object:
-    return read_joint_states(path) if is_joint_states(path) else read_moveit_samples(path, True)
+    return read_joint_states(path) if is_joint_states(path) else read_moveit_record(path, True)
 
 
 def _data_set(path: Path) -> object:
     (path.parent / "0.png").write_bytes(b"")
     (path.parent / "0.yaml").write_text(json.dumps(_FLAT))
-    return read_data_set(path)
+    return read_data_set_record(path)
 
 
 def _joints(path: Path) -> object:
@@ -182,10 +182,12 @@ FOREIGN: dict[str, Trial] = {
     "easy-handeye": _of_data(
         {"parameters": {"calibration_type": "eye_on_base"}, "samples": [{"robot": _POSE, "tracking": _POSE}]},
         "a.samples",
-        read_easy_handeye,
+        read_easy_handeye_record,
     ),
     "easy-handeye result": _of_data(
-        {"parameters": {"eye_on_hand": True, "robot_base_frame": "b"}, "transformation": _FLAT}, "a", read_easy_handeye
+        {"parameters": {"eye_on_hand": True, "robot_base_frame": "b"}, "transformation": _FLAT},
+        "a",
+        read_easy_handeye_record,
     ),
     "moveit-samples": _of_data(
         [{"effector_wrt_world": np.eye(4).ravel().tolist(), "object_wrt_sensor": np.eye(4).tolist()}], "a", _moveit
@@ -218,10 +220,12 @@ FOREIGN: dict[str, Trial] = {
     "kalibr target": _of_data(
         {"target_type": "aprilgrid", "tagCols": 6, "tagRows": 5, "tagSize": 0.088, "tagSpacing": 0.3}, "a", read_target
     ),
-    "opencv": _of_data({"camera_matrix": _MATRIX, "dist": [0.1, 0, 0, 0], "image_size": [1280, 720]}, "a", read_opencv),
-    "opencv storage": _of_texts({"a.xml": _XML.encode(), "a.yml": _YAML.encode()}, read_opencv),
+    "opencv": _of_data(
+        {"camera_matrix": _MATRIX, "dist": [0.1, 0, 0, 0], "image_size": [1280, 720]}, "a", read_opencv_lens
+    ),
+    "opencv storage": _of_texts({"a.xml": _XML.encode(), "a.yml": _YAML.encode()}, read_opencv_lens),
     "colmap": _of_texts(
-        {"cameras.bin": _COLMAP, "cameras.txt": b"1 OPENCV 640 480 600 601 320 240 0.1 0 0 0\n"}, read_colmap
+        {"cameras.bin": _COLMAP, "cameras.txt": b"1 OPENCV 640 480 600 601 320 240 0.1 0 0 0\n"}, read_colmap_lenses
     ),
     "colmap images": _of_texts(
         {"images.bin": binary_images(IMAGES), "images.txt": text_images(IMAGES).encode()}, read_colmap_images

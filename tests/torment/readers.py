@@ -18,7 +18,7 @@ from basecal.cell import Cell
 from basecal.cell.files import latest_run, read_calibration, read_cell, read_recording, read_truth
 from basecal.errors import InputError
 from basecal.exchange.controller_poses import read_poses
-from basecal.exchange.pixels import read_pixels
+from basecal.exchange.streams import read_pixels
 from basecal.kinematics import read_chain
 from basecal.reporting.text import text_report
 from basecal.vision.image_file import grey_image, read_bytes

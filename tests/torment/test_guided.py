@@ -34,7 +34,7 @@ def test_what_is_reached_is_counted_once(tmp_path: Path) -> None:
     path.write_text("sample,id,u,v\n0,1,10.5,20.5\n")
 
     def read() -> str:
-        from basecal.exchange.pixels import read_pixels
+        from basecal.exchange.streams import read_pixels
 
         read_pixels(path)
         return "answered"
@@ -43,7 +43,7 @@ def test_what_is_reached_is_counted_once(tmp_path: Path) -> None:
     assert came == "answered"
     assert new > 20
     assert reached.follow(read) == ("answered", 0)
-    assert {Path(name).name for name, _ in reached.lines} >= {"pixels.py"}
+    assert {Path(name).name for name, _ in reached.lines} >= {"streams.py"}
     assert not any("torment" in name for name, _ in reached.lines)
     assert len(reached.lines & reached.possible) < len(reached.possible)
 

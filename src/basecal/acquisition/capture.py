@@ -24,7 +24,7 @@ from basecal.bounded_file import read_bounded
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import append_sample, parse_plan, read_plan, sample_to_dict, write_plan
 from basecal.cell.format.writing import append_durably
-from basecal.exchange.importing.cell_content import recorded_samples
+from basecal.exchange.importing.imported import recorded_samples
 from basecal.vision.detect import detect
 
 PLAN_FILE = Path("recording", "plan.jsonl")

@@ -10,7 +10,6 @@ import numpy as np
 from basecal.acquisition.driver import Freedrives, Moves, Robot
 from basecal.acquisition.freshness import Patience
 from basecal.acquisition.rig import Rig
-from basecal.acquisition.states import state_vector
 from basecal.acquisition.stillness import wait_until_led
 from basecal.acquisition.taking import Notify
 from basecal.cell import RobotState
@@ -79,7 +78,7 @@ class Led:
             readings = [robot.state() for robot in live.values()]
             for name, reading in zip(live, readings, strict=True):
                 self._rig.arms.note(name, reading)
-            now = np.concatenate([state_vector(reading.state) for reading in readings])
+            now = np.concatenate([reading.state.vector for reading in readings])
             if at is None or np.abs(now - at).max() > _REST_TOLERANCE:
                 at, held = now, Patience(_HOLD_S)
             is_held = held.is_over(readings[0].stamp_s)

@@ -12,7 +12,7 @@ from basecal.acquisition.taking import Notify
 from basecal.cell import Cell, Sample, TouchObservation
 from basecal.cell.files import append_sample
 from basecal.errors import InputError, list_names, nearest
-from basecal.exchange.importing.cell_content import recorded_samples
+from basecal.exchange.importing.imported import recorded_samples
 
 Answer = Callable[[], str]
 """The line that a person typed; None where the input has ended."""

@@ -9,14 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.acquisition.driver import Camera, CameraImage, Reading, Robot
+from basecal.acquisition.driver import Camera, CameraImage, Reading, Robot, check_reading, has_arrived
 from basecal.acquisition.freshness import Patience
-from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import has_arrived, state_vector
 from basecal.cell import RobotState
 from basecal.cell.target import Target
-from basecal.geometry import SE3, Array
-from basecal.geometry.rotation import nearest_rotation
+from basecal.geometry import Array
 from basecal.vision.detectors import LIGHT, find
 from basecal.vision.image_motion import Levels, reduce_image, shift_between
 
@@ -100,7 +97,7 @@ def wait_until_led(
     while True:
         here = wait_for_arms(robots, {}, patience_s, note)
         known = [name for name in robots if name in states]
-        moved_by = [np.abs(state_vector(here[name].state) - state_vector(states[name])).max() for name in known]
+        moved_by = [np.abs(here[name].state.vector - states[name].vector).max() for name in known]
         if all(distance > _LED_RAD_M for distance in moved_by):
             return
         if waited.is_over(next(iter(here.values())).stamp_s):
@@ -110,7 +107,7 @@ def wait_until_led(
 def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:
     if len(readings) < _WINDOW_STATES:
         return False
-    values = np.stack([state_vector(reading.state) for reading in readings])
+    values = np.stack([reading.state.vector for reading in readings])
     half = _WINDOW_STATES // 2
     between = np.abs(values[half:].mean(0) - values[:half].mean(0))
     noise = np.diff(values, axis=0).std(0) / np.sqrt(2)
@@ -121,10 +118,7 @@ def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:
 
 def _mean(readings: Sequence[Reading]) -> Reading:
     last = readings[-1]
-    values = np.stack([state_vector(reading.state) for reading in readings]).mean(0)
-    if last.state.joints_rad is not None:
-        return Reading(last.stamp_s, RobotState(joints_rad=values))
-    return Reading(last.stamp_s, RobotState(SE3(nearest_rotation(values[3:].reshape(3, 3)), values[:3])))
+    return Reading(last.stamp_s, last.state.with_vector(np.stack([each.state.vector for each in readings]).mean(0)))
 
 
 def wait_for_image_after(

@@ -10,6 +10,7 @@ from basecal.cell.calibration import (
     Loop,
     Outlier,
     Residuals,
+    Rival,
     SampleResidual,
     Validation,
 )
@@ -40,7 +41,6 @@ from basecal.cell.recording import (
     TrackObservation,
 )
 from basecal.cell.results.verification_file import MeasuredShift, PastVerification
-from basecal.cell.rival import Rival
 from basecal.cell.target import Target
 from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingError, Tolerance
 from basecal.effects.faces.robot_parameter import RobotParameters

@@ -14,7 +14,6 @@ from basecal.cell.cell import Cell
 from basecal.cell.exports import Exports
 from basecal.cell.fingerprint import Fingerprint
 from basecal.cell.frames import base_between, frame_between
-from basecal.cell.rival import Rival
 from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingError, Tolerance
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import FrameNotFound, InputError
@@ -326,3 +325,18 @@ class Calibration(Exports):
         if name not in self.transforms:
             raise FrameNotFound(name, list(self.transforms))
         return self.transforms[name]
+
+
+@dataclass(frozen=True)
+class Rival:
+    """How well another method predicts the held-out views.
+
+    Attributes:
+        name: Of the method.
+        target_m: Rms distance of `camera_from_target` from where the view alone has it [m]; None where it fails.
+        target_rad: Likewise its rms angle [rad].
+    """
+
+    name: str
+    target_m: Annotated[ErrorInMm, Field(alias="target_mm")] = None
+    target_rad: Annotated[ErrorInDeg, Field(alias="target_deg")] = None

@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from basecal.cell.calibration import Finding
 from basecal.geometry import SE3, Array, IntArray
+from basecal.geometry.rotation import nearest_rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,6 +19,21 @@ class RobotState:
 
     base_from_flange: SE3 | None = None
     joints_rad: Array | None = None
+
+    @property
+    def vector(self) -> Array:
+        """Joints [rad], or position [m] and rotation matrix of the pose, (k,)."""
+        if self.joints_rad is not None:
+            return self.joints_rad
+        pose = self.base_from_flange
+        assert pose is not None
+        return np.concatenate([pose.translation, pose.rotation.ravel()])
+
+    def with_vector(self, vector: Array) -> RobotState:
+        """A state of this kind by another vector; its rotation is the nearest one."""
+        if self.joints_rad is not None:
+            return RobotState(joints_rad=vector)
+        return RobotState(SE3(nearest_rotation(vector[3:].reshape(3, 3)), vector[:3]))
 
 
 @dataclass(frozen=True, eq=False)

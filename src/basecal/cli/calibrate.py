@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from basecal.cli.detection import detected_recording
+from basecal.cli.detect import detected_recording
 from basecal.cli.next_step import name_cell, next_command, next_step
-from basecal.cli.option_types import OpensPage
+from basecal.cli.option_types import Box, OpensPage, Point, task_points
 from basecal.cli.page import FILE, StoredRun, show_page, with_kept_scene, write_page
-from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, print_stages, progress, say, say_next, say_verdict
 from basecal.errors import UsageError, printable
 from basecal.fields.typed_length import length_m

@@ -14,9 +14,8 @@ from basecal.cli.capture_plan import SAMPLES, capture_plan, checked_plan, known_
 from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASKING, Connecting, allowed_rig
-from basecal.cli.option_types import Port, Seed, number_range
+from basecal.cli.option_types import Box, Point, Port, Seed, number_range
 from basecal.cli.replanning import Replanner, Task, requested_task
-from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import print_json, quote_path, say, say_next
 from basecal.errors import UsageError
 from basecal.fields.typed_length import length_m

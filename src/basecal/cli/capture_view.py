@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from basecal.cli.keys import pressed_keys
 from basecal.cli.terminal import is_terminal, say
 from basecal.errors import sentence
 
@@ -117,3 +116,23 @@ def say_step(step: Step, place: int) -> None:
     say(f"{step.taken:4d}/{step.planned} sample {step.sample}: {said}{sigma}{'; ' + advice if advice else ''}")
     for doubt in step.doubts:
         say(f"  {'WARNING' if doubt.is_lasting else 'check'}: {doubt.message}")
+
+
+@contextmanager
+def pressed_keys() -> Iterator[Callable[[], str]]:
+    """A reader of the key that was pressed since the last call; always empty if no person is at a terminal."""
+    stream = sys.stdin
+    if stream is None or not stream.isatty() or sys.platform == "win32":
+        yield lambda: ""
+        return
+    import select
+    import termios
+    import tty
+
+    number = stream.fileno()
+    before = termios.tcgetattr(number)
+    tty.setcbreak(number)
+    try:
+        yield lambda: stream.read(1) if select.select([stream], [], [], 0)[0] else ""
+    finally:
+        termios.tcsetattr(number, termios.TCSADRAIN, before)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cyclopts import CycloptsError
 
-from basecal.cli.runs import find_run
+from basecal.cli.page import find_run
 from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
 
 

@@ -1,10 +1,72 @@
-"""`basecal completion`."""
+"""`basecal completion`: completions of shells, and the manual page, from the same source as `--help`."""
 
 from __future__ import annotations
 
+import io
+import re
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 from basecal.cli.terminal import say
+
+_WIDE = 10_000  # characters of a line: what wraps it is `man`
+_HEADING = re.compile(r"(Usage|Arguments|Parameters|Commands):( .*)?$")
+_ENTRY = re.compile(r"  (\S.*?): (.*)")
+_BUILT_IN = ("--help", "-h", "--version")
+
+
+def manual() -> str:
+    """The page in the language of `man`, a section for each verb."""
+    from basecal.cli import build_app
+
+    lines = [
+        ".TH BASECAL 1",
+        ".SH NAME",
+        r"basecal \- poses of robot bases relative to each other, with covariance",
+    ]
+    lines += [".SH SYNOPSIS", ".B basecal", ".I VERB", "[OPTIONS]", ".SH DESCRIPTION", *_body(_help_text([]))]
+    for verb, app in build_app().resolved_commands().items():
+        kinds = [name for name in app.resolved_commands() if name not in _BUILT_IN]
+        if verb not in _BUILT_IN:
+            for words in ([verb], *([verb, kind] for kind in kinds)):
+                lines += [f".SH basecal {' '.join(words)}".replace("-", r"\-"), *_body(_help_text(words))]
+    return "\n".join(lines) + "\n"
+
+
+def _help_text(words: Sequence[str]) -> str:
+    """The text of `--help`, each paragraph and each option on a line."""
+    from rich.console import Console
+
+    from basecal.cli import build_app
+
+    app, text = build_app(words), io.StringIO()
+    app.help_formatter = "plain"
+    app.help_print(list(words), console=Console(file=text, width=_WIDE, no_color=True, highlight=False))
+    return text.getvalue()
+
+
+def _body(text: str) -> Iterator[str]:
+    """Lines of help as requests of `man`: headings, options with what they do, examples as they are typed."""
+    is_list = False
+    for line in text.splitlines():
+        heading, entry = _HEADING.match(line), _ENTRY.match(line)
+        if heading is not None:
+            is_list = heading[1] != "Usage"
+            yield from (".PP", f".B {heading[1]}:")
+            yield from ([_escape(heading[2].strip())] if heading[2] else [])
+        elif is_list and entry is not None:
+            yield from (".TP", f".B {_escape(entry[1])}", _escape(entry[2]))
+        elif not line.strip():
+            yield ".PP"
+        elif line.startswith("    ") and not is_list:
+            yield from (".br", _escape(line.strip()))
+        else:
+            yield _escape(line.strip())
+
+
+def _escape(text: str) -> str:
+    escaped = text.strip().replace("\\", r"\e").replace("-", r"\-")
+    return rf"\&{escaped}" if escaped[:1] in (".", "'") else escaped
 
 
 def completion(kind: Literal["bash", "zsh", "fish", "man"], /) -> int:
@@ -30,7 +92,7 @@ def completion(kind: Literal["bash", "zsh", "fish", "man"], /) -> int:
 def script(kind: Literal["bash", "zsh", "fish", "man"]) -> str:
     """The completion of a shell, or the manual page."""
     from basecal.cli import build_app
-    from basecal.cli.manual import manual
+    from basecal.cli.completion import manual
 
     if kind == "man":
         return manual().rstrip("\n")

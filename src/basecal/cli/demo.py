@@ -131,7 +131,7 @@ def true_error(estimate: PoseEstimate, truth: SE3) -> dict[str, Any]:
 
 
 def _comparison(estimate: PoseEstimate, error: dict[str, Any], subject: str) -> str:
-    from basecal.reporting.statement.digits import shown_decimals
+    from basecal.reporting.statement.verdict import shown_decimals
 
     lines = ["", f"{subject} against the truth, along x y z of hand_base:"]
     for half, sigma in (("t", estimate.sigma_t), ("r", estimate.sigma_r)):

@@ -7,12 +7,11 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from basecal.cli.detection import detected_recording
 from basecal.cli.next_step import cameras_without_lens, next_step
-from basecal.cli.terminal import print_json, quote_path, say
+from basecal.cli.terminal import counting, print_json, quote_path, say
 
 if TYPE_CHECKING:
-    from basecal.cell import Recording
+    from basecal.cell import Cell, Recording
 
 Pair = tuple[str, str]  # a camera and a target
 
@@ -47,6 +46,20 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
         _print_summary(recording, lensless)
         say(next_step(described, recording, cell) or f"next: basecal calibrate {quote_path(cell)}")
     return 1 if recording.findings or lensless else 0
+
+
+def detected_recording(folder: Path, cell: Cell) -> Recording:
+    """The recording of a cell's folder with what is detected in its images; a bar shows how far the detection is."""
+    from basecal.accuracy.input_screening.images import needs_search
+    from basecal.cell.files import read_recording
+
+    recording = read_recording(folder, cell)
+    if not needs_search(cell, recording):
+        return recording
+    from basecal.vision.detect import detect as detected
+
+    with counting("detecting") as step:
+        return detected(cell, recording, progress=step)
 
 
 def _print_summary(recording: Recording, lensless: Collection[str]) -> None:

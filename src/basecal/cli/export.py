@@ -10,8 +10,8 @@ from typing import Annotated, Any
 from cyclopts import CycloptsError, Parameter
 
 from basecal.cli.option_types import Domain, Output
+from basecal.cli.page import find_run
 from basecal.cli.publishing import check_publishing, publish_transforms
-from basecal.cli.runs import find_run
 from basecal.cli.terminal import quote_path, say, say_next
 from basecal.errors import FrameNotFound
 from basecal.exchange.exporters.registry import EXPORTERS

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, recalibrate_folder, say_all
-from basecal.cli.detection import detected_recording
+from basecal.cli.detect import detected_recording
 from basecal.cli.next_step import name_cell, next_command
 from basecal.cli.terminal import ask, quote_path, say, say_next
 from basecal.errors import UsageError

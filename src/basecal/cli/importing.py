@@ -8,17 +8,15 @@ from dataclasses import is_dataclass
 from inspect import Parameter as Argument
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, get_origin
 
 from cyclopts import App, Parameter
 
 from basecal.accuracy.fixing.offers import is_fixable
 from basecal.accuracy.input_screening.importing import import_into
-from basecal.cli.convention_check import say_conventions
-from basecal.cli.detection import counting
-from basecal.cli.next_step import next_step
-from basecal.cli.terminal import quote_path, say
-from basecal.errors import list_names
+from basecal.cli.next_step import name_folder, next_step
+from basecal.cli.terminal import counting, progress, quote_path, say
+from basecal.errors import BasecalError, list_names
 from basecal.exchange.importers.registry import IMPORTERS
 from basecal.exchange.importing.bring_in import Brought
 from basecal.exchange.importing.imported import Imported, OneOf
@@ -160,3 +158,43 @@ def _pairing_lines(import_result: Brought) -> list[str]:
 
 app = import_app()
 """The verb `import`."""
+
+
+if TYPE_CHECKING:
+    from basecal.cell import Cell, Finding, Recording
+
+
+def say_conventions(folder: Path, cell: Cell, recording: Recording) -> tuple[Finding, ...]:
+    """Report whether what is recorded closes its loops as it was read, by a few of its samples.
+
+    Args:
+        folder: The cell's, where detections are kept.
+        cell: As it is now.
+        recording: Likewise, whole.
+
+    Returns:
+        Errors: what was certainly read otherwise than it was meant.
+    """
+    from basecal.accuracy.input_screening.quick_look import QuickLook, preview_samples, quick_look
+
+    few = preview_samples(recording)
+    try:
+        if any(sample.images for sample in few.samples):
+            from basecal.vision.detect import detect
+
+            with counting("looking at images") as step:
+                few = detect(cell, few, folder, progress=step)
+    except BasecalError as error:
+        look = QuickLook(0, untold=str(error))
+    else:
+        with progress("testing conventions"):
+            look = quick_look(cell, few, len(few.samples) == len(recording.samples))
+    for finding in look.findings:
+        message = name_folder(finding, folder).message
+        say(f"basecal: warning: {finding.code}, by {look.views} views: {message}", sys.stderr)
+    if look.error is not None:
+        others = "no other direction, unit, order or pairing does better"
+        say(f"conventions hold: each of {look.views} views is predicted by the others to {look.error}, and {others}")
+    elif not look.findings:
+        say(f"conventions are not determined by {look.views} views: {look.untold}")
+    return tuple(finding for finding in look.findings if finding.severity == "error")

@@ -22,8 +22,8 @@ from basecal.exchange.importing.described_target import (
     are_indistinguishable,
     target_fields,
 )
-from basecal.exchange.importing.name_options import parse_name_options
 from basecal.exchange.importing.template import Kind, cell_text
+from basecal.fields.typed_length import parse_name_options
 
 if TYPE_CHECKING:
     from basecal.cell import Cell

@@ -59,7 +59,7 @@ def ros2_cell(
     from basecal.exchange.bags.choice import choose_sources
     from basecal.exchange.bags.entry import bag_entry, urdf_name
     from basecal.exchange.bags.sources import Asked, ByJoints
-    from basecal.exchange.importing.cell_content import NO_CELL
+    from basecal.exchange.importing.imported import NO_CELL
 
     allow_places(cell, [domain_words(choose_domain(domain))], yes)
     bag = listen_to_topics(choose_domain(domain), LISTEN_S)

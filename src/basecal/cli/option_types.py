@@ -7,6 +7,11 @@ from typing import Annotated
 
 from cyclopts import Parameter, validators
 
+from basecal.errors import UsageError
+
+Point = tuple[float, float, float]
+Box = tuple[float, float, float, float, float, float]
+
 
 def number_range(low: float, high: float) -> Parameter:
     """A number between two others, these included."""
@@ -19,3 +24,22 @@ Domain = Annotated[int | None, number_range(0, 232)]
 Output = Annotated[Path | None, Parameter(alias="-o")]
 OpensPage = Annotated[bool, Parameter(name="--open")]
 Names = Annotated[tuple[str, ...], Parameter(consume_multiple=True)]
+
+
+def task_points(point: Point | None, box: Box | None) -> list[Point]:
+    """The point, or the corners and the middle of the box.
+
+    Raises:
+        UsageError: if neither is given, or both.
+        InputError: if the box has no volume.
+    """
+    if point is not None and box is None:
+        return [point]
+    if point is not None or box is None:
+        raise UsageError("give either --task-point x y z or --task-box x y z x y z, in the reference robot's base [m]")
+    from basecal.accuracy.task.task import box_points
+    from basecal.estimation.settings import Settings
+
+    points = box_points(box)
+    Settings(task_point=points[0], task_box=box)  # refuses a box of no volume
+    return points

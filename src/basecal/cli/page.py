@@ -9,9 +9,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from basecal.cli.detection import detected_recording
-from basecal.cli.terminal import say
-from basecal.errors import DatasetError
+from basecal.cli.detect import detected_recording
+from basecal.cli.terminal import quote_path, say
+from basecal.errors import DatasetError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -138,3 +138,19 @@ def _run_time(run: Path) -> datetime | None:
         return datetime.strptime(run.name[:_STAMP_LENGTH], _STAMP).replace(tzinfo=UTC)
     except ValueError:
         return None
+
+
+def find_run(path: Path) -> Path:
+    """The folder of a run, given so or as its file; of a cell's folder its latest run.
+
+    Raises:
+        InputError: if a cell has none.
+    """
+    from basecal.cell.files import latest_run
+
+    if not (path / "cell.yaml").is_file():
+        return path
+    run = latest_run(path)
+    if run is None:
+        raise InputError(f"{path} has no run yet: basecal calibrate {quote_path(path)}")
+    return run

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from cyclopts import Parameter, validators
 
-from basecal.cli.detection import detected_recording
+from basecal.cli.detect import detected_recording
 from basecal.cli.next_step import has_drivers
-from basecal.cli.option_types import OpensPage, Output, Seed, number_range
-from basecal.cli.task_point import Box, Point, task_points
+from basecal.cli.option_types import Box, OpensPage, Output, Point, Seed, number_range, task_points
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.cli.typed_words import typed_command
 from basecal.errors import BasecalError, FrameNotFound, UsageError
-from basecal.exchange.motions.registry import MOTIONS
+from basecal.exchange.motions.writers import MOTIONS
 from basecal.fields.typed_length import length_m
 
 _KINDS = "; ".join(f"{name}: {each.words}" for name, each in MOTIONS.items())
@@ -187,7 +186,7 @@ def _print_plan(
 
     from basecal.cell.files import write_plan
     from basecal.cell.format.writing import write_output
-    from basecal.reporting.plans.words import plan_lines
+    from basecal.reporting.plans.page import plan_lines
 
     data = plan_dict(plan_result, needed_m)
     if motion is not None and output is None:

@@ -39,7 +39,7 @@ def publish_transforms(calibration: Calibration, cell: Cell, transform: str | No
     from basecal.acquisition.ros2.dds import choose_domain
     from basecal.acquisition.ros2.static_frames import STATIC_TOPIC, send_static
     from basecal.exchange.exports.choice import chosen_transforms
-    from basecal.exchange.exports.remarks import check_exportable
+    from basecal.exchange.exports.exporter import check_exportable
 
     check_exportable(calibration)
     found, where = chosen_transforms(calibration, cell, transform), choose_domain(domain)

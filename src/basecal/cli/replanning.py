@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from basecal.cli.task_point import Box, Point, task_points
+from basecal.cli.option_types import Box, Point, task_points
 from basecal.errors import UsageError
 from basecal.fields.typed_length import length_m
 
@@ -47,7 +47,7 @@ def requested_task(
 
 def taken_so_far(folder: Path, cell: Cell) -> Sequence[Sample]:
     """The recorded samples of a cell, with their observations."""
-    from basecal.cli.detection import detected_recording
+    from basecal.cli.detect import detected_recording
 
     has_journal = (folder / "recording" / "samples.jsonl").exists()
     return detected_recording(folder, cell).samples if has_journal else ()

@@ -7,8 +7,7 @@ from pathlib import Path
 from basecal.cli.calibrate import exit_code, show
 from basecal.cli.next_step import name_cell, next_command
 from basecal.cli.option_types import OpensPage
-from basecal.cli.page import FILE, show_page, stored_run, write_page
-from basecal.cli.runs import find_run
+from basecal.cli.page import FILE, find_run, show_page, stored_run, write_page
 from basecal.cli.terminal import print_json, progress, say_next
 from basecal.fields.typed_length import length_m
 

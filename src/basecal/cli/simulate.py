@@ -7,10 +7,9 @@ from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from basecal.cli.detection import counting
 from basecal.cli.option_types import Port, Seed, number_range
 from basecal.cli.simulated_process import RendererName, run_process
-from basecal.cli.terminal import print_json, progress, quote_path, say
+from basecal.cli.terminal import counting, print_json, progress, quote_path, say
 from basecal.errors import InputError
 from basecal.simulation.scenario import Scenario, Seen
 

@@ -6,9 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from basecal.cli.detection import counting
 from basecal.cli.option_types import Output, number_range
-from basecal.cli.terminal import print_json, progress, say
+from basecal.cli.terminal import counting, print_json, progress, say
 from basecal.errors import UsageError
 
 if TYPE_CHECKING:
@@ -81,11 +80,9 @@ def summary_text(summary: dict[str, Any]) -> str:
 
 def try_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]:
     """The summary of a study, which is tried and written; with its words."""
-    from basecal.reporting.sweep.page import sweep_page
-    from basecal.reporting.sweep.text import sweep_text
+    from basecal.reporting.sweep.page import sweep_page, sweep_text
     from basecal.studies.run import run_study
-    from basecal.studies.summary import summarise
-    from basecal.studies.table import write_table
+    from basecal.studies.summary import summarise, write_table
 
     with counting("trying") as step:
         run_study(study, folder, workers, step)
@@ -97,8 +94,7 @@ def try_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]
 
 def _fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dict[str, Any]:
     """The summary of a folder of cells, which are calibrated."""
-    from basecal.reporting.fleet.page import fleet_page
-    from basecal.reporting.fleet.text import fleet_text
+    from basecal.reporting.fleet.page import fleet_page, fleet_text
     from basecal.studies.fleet.run import make_fleet, run_fleet
     from basecal.studies.fleet.summary import fleet_rows, summarise_fleet, write_fleet_table
 

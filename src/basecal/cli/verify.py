@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from basecal.cli.detection import counting
 from basecal.cli.next_step import capture_command, has_drivers
-from basecal.cli.page import with_kept_scene
-from basecal.cli.runs import find_run
-from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
+from basecal.cli.page import find_run, with_kept_scene
+from basecal.cli.terminal import counting, print_json, quote_path, say_next, say_verdict
 from basecal.errors import DatasetError, UsageError
 
 if TYPE_CHECKING:

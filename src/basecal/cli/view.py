@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from threading import Event
 
-from basecal.cli.detection import detected_recording
+from basecal.cli.detect import detected_recording
 from basecal.cli.option_types import Port
-from basecal.cli.runs import find_run
+from basecal.cli.page import find_run
 from basecal.cli.terminal import say
 
 

@@ -6,10 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, rounded_length
-from basecal.effects.faces.views import Views, robot_moves
+from basecal.effects.faces.candidates import Candidates, Views, one_candidate, pose_moves
+from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, rounded_length
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import cross_matrix
 
@@ -21,13 +19,9 @@ def candidates(views: Views) -> Iterator[Candidates]:
     along the axis of the base, as for arms that stand or hang, the other in any direction.
     """
     for robot in views.robots:
-        moves = robot_moves(views, robot, _moves)
+        moves = pose_moves(views, robot, turns_by_reach)
         yield one_candidate("deflection", robot, "rad/m", tuple(None if m is None else m[..., 2:] for m in moves))
         yield one_candidate("deflection", robot, "rad/m", moves)
-
-
-def _moves(views: Views, k: int, robot: str) -> Array:
-    return views.flange_jacobian(k, robot) @ turns_by_reach(views.recorded_pose(k, robot))
 
 
 def turns_by_reach(poses: SE3) -> Array:

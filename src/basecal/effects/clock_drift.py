@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from basecal.effects.clock_offset import delays, is_late
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
-from basecal.effects.faces.views import Views, elapsed_share
+from basecal.effects.faces.candidates import Candidates, Views, elapsed_share, one_candidate
+from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, format_with_sigma
 
 FEWEST_IN_TIME = 6
 """Samples that may drift."""

@@ -6,11 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
-from basecal.effects.faces.simulated_fault import SECOND, SimulatedFault
-from basecal.effects.faces.views import Moves, Views, robot_moves
+from basecal.effects.faces.candidates import Candidates, Moves, Views, one_candidate, robot_moves
+from basecal.effects.faces.effect import AGAIN, SECOND, Effect, FoundEffect, SimulatedFault, Words, format_with_sigma
 from basecal.geometry import Array
 
 

@@ -12,22 +12,31 @@ from functools import partial
 import numpy as np
 from pydantic import field_validator as checks
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, rounded_length
-from basecal.effects.faces.joint_effect import from_dict, moves_by_joint, open_chains, to_dict
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.candidates import Candidates, Views, one_candidate
+from basecal.effects.faces.effect import (
+    AGAIN,
+    DEGREE,
+    Effect,
+    FoundEffect,
+    RandomEffect,
+    SimulatedFault,
+    Words,
+    rounded_length,
+)
 from basecal.effects.faces.robot_parameter import (
     Columns,
     Posture,
     RobotParameter,
     RobotParameters,
     Unobserved,
+    from_dict,
+    joint_columns,
     joint_lines,
+    moves_by_joint,
+    open_chains,
+    to_dict,
 )
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
-from basecal.effects.faces.simulated_fault import DEGREE, SimulatedFault
-from basecal.effects.faces.views import Views
 from basecal.errors import InputError
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma, Vector
@@ -66,23 +75,12 @@ def columns(chain: SerialChain, statement: Stated) -> Columns:
     """A column for each joint."""
     if chain.masses is None:
         raise InputError("needs the masses of its links: give them an <inertial> in its urdf")
-    sigma = None if statement.sigma_rad_per_nm is None else np.full(chain.n, statement.sigma_rad_per_nm)
-    return Columns(np.eye(chain.n), sigma)
+    return joint_columns(chain, statement.sigma_rad_per_nm)
 
 
-def shift(chain: SerialChain, statement: Stated, joints: Array, values: Array) -> Array:
-    """Compliance times torque."""
-    return (values[..., None, :] if values.ndim > 1 else values) * gravity_torques(
-        apply_gravity(chain, statement), joints
-    )
-
-
-def derivative(posture: Posture, statement: Stated, values: Array) -> Array:
-    """Derivative of the flange to each compliance."""
-    return (
-        posture.true.joint_derivative
-        * gravity_torques(apply_gravity(posture.chain, statement), posture.recorded)[..., None, :]
-    )
+def torques(chain: SerialChain, statement: Parameters, joints: Array) -> Array:
+    """Turn of each joint under gravity by a compliance of one [rad/Nm]."""
+    return gravity_torques(apply_gravity(chain, statement), joints)
 
 
 def unobserved_reason(case: Unobserved) -> str:
@@ -110,11 +108,11 @@ def shared_errors(posture: Posture) -> SharedErrors | None:
     """
     if posture.chain.masses is None:
         return None
-    torques = gravity_torques(posture.chain, posture.recorded)
-    most = float(np.sqrt(np.mean(torques**2, axis=0)).max())
+    by_stop = gravity_torques(posture.chain, posture.recorded)
+    most = float(np.sqrt(np.mean(by_stop**2, axis=0)).max())
     if not most > 0:
         return None
-    by_joint = posture.true.joint_derivative * (torques / most)[:, None, :]
+    by_joint = posture.true.joint_derivative * (by_stop / most)[:, None, :]
     together = np.concatenate(
         [np.sqrt(_EQUAL_TOLERANCE) * by_joint.sum(-1, keepdims=True), np.sqrt(1 - _EQUAL_TOLERANCE) * by_joint], axis=-1
     )
@@ -158,13 +156,12 @@ EFFECT = Effect(
     parameter=RobotParameter(
         Stated,
         "the compliance",
-        derivative,
         columns,
         report,
         partial(to_dict, NAME, _KEYS),
         partial(from_dict, NAME, _KEYS),
         entry,
-        shift=shift,
+        turn=torques,
         scale=0.01,  # [rad/Nm]: 1 rad under 100 Nm
         largest_sigma=3e-3,  # [rad/Nm]
         unobserved=unobserved_reason,

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.lens_parameter import LensParameter
-from basecal.effects.faces.simulated_fault import ONE, SimulatedFault
+from basecal.effects.faces.effect import NOT_OF_LENSES, ONE, Effect, LensParameter, SimulatedFault
 from basecal.geometry import Array, Camera
 
 _USUAL = 1e-3  # of the width of the image, of each term at the farthest corner
@@ -60,9 +58,5 @@ EFFECT = Effect(
     fault=SimulatedFault(
         "distortion", "px", ONE, 3.0, "the lens bends the image's corner by more", draw_lens=draw_fault
     ),
-    absent={
-        "random": "a lens is the same in all views",
-        "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",
-        "map": "the answer's covariance contains it",
-    },
+    absent=NOT_OF_LENSES,
 )

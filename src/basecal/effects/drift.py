@@ -5,26 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from basecal.effects.clock_drift import FEWEST_IN_TIME
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_tangent
-from basecal.effects.faces.views import Views, elapsed_share, frame_moves
-from basecal.geometry import Array
+from basecal.effects.faces.candidates import Candidates, Views, elapsed_share, frame_candidates
+from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, format_tangent
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each base and mount, by a tangent from the first sample to the last."""
     if len(views.samples) < FEWEST_IN_TIME:
         return
-    share = elapsed_share(views)
-
-    def drift_moves(k: int, name: str) -> Array | None:
-        """How views of a group move, (n, 6, q)."""
-        moves = frame_moves(views, k, name)
-        return None if moves is None else share[views.rank(views.groups[k])][:, None, None] * moves
-
     for name in views.frames:
-        yield one_candidate("drift", name, "", tuple(drift_moves(k, name) for k in range(len(views.groups))))
+        yield frame_candidates("drift", views, name, elapsed_share(views)[:, None])
 
 
 def words(effect: FoundEffect) -> Words:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FIX, FoundEffect, Words, format_tangent
-from basecal.effects.faces.views import Views, frame_moves
+import numpy as np
+
+from basecal.effects.faces.candidates import Candidates, Views, frame_candidates
+from basecal.effects.faces.effect import AGAIN, FIX, Effect, FoundEffect, Words, format_tangent
 from basecal.geometry import Array
 
 CODE = "fixed-contradicted"
@@ -16,8 +16,7 @@ CODE = "fixed-contradicted"
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each fixed base and mount, by any tangent."""
     for name in views.fixed_frames:
-        moves = tuple(frame_moves(views, k, name) for k in range(len(views.groups)))
-        yield one_candidate(CODE, name, "", moves)
+        yield frame_candidates(CODE, views, name, np.ones((len(views.samples), 1)))
 
 
 def words(effect: FoundEffect) -> Words:

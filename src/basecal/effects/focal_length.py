@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import format_with_sigma
-from basecal.effects.faces.lens_parameter import LensParameter
-from basecal.effects.faces.simulated_fault import SimulatedFault
+from basecal.effects.faces.effect import NOT_OF_LENSES, Effect, LensParameter, SimulatedFault, format_with_sigma
 from basecal.geometry import Array, Camera
 
 _USUAL = 2e-3  # of the focal length
@@ -36,9 +33,5 @@ EFFECT = Effect(
     "focal_length",
     lens=LensParameter(slice(0, 2), usual, "assumed: calibrations of one lens by boards differ by as much", words),
     fault=SimulatedFault("focal-length", "%", _PERCENT, 1.0, "the lens is longer than stated", draw_lens=draw_fault),
-    absent={
-        "random": "a lens is the same in all views",
-        "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",
-        "map": "the answer's covariance contains it",
-    },
+    absent=NOT_OF_LENSES,
 )

@@ -7,24 +7,24 @@ from functools import partial
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
-from basecal.effects.faces.joint_effect import from_dict, joint_candidates, moves_by_joint, open_chains, to_dict
+from basecal.effects.faces.candidates import Candidates, Views
+from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, SimulatedFault, Words, clearest_joint
 from basecal.effects.faces.robot_parameter import (
-    Columns,
-    Posture,
     RobotParameter,
     RobotParameters,
     Unobserved,
+    draw_by_joint,
+    from_dict,
+    joint_candidates,
+    joint_columns,
     joint_lines,
+    moves_by_joint,
+    open_chains,
+    to_dict,
 )
-from basecal.effects.faces.simulated_fault import SimulatedFault
-from basecal.effects.faces.views import Views
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma
 from basecal.geometry import Array
-from basecal.kinematics import SerialChain
 
 NAME = "gear_ratio"
 _KEYS = "ratio_error", "sigma_ratio_error"
@@ -36,21 +36,6 @@ class Stated(Parameters):
     """Prior knowledge of the ratios: the sigma of each, as a share."""
 
     sigma: Sigma | None = None
-
-
-def columns(chain: SerialChain, statement: Stated) -> Columns:
-    """A column for each joint."""
-    return Columns(np.eye(chain.n), None if statement.sigma is None else np.full(chain.n, statement.sigma))
-
-
-def shift(chain: SerialChain, statement: Parameters, joints: Array, values: Array) -> Array:
-    """The share of each recorded angle."""
-    return (values[..., None, :] if values.ndim > 1 else values) * joints
-
-
-def derivative(posture: Posture, statement: Parameters, values: Array) -> Array:
-    """Derivative of the flange to each share."""
-    return posture.true.joint_derivative * posture.recorded[..., None, :]
 
 
 def unobserved_reason(case: Unobserved) -> str:
@@ -84,19 +69,11 @@ def _turning_angles(_: object, joints: Array) -> Array:
 
 def words(effect: FoundEffect) -> Words:
     """One joint, or several with the clearest named."""
-    sigmas = np.sqrt(np.maximum(np.diag(effect.covariance), 0.0))
-    clearest = int(np.argmax(np.abs(effect.size) / np.where(sigmas > 0, sigmas, np.inf)))
-    joint = clearest if effect.joint is None else effect.joint
-    amount = format_with_sigma(100 * effect.size[clearest], 100 * float(sigmas[clearest]))
-    what = f"Joint {joint + 1} of {effect.about} turns by {amount} % more than recorded."
+    joint, amount = clearest_joint(effect, 100, "%")
+    what = f"Joint {joint} of {effect.about} turns by {amount} more than recorded."
     if effect.joint is None:
-        what = f"Gear ratios of {effect.about} are off; the clearest is that of joint {joint + 1}, by {amount} %."
+        what = f"Gear ratios of {effect.about} are off; the clearest is that of joint {joint}, by {amount}."
     return Words("robot-model", what, (f"Write {entry(effect.size)} at {effect.about} in cell.yaml.", AGAIN))
-
-
-def draw_fault(size: float, joints: int, rng: np.random.Generator) -> Array:
-    """Shares of one sigma."""
-    return np.asarray(size * rng.standard_normal(joints))
 
 
 EFFECT = Effect(
@@ -104,20 +81,19 @@ EFFECT = Effect(
     parameter=RobotParameter(
         Stated,
         "the gear ratio",
-        derivative,
-        columns,
+        lambda chain, statement: joint_columns(chain, statement.sigma),
         report,
         partial(to_dict, NAME, _KEYS),
         partial(from_dict, NAME, _KEYS),
         entry,
-        shift=shift,
+        turn=lambda _, __, joints: joints,
         largest_sigma=0.1,
         unobserved=unobserved_reason,
     ),
     candidates=candidates,
     words=words,
     fault=SimulatedFault(
-        "gear-ratio", "%", _PERCENT, 0.5, "each joint turns more than it says, one sigma", draw=draw_fault
+        "gear-ratio", "%", _PERCENT, 0.5, "each joint turns more than it says, one sigma", draw=draw_by_joint
     ),
     absent={
         "size": "industrial gears have a ratio of integers; hobby servos differ by percents, which a prior states",

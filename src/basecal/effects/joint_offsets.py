@@ -11,26 +11,33 @@ from typing import Any
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
-from basecal.effects.faces.joint_effect import joint_candidates, moves_by_joint, open_chains
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.candidates import Candidates, Views
+from basecal.effects.faces.effect import (
+    AGAIN,
+    DEGREE,
+    Effect,
+    FoundEffect,
+    RandomEffect,
+    SimulatedFault,
+    Words,
+    clearest_joint,
+)
 from basecal.effects.faces.robot_parameter import (
-    Columns,
     Posture,
     RobotParameter,
     RobotParameters,
     Unobserved,
+    draw_by_joint,
+    joint_candidates,
+    joint_columns,
     joint_lines,
+    moves_by_joint,
+    open_chains,
 )
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
-from basecal.effects.faces.simulated_fault import DEGREE, SimulatedFault
-from basecal.effects.faces.views import Views
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma
 from basecal.geometry import Array, read_only
-from basecal.kinematics import SerialChain
 
 NAME = "joint_offsets"
 SIGMA_RAD = 0.005  # of a prior: 0.3 deg, wider than a mastered arm's joints are off
@@ -49,22 +56,6 @@ class Stated(Parameters):
     """Prior knowledge of the offsets: the sigma of each [rad]."""
 
     sigma_rad: Sigma | None = None
-
-
-def columns(chain: SerialChain, statement: Stated) -> Columns:
-    """A column for each joint."""
-    sigma = None if statement.sigma_rad is None else np.full(chain.n, statement.sigma_rad)
-    return Columns(np.eye(chain.n), sigma)
-
-
-def shift(chain: SerialChain, statement: Parameters, joints: Array, values: Array) -> Array:
-    """The offsets, at any joints."""
-    return values[..., None, :] if values.ndim > 1 else values
-
-
-def derivative(posture: Posture, statement: Parameters, values: Array) -> Array:
-    """Derivative of the flange to each joint."""
-    return posture.true.joint_derivative
 
 
 def unobserved_reason(case: Unobserved) -> str:
@@ -149,20 +140,12 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 def words(effect: FoundEffect) -> Words:
     """One joint, or several with the clearest named."""
-    sigmas = np.sqrt(np.maximum(np.diag(effect.covariance), 0.0))
-    clearest = int(np.argmax(np.abs(effect.size) / np.where(sigmas > 0, sigmas, np.inf)))
-    joint = clearest if effect.joint is None else effect.joint
-    offset = format_with_sigma(_DEG * effect.size[clearest], _DEG * float(sigmas[clearest]))
-    what = f"Joint {joint + 1} of {effect.about} is off by {offset} deg."
+    joint, offset = clearest_joint(effect, _DEG, "deg")
+    what = f"Joint {joint} of {effect.about} is off by {offset}."
     if effect.joint is None:
-        what = f"Several joints of {effect.about} are off; the clearest is joint {joint + 1}, by {offset} deg."
+        what = f"Several joints of {effect.about} are off; the clearest is joint {joint}, by {offset}."
     do = f"Add it to the recorded joint, or write {entry(effect.size)} at {effect.about} in cell.yaml."
     return Words("robot-model", what, (f"Check the zeros of the joints of {effect.about}.", do, AGAIN))
-
-
-def draw_fault(size: float, joints: int, rng: np.random.Generator) -> Array:
-    """Offsets of one sigma [rad]."""
-    return np.asarray(size * rng.standard_normal(joints))
 
 
 EFFECT = Effect(
@@ -170,13 +153,12 @@ EFFECT = Effect(
     parameter=RobotParameter(
         Stated,
         "the offset",
-        derivative,
-        columns,
+        lambda chain, statement: joint_columns(chain, statement.sigma_rad),
         report,
         to_dict,
         from_dict,
         entry,
-        shift=shift,
+        turn=lambda _, __, joints: np.ones_like(joints),
         largest_sigma=0.3,
         unobserved=unobserved_reason,
     ),
@@ -192,6 +174,6 @@ EFFECT = Effect(
     candidates=candidates,
     words=words,
     fault=SimulatedFault(
-        "joint-offsets", "deg", DEGREE, 0.2, "the zero of each joint is off, one sigma", draw=draw_fault
+        "joint-offsets", "deg", DEGREE, 0.2, "the zero of each joint is off, one sigma", draw=draw_by_joint
     ),
 )

@@ -6,11 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.expected_size import ExpectedSize
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
-from basecal.effects.faces.views import Views, robot_moves
+from basecal.effects.faces.candidates import Candidates, Views, one_candidate, pose_moves
+from basecal.effects.faces.effect import AGAIN, Effect, ExpectedSize, FoundEffect, Words, format_with_sigma
 from basecal.geometry import SE3, Array
 
 LENGTHS = ExpectedSize(5e-4, 1.0, "assumed: 0.5 mm on a metre, of arms as delivered", is_stated=True)
@@ -19,11 +16,7 @@ LENGTHS = ExpectedSize(5e-4, 1.0, "assumed: 0.5 mm on a metre, of arms as delive
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each robot, too short by a fraction."""
     for robot in views.robots:
-        yield one_candidate("length-scale", robot, "", robot_moves(views, robot, _moves))
-
-
-def _moves(views: Views, k: int, robot: str) -> Array:
-    return np.asarray(views.flange_jacobian(k, robot) @ outward(views.recorded_pose(k, robot)))
+        yield one_candidate("length-scale", robot, "", pose_moves(views, robot, outward))
 
 
 def outward(poses: SE3) -> Array:

@@ -11,11 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.expected_size import ExpectedSize
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
-from basecal.effects.faces.views import Views, mount_moves
+from basecal.effects.faces.candidates import Candidates, Views, mount_moves, one_candidate
+from basecal.effects.faces.effect import AGAIN, Effect, ExpectedSize, FoundEffect, Words, format_with_sigma
 from basecal.geometry import SE3, Array
 
 

@@ -7,12 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import Words
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import MILLI, Effect, RandomEffect, SimulatedFault, Words
 from basecal.effects.faces.robot_parameter import Columns, Posture, RobotParameter, RobotParameters
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
-from basecal.effects.faces.simulated_fault import MILLI, SimulatedFault
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma
 from basecal.geometry import Array, read_only
@@ -50,7 +47,7 @@ def move_links(chain: SerialChain, values: Array) -> SerialChain:
     return chain.perturb_links(values) if np.any(values) else chain
 
 
-def derivative(posture: Posture, statement: Parameters, values: Array) -> Array:
+def derivative(posture: Posture, values: Array) -> Array:
     """Derivative of the flange to each origin."""
     links = posture.true.link_derivative
     by_link = np.swapaxes(links.reshape(*links.shape[:-1], -1, 6), -2, -3)
@@ -116,7 +113,6 @@ EFFECT = Effect(
     parameter=RobotParameter(
         Stated,
         "an error of the links",
-        derivative,
         columns,
         report,
         to_dict,
@@ -124,6 +120,7 @@ EFFECT = Effect(
         entry,
         zero=zero,
         moved=move_links,
+        chain_derivative=derivative,
         is_by_joint=False,
     ),
     random=RandomEffect(

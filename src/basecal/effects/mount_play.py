@@ -11,12 +11,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.expected_size import ExpectedSize
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, rounded_length
-from basecal.effects.faces.simulated_fault import MILLI, SimulatedFault
-from basecal.effects.faces.views import Views, mount_moves
+from basecal.effects.faces.candidates import Candidates, Views, mount_moves, one_candidate
+from basecal.effects.faces.effect import (
+    AGAIN,
+    MILLI,
+    Effect,
+    ExpectedSize,
+    FoundEffect,
+    SimulatedFault,
+    Words,
+    rounded_length,
+)
 from basecal.effects.mount_bend import ABSENT
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import format_with_sigma
-from basecal.effects.faces.lens_parameter import LensParameter
-from basecal.effects.faces.simulated_fault import ONE, SimulatedFault
+from basecal.effects.faces.effect import NOT_OF_LENSES, ONE, Effect, LensParameter, SimulatedFault, format_with_sigma
 from basecal.geometry import Array, Camera
 
 # One that counts from the corner of the first pixel, not from its centre, is half a pixel off, and (w + 1) / 2 a whole.
@@ -38,9 +35,5 @@ EFFECT = Effect(
     "principal_point",
     lens=LensParameter(slice(2, 4), usual, "assumed: calibrations of one lens differ by a pixel or two", words),
     fault=SimulatedFault("principal-point", "px", ONE, 5.0, "the lens's centre is not as stated", draw_lens=draw_fault),
-    absent={
-        "random": "a lens is the same in all views",
-        "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",
-        "map": "the answer's covariance contains it",
-    },
+    absent=NOT_OF_LENSES,
 )

@@ -32,10 +32,7 @@ from basecal.effects import (
     target_shape,
     target_size,
 )
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import FoundEffect, Words
-from basecal.effects.faces.lens_parameter import LensParameter
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import Effect, FoundEffect, LensParameter, RandomEffect, Words
 from basecal.effects.faces.robot_parameter import RobotParameter
 
 EFFECTS: Mapping[str, Effect] = {

@@ -9,17 +9,17 @@ Seeger 2001 (modes).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from basecal.effects.faces.effect import Effect, Face
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import Effect, Face, RandomEffect
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
 from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 
-Kernel = Callable[[SE3, SE3], Array]
+Kernel = Callable[[Any, Any], Array]
+"""Correlation of errors at n places and m others, (n, m)."""
 
 # Errors of real arms correlate over 0.5 to 1.3 m, with an arm of 1 m for angles.
 LENGTH_M = 0.7
@@ -32,25 +32,40 @@ _LEAST_MODE = 1e-2  # of the largest variance: smaller ones are noise of single 
 class Modes(NamedTuple):
     """Modes of a smooth error: what a unit error of each is at any pose follows from recorded poses and weights."""
 
-    recorded: SE3
+    recorded: SE3 | Array
     weights: Array
     kernel: Kernel
 
     @classmethod
-    def from_poses(cls, poses: SE3, kernel: Kernel) -> Modes:
-        """The strongest modes of a kernel at recorded poses, (n,)."""
-        few = poses[:: -(-len(poses) // _MOST_STOPS)]
-        of = spectrum(kernel(few, few), _LEAST_MODE)
-        return cls(few, of.inverse_root[:, of.held][:, -_MOST_MODES:], kernel)
+    def strongest(
+        cls,
+        stops: SE3 | Array,
+        kernel: Kernel,
+        places: int = _MOST_STOPS,
+        count: int = _MOST_MODES,
+        least: float = _LEAST_MODE,
+    ) -> Modes:
+        """The strongest modes of a kernel at recorded poses or instants, (n,).
 
-    def sizes(self, poses: SE3) -> Array:
-        """Size at poses, (n,), of a unit error of each mode, equal in every coordinate, (n, k)."""
-        return np.asarray(self.kernel(poses, self.recorded) @ self.weights)
+        Args:
+            stops: Poses or instants.
+            kernel: The kernel.
+            places: How many of them the modes are found of, at most.
+            count: How many modes, at most.
+            least: The smallest variance of a mode, as a share of the largest.
+        """
+        few = stops[:: -(-len(stops) // places)]
+        of = spectrum(kernel(few, few), least)
+        return cls(few, of.inverse_root[:, of.held][:, -count:], kernel)
+
+    def sizes(self, places: SE3 | Array) -> Array:
+        """Size at poses or instants, (n,), of a unit error of each mode, equal in every coordinate, (n, k)."""
+        return np.asarray(self.kernel(places, self.recorded) @ self.weights)
 
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
     """Errors of each coordinate by modes of recorded poses, (m,), at poses, (n,)."""
-    found = Modes.from_poses(recorded_poses, kernel).sizes(poses)
+    found = Modes.strongest(recorded_poses, kernel).sizes(poses)
     return SharedErrors.repeat_coordinates(found) if found.shape[1] else None
 
 

@@ -10,15 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.effects import smooth
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import Effect, RandomEffect
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
 from basecal.geometry import SE3, Array
 
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
     """Errors along each axis by modes of recorded poses, (m,), at poses, (n,)."""
-    found = smooth.Modes.from_poses(recorded_poses, kernel).sizes(poses)
+    found = smooth.Modes.strongest(recorded_poses, kernel).sizes(poses)
     return SharedErrors.repeat_coordinates(found).rotate_to(poses) if found.shape[1] else None
 
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from basecal.effects import smooth
 from basecal.effects.bending import turns_by_reach
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import Effect, RandomEffect
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.smooth_by_place import EXPECTED
 from basecal.geometry import SE3, Array
@@ -20,7 +19,7 @@ from basecal.geometry import SE3, Array
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
     """Errors along the axes of the arm by modes of recorded poses, (m,), and its bend, at poses, (n,)."""
-    found = smooth.Modes.from_poses(recorded_poses, kernel).sizes(poses)
+    found = smooth.Modes.strongest(recorded_poses, kernel).sizes(poses)
     if not found.shape[1]:
         return None
     shared = SharedErrors.repeat_coordinates(found).rotate_to(poses, _arm_axes(poses))

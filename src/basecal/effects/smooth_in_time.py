@@ -11,12 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.effects import smooth
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import DEGREE, Effect, RandomEffect, SimulatedFault
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
-from basecal.effects.faces.simulated_fault import DEGREE, SimulatedFault
 from basecal.geometry import Array
-from basecal.numerics.spectral import spectrum
 
 LASTS_S = 1.0
 """After which a correlation is 1/e. Errors that last for 0.5 to 3 s are described as well."""
@@ -32,11 +29,9 @@ def errors(passed_s: Array) -> SharedErrors | None:
     if not moves.any():
         return None
     instants = np.unique(passed_s[moves])
-    few = instants[:: -(-len(instants) // _MOST_INSTANTS)]
-    of = spectrum(kernel(few, few), _LEAST_MODE)
-    weights = of.inverse_root[:, of.held][:, -_MOST_MODES:]
-    modes = np.zeros((len(passed_s), weights.shape[1]))
-    modes[moves] = kernel(passed_s[moves], few) @ weights
+    found = smooth.Modes.strongest(instants, kernel, _MOST_INSTANTS, _MOST_MODES, _LEAST_MODE)
+    modes = np.zeros((len(passed_s), found.weights.shape[1]))
+    modes[moves] = found.sizes(passed_s[moves])
     return SharedErrors.repeat_coordinates(modes)
 
 

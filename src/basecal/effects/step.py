@@ -6,11 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import FoundEffect, Words, format_tangent
-from basecal.effects.faces.views import Views, frame_moves
-from basecal.geometry import Array, BoolArray, IntArray
+from basecal.effects.faces.candidates import Candidates, Views, frame_candidates
+from basecal.effects.faces.effect import Effect, FoundEffect, Words, format_tangent
+from basecal.geometry import IntArray
 
 _MOST_SPLITS = 32  # of a recording in time at which a step is looked for
 _LEAST_SIDE = 3  # samples that see a frame before and after its step
@@ -22,21 +20,8 @@ def candidates(views: Views) -> Iterator[Candidates]:
         splits = _splits(views, name)
         if len(splits):
             since = tuple(map(int, views.samples[splits]))
-            yield split_frame(views, name, np.arange(len(views.samples))[:, None] >= splits, since)
-
-
-def split_frame(views: Views, name: str, is_moved: BoolArray, first_samples: tuple[int | None, ...]) -> Candidates:
-    """A frame that is elsewhere in some samples, by any tangent, (samples, b) whether in each of them."""
-
-    def moves(k: int) -> Array | None:
-        """How views of a group move, (n, b, 6, q)."""
-        by_frame = frame_moves(views, k, name)
-        moved = is_moved[views.rank(views.groups[k])][..., None, None]
-        return None if by_frame is None else np.asarray(moved * by_frame[:, None])
-
-    return Candidates(
-        "base-moved", (name,) * len(first_samples), first_samples, "", tuple(map(moves, range(len(views.groups))))
-    )
+            is_moved = np.arange(len(views.samples))[:, None] >= splits
+            yield frame_candidates("base-moved", views, name, is_moved, since)
 
 
 def _splits(views: Views, name: str) -> IntArray:

@@ -9,10 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, rounded_length
-from basecal.effects.faces.views import Views, robot_moves
+from basecal.effects.faces.candidates import Candidates, Views, one_candidate, pose_moves
+from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, rounded_length
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import cross_matrix
 
@@ -23,11 +21,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
     """Each robot that records poses alone, by the six coefficients of a symmetric matrix."""
     for robot in views.robots:
         if robot not in views.chains:
-            yield one_candidate("stretch", robot, "", robot_moves(views, robot, _moves))
-
-
-def _moves(views: Views, k: int, robot: str) -> Array:
-    return np.asarray(views.flange_jacobian(k, robot) @ flange_tangents(views.recorded_pose(k, robot)))
+            yield one_candidate("stretch", robot, "", pose_moves(views, robot, flange_tangents))
 
 
 def flange_tangents(poses: SE3) -> Array:

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import Words
-from basecal.effects.faces.target_parameter import TargetParameter
+from basecal.effects.faces.effect import Effect, TargetParameter, Words
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix
 from basecal.numerics.spectral import dimension, least_norm, principal_axes

@@ -6,11 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.expected_size import ExpectedSize
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
-from basecal.effects.faces.views import Views
+from basecal.effects.faces.candidates import Candidates, Views, one_candidate
+from basecal.effects.faces.effect import AGAIN, Effect, ExpectedSize, FoundEffect, Words, format_with_sigma
 from basecal.geometry import Array
 
 NAME = "target_size"

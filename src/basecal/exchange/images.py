@@ -9,7 +9,7 @@ from pathlib import Path
 
 from basecal.bounded_file import check_regular
 from basecal.errors import DatasetError, InputError, list_names
-from basecal.vision.image_header import header
+from basecal.vision.image_header import STARTS, header
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
 """Of images that can be read, in small letters."""
@@ -19,21 +19,6 @@ _OTHER_IMAGES = frozenset(
 ) | {".mp4", ".avi", ".mov", ".mkv", ".bag", ".mcap"}
 _HEADER_BYTES = 2**24  # of an image in which its size stands: metadata before it fill less
 _MOST_IMAGES = 200_000  # as many as a recording may have samples
-_STARTS = (
-    b"\x89PNG",
-    b"\xff\xd8\xff",
-    b"II*\0",
-    b"MM\0*",
-    b"II+\0",
-    b"MM\0+",
-    b"BM",
-    b"RIFF",
-    b"P5",
-    b"P6",
-    b"P2",
-    b"P3",
-)
-_START = 8  # bytes
 _PARTS = re.compile(r"(\d+)")
 _STAMP = re.compile(r"\d+(?:[._]\d+)?")
 # Digits before the point of a time since 1970 in each unit, and the unit [s].
@@ -82,7 +67,7 @@ def check_image(path: Path) -> None:
     """
     check_regular(path)
     with path.open("rb") as file:
-        if not file.read(_START).startswith(_STARTS):
+        if not file.read(max(map(len, STARTS))).startswith(STARTS):
             raise DatasetError(path, f"is no image, whatever its name; expected {', '.join(ENDINGS)}")
 
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from basecal.cell import RobotState
-from basecal.errors import DatasetError
+from basecal.errors import DatasetError, InputError, UsageError
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import keyed_rows
-from basecal.exchange.importing.imported import Row
+from basecal.exchange.importing.imported import Row, known_cell
 from basecal.exchange.importing.text_table import TextTable, read_text_table, rows_of_numbers, select_robot
 from basecal.geometry import Array
-from basecal.kinematics import SerialChain
+from basecal.kinematics import SerialChain, read_chain
 from basecal.kinematics.chain import LIMIT_EXCESS_RAD
 
 _UNLIMITED_RAD = 2.2 * math.pi  # of a joint without limits: a turn and a bit
@@ -23,6 +25,7 @@ _FEWEST_ROWS = 3  # rows in which nothing moves beyond some degrees, before that
 _DEGREE = math.radians(1)
 # How controllers number joints: j1, q1, a1 (KUKA), joint_1, theta1; from 0 or from 1.
 _NUMBERED = re.compile(r"(?:joint|axis|theta|j|q|a)[_ ]?(\d+)(?:[_. ]?(?:deg|rad|pos))?", re.IGNORECASE)
+_WIDEST_DEG = 45.0  # of a joint's offset: beyond this nothing is known of it
 
 
 def read_joints(path: str, robot: str, chain: SerialChain, in_degrees: bool) -> tuple[Row, ...]:
@@ -94,3 +97,60 @@ def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialC
     else:
         hint = "check the order of the joints, and that the URDF is this robot's"
     raise DatasetError(table.path, f"is at {there}: {hint}", line, name)
+
+
+@dataclass(frozen=True, eq=False)
+class JointModel:
+    """The kinematics of a robot whose joints are imported.
+
+    Attributes:
+        chain: From its base to its flange.
+        entry: What `cell.yaml` must have for it.
+        files: Files that go into the cell, by their path there.
+    """
+
+    chain: SerialChain
+    entry: dict[str, Any]
+    files: dict[str, Path] = field(default_factory=dict)
+
+
+def joint_model(
+    folder: str | Path,
+    robot: str,
+    urdf: str | Path | None,
+    base_link: str | None,
+    flange_link: str | None,
+    offset_sigma_deg: float | None,
+) -> JointModel:
+    """The kinematics of the cell, or of a URDF that comes with the joints.
+
+    Args:
+        folder: The cell, or where one is to be made.
+        robot: Its name.
+        urdf: Its URDF, if the cell has none.
+        base_link: Link of that URDF that the robot stands on.
+        flange_link: Link of that URDF that is the flange.
+        offset_sigma_deg: Sigma of a prior of each joint's offset [deg]; no prior if None.
+
+    Raises:
+        UsageError: if a URDF is given without its links, or links without it, or the sigma is out of range.
+        InputError: if none is given, and the cell has none.
+    """
+    links = (urdf, base_link, flange_link)
+    if any(each is not None for each in links) and None in links:
+        raise UsageError("--urdf, --base-link and --flange-link go together: give all three")
+    if offset_sigma_deg is not None and not 0 < offset_sigma_deg <= _WIDEST_DEG:
+        raise UsageError(f"--offset-sigma-deg {offset_sigma_deg:g}: expected more than 0 and at most {_WIDEST_DEG:g}")
+    prior = {}
+    if offset_sigma_deg is not None:
+        prior = {"joint_offsets": {"status": "prior", "sigma_rad": round(math.radians(offset_sigma_deg), 5)}}
+    if urdf is None or base_link is None or flange_link is None:
+        cell = known_cell(folder)
+        known = cell.robots[robot].chain if robot in cell.robots else None
+        if known is None:
+            give = "give --urdf FILE --base-link LINK --flange-link LINK"
+            raise InputError(f"{folder} has no URDF of {robot!r}, which joints need: {give}")
+        return JointModel(known, {"robots": {robot: prior}} if prior else {})
+    name = Path(urdf).name
+    described = {"urdf": name, "base_link": base_link, "flange_link": flange_link, **prior}
+    return JointModel(read_chain(urdf, base_link, flange_link), {"robots": {robot: described}}, {name: Path(urdf)})

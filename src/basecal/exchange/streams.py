@@ -8,19 +8,32 @@ from pathlib import Path
 from shlex import quote
 from typing import Literal, TypeVar
 
-from basecal.cell import Cell, CellCamera, CellTarget
-from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.assemble import recording_from_streams
+import numpy as np
+
+from basecal.cell import (
+    Cell,
+    CellCamera,
+    CellTarget,
+    Observation,
+    PixelObservation,
+    PoseObservation,
+    Recording,
+    RobotState,
+    Sample,
+)
+from basecal.errors import DatasetError, FrameNotFound, InputError
+from basecal.exchange.columns import read_columns
 from basecal.exchange.controller_poses import PoseStream, read_poses
-from basecal.exchange.importing.carriers import choose_name
-from basecal.exchange.importing.cell_content import NoCell, known_cell
-from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.imported import Imported, NoCell, Row, choose_name, known_cell
 from basecal.exchange.importing.template import cell_text
-from basecal.exchange.pixels import read_pixels
+from basecal.exchange.npz import read_arrays
 from basecal.exchange.poses import LengthUnit
+from basecal.geometry import Array, IntArray
 
 Thing = TypeVar("Thing")
 Inverted = Literal["base-from-flange", "eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
+_ALIASES = {"sample": ("samples",), "id": ("ids",), "u": ("u_px",), "v": ("v_px",)}
+_EXPECTED = "expected sample, id, u, v (one row a point; in an archive also pixels, (n, 2), for u and v)"
 
 
 @dataclass(frozen=True)
@@ -145,3 +158,107 @@ def _read(files: Streams) -> dict[Inverted, PoseStream]:
     for option in files.invert:
         streams[option] = replace(streams[option], poses=streams[option].poses.inverse())
     return streams
+
+
+def read_pixels(path: str | Path) -> dict[int, tuple[IntArray, Array]]:
+    """Ids (n,) and pixels (n, 2) [px] by sample, counted from 0, in the order of the ids.
+
+    Args:
+        path: A `.csv` with the columns sample, id, u, v, or a `.npz` with arrays of those names.
+
+    Raises:
+        DatasetError: if it holds anything else, or one id of a sample twice.
+    """
+    name = str(path)
+    columns = _from_archive(name) if ".npz" in name.lower() else read_columns(name, _ALIASES).values
+    missing = [key for key in ("sample", "id", "u", "v") if key not in columns]
+    if missing:
+        raise DatasetError(name, f"has no {', '.join(missing)} but {', '.join(columns) or 'nothing'}; {_EXPECTED}")
+    samples, ids = _whole_numbers(name, columns, "sample"), _whole_numbers(name, columns, "id")
+    pixels = np.stack([columns["u"], columns["v"]], -1)
+    views = {}
+    for sample in np.unique(samples).tolist():
+        rows = np.flatnonzero(samples == sample)
+        rows = rows[np.argsort(ids[rows], kind="stable")]
+        twice = ids[rows][1:][np.diff(ids[rows]) == 0]
+        if len(twice):
+            raise DatasetError(name, f"sample {sample} has id {twice[0]} twice")
+        views[sample] = ids[rows], pixels[rows]
+    return views
+
+
+def _whole_numbers(path: str, columns: Mapping[str, Array], key: str) -> IntArray:
+    whole = np.round(columns[key]).astype(np.int64)
+    wrong = np.flatnonzero((columns[key] != whole) | (whole < 0))
+    if len(wrong):
+        raise DatasetError(
+            path, f"row {wrong[0]} is {columns[key][wrong[0]]:g}, expected a whole number from 0", field=key
+        )
+    return whole
+
+
+def _from_archive(path: str) -> dict[str, Array]:
+    known = {alias: name for name, others in _ALIASES.items() for alias in (name, *others)}
+    name, arrays = read_arrays(path)
+    columns = {known.get(key, key): value for key, value in arrays.items()}
+    if "pixels" in columns:
+        pixels = columns.pop("pixels")
+        if pixels.ndim != 2 or pixels.shape[1] != 2:
+            raise DatasetError(name, f"has shape {pixels.shape}, expected (n, 2)", field="pixels")
+        columns["u"], columns["v"] = pixels.T
+    for key, value in columns.items():
+        if value.ndim != 1 or len(value) != len(next(iter(columns.values()))):
+            raise DatasetError(name, f"has shape {value.shape}, expected one number for every point", field=key)
+        if not np.isfinite(value).all():
+            raise DatasetError(name, f"row {np.flatnonzero(~np.isfinite(value))[0]} is not finite", field=key)
+    return columns
+
+
+def recording_from_streams(
+    robots: Mapping[str, PoseStream],
+    camera: str,
+    target: str,
+    camera_from_target: PoseStream | None = None,
+    pixels: Mapping[int, tuple[IntArray, Array]] | None = None,
+    sigma_px: float | None = None,
+) -> Recording:
+    """A recording whose sample i is the i-th pose of every stream; a robot of one pose stands still.
+
+    Args:
+        robots: `base_from_flange` by robot.
+        camera: Which camera saw the target.
+        target: Which target it saw.
+        camera_from_target: Its pose, where another program found it.
+        pixels: Ids and pixels by sample, where only its points were found; a sample may have none.
+        sigma_px: Of the pixels, per coordinate [px]; None if not stated.
+
+    Raises:
+        InputError: if the streams differ in length, or pixels belong to a sample that is not there.
+    """
+    streams = [*robots.values(), *([camera_from_target] if camera_from_target else [])]
+    lengths = {stream.path: len(stream.poses) for stream in streams}
+    if not lengths:
+        raise InputError("no pose file: at least one robot's poses are needed")
+    count = max(lengths.values())
+    moving = [stream for stream in streams if stream is camera_from_target or len(stream.poses) > 1]
+    if any(len(stream.poses) != count for stream in moving):
+        found = ", ".join(f"{path} holds {length}" for path, length in lengths.items())
+        raise InputError(f"the pose files differ in length: {found}; pose i of each must belong to the same instant")
+    strangers = sorted(set(pixels or ()) - set(range(count)))
+    if strangers:
+        raise InputError(f"pixels of sample {strangers[0]}, but the poses end at sample {count - 1}")
+    timed = [stream.stamps_s for stream in streams if stream.stamps_s is not None and len(stream.poses) == count]
+    stamps_s = next(iter(timed), None)
+    samples = []
+    for i in range(count):
+        seen: list[Observation] = []
+        if camera_from_target:
+            seen.append(PoseObservation(camera, target, camera_from_target.poses[i]))
+        if pixels and i in pixels:
+            ids, at = pixels[i]
+            sigmas = None if sigma_px is None else np.full(len(ids), sigma_px)
+            seen.append(PixelObservation(camera, target, ids, at, sigmas))
+        states = {robot: RobotState(stream.poses[min(i, len(stream.poses) - 1)]) for robot, stream in robots.items()}
+        stamp_s = None if stamps_s is None else float(stamps_s[i])
+        samples.append(Sample(i, stamp_s, states, tuple(seen)))
+    return Recording(tuple(samples))

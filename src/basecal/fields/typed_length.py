@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 
 from basecal.errors import UsageError
 
@@ -38,3 +39,18 @@ def columns_rows(text: str, option: str) -> tuple[int, int]:
     if found is None:
         raise UsageError(f"{option} {text!r}: expected columns and rows, such as 5x7")
     return int(found[1]), int(found[2])
+
+
+def parse_name_options(option: str, arguments: Iterable[str], form: str) -> dict[str, str]:
+    """Words by the names before their equals signs.
+
+    Raises:
+        UsageError: if one has none, or a name comes twice.
+    """
+    found: dict[str, str] = {}
+    for each in arguments:
+        name, _, words = each.partition("=")
+        if not name or not words or name in found:
+            raise UsageError(f"{option} {each}: {'given twice' if name in found else f'expected {form}'}")
+        found[name] = words
+    return found

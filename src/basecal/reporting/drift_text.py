@@ -14,9 +14,8 @@ from basecal.accuracy.drift.shifts import Shift
 from basecal.accuracy.drift.verify import POWER, Verification
 from basecal.accuracy.model_comparison.nested_models import MOVED
 from basecal.cell import PastVerification
-from basecal.effects.faces.found_effect import format_tangent, format_with_sigma
-from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.statement.verdict import error_text
+from basecal.effects.faces.effect import format_tangent, format_with_sigma
+from basecal.reporting.statement.verdict import error_text, two_digits
 
 _TIME_FORMAT = "%Y-%m-%d %H:%M"
 _SHOWN_SAMPLES = 6  # numbers of samples in a line

@@ -18,25 +18,17 @@ from basecal.exchange.urdf import numbers
 from basecal.reporting.cell_view.sample_labels import misfit
 from basecal.reporting.cell_view.scene import scene
 from basecal.reporting.cell_view.stage import stage
-from basecal.reporting.decision.checks import check_words, passed_checks
-from basecal.reporting.decision.components import component_figure
-from basecal.reporting.decision.outlook import outlook_figure
-from basecal.reporting.decision.tiles import remarks, tiles
-from basecal.reporting.decision.workspace import workspace
+from basecal.reporting.decision.outlook import component_figure, outlook_figure, workspace
+from basecal.reporting.decision.tiles import check_words, passed_checks, remarks, tiles
 from basecal.reporting.drift_text import history_text
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
 from basecal.reporting.figures.camera_points import points_by_camera
-from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.history import history_figure
-from basecal.reporting.figures.image_coverage import image_coverage
-from basecal.reporting.figures.lens_uncertainty import lens_uncertainty
-from basecal.reporting.figures.orientations import orientation_figure
+from basecal.reporting.figures.image_grid import image_coverage, lens_uncertainty
 from basecal.reporting.figures.residual_map import residual_map
-from basecal.reporting.figures.residual_polar import residual_polar
+from basecal.reporting.figures.rings import orientation_figure, residual_polar
 from basecal.reporting.figures.thumbnails import thumbnails
-from basecal.reporting.overview import answer_words, cell_words
-from basecal.reporting.provenance import provenance
-from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.overview import answer_words, cell_words, provenance
 from basecal.reporting.statement.verdict import (
     COLOURS,
     headline,
@@ -45,7 +37,9 @@ from basecal.reporting.statement.verdict import (
     sort_by_severity,
     tangent_text,
     task_options,
+    two_digits,
 )
+from basecal.reporting.svg import Figure
 from basecal.reporting.templates.environment import fill_page
 from basecal.reporting.text import (
     estimate_rows,

@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.cell import Target
 from basecal.cell.format.writing import write_output
-from basecal.cell.sheet import Sheet
+from basecal.cell.target import Sheet
 from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.reporting import pdf

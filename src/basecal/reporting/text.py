@@ -20,14 +20,15 @@ from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
 from basecal.geometry.lenses.registry import find_lens
 from basecal.reporting.cell_view.sample_labels import is_measured, misfit
-from basecal.reporting.statement.digits import shown_decimals, two_digits
 from basecal.reporting.statement.verdict import (
     error_text,
     gauge_clause,
     headline,
     held_out_errors,
     requested_estimates,
+    shown_decimals,
     sort_by_severity,
+    two_digits,
 )
 
 _INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import stat
 from itertools import islice
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from basecal.errors import InputError
+from basecal.bounded_file import MissingFile, read_bounded
+from basecal.errors import DatasetError, InputError
 from basecal.vision.decoder import decode
 from basecal.vision.detection import Image
 from basecal.vision.image_header import header, png_chunks
@@ -22,7 +22,6 @@ _LARGEST_BYTES = 2**28  # 256 MiB: 16 bits and two channels of 64 megapixels
 _MOST_PIXELS = 2**26  # 64 megapixels: the largest sensors of machine vision have that
 _MOST_SCANS = 100  # of a JPEG, each of which passes over all pixels; encoders write ten
 _MOST_DECODED_BYTES = 2**28  # 256 MiB, of which decoders hold two and the grey image is a third
-_OPEN_FLAGS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 _MOST_FILE_NAMES = 10_000  # of a folder that are looked through
 _TURNED_ORIENTATIONS = range(2, 9)  # EXIF's orientations of images that are shown in another way than they are stored
 
@@ -30,25 +29,11 @@ _TURNED_ORIENTATIONS = range(2, 9)  # EXIF's orientations of images that are sho
 def read_bytes(path: Path) -> bytes | str:
     """Content of a file, or why it cannot be read: pipes and devices are not, nor files that have no end."""
     try:
-        descriptor = os.open(path, os.O_RDONLY | _OPEN_FLAGS)
-    except FileNotFoundError:
+        return read_bounded(path, _LARGEST_BYTES)
+    except MissingFile:
         return f"is missing{_similar_path(path)}"
-    except (OSError, ValueError) as error:
-        return f"cannot be read ({getattr(error, 'strerror', None) or 'no name of a file'})"
-    try:
-        about = os.fstat(descriptor)
-        if not stat.S_ISREG(about.st_mode):
-            return "is not a file"
-        data = b""
-        if about.st_size <= _LARGEST_BYTES:
-            with os.fdopen(descriptor, "rb", closefd=False) as file:
-                data = file.read(_LARGEST_BYTES + 1)  # some files say that they are empty and have no end
-        too_large = max(about.st_size, len(data)) > _LARGEST_BYTES
-    except OSError as error:
-        return f"cannot be read ({error.strerror})"
-    finally:
-        os.close(descriptor)
-    return f"has more than {_LARGEST_BYTES // 2**20} MB, more than an image has" if too_large else data
+    except DatasetError as error:
+        return error.reason
 
 
 def _similar_path(path: Path) -> str:
@@ -66,16 +51,18 @@ def _similar_path(path: Path) -> str:
     return f" (did you mean {min(others)}?)" if others - {""} else ""
 
 
-def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
+def grey_image(data: bytes | str, size_px: tuple[int, int] | None) -> Image | str:
     """The image in the bytes of a file, (h, w) of uint8 or uint16, colour turned to grey, or why there is none.
 
     Pixels are where the sensor gave them, whatever rotation EXIF states. That rotation is for viewing the image,
     whereas a lens is calibrated as it is mounted on its sensor.
 
     Args:
-        data: What the file holds.
+        data: What the file holds, or why it cannot be read.
         size_px: Width and height it has to have; None if any will do.
     """
+    if isinstance(data, str):
+        return data
     if (why := _refusal_reason(data, size_px)) is not None:
         return why
     pixels, amiss = decode(data)

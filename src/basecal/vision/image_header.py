@@ -150,3 +150,6 @@ _HEADER_READERS: dict[bytes, Callable[[bytes], Header]] = {
     **dict.fromkeys((b"P2", b"P3", b"P5", b"P6"), _netpbm),
 }
 """One line a format, by how its files begin."""
+
+STARTS = tuple(_HEADER_READERS)
+"""How files of images begin."""

@@ -144,8 +144,7 @@ def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Pat
 
 def _read_images(images: Sequence[Searched], folder: Path) -> list[Grey]:
     """Images that can be read."""
-    read = [read_bytes(folder / image.path) for image in images]
-    grey = [grey_image(data, None) for data in read if not isinstance(data, str)]
+    grey = [grey_image(read_bytes(folder / image.path), None) for image in images]
     return [eight_bit(image) for image in grey if not isinstance(image, str)]
 
 

@@ -13,8 +13,7 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.circles import circles_target
 from basecal.vision.kinds import charuco, circles
 from basecal.vision.kinds.charuco_layout import likely_boards
-from basecal.vision.kinds.fiducial import MARKER_SETS, detect_markers, dictionary
-from basecal.vision.kinds.ways import Grey, Way, best_result
+from basecal.vision.kinds.ways import MARKER_SETS, Grey, Way, best_result, detect_markers, dictionary
 
 _LISTED_IDS = 5  # ids in a sentence
 _LEAST_MARKERS = 4  # markers in an image: of a thousand codes of 16 cells, clutter now and then looks like one

@@ -11,11 +11,11 @@ _JPEG_QUALITY = 70  # of JPEG: where blocks begin to show on edges
 _BRIGHT_PERCENT = 99.5  # of the pixels of an image of 16 bits, which seldom fills them, shown below white
 
 
-def thumbnail(data: bytes, size_px: tuple[int, int] | None, width: int) -> bytes | None:
+def thumbnail(data: bytes | str, size_px: tuple[int, int] | None, width: int) -> bytes | None:
     """A JPEG of at most this width of the image in the bytes of a file, grey; None if that cannot be used.
 
     Args:
-        data: What the file holds.
+        data: What the file holds, or why it cannot be read.
         size_px: Width and height it has to have; None if any will do.
         width: Of the small image; a smaller image stays as it is.
     """

@@ -9,7 +9,7 @@ import pytest
 
 from basecal.accuracy.findings import likely_kinematics as module
 from basecal.accuracy.findings.likely_kinematics import likely_kinematics
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 
 SIGMAS = {"eye": np.array([5e-4, 1e-3]), "hand": np.array([1e-4, 2e-3])}
 

@@ -10,7 +10,7 @@ import pytest
 from basecal.accuracy.cross_validation.robot_model_selection import Candidate
 from basecal.accuracy.findings import robot_model as module
 from basecal.accuracy.findings.robot_model import robot_model, robot_model_findings
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 
 
 def candidate(kind="none", robots=("arm",), joint=None, error_m=None, rms=1.0):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.findings.systematic_error import systematic_error
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 
 EFFECT = {
     "length-scale": "length_scale",

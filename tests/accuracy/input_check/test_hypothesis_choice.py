@@ -18,7 +18,7 @@ from basecal.accuracy.input_check.hypothesis_choice import (
 )
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.accuracy.model_comparison.comparison import Decision
-from basecal.effects.faces.found_effect import FIX
+from basecal.effects.faces.effect import FIX
 from basecal.geometry import SE3
 
 ASKED = "eye_base_from_hand_base"

@@ -14,7 +14,7 @@ from basecal.accuracy.stages import judging
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.systematic_errors.expected_sizes import ContainedSizes
 from basecal.cell import Recording, Sample
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate

@@ -22,8 +22,7 @@ from basecal.accuracy.systematic_errors.score_tests import linearise_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Clock, RobotState
 from basecal.effects import lens_sag, mount_bend, target_size
-from basecal.effects.faces.expected_size import SigmaPrior
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect, SigmaPrior
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve, solve_problem

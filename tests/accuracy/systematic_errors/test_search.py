@@ -18,7 +18,7 @@ from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.systematic_errors.suspect import Suspect
 from basecal.cell import Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.build import build_problem

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.systematic_errors.sigma_mixture import posteriors_by_sigma
-from basecal.effects.faces.expected_size import SigmaPrior
+from basecal.effects.faces.effect import SigmaPrior
 from basecal.numerics.mixtures import mixture, probabilities
 
 

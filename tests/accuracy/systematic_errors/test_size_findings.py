@@ -9,7 +9,7 @@ from tests.shared.rewriting import resized
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.systematic_errors.size_findings import deduplicate_size_findings
 from basecal.cell import Finding
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.simulation import Scenario, simulate
 
 CELL = simulate(Scenario(samples=1), 0).cell

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
+import time
+from types import SimpleNamespace
 
-from basecal.acquisition.driver_check.measuring import Arrivals
-from basecal.acquisition.driver_check.promises import _stream_promises
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver_check.promises import Arrivals, _stream_promises, stale_images
+
+pytestmark = pytest.mark.timed
 
 
 def test_each_fault_of_a_stream_breaks_its_own_promise():
@@ -22,3 +27,32 @@ def test_each_fault_of_a_stream_breaks_its_own_promise():
     back[250] -= 0.05
     assert broken(at_s, back) == ["stamps do not go back"]
     assert "no gap longer than 0.45 s" in broken(np.append(at_s, 6.0), np.append(at_s, 6.0))
+
+
+def test_arrivals_are_summed_up():
+    """A clock 2 % fast with one repeated stamp and one late state is measured as such."""
+    at_s = np.arange(101) * 0.01
+    stamps_s = 50 + 1.02 * at_s
+    arrivals = Arrivals(at_s, stamps_s)
+    assert arrivals.rate_hz == pytest.approx(100)
+    assert arrivals.drift == pytest.approx(0.02)
+    assert (arrivals.repeats, arrivals.steps_back) == (0, 0)
+    at_s, stamps_s = at_s.copy(), 50 + at_s
+    at_s[-1], stamps_s[50], stamps_s[70] = 1.3, stamps_s[49], 50.0
+    arrivals = Arrivals(at_s, stamps_s)
+    assert arrivals.longest_gap_s == pytest.approx(0.31)
+    assert arrivals.lag_s == pytest.approx(0.7)
+    assert (arrivals.repeats, arrivals.steps_back) == (1, 1)
+
+
+@pytest.mark.parametrize("waiting", [0, 4])
+def test_images_that_waited_are_counted(waiting):
+    """Images that come faster than exposures waited in a buffer."""
+    left = [waiting]
+
+    def image():
+        left[0] -= 1
+        if left[0] < 0:
+            time.sleep(0.3)
+
+    assert stale_images(SimpleNamespace(image=image), 0.3, 0.0) == max(waiting - 1, 0)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import socket
 import time
 
 import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Reading, Robot
-from basecal.acquisition.links.reconnecting import LostLink, ReconnectingRobot
+from basecal.acquisition.links.reconnecting import LostLink, ReconnectingRobot, connect
 from basecal.cell import RobotState
 from basecal.errors import DriverError
+from shared.second_process import own_host
 
 pytestmark = pytest.mark.timed
 
@@ -108,3 +110,40 @@ def test_implausible_states_are_refused():
     arm = Arm([float("nan")], reconnect_s=60.0)
     with pytest.raises(DriverError, match="eye: implausible state"):
         arm.state()
+
+
+def test_what_listens_is_reached():
+    """The connection is one to the port."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        with connect("eye", "127.0.0.1", port, "anything") as line:
+            assert line.getpeername() == ("127.0.0.1", port)
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (ConnectionRefusedError, "eye: nothing listens at there:7: is a clock running there, and is the port right?"),
+        (socket.gaierror, "eye: there is no host 'there': look at its address in cell.yaml"),
+        (PermissionError, "eye: this computer may not connect to there:7"),
+        (TimeoutError, "eye: there:7 is not reachable: is it on, and in the same network?"),
+        (OSError, "eye: there:7 is not reachable"),
+    ],
+)
+def test_why_not_is_a_line(monkeypatch, error, words):
+    """Each way in which a network says no has its words, and what to do."""
+
+    def no(*_, **__):
+        raise error
+
+    monkeypatch.setattr(socket, "create_connection", no)
+    with pytest.raises(DriverError) as raised:
+        connect("eye", "there", 7, "a clock")
+    assert str(raised.value).startswith(words)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_port_at_which_nothing_listens():
+    """As the system itself says it."""
+    with pytest.raises(DriverError, match="nothing listens"):
+        connect("eye", own_host(), 9, "a clock")

@@ -12,9 +12,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from basecal.cell.cell import Cell, CellCamera, Intrinsics, Robot
 from basecal.cell.files import append_sample, read_cell, read_recording, write_recording
 from basecal.cell.journal import recording_file
-from basecal.cell.journal.recording_file import BOM, LARGEST_BYTES, MOST_SAMPLES, read_samples
+from basecal.cell.journal.observation_line import UnknownPoint
+from basecal.cell.journal.recording_file import (
+    BOM,
+    LARGEST_BYTES,
+    MOST_SAMPLES,
+    check_image_bounds,
+    read_samples,
+    unknown_points,
+)
+from basecal.cell.journal.sample_line import Dropped
 from basecal.cell.recording import (
     CandidateObservation,
     PixelObservation,
@@ -24,10 +34,12 @@ from basecal.cell.recording import (
     Sample,
 )
 from basecal.errors import DatasetError, InputError
-from basecal.geometry import SE3
+from basecal.geometry import SE3, Camera
 from cell_example import LINES, journal
 
 DEEP = b'{"sample": ' + b"[" * 100_000
+LENS = Camera("pinhole", np.array([900.0, 900, 640, 360]))
+KNOWN = frozenset(range(24))
 
 
 def file(folder: Path) -> Path:
@@ -395,3 +407,118 @@ def test_a_journal_has_so_many_lines_and_bytes(folder: Path, monkeypatch: pytest
     with pytest.raises(DatasetError, match=f"more than {lines - 1} lines, expected one for each sample"):
         read_recording(folder)
     assert (MOST_SAMPLES, LARGEST_BYTES) == (200_000, 2**28)
+
+
+def cell(size_px: tuple[int, int] | None, lens: Camera | None = LENS) -> Cell:
+    intrinsics = None if lens is None else Intrinsics("fixed", lens)
+    camera = CellCamera("wrist", "eye", size_px=size_px, intrinsics=intrinsics)
+    return Cell("eye", {"eye": Robot("eye")}, cameras={"wrist": camera})
+
+
+def samples(scale: np.ndarray, count: int = 5, points: int = 40, swapped: bool = False) -> list[Sample]:
+    """Views of points all over an image of 1280 x 720, scaled."""
+    pixels = np.random.default_rng(0).uniform(0, 1, (count, points, 2)) * [1279, 719] * scale
+    pixels = pixels[..., ::-1] if swapped else pixels
+    ids = np.arange(points)
+    return [Sample(n, observations=(PixelObservation("wrist", "board", ids, view),)) for n, view in enumerate(pixels)]
+
+
+def check(size_px: tuple[int, int] | None, recorded: list[Sample], lens: Camera | None = LENS) -> None:
+    check_image_bounds(recorded, {s.sample: s.sample + 1 for s in recorded}, "samples.jsonl", cell(size_px, lens))
+
+
+def test_points_inside_are_taken():
+    """All over the image, just outside by noise, and where no size is stated."""
+    check((1280, 720), samples(np.ones(2)))
+    check((1280, 720), samples(np.array([1.04, 1.04])))
+    check(None, samples(np.full(2, 9.0)))
+    check((1280, 720), [])
+
+
+def test_a_few_stray_points_are_left_to_the_search_for_outliers():
+    """One in twenty may be anywhere."""
+    recorded = samples(np.ones(2))
+    pixels = recorded[3].observations[0].pixels
+    pixels[:9] = 9000.0
+    check((1280, 720), recorded)
+    pixels[:11] = 9000.0
+    with pytest.raises(DatasetError, match=r"^samples\.jsonl:4: observations: 11 of 200 pixels of 'wrist' lie outside"):
+        check((1280, 720), recorded)
+
+
+@pytest.mark.parametrize(
+    ("size_px", "lens", "scale", "swapped", "message"),
+    [
+        ((720, 1280), LENS, 1.0, False, r"width and height look swapped, expected size_px: \[1280, 720\]"),
+        ((1280, 720), LENS, 1.0, True, "u and v of the points look swapped"),
+        ((640, 360), LENS, 1.0, False, r"they reach to \(1\d\d\d, 7\d\d\): size_px is of another resolution"),
+        ((1280, 720), LENS, 1.5, False, "size_px is of another resolution"),
+        ((700, 700), LENS, 1.0, False, "size_px is of another resolution"),
+    ],
+)
+def test_the_cause_is_named(size_px, lens, scale, swapped, message):
+    """Sides swapped, coordinates swapped, another resolution."""
+    with pytest.raises(DatasetError, match=message):
+        check(size_px, samples(np.full(2, scale), swapped=swapped), lens)
+
+
+@pytest.mark.parametrize(
+    ("place", "is_inside"),
+    [
+        ((-63.9, 10.0), True),
+        ((-64.1, 10.0), False),
+        ((10.0, -63.9), True),
+        ((10.0, -64.1), False),
+        ((1342.9, 10.0), True),
+        ((1343.1, 10.0), False),
+        ((10.0, 782.9), True),
+        ((10.0, 783.1), False),
+    ],
+)
+def test_a_twentieth_of_the_width_may_be_missing_at_every_border(place, is_inside):
+    """64 px of 1280, from the centres of the pixels at the border; the first sample outside is named by its line."""
+    inside = np.full((20, 2), 100.0)
+    views = [inside, np.tile(place, (20, 1)), np.full((20, 2), 9000.0)]
+    recorded = [
+        Sample(n, observations=(PixelObservation("wrist", "board", np.arange(20), view),))
+        for n, view in enumerate(views[:2] if is_inside else views)
+    ]
+    if is_inside:
+        check((1280, 720), recorded)
+        return
+    said = r":2: observations: 40 of 60 pixels of 'wrist' lie outside its 1280 x 720 px; they reach to \(9000, 9000\):"
+    with pytest.raises(DatasetError, match=said):
+        check((1280, 720), recorded)
+
+
+def test_sides_look_swapped_without_a_lens_too():
+    """What a principal point would tell is left out."""
+    with pytest.raises(DatasetError, match=r"width and height look swapped, expected size_px: \[1280, 720\]$"):
+        check((720, 1280), samples(np.ones(2)), None)
+
+
+def dropped(sample: int, ids: set[int], target: str = "board") -> Dropped:
+    return Dropped(sample, sample + 1, UnknownPoint(f"id {max(ids)} is not on it", target, frozenset(ids), KNOWN))
+
+
+def test_one_is_told_with_its_line() -> None:
+    """Which sample, where it stands and why."""
+    (found,) = unknown_points([dropped(7, {3, 24})], "s.jsonl")
+    assert (found.code, found.severity, found.about) == ("dropped-sample", "info", ("7",))
+    assert found.message == "s.jsonl:8: sample 7 is dropped: id 24 is not on it."
+
+
+def test_many_are_one_finding_for_each_target() -> None:
+    """All numbers are what it is about, the first is told."""
+    found = unknown_points([dropped(1, {30}), dropped(2, {31}), dropped(4, {40}, "tag")], "s.jsonl")
+    assert [each.about for each in found] == [("1", "2"), ("4",)]
+    assert "sample 1 and 1 more are dropped" in found[0].message
+    assert "subtract" not in found[0].message
+
+
+def test_ids_that_count_from_one_are_told_so() -> None:
+    """Where they are those of the target, each by one larger."""
+    (found,) = unknown_points([dropped(1, {1, 5, 24}), dropped(2, {2, 24})], "s.jsonl")
+    assert found.message.endswith("Subtract 1 from each id: they count from 0.")
+    (other,) = unknown_points([dropped(1, {2, 24})], "s.jsonl")
+    assert "subtract" not in other.message

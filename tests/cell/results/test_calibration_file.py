@@ -35,13 +35,14 @@ from basecal.cell.files import (
     run_names,
     write_calibration,
 )
-from basecal.cell.results.calibration_file import read_calibration_data, run_folder
+from basecal.cell.results.calibration_file import indent_json, read_calibration_data, run_folder
 from basecal.errors import DatasetError, FrameNotFound, InputError
 from basecal.geometry import SE3, Camera, PoseEstimate
 
 SEEN = np.ones((3, 6), dtype=bool)
 SIX = [[0.0] * 6] * 6
 BASE, LIGHT = "eye_base_from_hand_base", "hand_flange_from_light"
+DATA = {"a": [[1.0, 2.5e-7], [None, True]], "b": {"c": {}, "d": '"x" \u00e9'}, "e": [], "f": {"g": 1, "h": "y"}}
 
 
 def example() -> Calibration:
@@ -321,3 +322,32 @@ def test_no_run_is_read_through_a_link_out_of_the_cell(tmp_path: Path, link: str
     for read in (latest_run, run_names, lambda folder: run_folder(folder, "20260102T030405Z")):
         with pytest.raises(DatasetError, match="is a link that leads out of the cell"):
             read(cell)
+
+
+def test_it_is_the_data():
+    """To the last digit, as `json.loads` has it."""
+    assert json.loads(indent_json(DATA)) == DATA
+
+
+def test_rows_are_lines():
+    """What holds no list or mapping is not broken."""
+    assert indent_json(DATA).split("\n") == [
+        "{",
+        ' "a": [',
+        "  [1.0, 2.5e-07],",
+        "  [null, true]",
+        " ],",
+        ' "b": {',
+        '  "c": {},',
+        '  "d": "\\"x\\" \\u00e9"',
+        " },",
+        ' "e": [],',
+        ' "f": {"g": 1, "h": "y"}',
+        "}",
+    ]
+
+
+def test_what_is_not_finite_is_refused():
+    """No reader would have it."""
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        indent_json({"a": [float("nan")]})

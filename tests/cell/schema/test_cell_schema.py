@@ -5,10 +5,19 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
+from basecal.cell.schema.cell_dict import cell_to_dict
+from basecal.cell.schema.cell_file import cell_from_dict
 from basecal.cell.schema.cell_schema import AnyRobotEntry, CameraEntry, CellEntry, NoiseEntry
+from basecal.errors import DatasetError
 
 CHAIN = {"urdf": "a.urdf", "base_link": "base", "flange_link": "tool"}
 PRIOR = {"status": "prior", "sigma_rad": 0.01}
+DATA = {
+    "schema": "basecal/cell/1",
+    "reference": "eye",
+    "robots": {"eye": {"driver": {"kind": "typed", "notation": "kuka"}}},
+    "cameras": {"wrist": {"on": "eye", "mount": {"status": "free"}, "model": "pinhole", "driver": {"kind": "opencv"}}},
+}
 
 
 @pytest.mark.parametrize(
@@ -87,3 +96,19 @@ def test_other_frames_are_refused(name):
     """What a shell or ROS would read otherwise."""
     with pytest.raises(ValidationError, match="expected a frame of ROS"):
         AnyRobotEntry.model_validate({"frames": {"flange": name}})
+
+
+def test_a_driver_is_read_and_written_back():
+    """Its name and its options, whatever they are, come back as they were."""
+    cell = cell_from_dict(DATA)
+    assert (cell.robots["eye"].driver.kind, cell.robots["eye"].driver.options) == ("typed", {"notation": "kuka"})
+    assert cell.cameras["wrist"].driver.options == {}
+    assert cell_to_dict(cell) == DATA
+
+
+@pytest.mark.parametrize("driver", [{}, {"kind": 3}, {"kind": "Typed robot"}, {"notation": "ur"}])
+def test_a_driver_has_a_name(driver):
+    """One without a name, or with a name that is none, is an error that says what was expected."""
+    data = DATA | {"robots": {"eye": {"driver": driver}}}
+    with pytest.raises(DatasetError, match=r"robots\.eye\.driver: expected `kind`"):
+        cell_from_dict(data)

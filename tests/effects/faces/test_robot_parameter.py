@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.cell import RobotParameters
-from basecal.effects.faces.robot_parameter import joint_lines
+from basecal.effects.faces.robot_parameter import joint_candidates, joint_lines, moves_by_joint, open_chains
+from basecal.simulation import Scenario
+from made_views import moved_by_pose, views_of
 
 
 def test_lines_of_joints():
@@ -17,3 +19,31 @@ def test_lines_of_joints():
         ["2", "long", "+0.0", "mm", "sigma", "20.0", "mm", "prior-dominated"],
         ["3", "c", "unobservable"],
     ]
+
+
+def test_a_unit_of_a_value_turns_its_joint():
+    """By what the effect says at the recorded joints; views that the robot does not carry stay."""
+    views = views_of(Scenario(samples=6, joints=True))
+    ((_, chain), *_) = open_chains(views, "made_up")
+    (moves,) = moves_by_joint(views, "eye", chain, lambda _, joints: 3 * joints)
+    joints = views.groups[0].eye.joints
+    moved = chain.forward(joints + 1e-7 * 3 * joints * np.eye(6)[2])
+    np.testing.assert_allclose(1e-7 * moves[..., 2], moved_by_pose(views, "eye", moved), atol=1e-11)
+    assert moves_by_joint(views, "nobody", chain, lambda _, joints: joints) == (None,)
+
+
+def test_each_joint_and_all_at_once():
+    """The same moves, b of one size or one of b sizes."""
+    moves = (np.arange(36.0).reshape(2, 6, 3), None)
+    each, together = joint_candidates("gear", "eye", "", moves)
+    assert (each.code, each.about, each.joint, each.sizes) == ("gear", ("eye",) * 3, (0, 1, 2), 1)
+    assert (together.code, together.about, together.sizes) == ("gears", ("eye",), 3)
+    np.testing.assert_array_equal(np.moveaxis(each.moves[0][..., 0], 1, 2), together.moves[0][:, 0])
+    assert each.moves[1] is together.moves[1] is None
+
+
+def test_estimated_effects_are_not_open():
+    """Of each robot by itself."""
+    views = views_of(Scenario(samples=6, joints=True, joint_offset_rad=1e-3, joint_offsets="prior"))
+    assert [robot for robot, _ in open_chains(views, "joint_offsets")] == []
+    assert [robot for robot, _ in open_chains(views, "deflection")] == ["eye", "hand"]

@@ -14,7 +14,7 @@ from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.frames import Hang, Tree
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses
 from basecal.exchange.bags.survey import Survey
-from basecal.exchange.importing.cell_content import NO_CELL
+from basecal.exchange.importing.imported import NO_CELL
 from basecal.exchange.urdf import chain_urdf
 from basecal.kinematics import SerialChain
 

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from tests.bag_of_cell import BEGIN_S, new_bag
+import pytest
+from tests.bag_of_cell import BEGIN_S, Kind, new_bag
 
 from basecal.cell import Cell, CellCamera, CellTarget, Robot
-from basecal.exchange.bags.entry import bag_entry, urdf_name
+from basecal.errors import DatasetError
+from basecal.exchange.bags.entry import bag_entry, bag_lens, urdf_name
 from basecal.exchange.bags.frames import Tree
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, CameraSource, Taken
 from basecal.exchange.bags.survey import Survey
-from basecal.exchange.importing.cell_content import NO_CELL
+from basecal.exchange.importing.imported import NO_CELL
 from basecal.kinematics import SerialChain
+
+K = np.array([500.0, 0, 320, 0, 510, 240, 0, 0, 1])
+D = np.array([0.1, -0.2, 0.001, 0.002, 0.05])
 
 
 def test_a_new_cell(tmp_path: Path, arm: SerialChain) -> None:
@@ -42,3 +48,29 @@ def test_what_the_cell_says_stays() -> None:
     )
     entry = bag_entry(cell, "x", Survey(Tree({})), taken, Asked(), {"w": (64, 48)})
     assert entry == {"robots": {"a": {}}, "cameras": {"w": {}}, "targets": {"tag": {}}}
+
+
+def info(tmp_path: Path, kind: Kind = "mcap", k: np.ndarray = K, model: str = "plumb_bob") -> Any:
+    bag = new_bag(tmp_path, kind)
+    bag.camera_info("/eye/camera_info", BEGIN_S, (640, 480), k, D, model)
+    return bag.messages[0][3]
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_a_lens(kind: Kind, tmp_path: Path) -> None:
+    found = bag_lens(info(tmp_path, kind), "x", "/eye/image_raw")
+    assert found is not None
+    assert found.camera.size_px == (640, 480)
+    np.testing.assert_array_equal(found.camera.parameters, [500, 510, 320, 240, *D])
+
+
+def test_rectified_images_have_no_distortion(tmp_path: Path) -> None:
+    found = bag_lens(info(tmp_path), "x", "/eye/image_rect")
+    assert found is not None
+    np.testing.assert_array_equal(found.camera.parameters, [500, 510, 320, 240])
+
+
+def test_none_and_unknown(tmp_path: Path) -> None:
+    assert bag_lens(info(tmp_path, k=np.zeros(9)), "x", "/eye/image_raw") is None
+    with pytest.raises(DatasetError, match="'odd' has no equal here"):
+        bag_lens(info(tmp_path, model="odd"), "x", "/eye/image_raw")

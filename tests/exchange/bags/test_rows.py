@@ -11,7 +11,15 @@ from tests.bag_of_cell import BEGIN_S, new_bag
 from basecal.cell import PoseObservation
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import open_bag
-from basecal.exchange.bags.rows import make_rows, still_instants, stream_instants, write_images
+from basecal.exchange.bags.rows import (
+    collect_looks,
+    explain_no_stop,
+    find_stops,
+    make_rows,
+    still_instants,
+    stream_instants,
+    write_images,
+)
 from basecal.exchange.bags.sources import CameraSource, Taken
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.geometry import SE3
@@ -19,6 +27,7 @@ from basecal.geometry import SE3
 TIMES = BEGIN_S + np.arange(0, 1, 0.05)
 ARM = Track(TIMES, SE3.exp(np.zeros((20, 6))))
 TAG = Track(TIMES[5:7], SE3.exp(np.ones((2, 6)) * 0.1))
+RATE = 100.0
 
 
 def test_a_row_for_each_record_and_look(tmp_path: Path) -> None:
@@ -58,3 +67,79 @@ def test_more_lines_than_a_recording_holds() -> None:
 def test_no_stop() -> None:
     with pytest.raises(InputError, match=r"no image, and no --view names a topic .*: --list shows"):
         still_instants(Tracks({"arm": ARM}, {}, {}), "x")
+
+
+def path(times: np.ndarray, noise: float = 0.0, seed: int = 0) -> np.ndarray:
+    """(n, 2) joints that stand for a second at 0, 1, 2 ... and go for a second between."""
+    part = times / 2
+    at = np.floor(part) + np.clip((part - np.floor(part)) * 2 - 1, 0, 1)
+    return np.stack([at, -at], axis=1) + noise * np.random.default_rng(seed).standard_normal((len(times), 2))
+
+
+def tracks(noise: float = 0.0, images: np.ndarray | None = None, rate: float = RATE) -> Tracks:
+    times = np.arange(0, 7, 1 / rate)
+    seen = np.arange(0.0, 7, 0.1) if images is None else images
+    return Tracks({"arm": Track(times, joints=path(times, noise))}, {}, {"eye": seen})
+
+
+def test_one_for_each_stop_from_its_middle() -> None:
+    found = find_stops(tracks())
+    assert [round(stop.looks[0].stamp_s, 1) for stop in found] == [0.5, 2.5, 4.5, 6.5]
+    for k, stop in enumerate(found):
+        np.testing.assert_allclose(stop.robots["arm"].joints_rad, [k, -k], atol=1e-12)
+
+
+def test_noise_of_read_back_is_no_movement_and_is_averaged() -> None:
+    """At 0.1 mrad noise, which is as much as a tenth of a degree a second is in 0.06 s, all stops are found."""
+    found = find_stops(tracks(noise=1e-4))
+    assert len(found) == 4
+    off = [np.abs(stop.robots["arm"].joints_rad - [k, -k]).max() for k, stop in enumerate(found)]
+    # A mean of 30 has a sigma of 0.018 mrad; four of these.
+    assert max(off) < 8e-5
+
+
+def test_slow_movement_is_movement() -> None:
+    """A milliradian a second, of which 0.3 s are three times what is still."""
+    times = np.arange(0, 3, 1 / RATE)
+    slow = Track(times, joints=1e-3 * times[:, None])
+    assert find_stops(Tracks({"arm": slow}, {}, {"eye": np.array([1.0, 2.0])})) == ()
+    turning = Track(times, joints=2e-2 * (times[:, None] - 1.0) ** 2)
+    assert find_stops(Tracks({"arm": turning}, {}, {"eye": np.array([1.0])})) == ()
+
+
+def test_all_robots_must_stand() -> None:
+    times = np.arange(0, 7, 1 / RATE)
+    both = {"a": Track(times, joints=path(times)), "b": Track(times, joints=np.sin(times)[:, None])}
+    assert find_stops(Tracks(both, {}, {"eye": np.arange(0, 7, 0.1)})) == ()
+
+
+def test_places_are_told_apart_without_a_image_between() -> None:
+    """One image at each stop; and two at one stop are one sample."""
+    assert len(find_stops(tracks(images=np.array([0.5, 2.5, 4.5])))) == 3
+    assert len(find_stops(tracks(images=np.array([0.4, 0.6])))) == 1
+
+
+def test_poses_are_averaged_on_their_manifold() -> None:
+    times = np.arange(0, 1, 1 / RATE)
+    pose = SE3.exp(np.array([0.3, 0.2, 0.5, 1.0, 2.0, 0.1]))
+    track = Track(times, SE3.stack([pose] * len(times)))
+    found = find_stops(Tracks({"arm": track}, {}, {"eye": np.array([0.5])}))[0].robots["arm"].base_from_flange
+    assert found is not None
+    np.testing.assert_allclose(found.matrix, pose.matrix, atol=1e-12)
+
+
+def test_why_there_is_none() -> None:
+    assert "recorded every 1 s" in explain_no_stop(tracks(rate=1.0))
+    assert "no --view names a topic of poses or tags" in explain_no_stop(tracks(images=np.array([])))
+    assert "no robot is at rest" in explain_no_stop(tracks(images=np.array([1.5])))
+
+
+def test_looks_are_in_order_and_of_different_times() -> None:
+    found = collect_looks(tracks(images=np.array([2.0, 1.0, 2.0])))
+    assert [(look.stamp_s, look.place) for look in found] == [(1.0, 1), (2.0, 0)]
+
+
+def test_more_noise_than_arms_have_is_movement() -> None:
+    """States that scatter by 2 mrad are no read-back: nothing stands."""
+    assert len(find_stops(tracks(noise=3e-4))) == 4
+    assert find_stops(tracks(noise=2e-3)) == ()

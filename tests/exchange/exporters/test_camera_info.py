@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from basecal.errors import InputError
 from basecal.exchange.exporters.camera_info import export_text
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Wanted
 from basecal.exchange.lens_files.camera_info import read_camera_info
 from basecal.geometry import Camera
 from export_example import CALIBRATION

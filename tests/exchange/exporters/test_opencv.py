@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.exchange.exporters.opencv import export_text
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Wanted
 from basecal.geometry import Camera
 from export_example import BASE, CALIBRATION, all_poses, wanted
 

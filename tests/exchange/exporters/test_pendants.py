@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from basecal.exchange.exporters.pendants import PENDANTS
-from export_example import BASE, CALIBRATION, FIXED, POSE, all_poses, wanted
+from basecal.exchange.exporters.pendants import PENDANTS, pasted_lines
+from export_example import BASE, CALIBRATION, FIXED, INVERSE, MOUNT, POSE, all_poses, wanted
 
 FORMS = {
     "fanuc": (r"^X = (\S+) mm, Y = (\S+) mm, Z = (\S+) mm,\nW = (\S+) deg, P = (\S+) deg, R = (\S+) deg$", "xyz"),
@@ -36,8 +37,8 @@ def test_scipy_gives_the_rotation_back(controller: str, name: str) -> None:
 
 
 def test_every_pendant_is_tried() -> None:
-    """All but URScript write angles."""
-    assert PENDANTS.keys() == {"ur", *FORMS}
+    """All but URScript, KRL and RAPID write six angles or lengths in one form."""
+    assert PENDANTS.keys() == {"ur", "kuka", "abb", *FORMS}
 
 
 def test_yaskawa_names_its_numbers_too() -> None:
@@ -75,3 +76,85 @@ def test_only_comments_and_poses():
     assert f"# {BASE}: the pose of hand_base in eye_base, m and rotation vector in rad; " in lines[1]
     assert lines[2].startswith(f"p[{POSE.translation[0]:.6f}, -0.400000, 0.050000, ")
     assert CALIBRATION[BASE].sigma_t.min() == pytest.approx(2e-4)
+
+
+def test_remarks_come_first_then_each_transform_below_its_comment():
+    """Comments begin with the mark; the lines are those made of the transform and of the request."""
+    exporter = pasted_lines("numbers", "%", "in words", lambda one, request: [one.name, request.calibration.verdict])
+    lines = exporter.text(wanted(FIXED)).splitlines()
+    assert lines[-2:] == [FIXED, "good"]
+    assert lines[-3].startswith(f"% {FIXED}: ")
+    assert ", in words; " in lines[-3]
+    assert all(line.startswith("% ") for line in lines[:-2])
+    assert (exporter.words, exporter.takes, exporter.is_pasted) == ("numbers", ("transform",), True)
+    assert f"% {BASE}: " in exporter.text(wanted(BASE))
+
+
+def frames_of(text):
+    found = re.findall(r"^([$A-Z=]*)\{X (\S+), Y (\S+), Z (\S+), A (\S+), B (\S+), C (\S+)\}", text, re.MULTILINE)
+    return {name: np.array([float(number) for number in numbers]) for name, *numbers in found}
+
+
+@pytest.mark.parametrize("name", all_poses())
+def test_scipy_gives_the_rotation_of_krl_back(name):
+    """A, B, C about z, the new y, the new x in degrees; mm stand first."""
+    numbers, (one,) = frames_of(PENDANTS["kuka"].text(wanted(name)))[""], wanted(name).transforms
+    mean = one.estimate.mean
+    np.testing.assert_allclose(numbers[:3] * 1e-3, mean.translation, atol=1e-6)
+    turned = Rotation.from_euler("ZYX", numbers[3:], degrees=True).as_matrix()
+    np.testing.assert_allclose(turned, mean.rotation, atol=1e-5)
+
+
+def test_lines_set_what_the_transform_is():
+    """A base in a base is `$BASE` and `$ROBROOT`, what is on a flange is `$TOOL`, what is on neither sets nothing."""
+    assert list(frames_of(PENDANTS["kuka"].text(wanted(BASE)))) == ["", "$BASE=", "$ROBROOT="]
+    assert list(frames_of(PENDANTS["kuka"].text(wanted(MOUNT)))) == ["", "$TOOL="]
+    assert list(frames_of(PENDANTS["kuka"].text(wanted("board_from_hand_flange")))) == [""]
+    for frame in frames_of(PENDANTS["kuka"].text(wanted(BASE))).values():
+        np.testing.assert_array_equal(frame, frames_of(PENDANTS["kuka"].text(wanted(BASE)))[""])
+
+
+def test_whose_controller_is_said():
+    """The base of `hand` in `eye` is set on `eye`; the other way round on `hand`."""
+    assert "; on eye, its $ROBROOT zero: poses are then in hand_base" in PENDANTS["kuka"].text(wanted(BASE))
+    assert "; on hand: its WORLD is then eye_base" in PENDANTS["kuka"].text(wanted(BASE))
+    assert "; on hand, its $ROBROOT zero: poses are then in eye_base" in PENDANTS["kuka"].text(wanted(INVERSE))
+    assert "; on eye: poses are then those of wrist" in PENDANTS["kuka"].text(wanted(MOUNT))
+
+
+def test_only_comments_frames_and_settings_of_krl():
+    """Every line is one of KRL's."""
+    for line in PENDANTS["kuka"].text(wanted()).splitlines() + PENDANTS["kuka"].text(wanted(FIXED)).splitlines():
+        assert re.match(r"; |\{X |\$[A-Z]+=\{X ", line)
+
+
+def rapid_pose(text):
+    (found,) = re.findall(r"^(\[\[.+\]\])$", text, re.MULTILINE)
+    place, quaternion = json.loads(found)
+    return np.array(place), np.array(quaternion)
+
+
+@pytest.mark.parametrize("name", all_poses())
+def test_scipy_gives_the_rotation_of_rapid_back(name):
+    """The quaternion has its scalar first and norm 1; mm stand before it."""
+    (place, quaternion), (one,) = rapid_pose(PENDANTS["abb"].text(wanted(name))), wanted(name).transforms
+    mean = one.estimate.mean
+    np.testing.assert_allclose(place * 1e-3, mean.translation, atol=1e-6)
+    np.testing.assert_allclose(Rotation.from_quat(quaternion, scalar_first=True).as_matrix(), mean.rotation, atol=1e-5)
+    assert np.linalg.norm(quaternion) == pytest.approx(1, abs=2e-6)
+
+
+def test_a_base_is_a_work_object_and_a_base_frame():
+    """The work object has the pose as its user frame; the base frame is said in metres."""
+    text = PENDANTS["abb"].text(wanted(BASE))
+    pose = re.findall(r"^(\[\[.+\]\])$", text, re.MULTILINE)[0]
+    assert f'PERS wobjdata wobj_hand_base:=[FALSE,TRUE,"",{pose},[[0,0,0],[1,0,0,0]]];' in text
+    assert "! Base Frame of hand, where the world is eye_base: x 0.812346, y -0.400000, z 0.050000 [m], q1 " in text
+    assert "wobjdata" not in PENDANTS["abb"].text(wanted(MOUNT))
+
+
+def test_a_name_of_rapid_is_short():
+    """At most 32 characters."""
+    names = re.findall(r"wobjdata (\w+):=", PENDANTS["abb"].text(wanted(BASE)))
+    assert names
+    assert max(map(len, names)) <= 32

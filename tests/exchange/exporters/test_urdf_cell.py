@@ -14,7 +14,7 @@ from basecal.cell import Calibration, Cell, Robot, RobotParameters
 from basecal.errors import InputError
 from basecal.exchange.exporters import urdf
 from basecal.exchange.exporters.urdf_cell import export_text
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Wanted
 from basecal.kinematics import read_chain
 from export_example import CALIBRATION, POSE
 

@@ -10,7 +10,7 @@ import pytest
 from basecal.cell import CellCamera, Intrinsics
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exports.cameras import choose_camera, exported_camera
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Wanted
 from basecal.geometry import Camera
 from export_example import CALIBRATION, CELL
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.exchange.exports.choice import chosen_transforms
+from basecal.exchange.exports.exporter import NamedTransform
 from basecal.exchange.exports.tree import places
-from basecal.exchange.exports.wanted import NamedTransform
 from basecal.geometry import SE3, PoseEstimate
 from export_example import BASE, CALIBRATION, CELL, MOUNT
 

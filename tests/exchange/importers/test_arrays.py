@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
+from basecal.errors import DatasetError, InputError
+from basecal.exchange.importers.arrays import read_record_of_arrays, record_of_arrays
 from basecal.geometry import SE3
 
 MOUNT, BASE = SE3.exp([0.03, -0.05, 0.06, 0.2, -0.4, 0.3]), SE3.exp([1.2, 0.1, 0.0, 0.0, 0.1, 2.5])
@@ -16,6 +20,7 @@ EYE, SEEN = (SE3.exp([0, 0, 0.5, 0, 0, 0] + 0.3 * np.random.default_rng(k).norma
 HAND = BASE.inverse() @ EYE @ MOUNT @ SEEN
 
 ONE_ARM = {"gripper2base": MOUNT @ SEEN, "target2cam": SEEN}
+POSES = SE3.exp(np.random.default_rng(0).normal(size=(3, 5, 6)))
 
 
 def _saved(path: Path, **poses: SE3) -> None:
@@ -62,3 +67,136 @@ def test_a_file_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert main(["import", "arrays", str(tmp_path / "cell"), str(tmp_path / "poses.json")]) == 3
     assert "expected a mapping of arrays by OpenCV's names" in capsys.readouterr().err
     assert not (tmp_path / "cell").exists()
+
+
+def _arrays(*names: str) -> dict[str, np.ndarray]:
+    made = {}
+    for name, pose in zip(names, POSES, strict=False):
+        made[f"R_{name}"], made[f"t_{name}"] = pose.rotation, pose.translation[..., None]
+    return made
+
+
+def test_archive_in_millimetres(tmp_path: Path) -> None:
+    """An archive gives its poses in metres."""
+    arrays = _arrays("gripper2base", "target2cam")
+    np.savez(tmp_path / "poses.npz", **{key: 1e3 * a if key[0] == "t" else a for key, a in arrays.items()})
+    found = read_record_of_arrays(tmp_path / "poses.npz", None, 1e-3)
+    np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].matrix, atol=1e-12)
+    np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
+
+
+def test_json_of_a_robot_and_a_world(tmp_path: Path) -> None:
+    """`base2gripper` is turned about."""
+    data = {key: value.tolist() for key, value in _arrays("base2gripper", "world2cam").items()}
+    (tmp_path / "poses.json").write_text(json.dumps(data))
+    found = read_record_of_arrays(tmp_path / "poses.json", True, 1.0)
+    np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].inverse().matrix, atol=1e-12)
+
+
+def test_matrices_and_vectors_of_other_names() -> None:
+    """4x4 matrices hold rotation and translation; `rvecs` and `tvecs` are the target's; rows of nine are matrices."""
+    arrays = {"T_gripper2base": POSES[0].matrix, "rvecs": POSES[1].rotvec, "tvecs": POSES[1].translation}
+    found = record_of_arrays(arrays, "test")
+    np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].matrix, atol=1e-12)
+    np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
+    flat = {**_arrays("gripper2base", "target2cam"), "R_target2cam": POSES[1].rotation.reshape(-1, 9)}
+    np.testing.assert_allclose(record_of_arrays(flat, "test").camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
+    with pytest.raises(InputError, match=r"T_gripper2base has shape \(5, 3, 4\), expected \(n, 4, 4\)"):
+        record_of_arrays({**arrays, "T_gripper2base": POSES[0].matrix[:, :3]}, "test")
+
+
+@pytest.mark.parametrize("ending", ["yml", "xml", "json"])
+@pytest.mark.parametrize("is_list", [False, True])
+def test_file_storage(tmp_path: Path, ending: str, is_list: bool) -> None:
+    """One matrix of all samples, or a list of a matrix each, as C++ writes vectors of them."""
+    arrays = _arrays("gripper2base", "target2cam")
+    storage = cv2.FileStorage(str(tmp_path / f"poses.{ending}"), cv2.FILE_STORAGE_WRITE)
+    for key, values in arrays.items():
+        if is_list:
+            storage.startWriteStruct(key, cv2.FileNode_SEQ)
+            for matrix in values:
+                storage.write("", matrix)
+            storage.endWriteStruct()
+        else:
+            storage.write(key, values)
+    storage.release()
+    found = read_record_of_arrays(tmp_path / f"poses.{ending}", None, 1.0)
+    np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].matrix, atol=1e-9)
+    np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-9)
+
+
+def test_a_list_of_samples(tmp_path: Path) -> None:
+    """Each a mapping under the same names."""
+    arrays = _arrays("gripper2base", "target2cam")
+    samples = [{key: values[k].tolist() for key, values in arrays.items()} for k in range(5)]
+    (tmp_path / "poses.json").write_text(json.dumps(samples))
+    found = read_record_of_arrays(tmp_path / "poses.json", None, 1.0)
+    np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
+
+
+def test_one_array_is_not_enough(tmp_path: Path) -> None:
+    """A file of one array holds no names; the message has those that are expected."""
+    np.save(tmp_path / "poses.npy", POSES[0].rotation)
+    with pytest.raises(InputError, match=r"poses\.npy: holds array, expected R_gripper2base, t_gripper2base, "):
+        read_record_of_arrays(tmp_path / "poses.npy", None, 1.0)
+
+
+def test_two_arms() -> None:
+    """The second carries the target."""
+    found = record_of_arrays(_arrays("eye_gripper2base", "hand_gripper2base", "target2cam"), "test")
+    recorded = found.base_from_flange, found.hand_base_from_flange, found.camera_from_target
+    for pose, expected in zip(recorded, POSES, strict=True):
+        np.testing.assert_allclose(pose.matrix, expected.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"R_target2cam": None}, "R_target2cam is no array of numbers|R_target2cam has shape"),
+        ({"R_target2cam": POSES[1].matrix}, r"R_target2cam has shape \(5, 4, 4\), expected \(n, 3, 3\) or \(n, 3\)"),
+        ({"t_target2cam": POSES[1].translation[1:]}, "R_target2cam has 5 entries and t_target2cam 4"),
+        ({"R_target2cam": POSES[1].rotation * [1, 1, -1]}, "R_target2cam is not a rotation"),
+        ({"t_gripper2base": np.full((5, 3), np.nan)}, "t_gripper2base holds NaN"),
+        ({"t_gripper2base": np.ma.masked_less(POSES[0].translation, 0)}, "t_gripper2base is a masked array"),
+        ({"t_gripper2base": POSES[0].translation + 1j}, "t_gripper2base is a complex array, expected real"),
+        ({"R_gripper2base": np.full((5, 3), 90.0)}, "R_gripper2base has a rotation vector of length 155.9, expected"),
+        ({"R_gripper2base": [[1.0], [1.0, 2.0]]}, "R_gripper2base is no array of numbers"),
+        ({"t_gripper2base": [[10**400, 0, 0]]}, "t_gripper2base is no array of numbers"),
+    ],
+)
+def test_what_is_wrong_is_named(change: dict[str, object], told: str) -> None:
+    """An array of another shape, length or kind is refused by its name."""
+    with pytest.raises(InputError, match=told):
+        record_of_arrays({**_arrays("gripper2base", "target2cam"), **change}, "test")
+
+
+def test_other_names() -> None:
+    """Arrays under other names are refused with those that are known."""
+    with pytest.raises(InputError, match="holds R_a, t_a, expected R_gripper2base, t_gripper2base, R_target2cam"):
+        record_of_arrays(_arrays("a"), "test")
+
+
+def test_no_pose_at_all() -> None:
+    """Arrays of length zero are named so, in whatever shape."""
+    arrays = {name: each[:0] for name, each in _arrays("gripper2base", "target2cam").items()}
+    with pytest.raises(InputError, match="R_gripper2base is empty, expected a pose for each sample"):
+        record_of_arrays(arrays, "test")
+
+
+def test_what_is_wrong_in_a_file_is_said_with_its_name(tmp_path: Path) -> None:
+    """Once, also where a message begins with it."""
+    path = tmp_path / "a.npz"
+    bad = {name: each * np.nan for name, each in _arrays("gripper2base", "target2cam").items()}
+    for arrays, words in ((bad, "R_gripper2base holds NaN or infinity"), ({"a": np.ones(3)}, "holds a, expected ")):
+        np.savez(path, **arrays)
+        with pytest.raises(DatasetError) as raised:
+            read_record_of_arrays(path, True, 1.0)
+        assert str(raised.value).startswith(f"{path}: {words}")
+
+
+def test_one_array_for_two() -> None:
+    """Poses of the gripper given as those of the target, too: no answer is made of it."""
+    arrays = _arrays("gripper2base", "target2cam")
+    same = {f"{letter}_target2cam": arrays[f"{letter}_gripper2base"] for letter in "Rt"}
+    with pytest.raises(InputError, match="gripper2base and target2cam are the same poses: one was given for both"):
+        record_of_arrays({**arrays, **same}, "test")

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from basecal.cell.files import read_cell, read_recording
+from basecal.cell.targets.fiducials import DICTIONARIES
 from basecal.cli import main
+from basecal.errors import DatasetError
+from basecal.exchange.importers.data_set import _COUNTED, read_data_set_record
 
 TEXT = """\
 data:
@@ -25,6 +30,26 @@ target_finder:
   chessboard_dim: 0.036195
   aruco_marker_dim: 0.018256
   dictionary: 10
+"""
+DATA = Path(os.environ.get("BASECAL_DATA", Path(__file__).parents[4] / "shared" / "data"))
+LISTING = "- image: images/0.png\n  pose: poses/0.yaml\n- pose: poses/1.yaml\n  image: images/1.png\n"
+REST = """\
+intrinsics:
+  fx: 1352.0
+  fy: 1356.0
+  cx: 789.5
+  cy: 627.5
+camera_mount_to_camera_guess: {x: 0.1, y: 0.2, z: 0.3, qx: 0, qy: 0, qz: 0, qw: 1}
+target_mount_to_target_guess: {x: 0.4, y: 0.5, z: 0.6, qx: 0, qy: 0, qz: 1, qw: 0}
+homography_threshold: 2.0
+static_camera: true
+target_finder:
+  type: CharucoGridTargetFinder
+  rows: 7
+  cols: 5
+  chessboard_dim: 0.036195
+  aruco_marker_dim: 0.018256
+  dictionary: 10  # DICT_6X6_250
 """
 
 
@@ -45,3 +70,90 @@ def test_a_data_set_in_one_file(tmp_path: Path) -> None:
     assert state.base_from_flange is not None
     np.testing.assert_allclose(state.base_from_flange.translation, [0.2, 0.2, 0.3])
     assert all((tmp_path / "c" / sample.images[camera.name]).exists() for sample in samples)
+
+
+def data_set(folder: Path, text: str) -> Path:
+    (folder / "images").mkdir()
+    (folder / "poses").mkdir()
+    for i in range(2):
+        (folder / "images" / f"{i}.png").write_bytes(b"")
+        (folder / "poses" / f"{i}.yaml").write_text(f"x: 0.{i + 1}\ny: 0.2\nz: 0.3\nqz: 0\nqx: 1\nqw: 0\nqy: 0\n")
+    path = folder / "cal_data.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_one_file_of_all(tmp_path: Path) -> None:
+    """industrial_calibration: the list under `data`, what carries the camera, lens, board and guesses beside it."""
+    indented = "".join(f"  {line}\n" for line in LISTING.splitlines())
+    record = read_data_set_record(data_set(tmp_path, f"data:\n{indented}{REST}"))
+    assert not record.camera_on_robot
+    np.testing.assert_allclose(record.base_from_flange.translation, [[0.1, 0.2, 0.3], [0.2, 0.2, 0.3]])
+    np.testing.assert_allclose(record.base_from_flange.rotation[0], np.diag([1, -1, -1]), atol=1e-12)
+    assert [path.name for path in record.images] == ["0.png", "1.png"]
+    assert record.camera_mount is not None
+    assert record.target_mount is not None
+    np.testing.assert_allclose(record.camera_mount.translation, [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(record.target_mount.translation, [0.4, 0.5, 0.6])
+    assert record.lens["intrinsics"]["status"] == "free"
+    assert record.lens["intrinsics"]["cx"] == 789.5
+    assert record.target == {
+        "kind": "charuco",
+        "squares": [5, 7],
+        "square_m": 0.036195,
+        "marker_m": 0.018256,
+        "dictionary": "DICT_6X6_250",
+    }
+
+
+def test_files_of_their_own(tmp_path: Path) -> None:
+    """robot_cal_tools: a bare list; lens and grid in other files; the user says what carries the camera."""
+    path = data_set(tmp_path, LISTING)
+    (tmp_path / "lens.yaml").write_text("intrinsics: {fx: 550, fy: 551, cx: 320, cy: 240}\n")
+    (tmp_path / "target.yaml").write_text(
+        "type: rct_ros_tools::ModifiedCircleGridTargetFinderPlugin\nrows: 10\ncols: 9\nspacing: 0.0254\n"
+    )
+    record = read_data_set_record(path, True, tmp_path / "lens.yaml", tmp_path / "target.yaml")
+    assert record.camera_on_robot
+    assert record.lens["intrinsics"]["fy"] == 551
+    assert record.target == {"kind": "circles", "circles": [9, 10], "spacing_m": 0.0254}
+    with pytest.raises(
+        DatasetError, match=r"does not say whether the camera is on the robot .* give --camera-on robot"
+    ):
+        read_data_set_record(path)
+
+
+def test_dictionaries_count_as_opencv_does() -> None:
+    """The number of each dictionary is that of OpenCV's constant of its name."""
+    assert [getattr(cv2.aruco, name) for name in DICTIONARIES[:_COUNTED]] == list(range(_COUNTED))
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the project's shared data are not here")
+def test_a_real_set_without_its_images() -> None:
+    """robot_cal_tools' ChArUco set as kept here: poses are read, the first missing image is named with its line."""
+    with pytest.raises(DatasetError, match=r"cal_data.yaml:1: \[0\].image: there is no image .*images/0.png: put the"):
+        read_data_set_record(DATA / "rct_charuco" / "cal_data.yaml", False)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("static_camera: true", "static_camera: false", "static_camera: is the opposite of what --camera-on"),
+        (
+            "CharucoGridTargetFinder",
+            "ArucoGridTargetFinder",
+            "'ArucoGridTargetFinder' has no equal here; there are: Charuc",
+        ),
+        ("dictionary: 10 ", "dictionary: 21 ", "dictionary: is 21, expected 0 to 20"),
+        ("fx: 1352.0", "fx: 0.0", "intrinsics: the focal lengths are 0 and 1356 px"),
+        ("pose: poses/1.yaml", "pose: poses/9.yaml", "poses/9.yaml: cannot be read"),
+        ("- image: images/0.png", "- picture: images/0.png", r"data\[0\]: has no image; it has picture, pose"),
+    ],
+)
+def test_what_cannot_be_used_is_told(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """A contradiction, a target without an equal, a lens that is none, files that are not there."""
+    indented = "".join(f"  {line}\n" for line in LISTING.splitlines())
+    text = f"data:\n{indented}{REST}"
+    assert old in text
+    with pytest.raises(DatasetError, match=message):
+        read_data_set_record(data_set(tmp_path, text.replace(old, new)), camera_on_robot=False)

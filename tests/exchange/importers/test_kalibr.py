@@ -4,11 +4,52 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from basecal.cell.files import read_cell
 from basecal.cli import main
+from basecal.errors import DatasetError
+from basecal.exchange.importers.kalibr import is_target, read_camchain, read_target
 from lens_texts import KALIBR, tells_the_lens
+
+CHAIN = """\
+cam0:
+  T_cam_imu:
+  - [0.0, 1.0, 0.0, 0.07]
+  - [-1.0, 0.0, 0.0, -0.02]
+  - [0.0, 0.0, 1.0, 0.004]
+  - [0.0, 0.0, 0.0, 1.0]
+  cam_overlaps: [1]
+  camera_model: pinhole
+  distortion_coeffs: [-0.277, 0.067, 0.0009, 0.0001]
+  distortion_model: radtan
+  intrinsics: [461.629, 460.152, 362.68, 246.049]
+  resolution: [752, 480]
+  rostopic: /cam0/image_raw
+  timeshift_cam_imu: -8.121e-05
+cam1:
+  T_cn_cnm1:
+  - [1.0, 0.0, 0.0, -0.11]
+  - [0.0, 0.0, -1.0, 0.002]
+  - [0.0, 1.0, 0.0, 0.003]
+  - [0.0, 0.0, 0.0, 1.0]
+  cam_overlaps: [0]
+  camera_model: pinhole
+  distortion_coeffs: [-0.027, 0.095, -0.113,
+    0.051]
+  distortion_model: equidistant
+  intrinsics: [458.655, 457.296, 367.215, 248.375]
+  resolution: [752, 480]
+  rostopic: /cam1/image_raw
+"""
+APRILGRID = """\
+target_type: 'aprilgrid' #gridtype
+tagCols: 6               #number of apriltags
+tagRows: 5               #number of apriltags
+tagSize: 0.088           #size of apriltag, edge to edge [m]
+tagSpacing: 0.3          #ratio of space between tags to tagSize
+"""
 
 
 def test_the_lens(tmp_path: Path) -> None:
@@ -31,3 +72,83 @@ def test_kalibrs_choices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     target = read_cell(cell).targets["grid"].target
     assert target is not None
     assert dict(target.options)["tags"] == [6, 5]
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "kalibr.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_chain_of_two(tmp_path: Path) -> None:
+    """Radtan is the pinhole, equidistant the fisheye; the second stands where T_cn_cnm1 says; the IMU is not read."""
+    first, second = read_camchain(write(tmp_path, CHAIN))
+    assert (first.name, first.camera.model, first.camera.size_px) == ("cam0", "pinhole", (752, 480))
+    np.testing.assert_array_equal(
+        first.camera.parameters, [461.629, 460.152, 362.68, 246.049, -0.277, 0.067, 0.0009, 0.0001]
+    )
+    assert first.camera_from_previous is None
+    assert second.camera.model == "fisheye"
+    assert second.camera_from_previous is not None
+    np.testing.assert_allclose(second.camera_from_previous.translation, [-0.11, 0.002, 0.003])
+    np.testing.assert_allclose(second.camera_from_previous.rotation[1], [0, 0, -1], atol=1e-12)
+
+
+def test_no_distortion(tmp_path: Path) -> None:
+    """`none` has no terms."""
+    text = CHAIN[: CHAIN.index("cam1:")].replace("radtan", "none").replace("[-0.277, 0.067, 0.0009, 0.0001]", "[]")
+    assert len(read_camchain(write(tmp_path, text))[0].camera.distortion) == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "camera_model: pinhole",
+            "camera_model: omni",
+            ":8: cam0.camera_model: 'omni' has no equal here: .* pinhole-radt",
+        ),
+        ("radtan", "fov", "'fov' has no equal here; there are: radtan, equidistant, none"),
+        ("[752, 480]", "[752]", "cam0.resolution: has 1 numbers, expected width and height"),
+        ("[-0.277, 0.067, 0.0009, 0.0001]", "[-0.277, 0.067]", "distortion_coeffs: has 2 numbers, expected 4"),
+        ("[461.629,", "[oops,", r":11: cam0.intrinsics\[0\]: is 'oops', expected a number"),
+        ("- [0.0, 0.0, -1.0, 0.002]", "- [0.0, 0.0, 1.0, 0.002]", "cam1.T_cn_cnm1: .*not a rotation"),
+        ("cam", "kam", "a camchain of Kalibr has cam0, cam1, ...; a target of it has target_type"),
+    ],
+)
+def test_what_has_no_equal_or_is_no_chain_is_told(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """Each with its line and field, and what to do."""
+    assert old in CHAIN
+    with pytest.raises(DatasetError, match=message):
+        read_camchain(write(tmp_path, CHAIN.replace(old, new)))
+
+
+def test_targets(tmp_path: Path) -> None:
+    """Each kind as the cell describes it; columns before rows."""
+    assert is_target(write(tmp_path, APRILGRID))
+    grid = {"kind": "aprilgrid", "tags": [6, 5], "tag_m": 0.088, "spacing": 0.3, "family": "tag36h11"}
+    assert read_target(write(tmp_path, APRILGRID)) == grid
+    board = "target_type: checkerboard\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\ncolSpacingMeters: 0.06\n"
+    assert read_target(write(tmp_path, board)) == {"kind": "chessboard", "corners": [6, 7], "square_m": 0.06}
+    circles = "target_type: circlegrid\ntargetCols: 6\ntargetRows: 7\nspacingMeters: 0.02\nasymmetricGrid: true\n"
+    expected = {"kind": "circles", "circles": [6, 7], "spacing_m": 0.02, "asymmetric": True}
+    assert read_target(write(tmp_path, circles)) == expected
+    assert not is_target(write(tmp_path, CHAIN))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("target_type: hexgrid\n", ":1: target_type: 'hexgrid' is no target of Kalibr's; there are: aprilgrid"),
+        (APRILGRID + "codeOffset: 3\n", "begin with number 0"),
+        (APRILGRID.replace("tagCols: 6 ", "tagCols: 6.5 "), "tagCols: is 6.5, expected a whole number"),
+        (
+            "target_type: checkerboard\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\ncolSpacingMeters: 0.05\n",
+            "the squares of a board here are square",
+        ),
+    ],
+)
+def test_no_target_is_told(tmp_path: Path, text: str, message: str) -> None:
+    """What has no equal, and numbers that are none."""
+    with pytest.raises(DatasetError, match=message):
+        read_target(write(tmp_path, text))

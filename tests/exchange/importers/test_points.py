@@ -9,7 +9,9 @@ import pytest
 
 from basecal.cell.files import latest_run, read_calibration, read_cell
 from basecal.cli import main
+from basecal.errors import DatasetError
 from basecal.exchange.controllers.registry import CONTROLLERS
+from basecal.exchange.importers.points import PointTable
 from basecal.geometry import SE3
 
 TRACKER = SE3.from_rpy((0.3, -0.2, 1.0), (3.0, 1.0, 0.5))
@@ -66,3 +68,26 @@ def test_units_and_names_have_to_be_said(tmp_path, capsys, heading, more, code, 
     assert main(["import", "points", cell, points, "--camera", "tracker", "--robot", "arm", *more]) == code
     assert words in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
+
+
+@pytest.mark.parametrize(
+    ("heading", "length_m", "size", "unit"),
+    [
+        ("x_mm y_mm z_mm", None, 1e-3, "mm"),
+        ("x_in y_in z_in", None, 0.0254, "in"),
+        ("X Y Z", 1.0, 1.0, "1000 mm"),
+    ],
+)
+def test_units_of_the_header(tmp_path, heading, length_m, size, unit):
+    """Lengths are in the unit that columns name, or in the stated one."""
+    (tmp_path / "a.txt").write_text(f"{heading}\n1 2 3\n4 5 6\n")
+    table = PointTable.read(str(tmp_path / "a.txt"), length_m)
+    assert table.unit == unit
+    assert table.points_m.ravel().tolist() == pytest.approx([size * k for k in (1, 2, 3, 4, 5, 6)])
+
+
+def test_two_units_are_an_error(tmp_path):
+    """Nothing is guessed."""
+    (tmp_path / "a.txt").write_text("x_mm y_mm z_m\n1 2 3\n")
+    with pytest.raises(DatasetError, match="several units"):
+        PointTable.read(str(tmp_path / "a.txt"), None)

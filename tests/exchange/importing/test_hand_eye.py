@@ -11,21 +11,18 @@ from basecal.cell import Cell, PoseObservation, Recording
 from basecal.cell.files import read_cell
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import InputError
-from basecal.exchange.hand_eye.moveit import JointStates
-from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.bring_in import add_to_cell
-from basecal.exchange.importing.cell_content import NO_CELL, KnownCell
 from basecal.exchange.importing.hand_eye import (
     Carriers,
+    HandEyeRecord,
     Names,
     chosen_names,
     hand_eye_of_file,
     imported_hand_eye,
-    imported_joint_states,
     is_camera_on_robot,
 )
+from basecal.exchange.importing.imported import NO_CELL, KnownCell
 from basecal.geometry import SE3
-from cell_example import URDF
 
 POSES = SE3.exp(np.random.default_rng(7).normal(size=(3, 6)) * 0.4)
 SEEN = SE3.exp(np.random.default_rng(8).normal(size=(3, 6)) * 0.4)
@@ -118,20 +115,8 @@ def test_several_of_a_kind_are_asked_for(tmp_path: Path) -> None:
     assert chosen_names(cell, None, "b", None, True) == Names("arm", "b", "t")
 
 
-def test_joint_states_by_the_names_of_the_joints(tmp_path: Path) -> None:
-    """Columns go to the joints of their names; a robot without a URDF, and joints of other names, are told."""
-    (tmp_path / "arm.urdf").write_text(URDF)
-    links = {"urdf": "arm.urdf", "base_link": "base", "flange_link": "tool0"}
-    cell = cell_in(tmp_path, robots={"arm": links})
-    chain = cell.robots["arm"].chain
-    assert chain is not None
-    names = (*reversed(chain.joint_names), "gripper")
-    rows = np.arange(2.0 * len(names)).reshape(2, -1) / 10
-    imported = imported_joint_states(cell, JointStates(names, rows), "j.yaml", None)
-    joints = imported.rows[1].robots["arm"].joints_rad
-    assert joints is not None
-    np.testing.assert_array_equal(joints, rows[1, :-1][::-1])
-    with pytest.raises(InputError, match=r"joint states need a robot with a URDF in cell.yaml"):
-        imported_joint_states(NO_CELL, JointStates(names, rows), "j.yaml", None)
-    with pytest.raises(InputError, match=r"j.yaml: has joints gripper, the chain of 'arm' in its URDF .* not recorded"):
-        imported_joint_states(cell, JointStates(("gripper",), rows[:, -1:]), "j.yaml", "arm")
+def test_a_result_alone_has_no_samples() -> None:
+    """Nothing but what was found: no poses, images or sizes."""
+    record = HandEyeRecord("a.calib", "a calibration", True)
+    assert len(record.base_from_flange) == 0
+    assert (record.camera_from_target, record.images, dict(record.lens)) == (None, (), {})

@@ -10,8 +10,7 @@ import pytest
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
 from basecal.cli.importing import finish_import
-from basecal.exchange.hand_eye.record import HandEyeRecord
-from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file
+from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.geometry import SE3
 
 POSES = SE3.exp(np.random.default_rng(4).normal(size=(2, 3, 6)) * 0.3)

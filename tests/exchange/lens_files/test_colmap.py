@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.lens_files.colmap import read_colmap
+from basecal.exchange.lens_files.colmap import read_colmap_lenses
 
 TEXT = """\
 # Camera list with one line of data per camera:
@@ -31,7 +31,7 @@ def write(folder: Path, text: str) -> Path:
 
 def test_pixels_count_from_their_centres(tmp_path: Path) -> None:
     """The middle of an image 3072 wide is 1536 for COLMAP and 1535.5 here; one focal length stands for both."""
-    lenses = read_colmap(write(tmp_path, TEXT))
+    lenses = read_colmap_lenses(write(tmp_path, TEXT))
     assert list(lenses) == [1, 2, 3, 7]
     np.testing.assert_array_equal(lenses[1].camera.parameters, [2559.81, 2559.81, 1535.5, 1151.5])
     np.testing.assert_array_equal(lenses[2].camera.parameters, [2560.56, 2561.56, 1535.5, 1151.5])
@@ -58,7 +58,7 @@ POINTS = np.random.default_rng(3).uniform([-0.5, -0.4, 1.0], [0.5, 0.4, 2.0], (2
 )
 def test_points_fall_where_opencv_has_them(tmp_path: Path, model: str, parameters: str, terms: list[float]) -> None:
     """The order of the terms is OpenCV's, judged by OpenCV's own projection."""
-    camera = read_colmap(write(tmp_path, f"1 {model} 640 480 {parameters}\n"))[1].camera
+    camera = read_colmap_lenses(write(tmp_path, f"1 {model} 640 480 {parameters}\n"))[1].camera
     matrix = np.array([[800, 0, 319.5], [0, 800, 239.5], [0, 0, 1.0]])
     expected, _ = cv2.projectPoints(POINTS, np.zeros(3), np.zeros(3), matrix, np.array(terms))
     np.testing.assert_allclose(camera.project(POINTS), expected[:, 0], atol=1e-9)
@@ -74,7 +74,7 @@ def test_points_fall_where_opencv_has_them(tmp_path: Path, model: str, parameter
 )
 def test_fisheyes_fall_where_opencv_has_them(tmp_path: Path, model: str, parameters: str, terms: list[float]) -> None:
     """Likewise of the lenses that are OpenCV's fisheye with all or some of its terms."""
-    camera = read_colmap(write(tmp_path, f"1 {model} 800 600 {parameters}\n"))[1].camera
+    camera = read_colmap_lenses(write(tmp_path, f"1 {model} 800 600 {parameters}\n"))[1].camera
     matrix = np.array([[300, 0, 399.5], [0, 300, 299.5], [0, 0, 1.0]])
     zero = np.zeros((3, 1))
     expected, _ = cv2.fisheye.projectPoints(POINTS[:, None], zero, zero, matrix, np.array(terms))
@@ -91,16 +91,16 @@ def test_the_binary_says_the_same(tmp_path: Path) -> None:
     content = binary((3, 2, 640, 480, (500.0, 320.0, 240.0, -0.02)), (4, 1, 640, 480, (500.0, 501.0, 320.0, 240.0)))
     (tmp_path / "cameras.bin").write_bytes(content)
     write(tmp_path, TEXT)
-    lenses = read_colmap(tmp_path)
+    lenses = read_colmap_lenses(tmp_path)
     assert list(lenses) == [3, 4]
     np.testing.assert_array_equal(lenses[3].camera.parameters, [500, 500, 319.5, 239.5, -0.02, 0, 0, 0])
     for end in (4, 20, 40, len(content) - 1):
         (tmp_path / "cameras.bin").write_bytes(content[:end])
         with pytest.raises(DatasetError, match="is cut off"):
-            read_colmap(tmp_path / "cameras.bin")
+            read_colmap_lenses(tmp_path / "cameras.bin")
     (tmp_path / "cameras.bin").write_bytes(binary((1, 99, 640, 480, (1.0,))))
     with pytest.raises(DatasetError, match="camera 0: is of model 99, expected 0 to 11"):
-        read_colmap(tmp_path / "cameras.bin")
+        read_colmap_lenses(tmp_path / "cameras.bin")
 
 
 @pytest.mark.parametrize(
@@ -120,10 +120,10 @@ def test_the_binary_says_the_same(tmp_path: Path) -> None:
 def test_what_has_no_equal_is_told(tmp_path: Path, line: str, message: str) -> None:
     """By its name, with its line."""
     with pytest.raises(DatasetError, match=message):
-        read_colmap(write(tmp_path, line + "\n"))
+        read_colmap_lenses(write(tmp_path, line + "\n"))
 
 
 def test_a_folder_without_cameras(tmp_path: Path) -> None:
     """What a reconstruction holds is said."""
     with pytest.raises(DatasetError, match=r"holds neither cameras.bin nor cameras.txt"):
-        read_colmap(tmp_path)
+        read_colmap_lenses(tmp_path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from basecal.cell import (
     Validation,
 )
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.decision.tiles import error_tile, expected_error_m, remarks, tiles
+from basecal.reporting.decision.tiles import check_words, error_tile, expected_error_m, passed_checks, remarks, tiles
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -36,6 +37,7 @@ CALIBRATION = Calibration(
     validation=Validation("k-fold", 5, 1.069, 1.753e-3, np.radians(0.393)),
     outliers=(Outlier(0, "wrist", "board", (3, 4), "far"),),
 )
+DOCUMENT = Path(__file__).parents[3] / "docs" / "findings.md"
 
 
 def test_what_is_known_is_a_tile() -> None:
@@ -76,3 +78,19 @@ def test_remarks_count_and_point_ahead() -> None:
         "40 more samples would leave 1.2 mm (95 %).",
     ]
     assert list(remarks(CALIBRATION, ())) == []
+
+
+def test_every_check_has_words_and_a_place_in_the_document() -> None:
+    """By the code of its finding."""
+    words, text = check_words(), DOCUMENT.read_text(encoding="utf-8")
+    assert len(words) > 20
+    assert all(f"`{code}`" in text for code in words)
+    assert words["overfit"].startswith("held-out samples")
+
+
+def test_what_found_something_has_not_passed() -> None:
+    """Nothing has where nothing was calibrated."""
+    made = Calibration("good", {"a_base_from_b_base": PoseEstimate(SE3.identity(), np.eye(6))})
+    doubted = Calibration("doubtful", made.transforms, findings=(Finding("overfit", "warning", (), "x"),))
+    assert {code for code, _ in passed_checks(made)} - {code for code, _ in passed_checks(doubted)} == {"overfit"}
+    assert list(passed_checks(Calibration("refused"))) == []

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.seen_points import seen
 
-from basecal.reporting.figures.image_grid import image_grid
+from basecal.geometry import Camera
+from basecal.reporting.figures.image_grid import image_coverage, image_grid, lens_uncertainty
+
+CAMERA = Camera("pinhole", np.array([900.0, 910.0, 630.0, 360.0, -0.1, 0.05, 1e-3, -1e-3, 0.01]), (1280, 720))
+COVARIANCE = np.diag(np.array([1.0, 1.0, 2.0, 2.0, 2e-3, 3e-3, 1e-4, 1e-4, 3e-3]) ** 2)
 
 
 def test_points_fall_into_their_squares():
@@ -50,3 +56,32 @@ def test_a_strip_says_how_large_the_image_is_and_what_shades_mean():
     assert (shades[0], shades[-1]) == (0.12, 1.0)
     assert re.findall(r">([^<]+)</text>", strip) == ["1280 x 720 px", "0", "0.5 px"]
     assert min(float(y) for y in re.findall(r' y="([0-9.]+)"', strip)) > 360
+
+
+def test_squares_are_counted():
+    """Two squares of 144, with three points and with one."""
+    pixels = [[10.0, 10.0], [20.0, 10.0], [30.0, 10.0], [700.0, 500.0]]
+    figure = image_coverage((1280, 720), seen(pixels, np.zeros((4, 2))))
+    assert "in 2 of 144 squares (1 %), at most 3 in one" in figure.caption
+    assert ">3 points<" in figure.svg
+    assert ">1 point<" in figure.svg
+    assert figure.svg.count('class="tile"') == 2
+
+
+def test_a_lens_has_contours_over_its_image() -> None:
+    """A square for each part of the image, shaded from the least to the most, and lines with their values."""
+    figure = lens_uncertainty("wrist", CAMERA, COVARIANCE)
+    assert figure is not None
+    assert figure.title == "wrist, uncertainty of the lens"
+    assert figure.svg.count('class="tile"') == 16 * 9
+    assert 'fill-opacity="0.12"' in figure.svg
+    assert 'fill-opacity="1.00"' in figure.svg
+    assert figure.svg.count('class="contour-label"') >= 3
+
+
+def test_without_a_size_there_is_no_image() -> None:
+    """Nor is there a map of it; one of an exact lens has no lines."""
+    assert lens_uncertainty("wrist", replace(CAMERA, size_px=None), COVARIANCE) is None
+    exact = lens_uncertainty("wrist", CAMERA, 0 * COVARIANCE)
+    assert exact is not None
+    assert "contour" not in exact.svg

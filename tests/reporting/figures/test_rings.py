@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
+import re
 
-from basecal.reporting.figures.rings import MIDDLE, RADIUS, place_on_rings, polar_drawing
+import numpy as np
+import pytest
+from tests.seen_points import seen
+
+from basecal.accuracy.residuals.view_poses import ViewPoses
+from basecal.geometry import SE3
+from basecal.reporting.figures.rings import (
+    MIDDLE,
+    RADIUS,
+    orientation_figure,
+    place_on_rings,
+    polar_drawing,
+    residual_polar,
+)
 
 
 def test_places():
@@ -18,3 +31,62 @@ def test_rings_are_named():
     svg = polar_drawing("x", [(0.5, "1 <px>"), (1.0, "2 px")])
     assert svg.count("<circle") == 2
     assert "1 &lt;px&gt;" in svg
+
+
+def test_dots_stand_where_residuals_go():
+    """The middle of the cloud is the mean residual; right is right and down is down."""
+    off = np.random.default_rng(1).normal([0.5, 0.2], 0.1, (200, 2))
+    figure = residual_polar(seen(np.zeros((200, 2)), off))
+    cloud = re.search(r'class="cloud" d="([^"]*)"', figure.svg)[1]
+    at = np.array([list(map(float, each.split())) for each in re.findall(r"M(\S+ \S+?)h0", cloud)])
+    assert len(at) == 200
+    right, down = at.mean(0) - 166.0
+    assert right > 2 * down > 0
+    assert "50 % are below 0.5" in figure.caption
+
+
+def test_many_points_are_thinned_and_long_ones_stand_on_the_ring():
+    """Of 6000 at most 1500 are drawn, which is said, and none stands outside."""
+    off = np.random.default_rng(1).normal(0, 0.2, (6000, 2))
+    off[0] = 1e3, 0
+    figure = residual_polar(seen(np.zeros((6000, 2)), off))
+    drawn = re.search(r'class="cloud" d="([^"]*)"', figure.svg)[1]
+    assert drawn.count("M") == 1500
+    assert "1500 of 6000 points drawn" in figure.caption
+
+
+def test_what_was_left_out_is_red_and_apart():
+    """It is counted, drawn on its own, and does not widen the rings."""
+    points = seen(np.zeros((4, 2)), [[0.1, 0], [0, 0.1], [-0.1, 0], [30, 0]], [True, True, True, False])
+    figure = residual_polar(points)
+    assert "1 orange ones were left out" in figure.caption
+    assert ">0.25 px<" in figure.svg
+
+
+def views(*tilts_deg, front=1.0):
+    """Half a metre off, tilted about y."""
+    angles = np.radians(tilts_deg)
+    away = np.stack([np.sin(angles), 0 * angles, front * np.cos(angles)], -1)
+    turn = np.stack([0 * angles, angles, 0 * angles], -1)
+    target_from_camera = SE3.from_rotvec(turn, 0.5 * away)
+    return ViewPoses("wrist", "board", np.arange(len(tilts_deg)), target_from_camera.inverse())
+
+
+@pytest.mark.parametrize("front", [1.0, -1.0])
+def test_tilts_are_told_whichever_side_is_the_face(front):
+    """Straight on is the middle, 25 degrees is inside the ring of 30."""
+    figure = orientation_figure(views(0, 10, 25, front=front))
+    assert "Tilts of 0° to 25°" in figure.caption
+    assert "sample 2: tilted by 25 deg" in figure.svg
+    assert ">30°<" in figure.svg
+    assert figure.svg.count('class="mark view"') == 3
+
+
+def test_what_is_seen_all_round_has_rings_to_the_back():
+    """Up to 180 degrees."""
+    assert ">180°<" in orientation_figure(views(0, 20, 170)).svg
+
+
+def test_many_views_are_thinned():
+    """At most 400 marks."""
+    assert orientation_figure(views(*np.linspace(0, 20, 1000))).svg.count('class="mark view"') <= 400

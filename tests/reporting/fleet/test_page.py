@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from basecal.reporting.fleet.page import fleet_page
+from basecal.reporting.fleet.page import COLUMN_TITLES, fleet_page, fleet_text, row_texts, sort_by_verdict
 from basecal.studies.fleet.run import Fleet
 from basecal.studies.fleet.summary import summarise_fleet
 from fleet_example import ROWS
+
+SUMMARY = summarise_fleet(Fleet(Path(), (), Path()), ROWS)
 
 
 def test_the_page_holds_every_cell_escaped() -> None:
@@ -32,3 +34,30 @@ def test_a_row_shows_its_status_and_leads_to_its_answer() -> None:
     assert "x" * 300 in page
     assert "Let <code>basecal fix CELL</code> do so." in page
     assert page.count('<tr class="doubtful">') == 3
+
+
+def test_those_that_need_somebody_come_first() -> None:
+    """By verdict, then by how badly the answer is known."""
+    assert [row["cell"] for row in sort_by_verdict(ROWS)] == ["<c>", "d", "b", "a"]
+
+
+def test_text_counts_and_names() -> None:
+    """How many have which verdict, and each that is not good."""
+    lines = fleet_text(SUMMARY, ROWS).splitlines()
+    assert lines[0] == "4 cells: 1 good, 2 doubtful, 1 unreadable"
+    assert "median 1.5 mm" in lines[1]
+    assert lines[2:] == [
+        "<c>: unreadable, cell.yaml:1: <gossip>",
+        "d: doubtful, it moved, too",
+        "b: doubtful, it moved",
+    ]
+    many = [{**ROWS[1], "cell": f"c{k}", "said": "x" * 200} for k in range(30)]
+    lines = fleet_text({**SUMMARY, "cells": 30}, many).splitlines()
+    assert lines[-1] == "and 10 more"
+    assert max(map(len, lines)) < 130
+
+
+def test_rows_have_the_columns_of_the_head() -> None:
+    """A word for each, nothing where nothing is known."""
+    assert all(len(row_texts(row)) == len(COLUMN_TITLES) for row in ROWS)
+    assert row_texts(ROWS[2])[:4] == ["<c>", "unreadable", "cell.yaml:1: <gossip>", ""]

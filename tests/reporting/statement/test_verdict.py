@@ -23,7 +23,7 @@ from basecal.cell import (
 from basecal.cell.calibration import Verdict
 from basecal.cli.calibrate import exit_code
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.statement.verdict import calibrate_command, headline, missed_step
+from basecal.reporting.statement.verdict import calibrate_command, headline, missed_step, shown_decimals, two_digits
 from basecal.reporting.summary import summary
 from basecal.reporting.text import text_report
 
@@ -127,3 +127,17 @@ def test_a_calibration_is_repeated_as_it_was_made(settings: dict[str, object], s
     """With its scene, which the cell may request itself."""
     cell, made = replace(CELL, sees_scene=sees_scene), Calibration("doubtful", settings=settings)
     assert calibrate_command(cell, made, "cell") == f"basecal calibrate cell{option}"
+
+
+@pytest.mark.parametrize(("sigma", "decimals"), [(0.0, 4), (0.02, 3), (0.95, 2), (1.0, 1), (37.0, 0), (1e-9, 6)])
+def test_the_smallest_sigma_shows_two_digits(sigma: float, decimals: int) -> None:
+    """Whatever larger ones stand beside it; six decimals at most, four of what is exact."""
+    assert shown_decimals(np.array([sigma, 100 * sigma, 0.0])) == decimals
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"), [(0.0, "0"), (3.41, "3.4"), (0.0987, "0.099"), (-0.5, "-0.50"), (123.4, "123"), (np.inf, "inf")]
+)
+def test_two_digits(value: float, shown: str) -> None:
+    """Without an exponent; the whole part is never cut."""
+    assert two_digits(value) == shown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from basecal.reporting.sweep.page import sweep_page
+from basecal.reporting.sweep.page import sweep_page, sweep_text
 from sweep_example import HOSTILE, summary
 
 
@@ -36,3 +36,15 @@ def test_a_study_of_one_point_has_no_figures() -> None:
     html = sweep_page(one, "")
     assert "<svg" not in html
     assert html.count("<tr>") == 2
+
+
+def test_every_point_has_its_row() -> None:
+    """With the axes' values first; what was not computed is left out, and reasons are said once."""
+    lines = sweep_text(summary()).splitlines()
+    assert lines[0] == "Some study"
+    assert lines[1].split()[:2] == ["board", "samples"]
+    assert len(lines) == 2 + 6 + 1
+    assert "9/10" in lines[2]
+    assert "6.10 for 6" in lines[2]
+    assert lines[-1] == "no answer: not converged"
+    assert "0/10" in lines[7]

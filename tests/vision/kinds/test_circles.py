@@ -9,9 +9,10 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from basecal.cell.targets.circles import circles_target
+from basecal.geometry import SE3, Array
 from basecal.vision.draw.render import RenderSettings
-from basecal.vision.kinds.circles import detect
-from vision_scenes import DARK, TARGETS, check_poor_image, scene
+from basecal.vision.kinds.circles import detect, has_further_row
+from vision_scenes import DARK, TARGETS, WIDE, at, check_poor_image, scene
 
 SHAPE = TARGETS["circles"]
 POOR = {
@@ -20,6 +21,8 @@ POOR = {
     "blurred": (RenderSettings(blur_px=6.0, noise=1.0), 1, 40),
     "small": (RenderSettings(), 5, 40),
 }
+GRID_SHAPE = TARGETS["circles"]
+IMAGE = scene(GRID_SHAPE)
 
 
 @pytest.mark.parametrize("how", list(POOR))
@@ -55,3 +58,34 @@ def test_squares_of_a_chessboard_are_no_discs(circles: tuple[int, int], asymmetr
     image = scene(TARGETS["chessboard"])
     blurred = gaussian_filter(image.astype(np.float64), blur_px) if blur_px else image
     assert detect(blurred.astype(np.uint8), circles_target(circles, 0.02, asymmetric)) is None
+
+
+def grid() -> Array:
+    return WIDE.project(at(GRID_SHAPE) @ GRID_SHAPE.points).reshape(5, 8, 2)
+
+
+def test_the_whole_grid_ends() -> None:
+    """A grid that was found whole goes on nowhere, whichever way it is read."""
+    for whole in (grid(), grid()[::-1], grid()[:, ::-1], grid().swapaxes(0, 1)):
+        assert not has_further_row(IMAGE, whole)
+
+
+@pytest.mark.parametrize("part", [np.s_[1:], np.s_[:-1], np.s_[:, 1:], np.s_[:, :-1], np.s_[1:4, 2:6]])
+def test_a_part_goes_on(part: object) -> None:
+    """Without a row or column on any side, the grid goes on there."""
+    assert has_further_row(IMAGE, grid()[part])
+
+
+def test_rows_beyond_the_image_do_not_count() -> None:
+    """Where the next row would be outside the image, nothing is known of it."""
+    upright = SE3(np.eye(3), np.array([0.0, 0.0, 0.5]))
+    places = WIDE.project(at(GRID_SHAPE, upright) @ GRID_SHAPE.points).reshape(5, 8, 2)
+    image = scene(GRID_SHAPE, pose=upright)
+    assert has_further_row(image, places[:, :-1])
+    assert not has_further_row(image[:, : int(places[:, -2, 0].max()) + 8], places[:, :-1])
+
+
+@pytest.mark.parametrize("size", [(7, 5), (8, 4), (4, 4)])
+def test_fewer_circles_than_printed_are_none(size: tuple[int, int]) -> None:
+    """A target stated with fewer circles than it has is not found: which of them were seen would change."""
+    assert detect(IMAGE, circles_target(size, 0.03)) is None

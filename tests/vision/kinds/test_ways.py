@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
-from basecal.vision.kinds.ways import Grey, Way, best_result
+from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.fiducials import DICTIONARIES
+from basecal.errors import InputError
+from basecal.vision.kinds.ways import (
+    MARKER_SETS,
+    Grey,
+    Way,
+    best_result,
+    black_cells,
+    charuco_board,
+    dictionary,
+    marker_corners,
+)
+from vision_scenes import TARGETS
 
 
 @pytest.mark.parametrize("way", [Way(), Way(0.5), Way(2.0), Way(2.0, stretched=True, sharpened=True)])
@@ -51,3 +65,55 @@ def test_best_of_several(counts: list[int], tried: int, found: int | None) -> No
     most = best_result(np.zeros((50, 50), np.uint8), [Way(), Way(0.5), Way(2.0)], search, 4)
     assert len(calls) == tried
     assert (None if most is None else len(most)) == found
+
+
+def test_every_dictionary_is_known() -> None:
+    """Every name that a cell may have gives a dictionary, and each set is of names that a cell may have."""
+    assert all(len(dictionary(name).bytesList) for name in DICTIONARIES)
+    surveyed = {name for names in MARKER_SETS for name in names}
+    assert surveyed - {"tag16h5", "tag25h9", "tag36h10", "tag36h11"} <= set(DICTIONARIES)
+
+
+@pytest.mark.parametrize("names", [names for names in MARKER_SETS if len(names) > 1], ids=lambda names: names[0])
+def test_sets_begin_alike(names: tuple[str, ...]) -> None:
+    """The smaller dictionaries of a set are the beginning of its largest."""
+    largest = dictionary(names[-1]).bytesList
+    sizes = [len(dictionary(name).bytesList) for name in names]
+    assert sizes == sorted(sizes)
+    for name, size in zip(names, sizes, strict=True):
+        np.testing.assert_array_equal(dictionary(name).bytesList, largest[:size])
+
+
+@pytest.mark.parametrize("border", [1, 2])
+def test_cells_are_read_back(border: int) -> None:
+    """A marker drawn from its black cells is read as itself, and its border is black all round."""
+    cells = black_cells("tag36h11", 7, border)
+    assert cells.shape == (6 + 2 * border, 6 + 2 * border)
+    assert cells[:border].all()
+    assert cells[:, -border:].all()
+    image = np.pad(np.where(np.kron(cells, np.ones((12, 12), bool)), 0, 255).astype(np.uint8), 40, constant_values=255)
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.markerBorderBits = border
+    _, ids, _ = cv2.aruco.ArucoDetector(dictionary("tag36h11"), parameters).detectMarkers(image)
+    assert ids is not None
+    assert ids.ravel().tolist() == [7]
+
+
+def test_names_and_numbers_that_are_none() -> None:
+    """An unknown family, a marker beyond its dictionary and a board that needs more markers are named errors."""
+    with pytest.raises(InputError, match="'tagCircle21h7' can be neither drawn nor detected"):
+        dictionary("tagCircle21h7")
+    with pytest.raises(InputError, match="DICT_4X4_50 has markers 0 to 49, not 50"):
+        black_cells("DICT_4X4_50", 50)
+    with pytest.raises(InputError, match="a 10x14 board needs 70: write `dictionary: DICT_4X4_100`"):
+        charuco_board(charuco_target((10, 14), 0.04, 0.03, "DICT_4X4_50"))
+    with pytest.raises(InputError, match=r"a 10x14 board needs 70$"):
+        charuco_board(charuco_target((10, 14), 0.04, 0.03, "DICT_APRILTAG_25h9"))
+
+
+def test_corners_of_markers() -> None:
+    """Markers of a board are squares of their size, in the middle of the squares of the board."""
+    corners = marker_corners(TARGETS["charuco"])
+    assert corners.shape == (17, 4, 2)
+    np.testing.assert_allclose(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2), 0.03, atol=1e-7)
+    np.testing.assert_allclose((corners.mean(axis=1) / 0.04) % 1, 0.5, atol=1e-5)

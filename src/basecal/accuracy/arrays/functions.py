@@ -13,8 +13,8 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.cell import WORLD, Cell, CellCamera, CellTarget, PoseObservation, Recording, Robot, RobotState, Sample
 from basecal.errors import check_choice
 from basecal.estimation.settings import DEFAULT, Settings
-from basecal.exchange.hand_eye.arrays import record_of_arrays
-from basecal.exchange.hand_eye.record import HandEyeRecord
+from basecal.exchange.importers.arrays import record_of_arrays
+from basecal.exchange.importing.hand_eye import HandEyeRecord
 
 
 def hand_eye(

@@ -20,7 +20,7 @@ from basecal.accuracy.residuals.evaluation import known_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Calibration, Cell, Recording
 from basecal.effects import smooth
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import RandomEffect
 from basecal.effects.faces.robot_parameter import Posture
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.robot_noise import without_errors

@@ -13,7 +13,7 @@ from basecal.accuracy.lens_structure import LensStructure
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.stated_sigmas import ContradictedSigma
 from basecal.cell import Cell, Finding, Residuals
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings

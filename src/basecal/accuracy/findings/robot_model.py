@@ -14,7 +14,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.cell import Finding
 from basecal.effects import joint_offsets, link_parameters
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import ROBOT_PARAMETERS
 
 

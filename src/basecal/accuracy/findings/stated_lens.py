@@ -8,7 +8,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.prior_contradicted import informed_spectrum, innovation
 from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.cell import Finding
-from basecal.effects.faces.found_effect import FIX
+from basecal.effects.faces.effect import FIX
 from basecal.effects.registry import LENS_PARAMETERS
 from basecal.estimation.problem.stated_lens import is_stated, usual_sigmas
 from basecal.estimation.solve import Solution

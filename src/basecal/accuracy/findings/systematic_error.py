@@ -9,7 +9,7 @@ from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.phrases.gravity import describe_gravity
 from basecal.cell import Finding
 from basecal.effects import deflection, joint_offsets
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import CONTAINED, describe_effect
 
 _COVERED_SENTENCE = "The answer {} it, and its covariance is wider."

@@ -6,7 +6,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.systematic_errors.expected_sizes import unit_error
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Finding
-from basecal.effects.faces.found_effect import format_with_sigma
+from basecal.effects.faces.effect import format_with_sigma
 
 
 def unit_lengths(evidence: Evidence) -> list[Finding]:

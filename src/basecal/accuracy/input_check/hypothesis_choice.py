@@ -18,7 +18,7 @@ from basecal.accuracy.model_comparison.held_out import CLEARLY, compare_predicti
 from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
 from basecal.effects import fixed_transform
-from basecal.effects.faces.found_effect import FIX
+from basecal.effects.faces.effect import FIX
 from basecal.errors import sentence
 from basecal.estimation.noise.estimate import ROUNDING
 from basecal.geometry import SE3

@@ -20,8 +20,7 @@ from basecal.estimation.start.lens import guessed_lens
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.numerics.batch import take
 from basecal.vision.image_file import grey_image, read_bytes
-from basecal.vision.tracks.feature_cache import kept_features
-from basecal.vision.tracks.features import Descriptors, Features, named_features, unit_descriptors
+from basecal.vision.tracks.features import Descriptors, Features, kept_features, named_features, unit_descriptors
 
 # Of the image's width, of a lens of which nothing is stated: 58 degrees wide; assumed, as `_FOCAL_SCALES` of
 # `one_camera` try others.

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.effects import smooth_by_place
-from basecal.effects.faces.expected_size import SigmaPrior
+from basecal.effects.faces.effect import SigmaPrior
 from basecal.effects.length_scale import LENGTHS, outward
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.geometry import SE3, Array, IntArray

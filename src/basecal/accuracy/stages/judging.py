@@ -24,7 +24,7 @@ from basecal.accuracy.systematic_errors.pose_fields import stated_fields
 from basecal.accuracy.systematic_errors.search import systematic_error, timeless_situation
 from basecal.accuracy.systematic_errors.size_findings import deduplicate_size_findings
 from basecal.effects import fixed_transform
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import BY_PLACE, CONTAINED
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array

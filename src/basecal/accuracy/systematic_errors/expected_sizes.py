@@ -23,8 +23,7 @@ from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
 from basecal.cell import Cell
 from basecal.effects import target_size
 from basecal.effects.faces.candidates import Candidates, combine_candidates
-from basecal.effects.faces.expected_size import SigmaPrior
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect, SigmaPrior
 from basecal.effects.registry import CONTAINED, EFFECTS
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.problem.view_group import ViewGroup

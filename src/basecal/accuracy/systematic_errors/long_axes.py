@@ -14,9 +14,8 @@ from basecal.accuracy.systematic_errors.pose_fields import KINDS_BY_PLACE
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Cell
 from basecal.effects import stretch
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.expected_size import SigmaPrior
-from basecal.effects.faces.views import Views, robot_moves
+from basecal.effects.faces.candidates import Candidates, one_candidate, pose_moves
+from basecal.effects.faces.effect import SigmaPrior
 from basecal.estimation.noise.random_effects import FEWEST_STOPS
 from basecal.estimation.noise.robot_noise import count_stops
 from basecal.geometry import SE3, Array
@@ -49,13 +48,7 @@ class LongAxes(NamedTuple):
 
     def candidate(self, situation: Situation) -> Candidates:
         """All as sizes of one candidate."""
-
-        def moves(views: Views, k: int, robot: str) -> Array:
-            """How views of a group move."""
-            tangents: Array = views.flange_jacobian(k, robot) @ self.flange_tangents(views.recorded_pose(k, robot))
-            return tangents
-
-        return one_candidate("long-axes", self.robot, "", robot_moves(situation, self.robot, moves))
+        return one_candidate("long-axes", self.robot, "", pose_moves(situation, self.robot, self.flange_tangents))
 
 
 def long_axes(cell: Cell, situation: Situation) -> list[LongAxes]:

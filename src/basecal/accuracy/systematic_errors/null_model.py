@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views, with_random_effects
-from basecal.effects.faces.views import Moves
+from basecal.effects.faces.candidates import Moves
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.random_effects import held_errors
 from basecal.estimation.problem.problem import Problem, State

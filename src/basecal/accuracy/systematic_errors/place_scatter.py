@@ -16,8 +16,7 @@ from scipy.linalg import block_diag
 from basecal.accuracy.model_comparison.nested_models import log_chance
 from basecal.accuracy.systematic_errors.score_tests import HIDDEN, Linearised, score, with_random_effects
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.effects.faces.candidates import Candidates
-from basecal.effects.step import split_frame
+from basecal.effects.faces.candidates import Candidates, frame_candidates
 from basecal.estimation.problem.gauges import LENGTH_M
 from basecal.geometry import Array, BoolArray
 from basecal.numerics.spectral import principal_axes, spectrum
@@ -48,7 +47,7 @@ def place_scatter(situation: Situation, null: Linearised, change: Candidates) ->
     is_beyond = _place_splits(situation, change.about[0])
     if not is_beyond.size:
         return PlaceScatter()
-    splits = split_frame(situation, change.about[0], is_beyond, (None,) * is_beyond.shape[1])
+    splits = frame_candidates("base-moved", situation, change.about[0], is_beyond, (None,) * is_beyond.shape[1])
     beside = with_random_effects(null, tuple(None if moves is None else moves[:, 0] for moves in change.moves))
     found = score(beside, splits.join_sizes())
     root = _whitening_root(found.information[0], len(splits.about))

@@ -13,10 +13,9 @@ import numpy as np
 
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Cell
-from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.expected_size import SigmaPrior
+from basecal.effects.faces.candidates import Candidates, one_candidate, pose_moves
+from basecal.effects.faces.effect import SigmaPrior
 from basecal.effects.faces.shared_errors import SharedErrors
-from basecal.effects.faces.views import Views, robot_moves
 from basecal.effects.smooth import Modes
 from basecal.effects.smooth_by_place import kernel
 from basecal.estimation.noise.random_effects import FEWEST_STOPS
@@ -54,13 +53,7 @@ class PoseField(NamedTuple):
 
     def candidate(self, situation: Situation) -> Candidates:
         """All its errors, as sizes of one candidate."""
-
-        def moves(views: Views, k: int, robot: str) -> Array:
-            """How views of a group move."""
-            tangents: Array = views.flange_jacobian(k, robot) @ self.flange_tangents(views.recorded_pose(k, robot))
-            return tangents
-
-        return one_candidate("pose-field", self.robot, "m", robot_moves(situation, self.robot, moves))
+        return one_candidate("pose-field", self.robot, "m", pose_moves(situation, self.robot, self.flange_tangents))
 
 
 def fields_prior(width: int) -> SigmaPrior:
@@ -88,4 +81,4 @@ def pose_field(situation: Situation, robot: str) -> PoseField | None:
     if has_joints or count_stops(problem, robot) < FEWEST_STOPS or any(robot in of for of in common.values()):
         return None
     poses, seen = stands(problem, robot)
-    return PoseField(robot, Modes.from_poses(poses[np.flatnonzero(seen)], kernel))
+    return PoseField(robot, Modes.strongest(poses[np.flatnonzero(seen)], kernel))

@@ -18,8 +18,7 @@ import numpy as np
 from scipy.special import betainc, betaln
 
 from basecal.accuracy.model_comparison.nested_models import LEAST_CHANCE, log_chance
-from basecal.effects.faces.candidates import Candidates
-from basecal.effects.faces.views import Moves
+from basecal.effects.faces.candidates import Candidates, Moves
 from basecal.estimation.least_squares.normal_equations import (
     LinearisedViews,
     linearise,

@@ -28,7 +28,7 @@ from basecal.accuracy.systematic_errors.score_tests import Linearised, log_chanc
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.systematic_errors.suspect import COST, Suspect
 from basecal.effects.faces.candidates import Candidates, combine_candidates
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import CHANGES_IN_TIME, EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS, largest_sigma
 from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots
 from basecal.estimation.noise.random_effects import shared_term

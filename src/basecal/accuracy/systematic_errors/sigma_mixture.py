@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from basecal.effects.faces.expected_size import SigmaPrior
+from basecal.effects.faces.effect import SigmaPrior
 from basecal.geometry import Array
 from basecal.numerics.mixtures import Gaussian, mixture
 

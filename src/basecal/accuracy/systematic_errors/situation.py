@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.accuracy.systematic_errors.null_model import null_model
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views, with_random_effects
-from basecal.effects.faces.views import Group, Moves
+from basecal.effects.faces.candidates import Group, Moves
 from basecal.effects.registry import CHANGES_IN_TIME, RANDOM_EFFECTS
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.problem.build import recorded_by_joints

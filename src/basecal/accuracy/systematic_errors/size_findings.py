@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from basecal.accuracy.phrases.target_length import as_written
 from basecal.cell import Cell, Finding
-from basecal.effects.faces.found_effect import FoundEffect, format_with_sigma
+from basecal.effects.faces.effect import FoundEffect, format_with_sigma
 
 _CODES = "board-size", "length-scale"
 

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from basecal.acquisition.driver import Camera, HasWatchdog, Moves, Robot, StopGuarantee
-from basecal.acquisition.driver_check.measuring import (
-    Arrivals,
-    measure_stop,
-    record_images,
-    record_states,
-    stale_images,
+from basecal.acquisition.driver import (
+    ARRIVED_RAD_M,
+    Camera,
+    HasWatchdog,
+    Moves,
+    Reading,
+    Robot,
+    StopGuarantee,
+    check_reading,
 )
 from basecal.acquisition.freshness import LEAST_HZ
-from basecal.acquisition.states import ARRIVED_RAD_M
 from basecal.acquisition.supervision.limits import STALE_S
+from basecal.cell import RobotState
+from basecal.errors import DriverError
+from basecal.geometry import Array
 
 _MEASURED_S = 5.0
 _PAUSE_S = 2.0
@@ -25,6 +33,13 @@ _MOST_CLOCK_DRIFT = 0.01
 _MOVE_RAD, _SPEED_RAD_S = np.radians(3.0), np.radians(5.0)
 _STOPPED_S = 0.5  # after an order, or after a watchdog heard nothing more
 _GAP_S = 0.5  # without states, which counts as an outage
+_HEARTBEAT_S = 0.02
+_AT_REST_RAD = 2e-4  # by which an arm at rest moves in 0.1 s: 0.1 deg/s
+_REST_S = 0.1
+_START_TIMEOUT_S = 3.0
+_STOP_TIMEOUT_S = 5.0
+
+Given = TypeVar("Given")
 
 
 @dataclass(frozen=True)
@@ -115,3 +130,178 @@ def camera_promises(camera: Camera) -> Iterator[Promise]:
     yield from _stream_promises(arrivals, 1.0)
     stale = stale_images(camera, 1 / arrivals.rate_hz, _PAUSE_S)
     yield Promise("images are fresh after a pause", f"{stale} had waited in a buffer", stale == 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Arrivals:
+    """Arrivals of states or images: `at_s` (n,) by this machine's clock, `stamps_s` (n,) by their own."""
+
+    at_s: Array
+    stamps_s: Array
+
+    @property
+    def rate_hz(self) -> float:
+        """Items in a second."""
+        return float((len(self.at_s) - 1) / (self.at_s[-1] - self.at_s[0]))
+
+    @property
+    def longest_gap_s(self) -> float:
+        """Longest time without a new one."""
+        return float(np.diff(self.at_s).max())
+
+    @property
+    def lag_s(self) -> float:
+        """How much later than the fastest the latest came, after its own stamp."""
+        lag_s = self.at_s - self.stamps_s
+        return float(lag_s.max() - lag_s.min())
+
+    @property
+    def drift(self) -> float:
+        """Excess speed of the device's clock over this machine's, as a share."""
+        at_s = self.at_s - self.at_s.mean()
+        return float(at_s @ (self.stamps_s - self.stamps_s.mean()) / (at_s @ at_s) - 1)
+
+    @property
+    def repeats(self) -> int:
+        """How many stamps are equal to the one before."""
+        return int(np.sum(np.diff(self.stamps_s) == 0))
+
+    @property
+    def steps_back(self) -> int:
+        """How many stamps are older than the one before."""
+        return int(np.sum(np.diff(self.stamps_s) < 0))
+
+
+@dataclass(frozen=True)
+class Stop:
+    """How an arm stopped: after `time_s`, and `distance_rad` of the leading joint, from the instant of the order."""
+
+    time_s: float
+    distance_rad: float
+
+
+def record_states(name: str, robot: Robot, duration_s: float) -> tuple[Arrivals, Array]:
+    """Read states for a while: when they came, and their values, (n, k) [rad] or [m].
+
+    Raises:
+        DriverError: if a state does not come or is implausible, or fewer than three come.
+    """
+    at_s, readings = _arrivals(robot.state, duration_s)
+    for reading in readings:
+        check_reading(name, reading)
+    stamps_s = np.array([reading.stamp_s for reading in readings])
+    return Arrivals(at_s, stamps_s), np.stack([reading.state.vector for reading in readings])
+
+
+def record_images(camera: Camera, duration_s: float) -> Arrivals:
+    """Read images for a while.
+
+    Raises:
+        DriverError: if an image does not come, or fewer than three come.
+    """
+    at_s, images = _arrivals(camera.image, duration_s)
+    return Arrivals(at_s, np.array([image.stamp_s for image in images]))
+
+
+def _arrivals(read: Callable[[], Given], duration_s: float) -> tuple[Array, list[Given]]:
+    given: list[Given] = []
+    at_s: list[float] = []
+    until_s = time.monotonic() + duration_s
+    while not at_s or at_s[-1] < until_s:
+        given.append(read())
+        at_s.append(time.monotonic())
+    if len(given) < 3:
+        raise DriverError(f"only {len(given)} came in {duration_s:g} s: too few to measure anything")
+    return np.array(at_s), given
+
+
+def stale_images(camera: Camera, period_s: float, pause_s: float) -> int:
+    """Count images that waited in a buffer during a pause in which nobody read: they come faster than exposures.
+
+    Raises:
+        DriverError: if an image does not come.
+    """
+    time.sleep(pause_s)
+    count, before_s = 0, time.monotonic()
+    while True:
+        camera.image()
+        now_s = time.monotonic()
+        if now_s - before_s > period_s / 3:
+            return max(count - 1, 0)  # the newest image may wait for its reader
+        count, before_s = count + 1, now_s
+
+
+def measure_stop(name: str, robot: Robot, distance_rad: float, speed_rad_s: float, order: str = "stop") -> Stop:
+    """Move the last joint, and measure how it stops when ordered to, or when the watchdog hears nothing more.
+
+    Args:
+        name: The robot's.
+        robot: One that moves, and gives joints.
+        distance_rad: How far the joint is sent; it is stopped on half the way.
+        speed_rad_s: How fast.
+        order: `stop`, or `silence` of the heartbeat.
+
+    Raises:
+        DriverError: if it gives poses, does not begin to move, or does not stop.
+    """
+    assert isinstance(robot, Moves)
+    begin = _joints(name, robot)
+    goal = begin + np.append(np.zeros(len(begin) - 1), distance_rad)
+    with _kept_alive(robot) as silence:
+        try:
+            robot.move(RobotState(joints_rad=goal), speed_rad_s)
+            _wait(name, robot, lambda joints: abs(joints[-1] - begin[-1]) > distance_rad / 2, _START_TIMEOUT_S)
+            ordered_s, at = time.monotonic(), _joints(name, robot)
+            silence() if order == "silence" else robot.stop()
+            rested_s, rest = _wait_for_rest(name, robot)
+        finally:
+            with suppress(Exception):
+                robot.stop()
+    return Stop(max(rested_s - ordered_s, 0.0), float(np.abs(rest - at).max()))
+
+
+def _joints(name: str, robot: Robot) -> Array:
+    reading: Reading = robot.state()
+    check_reading(name, reading)
+    if reading.state.joints_rad is None:
+        raise DriverError(f"{name}: it gives poses: a move of one joint needs a cell with its URDF")
+    return reading.state.joints_rad
+
+
+def _wait(name: str, robot: Robot, is_there: Callable[[Array], bool], most_s: float) -> None:
+    until_s = time.monotonic() + most_s
+    while not is_there(_joints(name, robot)):
+        if time.monotonic() > until_s:
+            raise DriverError(f"{name}: it did not go where it was sent within {most_s:g} s")
+
+
+def _wait_for_rest(name: str, robot: Robot) -> tuple[float, Array]:
+    """Since when [s] the arm stands, and where."""
+    since_s, at = time.monotonic(), _joints(name, robot)
+    until_s = since_s + _STOP_TIMEOUT_S
+    while time.monotonic() - since_s < _REST_S:
+        joints = _joints(name, robot)
+        if np.abs(joints - at).max() > _AT_REST_RAD:
+            since_s, at = time.monotonic(), joints
+        if time.monotonic() > until_s:
+            raise DriverError(f"{name}: it did not stop within {_STOP_TIMEOUT_S:g} s. Use the emergency stop")
+    return since_s, at
+
+
+@contextmanager
+def _kept_alive(robot: Robot) -> Iterator[Callable[[], None]]:
+    """Send the heartbeat of a watchdog, if there is one, until what it gives is called."""
+    ended = threading.Event()
+
+    def kick() -> None:
+        """Send the heartbeat until it is no longer needed."""
+        with suppress(Exception):
+            while isinstance(robot, HasWatchdog) and not ended.wait(_HEARTBEAT_S):
+                robot.keep_alive()
+
+    thread = threading.Thread(target=kick, daemon=True)
+    thread.start()
+    try:
+        yield ended.set
+    finally:
+        ended.set()

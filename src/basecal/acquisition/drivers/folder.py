@@ -57,8 +57,7 @@ class FolderCamera:
         while True:
             new = sorted(self._new_files())
             for written_ns, path in new if self.is_on_demand else new[: -1 - _HALVES : -1]:
-                data = read_bytes(path)
-                grey = data if isinstance(data, str) else grey_image(data, None)
+                grey = grey_image(read_bytes(path), None)
                 if not isinstance(grey, str):
                     older = [] if self.is_on_demand else [each.name for ns, each in new if ns < written_ns]
                     self._seen.update([path.name, *older])

@@ -16,7 +16,6 @@ import numpy as np
 
 from basecal.acquisition.driver import CameraImage, Grey, Place, Reading, checked_options
 from basecal.acquisition.reaching import external_path
-from basecal.acquisition.states import state_vector
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DriverError
@@ -74,7 +73,7 @@ class Tape:
             state = sample.robots.get(name)
             if state is None or (state.joints_rad is None) != (to.joints_rad is None):
                 return math.inf
-            away += float(np.linalg.norm(state_vector(state) - state_vector(to)))
+            away += float(np.linalg.norm(state.vector - to.vector))
         return away
 
 
@@ -132,8 +131,7 @@ class ReplayCamera:
         return CameraImage(self._tape.tick(), self._read(paths[self._name]))
 
     def _read(self, path: str) -> Grey:
-        data = read_bytes(self._tape.folder / path)
-        grey = data if isinstance(data, str) else grey_image(data, self._tape.cell.cameras[self._name].size_px)
+        grey = grey_image(read_bytes(self._tape.folder / path), self._tape.cell.cameras[self._name].size_px)
         if isinstance(grey, str):
             raise DriverError(f"{self._name}: {path} {grey}")
         return grey

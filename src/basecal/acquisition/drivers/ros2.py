@@ -11,9 +11,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from basecal.acquisition.driver import CameraImage, Place, Reading, checked_options
+from basecal.acquisition.driver import CameraImage, Place, Reading, check_reading, checked_options
 from basecal.acquisition.freshness import Waits
-from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.ros2.dds import LAST_DOMAIN, choose_domain, domain_words
 from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.states import state_vector
 from basecal.cell import RobotState
 from basecal.geometry import Array
 
@@ -38,7 +37,7 @@ class ArmMotion:
     def note(self, name: str, reading: Reading) -> None:
         """Take account of a state that a robot, by its name, gave just now."""
         self.show(name, reading.state)
-        now_s, here = time.monotonic(), state_vector(reading.state)
+        now_s, here = time.monotonic(), reading.state.vector
         if np.abs(here - self._at.setdefault(name, here)).max() <= _LEAST_MOTION:
             return
         self._at[name] = here

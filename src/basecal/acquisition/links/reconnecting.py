@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from abc import ABC, abstractmethod
 from contextlib import suppress
 
 import numpy as np
 
-from basecal.acquisition.driver import Reading
+from basecal.acquisition.driver import Reading, check_reading
 from basecal.acquisition.freshness import STALE_S, Stale, Waits, wait_for_newer
-from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import state_vector
 from basecal.errors import BasecalError, DriverError
 
 _RETRY_S = 0.2  # between two attempts to connect
+_CONNECT_S = 3.0  # a controller in the same building answers within milliseconds; one that boots, never
 
 
 class LostLink(DriverError):
@@ -139,7 +139,7 @@ class ReconnectingRobot(ABC):
 
 
 def _is_same(reading: Reading, last: Reading) -> bool:
-    return np.array_equal(state_vector(reading.state), state_vector(last.state))
+    return np.array_equal(reading.state.vector, last.state.vector)
 
 
 def _domain_error(name: str, error: Exception, is_first: bool = False) -> BasecalError:
@@ -151,3 +151,28 @@ def _domain_error(name: str, error: Exception, is_first: bool = False) -> Baseca
     if is_first:
         return DriverError(f"{name}: no connection ({words}). Is it on, and are its options in cell.yaml right?")
     return DriverError(f"{name}: its connection was lost ({words})")
+
+
+def connect(name: str, host: str, port: int, device: str) -> socket.socket:
+    """A connection to a port, whose reads give up after three seconds.
+
+    Args:
+        name: The robot or camera.
+        host: Name or number of the other computer.
+        port: The port.
+        device: What should listen there, for the error.
+
+    Raises:
+        DriverError: if there is no such host, it does not answer, or nothing listens.
+    """
+    try:
+        return socket.create_connection((host, port), timeout=_CONNECT_S)
+    except socket.gaierror:
+        why = f"there is no host {host!r}: look at its address in cell.yaml"
+    except ConnectionRefusedError:
+        why = f"nothing listens at {host}:{port}: is {device} running there, and is the port right?"
+    except PermissionError:
+        why = f"this computer may not connect to {host}:{port}: a firewall or a rule of the system forbids it"
+    except OSError:
+        why = f"{host}:{port} is not reachable: is it on, and in the same network?"
+    raise DriverError(f"{name}: {why}")

@@ -13,8 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from basecal.acquisition.links.reach import connect
-from basecal.acquisition.links.reconnecting import LostLink
+from basecal.acquisition.links.reconnecting import LostLink, connect
 from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.errors import DriverError, MissingExtra
 from basecal.geometry import Array

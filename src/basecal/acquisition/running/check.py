@@ -8,18 +8,22 @@ those of the systematic errors. They are reported if two checks in a row find th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from basecal.accuracy.drift.disagreement import Disagreement, disagreement
+from basecal.accuracy.drift.shifts import SIZE_KIND, Shift
 from basecal.accuracy.model_comparison.nested_models import CONFIRMED
-from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
 from basecal.acquisition.running.estimate import RunningEstimate, running_estimate
 from basecal.cell import Cell, Recording, Sample
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import describe_effect
 
 _WINDOW_SAMPLES = 3  # samples that are compared together, to see what is too small to see in one
 _EXPLAINED = 1e-3  # chance of what a cause leaves, above which it explains the samples
+_REPORTED = {"base-moved", "robot-model", "length-scale"}
+_MOST_CAUSES = 3  # causes that are named where several explain the samples equally
 
 
 @dataclass(frozen=True)
@@ -140,3 +144,33 @@ def _odd_sample(sample: Sample) -> Doubt:
     """A sample whose successors agree with its predecessors."""
     message = f"The image of sample {sample.sample} does not belong to its pose. Check the stamps of its camera."
     return Doubt(sample.sample, message, is_lasting=False)
+
+
+def cause_of_shifts(causes: Sequence[Shift], sample: int) -> str:
+    """The event at a sample, and the remedy.
+
+    Args:
+        causes: What explains the samples, the likeliest first.
+        sample: Number of the first sample that has it.
+    """
+    named = list(dict.fromkeys(_describe_shift(each, sample) for each in causes))[:_MOST_CAUSES]
+    return f"{', or '.join(named)}. Check what was bumped, loosened or exchanged, and capture again."
+
+
+def _describe_shift(cause: Shift, sample: int) -> str:
+    if cause.joint is not None:
+        robot = cause.frame.removesuffix("_flange")
+        return f"joint {cause.joint + 1} of {robot} slipped by {np.degrees(cause.shift_rad):.2g} deg at sample {sample}"
+    if cause.transform == SIZE_KIND:
+        percent = 100 * float(cause.size[0])
+        larger = "larger" if percent > 0 else "smaller"
+        return f"{cause.frame} is another board since sample {sample}, {abs(percent):.2g} % {larger}"
+    size = f"{1e3 * cause.shift_m:.2g} mm and {np.degrees(cause.shift_rad):.2g} deg"
+    verb = "moved" if cause.frame.endswith("_base") else "was remounted or moved"
+    return f"{cause.frame} {verb} at sample {sample} by {size}"
+
+
+def cause_of_error(error: FoundEffect) -> str | None:
+    """The shared error of samples that noise does not explain, and the remedy; None if the report judges it."""
+    words = describe_effect(replace(error, about=error.about.rpartition("_from_")[2]))
+    return f"{words.what} {words.do[0]}" if words.code in _REPORTED else None

@@ -13,7 +13,7 @@ from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
 from basecal.accuracy.systematic_errors.search import running_error
 from basecal.cell import Calibration, Cell, Recording, Sample
-from basecal.effects.faces.found_effect import FoundEffect
+from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import CONTAINED
 from basecal.errors import BasecalError
 from basecal.estimation.noise.estimate import NoiseEstimate

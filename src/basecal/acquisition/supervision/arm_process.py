@@ -22,6 +22,8 @@ from typing import Any
 import numpy as np
 
 from basecal.acquisition.driver import (
+    OFF_PLACE_RAD,
+    OFF_WAY_RAD,
     ChecksGoals,
     Freedrives,
     HasWatchdog,
@@ -29,11 +31,12 @@ from basecal.acquisition.driver import (
     Place,
     Reading,
     Robot,
+    check_reading,
     driver_failure,
+    has_arrived,
+    joint_off_way,
 )
 from basecal.acquisition.drivers.registry import driver_kind
-from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import OFF_PLACE_RAD, OFF_WAY_RAD, has_arrived, joint_off_way, state_vector
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
     CLOSE_S,
@@ -172,7 +175,7 @@ class ArmProcess:
             )
 
     def _note(self, reading: Reading) -> None:
-        values = state_vector(reading.state)
+        values = reading.state.vector
         if self._values is None or np.abs(values - self._values).max() > _CHANGED_RAD_M:
             self._values, self._changed_s = values, time.monotonic()
         with self._aim:

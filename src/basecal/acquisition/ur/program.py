@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from basecal.acquisition.links.reach import connect
+from basecal.acquisition.links.reconnecting import connect
 from basecal.acquisition.ur.options import UrOptions
 from basecal.errors import DriverError, error_words
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.acquisition.driver import Reading
 from basecal.acquisition.freshness import STALE_S, Stale, Waits, wait_for_newer
-from basecal.acquisition.links.reach import connect
+from basecal.acquisition.links.reconnecting import connect
 from basecal.acquisition.ur.options import UrOptions
 from basecal.cell import RobotState
 from basecal.errors import DriverError, MissingExtra, error_words

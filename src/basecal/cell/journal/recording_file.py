@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.calibration import Finding
-from basecal.cell.cell import Cell
+from basecal.cell.cell import Cell, CellCamera
 from basecal.cell.format.paths import inside, own_file
 from basecal.cell.format.writing import append_durably, make_folder, open_own, write_atomically, writing_errors
-from basecal.cell.journal.image_bounds import check_image_bounds
 from basecal.cell.journal.sample_dict import sample_to_dict
 from basecal.cell.journal.sample_line import Dropped, context, line_data, sample_from_line
 from basecal.cell.journal.sample_values import Where
-from basecal.cell.journal.unknown_points import unknown_points
-from basecal.cell.recording import Recording, Sample
+from basecal.cell.recording import PixelObservation, Recording, Sample
 from basecal.cell.schema.cell_file import read_cell
 from basecal.errors import DatasetError, InputError, check_type
+from basecal.geometry import Array
 
 FOLDER = "recording"
 FILE = "samples.jsonl"
@@ -31,6 +32,8 @@ LARGEST_BYTES = 2**28
 _LONGEST_LINE = 2**24  # 16 MB: 400,000 points
 BOM = b"\xef\xbb\xbf"
 """Which some editors write before a text."""
+_MARGIN_PX = 0.05  # of the image's width: noise of points at its border stays within, sizes differ by more
+_OUTSIDE_SHARE = 0.05  # of the points: fewer are stray ones, which are found as outliers
 
 
 def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
@@ -186,3 +189,80 @@ def _repair(path: Path) -> Finding | None:
             return None
         journal.truncate(keep)
     return _cut_finding(str(path), text.count(b"\n") + 1, "the journal is cut back to the line before it")
+
+
+def check_image_bounds(samples: Sequence[Sample], lines: Mapping[int, int], path: str, cell: Cell) -> None:
+    """Check that the pixels of each camera lie in its image, but for a few stray ones.
+
+    Args:
+        samples: Those that were read.
+        lines: Line of each sample, by its number.
+        path: The file they stand in.
+        cell: Its cameras.
+
+    Raises:
+        DatasetError: naming the first line with a pixel outside, and which size looks wrong.
+    """
+    for name, camera in cell.cameras.items():
+        views = [
+            (sample.sample, seen)
+            for sample in samples
+            for seen in sample.observations
+            if isinstance(seen, PixelObservation) and seen.camera == name
+        ]
+        if camera.size_px is None or not views:
+            continue
+        pixels = np.concatenate([seen.pixels for _, seen in views])
+        outside = ~_inside_mask(pixels, camera.size_px)
+        if np.mean(outside) <= _OUTSIDE_SHARE:
+            continue
+        sample = next(n for n, s in views if not np.all(_inside_mask(s.pixels, camera.size_px)))
+        width, height = camera.size_px
+        share = f"{np.count_nonzero(outside)} of {len(pixels)} pixels of {name!r} lie outside its {width} x {height} px"
+        raise Where(path, lines[sample]).error("observations", f"{share}{_cause(camera, pixels)}")
+
+
+def _inside_mask(pixels: Array, size_px: tuple[int, int]) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Whether pixels, (n, 2), lie in an image, (n,)."""
+    margin = _MARGIN_PX * size_px[0]
+    return np.asarray(np.all((pixels >= -margin) & (pixels <= np.array(size_px) - 1 + margin), -1))
+
+
+def _cause(camera: CellCamera, pixels: Array) -> str:
+    """Which number looks wrong, and what to do."""
+    width, height = camera.size_px or (0, 0)
+    u, v = np.max(pixels, axis=0)
+    reach = f"; they reach to ({u:.0f}, {v:.0f})"
+    if width == height or np.mean(_inside_mask(pixels, (height, width))) < 1 - _OUTSIDE_SHARE:
+        return f"{reach}: size_px is of another resolution, give that of the images the points were found in"
+    lens = None if camera.intrinsics is None else camera.intrinsics.camera
+    middle = (np.array([width, height]) - 1) / 2
+    if lens is not None and np.linalg.norm(lens.center - middle) < np.linalg.norm(lens.center - middle[::-1]):
+        # The lens's principal point suits the size as stated.
+        return (
+            f"{reach}: u and v of the points look swapped, or width and height in both size_px and the camera matrix. "
+            "u counts along the width"
+        )
+    return f"{reach}: width and height look swapped, expected size_px: [{height}, {width}]"
+
+
+def unknown_points(drops: Sequence[Dropped], path: str) -> list[Finding]:
+    """Findings about samples that were dropped for the ids of their points, in the order of the file.
+
+    Args:
+        drops: The samples.
+        path: The file they stand in.
+    """
+    by_target: dict[str, list[Dropped]] = {}
+    for each in drops:
+        by_target.setdefault(each.reason.target, []).append(each)
+    findings = []
+    for of in by_target.values():
+        first, others, known = of[0], len(of) - 1, of[0].reason.known
+        who = f"sample {first.sample} and {others} more are" if others else f"sample {first.sample} is"
+        seen = frozenset[int]().union(*(each.reason.ids for each in of))
+        from_one = (min(seen), max(seen)) == (min(known) + 1, max(known) + 1)
+        do = (f"Subtract 1 from each id: they count from {min(known)}.",) if from_one else ()
+        what = f"{path}:{first.line}: {who} dropped: {first.reason}."
+        findings.append(Finding("dropped-sample", "info", tuple(str(each.sample) for each in of), what, do))
+    return findings

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from basecal.cell.calibration import Calibration, Finding
 from basecal.cell.results.calibration_model import CalibrationFile
+from basecal.cell.results.versions import program_version
 from basecal.cell.schema.errors import first_problem
 from basecal.cell.work_error import BudgetEntry
 from basecal.effects.faces.robot_parameter import RobotParameters
@@ -21,14 +21,6 @@ from basecal.fields.problems import CAUSE_LENGTH, SHORT_LENGTH, Loc, Problem, fi
 
 SCHEMA = "basecal/calibration/1"
 _FILE, _BUDGET_ENTRY, _FINDING = (TypeAdapter[Any](noun) for noun in (CalibrationFile, BudgetEntry, Finding))
-
-
-def program_version() -> str:
-    """The version of this program; `unknown` where it is not installed."""
-    try:
-        return version("basecal")
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from typing import Any
 
 from basecal.cell.calibration import Calibration
 from basecal.cell.cell import Cell
-from basecal.cell.format.json_text import indent_json
 from basecal.cell.format.paths import own_file
 from basecal.cell.format.writing import make_timed_folder, write_atomically
 from basecal.cell.format.yaml_text import read_text
@@ -156,3 +155,20 @@ def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]
         except OSError as error:
             raise DatasetError(str(path), f"cannot be read: {error.strerror}") from None
     return hashes
+
+
+def indent_json(value: Any, level: int = 0) -> str:
+    """The text of plain data, indented by a space a level; a row of numbers is one line.
+
+    Raises:
+        ValueError: if a number is not finite.
+    """
+    parts = list(value.values() if isinstance(value, dict) else value) if isinstance(value, dict | list) else []
+    if {dict, list}.isdisjoint(map(type, parts)):
+        return json.dumps(value, allow_nan=False)
+    inside, outside = "\n" + " " * (level + 1), "\n" + " " * level
+    texts = [indent_json(part, level + 1) for part in parts]
+    if isinstance(value, dict):
+        named = (f"{json.dumps(key)}: {text}" for key, text in zip(value, texts, strict=True))
+        return "{" + inside + ("," + inside).join(named) + outside + "}"
+    return "[" + inside + ("," + inside).join(texts) + outside + "]"

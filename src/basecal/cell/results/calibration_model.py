@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
 from basecal.cell.calibration import (
     Calibration,
@@ -22,16 +22,19 @@ from basecal.cell.calibration import (
     Validation,
     Verdict,
 )
-from basecal.cell.results.noise_written import WrittenNoise
 from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingError, Tolerance
+from basecal.effects.faces.effect import RandomEffect
 from basecal.effects.faces.robot_parameter import RobotParameters
+from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.errors import InputError
 from basecal.fields.file_forms import (
+    THREE,
     Covariance,
     Length,
     Number,
     Real,
     Seconds,
+    Sigma,
     Whole,
     WrittenPose,
     as_written,
@@ -40,6 +43,9 @@ from basecal.fields.file_forms import (
 from basecal.fields.problems import shorten
 from basecal.fields.values import Status
 from basecal.geometry import Array, Camera, PoseEstimate
+
+_Sigma3 = Annotated[list[Sigma | None], THREE]
+_Sigma6 = Annotated[list[Sigma | None], Field(min_length=6, max_length=6)]
 
 
 def _transform_name(name: str) -> str:
@@ -234,3 +240,63 @@ def _transform_entry(name: str, calibration: Calibration) -> _Known:
         calibration.status.get(name),
         calibration.verdicts.get(name, calibration.verdict),
     )
+
+
+class _Measured(BaseModel):
+    """Sigmas of what cameras measure."""
+
+    pixel_px: Sigma | None = None
+    pose_m: Sigma | None = None
+    pose_rad: Sigma | None = None
+    point_m: Sigma | None = None
+    touch_m: Sigma | None = None
+    grip_rad: Sigma | None = None
+
+
+class _Camera(_Measured):
+    factor: Real | None
+    views_count: Whole
+
+
+class _Robot(BaseModel):
+    """Sigmas of each stop alone; errors that stops share have the name of their effect."""
+
+    sigma_t_m: _Sigma3
+    sigma_r_rad: _Sigma3
+    rms_factor: Sigma | None = None
+    freedoms: Annotated[Real, Field(ge=1)] | None = None
+
+
+class _Clock(BaseModel):
+    jitter_s: Sigma | None
+
+
+class _Target(BaseModel):
+    shape: list[Number]
+
+
+def _shared_entry(name: str, effect: RandomEffect) -> Any:
+    """The entry of an effect: its sigmas, and its figures."""
+    of_errors = () if effect.is_by_coordinate else ("shift_m", "turn_rad")
+    numbers: dict[str, Any] = dict.fromkeys((*of_errors, *effect.figures), (Real, ...))
+    return create_model(name, sigma=(_Sigma6, ...), **numbers) | None, None
+
+
+_SHARED: dict[str, Any] = {name: _shared_entry(name, effect) for name, effect in RANDOM_EFFECTS.items()}
+_AnyRobot: Any = create_model("_AnyRobot", __base__=_Robot, **_SHARED)
+
+
+class _Noise(_Measured):
+    correlated_px: Sigma | None = None
+    cameras: dict[str, _Camera] | None = None
+    robots: dict[str, _AnyRobot] | None = None
+    clocks: dict[str, _Clock] | None = None
+    targets: dict[str, _Target] | None = None
+
+
+def _read(noise: _Noise | None) -> dict[str, Any]:
+    return {} if noise is None else noise.model_dump(exclude_unset=True)
+
+
+WrittenNoise = Annotated[Mapping[str, Any], as_written(_Noise | None, _read, dict)]
+"""Sigmas by what they are of; those of `cameras`, `robots`, `clocks` and `targets` by name."""

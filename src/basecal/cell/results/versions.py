@@ -17,3 +17,8 @@ def used_versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+def program_version() -> str:
+    """The version of this program; `unknown` where it is not installed."""
+    return used_versions().get("basecal", "unknown")

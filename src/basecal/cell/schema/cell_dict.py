@@ -17,9 +17,8 @@ from basecal.cell.cell import (
 )
 from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.schema.cell_schema import SCHEMA
-from basecal.cell.schema.clamping import clamps_dict
 from basecal.cell.schema.keep_out import keep_out_dict
-from basecal.cell.schema.touching import touching_dict
+from basecal.cell.schema.touching import clamps_dict, touching_dict
 
 
 def cell_to_dict(cell: Cell) -> dict[str, Any]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from basecal.cell.cell import Cell
+from basecal.cell.cell import WORLD, Cell, grip_name
 from basecal.cell.format.paths import inside, own_file
 from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
@@ -16,13 +17,15 @@ from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_nouns import cell_noun
 from basecal.cell.schema.cell_schema import SCHEMA, CellEntry
 from basecal.cell.schema.errors import check_schema, collect_problems
-from basecal.cell.schema.names import name_problems
-from basecal.errors import BasecalError, InputError, check_type
-from basecal.fields.problems import Loc, Problem, dataset_error
+from basecal.cell.schema.touching import clamp_names, mark_names
+from basecal.errors import BasecalError, InputError, check_type, nearest
+from basecal.fields.problems import SHORT_LENGTH, Loc, Problem, dataset_error, shorten
 from basecal.kinematics import SerialChain, read_chain
 
 FILE = "cell.yaml"
 _OTHER_NAMES = ("cell.yml", "Cell.yaml", "cell.yaml.txt", "cell.json")
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_SECTIONS = ("robots", "cameras", "targets", "tips", "marks")
 
 
 def read_cell(folder: str | Path) -> Cell:
@@ -108,3 +111,57 @@ def _chain(folder: Path | None, urdf: str, base_link: str, flange_link: str) -> 
     if not path.is_file():
         raise InputError(f"there is no file {urdf!r} in the cell; copy the URDF into it")
     return read_chain(path, base_link, flange_link, folder)
+
+
+def name_problems(data: dict[str, Any]) -> list[Problem]:
+    """Problems of the names in the data of a cell, independent of its other problems."""
+    return [*_unfit_names(data), *_unknown_robots(data)]
+
+
+def _section(data: dict[str, Any], name: str) -> dict[str, Any]:
+    section = data.get(name)
+    return section if isinstance(section, dict) else {}
+
+
+def _unfit_names(data: dict[str, Any]) -> Iterator[Problem]:
+    robots = _section(data, "robots")
+    owners = {f"{robot}_{end}": f"a frame of {robot!r}" for robot in robots for end in ("base", "flange")}
+    named = [(section, name) for section in _SECTIONS for name in _section(data, section)]
+    named += [("marks", name) for _, name in mark_names(data)]
+    named += [("clamp", each) for name, _ in clamp_names(data) for each in (name, grip_name(name))]
+    for section, name in named:
+        if not (isinstance(name, str) and _NAME.fullmatch(name)) or "_from_" in name or "_in_" in name:
+            what = "expected a name of a-z, 0-9 and _, a letter first, without _from_ or _in_"
+            yield Problem((section, name), f"{what}; rename {shorten(name)}")
+        elif name == WORLD:
+            yield Problem((section, name), f"{WORLD!r} is the base of the reference robot; choose another name")
+        if name in owners:
+            yield Problem((section, name), f"the name {name!r} is taken by {owners[name]}; names are unique")
+        owners[name] = f"{section}.{name}"
+
+
+def _unknown_robots(data: dict[str, Any]) -> Iterator[Problem]:
+    reference, robots = data.get("reference"), list(_section(data, "robots"))
+    carriers = [*robots, WORLD]
+    if isinstance(reference, str) and reference not in robots:
+        yield Problem(("reference",), _no_robot(reference, robots))
+    for section in ("cameras", "targets", "tips"):
+        for name, entry in _section(data, section).items():
+            on = entry.get("on") if isinstance(entry, dict) else None
+            there = robots if section == "tips" else carriers
+            if isinstance(on, str) and on not in there:
+                yield Problem((section, name, "on"), _no_robot(on, there))
+    for name, entry in clamp_names(data):
+        for robot in entry.get("robots") or () if isinstance(entry, dict) else ():
+            if isinstance(robot, str) and robot not in robots:
+                yield Problem(("clamp", name, "robots"), _no_robot(robot, robots))
+    for name in _section(data, "bases"):
+        if name not in robots:
+            yield Problem(("bases", name), _no_robot(name, robots))
+        elif name == reference:
+            yield Problem(("bases", name), f"the base of the reference {name!r} is `world` itself; remove it")
+
+
+def _no_robot(name: str, robots: list[str]) -> str:
+    listed = ", ".join(map(str, robots)) or "none"
+    return f"no robot {shorten(name)}{nearest(str(name)[:SHORT_LENGTH], robots)}; there are: {listed}"

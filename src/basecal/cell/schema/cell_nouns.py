@@ -10,9 +10,8 @@ import numpy as np
 
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
 from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, RobotEntry
-from basecal.cell.schema.clamping import with_clamps
 from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
-from basecal.cell.schema.touching import with_touching
+from basecal.cell.schema.touching import with_clamps, with_touching
 from basecal.cell.targets.kind import TargetEntry
 from basecal.fields.values import UnknownEntry, pose_se3
 from basecal.geometry import Camera, read_only

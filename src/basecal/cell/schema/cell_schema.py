@@ -10,11 +10,9 @@ from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
 from basecal.cell.cell import Clock, RollingShutter
-from basecal.cell.schema.clamping import ClampEntry, named_clamps
-from basecal.cell.schema.driver import DriverEntry
 from basecal.cell.schema.keep_out import KeepOutEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
-from basecal.cell.schema.touching import MarkEntry, TipEntry
+from basecal.cell.schema.touching import ClampEntry, MarkEntry, TipEntry, named_clamps
 from basecal.cell.targets.registry import AnyTargetEntry
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.fields.parameters import Parameters
@@ -33,6 +31,7 @@ from basecal.fields.values import (
 from basecal.geometry.lenses.registry import lens_models
 
 SCHEMA = "basecal/cell/1"
+_NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
 class RobotNoiseEntry(Entry):
@@ -182,3 +181,16 @@ class CellEntry(Entry):
         default_factory=dict
     )
     clamp: Annotated[dict[str, ClampEntry], BeforeValidator(named_clamps)] = Field(default_factory=dict)
+
+
+def _with_kind(value: dict[str, Any]) -> dict[str, Any]:
+    kind = value.get("kind")
+    if not (isinstance(kind, str) and _NAME.fullmatch(kind)):
+        raise ValueError(
+            f"expected `kind`, the name of a driver (a-z, 0-9 and _), with its options beside it; got {shorten(kind)}"
+        )
+    return value
+
+
+DriverEntry = Annotated[dict[str, Any], AfterValidator(_with_kind)]
+"""The name of a driver as `kind`, and its options; the driver itself checks these when it is opened."""

@@ -7,18 +7,25 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
+from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
-from basecal.cell.cell import WORLD, Cell, CellCamera, CellTarget, Unknown
+from basecal.cell.cell import WORLD, Cell, CellCamera, CellTarget, Contact, Unknown, grip_name
 from basecal.cell.format.plain import numbers
 from basecal.cell.target import Target
-from basecal.fields.values import Entry, Mount, PointMount, Sigma, UnknownEntry, Vector
+from basecal.fields.values import Entry, Mount, PointMount, Sigma, UnknownEntry, Vector, empty
 from basecal.geometry import SE3, read_only
 from basecal.numerics.spectral import principal_axes
 
 _USUAL_SIGMA_M = 2e-5  # [m] per axis of a drilled or milled plate, or of a point that another instrument measured
 _LINE_SHARE = 1e-6  # of the length of a line, how far its marks may be off an axis
 _Points = dict[str, Vector] | Annotated[list[Vector], Field(min_length=1)]
+_ONLY_NAME = "part"  # of a part that is stated without one
+_CONTACTS: Mapping[str, Contact] = {"fixed": "clamp", "free": "hinge"}
+
+_REACH_M = 0.2  # [m] of a part from the flange that holds it, one sigma
+# A rigid part has no frame of its own: it has the axes of the flange, and is where its grip errs independently.
+_RIGID = Unknown("prior", SE3.identity(), read_only([_REACH_M] * 3 + [np.inf] * 3))
 
 
 class TipEntry(Entry):
@@ -149,3 +156,54 @@ def _mark(marks: Mapping[str, Any], name: str, target: CellTarget) -> dict[str, 
     if target.on == WORLD:
         return {"points_m": [point], **stated}
     return {"points_m": {**marks[target.on].get("points_m", {}), name: point}, **stated}
+
+
+class ClampEntry(Entry):
+    """A part that two robots hold: rigidly, or so that it turns about an axis."""
+
+    robots: Annotated[list[str], Field(min_length=2, max_length=2)]
+    axis: Literal["fixed", "free"] = "fixed"
+
+    @checks("robots")
+    @classmethod
+    def _two(cls, value: list[str]) -> list[str]:
+        if value[0] == value[1]:
+            raise ValueError("expected two robots that hold the part, got one twice")
+        return value
+
+
+def named_clamps(value: Any) -> Any:
+    """Parts by name, also of a single one that is stated without a name."""
+    return {_ONLY_NAME: value} if isinstance(value, dict) and "robots" in value else empty(value)
+
+
+def clamp_names(data: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Parts and what is written of them in the data of a cell, whatever else is wrong with it."""
+    clamps = named_clamps(data.get("clamp"))
+    yield from clamps.items() if isinstance(clamps, dict) else ()
+
+
+def with_clamps(cell: dict[str, Any], clamps: Mapping[str, ClampEntry]) -> None:
+    """Add parts to those of a cell: what the first robot holds meets what the second holds.
+
+    Args:
+        cell: Arguments of `Cell`.
+        clamps: By name.
+    """
+    for name, clamp in clamps.items():
+        one, other = clamp.robots
+        held = _RIGID if clamp.axis == "fixed" else Unknown()
+        cell["cameras"][name] = CellCamera(name, one, held, kind="clamp")
+        grip = CellTarget(grip_name(name), other, size_sigma=0.0, contact=_CONTACTS[clamp.axis])
+        cell["targets"][grip.name] = grip
+
+
+def clamps_dict(cell: Cell) -> dict[str, Any]:
+    """The section `clamp` that is read back to the same cell."""
+    clamps = {}
+    for name, camera in cell.cameras.items():
+        if camera.kind == "clamp":
+            grip = cell.targets[grip_name(name)]
+            axis = next(axis for axis, contact in _CONTACTS.items() if contact == grip.contact)
+            clamps[name] = {"robots": [camera.on, grip.on], "axis": axis}
+    return {"clamp": clamps}

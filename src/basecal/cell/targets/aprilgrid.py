@@ -14,8 +14,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from basecal.cell.sheet import Marker, Sheet
-from basecal.cell.target import Tags, Target
+from basecal.cell.target import Marker, Sheet, Tags, Target
 from basecal.cell.targets.fiducials import FAMILIES
 from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, choose_dictionary, plane_grid
 from basecal.fields.values import MOST_POINTS, Length, known_names

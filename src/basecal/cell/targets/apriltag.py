@@ -9,8 +9,7 @@ from pydantic import AfterValidator, Field
 from pydantic import model_validator as checks_whole
 
 from basecal.cell.format.plain import pose_dict
-from basecal.cell.sheet import Marker, Sheet
-from basecal.cell.target import Tags, Target
+from basecal.cell.target import Marker, Sheet, Tags, Target
 from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cell_count
 from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind
 from basecal.fields.values import MOST_POINTS, Length, PoseEntry, full_pose, given_fields, known_names, pose_se3

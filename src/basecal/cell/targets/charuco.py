@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import model_validator as checks_whole
 
-from basecal.cell.sheet import Marker, Sheet, black_squares
-from basecal.cell.target import Target
+from basecal.cell.target import Marker, Sheet, Target, black_squares
 from basecal.cell.targets.fiducials import DICTIONARIES, begins_as, smallest_dictionary
 from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind, choose_dictionary, plane_grid
 from basecal.fields.values import Length, Squares, known_names

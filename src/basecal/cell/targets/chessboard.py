@@ -10,8 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from basecal.cell.sheet import Sheet, black_squares
-from basecal.cell.target import Target
+from basecal.cell.target import Sheet, Target, black_squares
 from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
 from basecal.fields.values import Corners, Length
 

@@ -7,8 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from basecal.cell.sheet import Sheet
-from basecal.cell.target import Target
+from basecal.cell.target import Sheet, Target
 from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
 from basecal.fields.values import Corners, Length
 

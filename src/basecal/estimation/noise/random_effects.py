@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.effect import RandomEffect
 from basecal.effects.faces.robot_parameter import Posture
 from basecal.effects.faces.shared_errors import SharedErrors, SharedTerm
 from basecal.effects.registry import RANDOM_EFFECTS

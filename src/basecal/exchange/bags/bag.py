@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 from basecal.bounded_file import check_regular, read_bounded
 from basecal.box import Frame, LibraryError, frames, is_own_fault
 from basecal.errors import DatasetError, InputError, MissingExtra, error_words
-from basecal.exchange.bags.tag_poses import POSE_DEFINITIONS
 from basecal.exchange.bags.tags import DEFINITIONS
 
 TF = "tf2_msgs/msg/TFMessage"
@@ -101,7 +100,7 @@ def _decoder(is_first: bool) -> Callable[[bytes, str], Any]:
     store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
     if is_first:  # the store has no tf2_msgs of ROS 1
         store.register(get_types_from_msg(_TF_OF_ROS1, TF))
-    for kind, text in (DEFINITIONS | POSE_DEFINITIONS).items():
+    for kind, text in DEFINITIONS.items():
         store.register(get_types_from_msg(text, kind))
     return store.deserialize_ros1 if is_first else store.deserialize_cdr
 

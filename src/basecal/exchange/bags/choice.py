@@ -11,9 +11,8 @@ from basecal.exchange.bags.bag import POSE, Bag
 from basecal.exchange.bags.frames import Tree, hint
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, CameraSource, Taken
 from basecal.exchange.bags.survey import Survey, plain
-from basecal.exchange.bags.tag_poses import TAG_POSES, frames_of_tags
-from basecal.exchange.bags.tags import TAGS
-from basecal.exchange.importing.cell_content import KnownCell
+from basecal.exchange.bags.tags import TAG_POSES, TAGS, frames_of_tags
+from basecal.exchange.importing.imported import KnownCell
 from basecal.kinematics import SerialChain, parse_chain
 
 # As URDFs of Universal Robots, Franka, KUKA, ABB, FANUC, Yaskawa, UFACTORY and Doosan name them, the first that is.

@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from basecal.cell import PixelObservation, PoseObservation, RobotState
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.bags.bag import Bag, message_time
 from basecal.exchange.bags.images import image_file
 from basecal.exchange.bags.sources import Taken
-from basecal.exchange.bags.stops import Instant, Look, collect_looks, explain_no_stop, find_stops
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.exchange.importing.imported import Row
+from basecal.geometry import Array
 
 _MOST_ROWS = 200_000  # as many as a recording may have samples
+_AROUND_S = 0.15  # before and after an image, in which robots must stand: longer than a camera lags behind
+_MOST_APART_S = 0.25  # of the nearest record before or after an image: what is recorded more seldom may have moved
+_STILL_RAD_M = 1e-4  # by which states may differ: 0.1 mm at a metre
+_BEYOND_NOISE = 8.0  # sigmas of the noise of states by which they may: the spread of 75 of them is five
+_MOST_NOISE = 5e-4  # that a read-back is taken to have [m, rad]
+_SAME_STOP = 1e-3  # from where a stop began [m, rad]: places where arms are sent are further apart
+_SECOND_DIFFERENCE = np.sqrt(6.0)  # its sigma in those of a state
+
+Channel = str | tuple[str, str]
 
 
 def still_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
@@ -96,3 +109,111 @@ def _state(track: Track, k: int) -> RobotState:
         return RobotState(joints_rad=track.joints[k])
     assert track.poses is not None
     return RobotState(track.poses[k])
+
+
+class Look(NamedTuple):
+    """An image of a camera, or a view of a target by a camera: which one of its channel, and when [s]."""
+
+    channel: Channel
+    place: int
+    stamp_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """A line of a recording before its images are written: where robots were, and what was looked at."""
+
+    stamp_s: float
+    robots: Mapping[str, RobotState]
+    looks: tuple[Look, ...] = ()
+
+
+def collect_looks(tracks: Tracks) -> list[Look]:
+    """All images and views, by time; of two images of one camera at one time the first."""
+    times: dict[Channel, Array] = {key: view.times for key, view in tracks.views.items()}
+    times.update(tracks.images)
+    found = []
+    for channel, stamps in times.items():
+        _, first = np.unique(stamps, return_index=True)
+        found += [Look(channel, int(k), float(stamps[k])) for k in first]
+    return sorted(found, key=lambda look: look.stamp_s)
+
+
+def find_stops(tracks: Tracks) -> tuple[Instant, ...]:
+    """The stops at which something was looked at.
+
+    Of each channel the look nearest to the middle of a stop is taken; robots are as at the first of these.
+    """
+    stops = []
+    for looks in _standing(tracks, collect_looks(tracks)):
+        middle = (looks[0].stamp_s + looks[-1].stamp_s) / 2
+        nearest: dict[Channel, Look] = {}
+        for look in sorted(looks, key=lambda look: abs(look.stamp_s - middle)):
+            nearest.setdefault(look.channel, look)
+        chosen = tuple(nearest.values())
+        robots = {}
+        for name, track in tracks.robots.items():
+            values = _standing_state(track, chosen[0].stamp_s)
+            assert values is not None
+            robots[name] = _state(track, 0).with_vector(values)
+        stops.append(Instant(chosen[0].stamp_s, robots, chosen))
+    return tuple(stops)
+
+
+def explain_no_stop(tracks: Tracks) -> str:
+    """Why no instant is still, in words, and what to do."""
+    if not collect_looks(tracks):
+        return "there is no image, and no --view names a topic of poses or tags: --list shows the topics"
+    do = "--streams takes all of it as it moves, each device by its own clock"
+    rare = [name for name, track in tracks.robots.items() if _usual_gap(track) > _MOST_APART_S]
+    if rare:
+        gap = _usual_gap(tracks.robots[rare[0]])
+        return f"{rare[0]} was recorded every {gap:.2g} s, and {_MOST_APART_S} s or less would show that it rests: {do}"
+    return f"no robot is at rest for {2 * _AROUND_S} s around an image: {do}"
+
+
+def _usual_gap(track: Track) -> float:
+    return float(np.median(np.diff(track.times))) if len(track.times) > 1 else np.inf
+
+
+def _standing(tracks: Tracks, looks: Sequence[Look]) -> Iterator[list[Look]]:
+    """Looks of each stop."""
+    stop: list[Look] = []
+    began: dict[str, Array] = {}
+    for look in looks:
+        states = {name: _standing_state(track, look.stamp_s) for name, track in tracks.robots.items()}
+        stood = {name: state for name, state in states.items() if state is not None}
+        is_still = len(stood) == len(states)
+        if stop and not (is_still and all(np.abs(stood[n] - began[n]).max() < _SAME_STOP for n in stood)):
+            yield stop
+            stop = []
+        if is_still:
+            began = began if stop else stood
+            stop.append(look)
+    if stop:
+        yield stop
+
+
+def _standing_state(track: Track, time: float) -> Array | None:
+    """The mean of the states around an instant; None if they differ by more than read-back, or are not there."""
+    times = track.times
+    if time - _AROUND_S < times[0] or time + _AROUND_S > times[-1]:
+        return None
+    before, after = int(np.searchsorted(times, time, side="right")) - 1, int(np.searchsorted(times, time))
+    if max(time - times[before], times[after] - time) > _MOST_APART_S:
+        return None
+    low = min(before, int(np.searchsorted(times, time - _AROUND_S)))
+    high = max(after, int(np.searchsorted(times, time + _AROUND_S, side="right")) - 1)
+    values = _vectors(track, slice(low, high + 1))
+    noise = np.diff(values, n=2, axis=0).std(axis=0) / _SECOND_DIFFERENCE if len(values) > 3 else np.zeros(1)
+    allowed = np.maximum(_STILL_RAD_M, _BEYOND_NOISE * np.minimum(noise, _MOST_NOISE))
+    return None if np.any(np.ptp(values, axis=0) > allowed) else np.asarray(values.mean(axis=0))
+
+
+def _vectors(track: Track, part: slice) -> Array:
+    """(n, k) joints [rad], or positions [m] and rotation matrices."""
+    if track.joints is not None:
+        return track.joints[part]
+    assert track.poses is not None
+    poses = track.poses[part]
+    return np.concatenate([poses.translation, poses.rotation.reshape(-1, 9)], axis=1)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from basecal.cell.target import Tags
-from basecal.exchange.bags.tag_poses import TagFrames
+from basecal.exchange.bags.tags import TagFrames
 from basecal.kinematics import SerialChain
 
 

@@ -8,11 +8,8 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.exchange.exports.cameras import choose_camera, exported_camera
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.quoting import yaml_word
-from basecal.exchange.exports.remarks import comments
-from basecal.exchange.exports.wanted import Wanted
-from basecal.exchange.ros_lenses import ros_lens
+from basecal.exchange.exports.exporter import Exporter, Wanted, comments, yaml_word
+from basecal.exchange.lens_files.camera_info import ros_lens
 from basecal.geometry import Array
 
 

@@ -9,8 +9,7 @@ from basecal.cell import Calibration, Cell, Robot
 from basecal.errors import InputError
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import chosen_transforms
-from basecal.exchange.exports.remarks import check_exportable, provenance
-from basecal.exchange.exports.wanted import NamedTransform, Wanted
+from basecal.exchange.exports.exporter import NamedTransform, Wanted, check_exportable, provenance
 
 
 def controllers_text(calibration: Calibration, cell: Cell, transform: str | None = None, run: str | None = None) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.quoting import csv_row
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Exporter, Wanted, csv_row
 
 _HEADER = (
     *("name", "parent", "child", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"),

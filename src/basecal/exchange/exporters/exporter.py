@@ -9,8 +9,7 @@ from basecal.cell import Calibration, Cell
 from basecal.errors import FrameNotFound, InputError, check_type
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import both_directions, chosen_transforms
-from basecal.exchange.exports.remarks import check_exportable, provenance
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Wanted, check_exportable, provenance
 
 
 def export(

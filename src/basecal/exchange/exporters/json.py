@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 
 from basecal.cell.format.plain import numbers
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Exporter, Wanted
 
 
 def export_text(request: Wanted) -> str:

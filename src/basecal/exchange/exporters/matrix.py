@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from basecal.exchange.exporters.pendants import pasted_lines
 from basecal.exchange.exports.digits import format_decimals, length_decimals, unit_decimals
-from basecal.exchange.exports.pasted_lines import pasted_lines
-from basecal.exchange.exports.wanted import NamedTransform, Wanted
+from basecal.exchange.exports.exporter import NamedTransform, Wanted
 
 
 def matrix_lines(one: NamedTransform, request: Wanted) -> list[str]:

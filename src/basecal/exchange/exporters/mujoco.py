@@ -6,11 +6,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.quoting import xml_comment
-from basecal.exchange.exports.remarks import comments, describe_transform
+from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform, xml_comment
 from basecal.exchange.exports.tree import Place, places
-from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.urdf import exactly
 
 
@@ -21,7 +18,7 @@ def export_text(request: Wanted) -> str:
     """
     model = Element("mujoco", model="basecal")
     for line in comments([*request.remarks, *(describe_transform(one, "m") for one in request.transforms)], ""):
-        model.append(xml_comment(line.strip()))
+        model.append(xml_comment(line))
     world = SubElement(model, "worldbody")
     for place in places(request.transforms):
         _add(world, place)

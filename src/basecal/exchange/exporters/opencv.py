@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from basecal.exchange.exports.cameras import exported_camera
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import comments, describe_transform
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform
 from basecal.geometry import Array
 
 

@@ -1,14 +1,37 @@
-"""Poses as pendants and programs of controllers take them: six numbers in one form for each."""
+"""Poses as pendants and programs of controllers take them: numbers, frames of KRL and poses of RAPID."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.exchange.exports.digits import written_numbers
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.pasted_lines import pasted_lines
-from basecal.exchange.exports.wanted import NamedTransform, Wanted
+from basecal.exchange.exports.digits import format_decimals, length_decimals, written_numbers
+from basecal.exchange.exports.exporter import Exporter, NamedTransform, Wanted, comments, describe_transform
+
+_LONGEST_NAME = 32
+"""Characters of an identifier. Source: RAPID Overview, "Identifiers"."""
+
+
+def pasted_lines(
+    words: str, mark: str, units: str, lines_of: Callable[[NamedTransform, Wanted], list[str]]
+) -> Exporter:
+    """An exporter of transforms as lines to paste.
+
+    Args:
+        words: What it gives, for help.
+        mark: What begins a comment.
+        units: Of the numbers, in words.
+        lines_of: Lines of a transform, given the whole request too.
+    """
+
+    def text(request: Wanted) -> str:
+        """Remarks, then each transform below its comment."""
+        lines = comments(request.remarks, mark)
+        for one in request.transforms:
+            lines += comments([describe_transform(one, units)], mark) + lines_of(one, request)
+        return "\n".join(lines) + "\n"
+
+    return Exporter(words, text, is_pasted=True)
 
 
 def _pendant(controller: str, words: str, mark: str, units: str, form: str) -> Exporter:
@@ -21,6 +44,48 @@ def _pendant(controller: str, words: str, mark: str, units: str, form: str) -> E
     return pasted_lines(words, mark, units, numbers)
 
 
+def frame_lines(one: NamedTransform, request: Wanted) -> list[str]:
+    """A frame of KRL; `$BASE`, `$ROBROOT` or `$TOOL` where the transform is one, with what is then meant.
+
+    Source: KUKA System Variables: `$BASE` and `$ROBROOT` are in WORLD, `$TOOL` is in the flange.
+    """
+    numbers = zip("XYZABC", written_numbers(CONTROLLERS["kuka"], one.estimate), strict=True)
+    frame = "{" + ", ".join(f"{name} {number}" for name, number in numbers) + "}"
+    lines = [frame]
+    parent, child = one.own_frames
+    if parent.endswith("_flange"):
+        lines.append(f"$TOOL={frame} ; on {parent.removesuffix('_flange')}: poses are then those of {child}")
+    elif parent.endswith("_base"):
+        robot = parent.removesuffix("_base")
+        lines.append(f"$BASE={frame} ; on {robot}, its $ROBROOT zero: poses are then in {child}")
+        other = child.removesuffix("_base")
+        if child.endswith("_base") and request.may_have_controller(other, "kuka"):
+            lines.append(f"$ROBROOT={frame} ; on {other}: its WORLD is then {parent}")
+    return lines
+
+
+def pose_lines(one: NamedTransform, request: Wanted) -> list[str]:
+    """A pose of RAPID; what is in a base is a work object too, and a base the Base Frame of the robot's parameters.
+
+    Work objects are fixed in the world, base frames in metres. Source: RAPID Reference Manual, data type `wobjdata`;
+    System parameters, topic Motion, type Robot, "Base Frame".
+    """
+    numbers = written_numbers(CONTROLLERS["abb"], one.estimate)
+    pose = f"[[{','.join(numbers[:3])}],[{','.join(numbers[3:])}]]"
+    parent, child = one.own_frames
+    if not parent.endswith("_base"):
+        return [pose]
+    name = f"wobj_{child}"[:_LONGEST_NAME]
+    lines = [pose, f'PERS wobjdata {name}:=[FALSE,TRUE,"",{pose},[[0,0,0],[1,0,0,0]]];']
+    other = child.removesuffix("_base")
+    if child.endswith("_base") and request.may_have_controller(other, "abb"):
+        metres = format_decimals(one.estimate.mean.translation, length_decimals(one.estimate, 1.0))
+        frame = ", ".join(f"{key} {value}" for key, value in zip("xyz", metres, strict=True))
+        turned = ", ".join(f"q{i} {value}" for i, value in enumerate(numbers[3:], start=1))
+        lines += comments([f"Base Frame of {other}, where the world is {parent}: {frame} [m], {turned}"], "!")
+    return lines
+
+
 PENDANTS: Mapping[str, Exporter] = {
     "ur": _pendant(
         "ur",
@@ -28,6 +93,15 @@ PENDANTS: Mapping[str, Exporter] = {
         "#",
         "m and rotation vector in rad",
         "p[{}, {}, {}, {}, {}, {}]",
+    ),
+    "kuka": pasted_lines(
+        "{X, Y, Z, A, B, C} of KRL in mm and deg, with $BASE, $ROBROOT or $TOOL", ";", "mm and deg", frame_lines
+    ),
+    "abb": pasted_lines(
+        "pose of RAPID in mm, quaternion w first, with wobjdata and Base Frame",
+        "!",
+        "mm and quaternion, scalar first",
+        pose_lines,
     ),
     # As in the positions of a listing (.LS).
     "fanuc": _pendant(

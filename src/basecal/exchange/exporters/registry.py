@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from basecal.exchange.exporters import (
-    abb,
     camera_info,
     csv,
     json,
-    kuka,
     matrix,
     mujoco,
     opencv,
@@ -24,15 +22,7 @@ from basecal.exchange.exporters.pendants import PENDANTS
 from basecal.exchange.exports.exporter import Exporter
 
 EXPORTERS: Mapping[str, Exporter] = {
-    "ur": PENDANTS["ur"],
-    "kuka": kuka.EXPORTER,
-    "abb": abb.EXPORTER,
-    "fanuc": PENDANTS["fanuc"],
-    "yaskawa": PENDANTS["yaskawa"],
-    "staubli": PENDANTS["staubli"],
-    "denso": PENDANTS["denso"],
-    "doosan": PENDANTS["doosan"],
-    "xarm": PENDANTS["xarm"],
+    **PENDANTS,
     "ros": ros.EXPORTER,
     "ros2": ros2.EXPORTER,
     "matrix": matrix.EXPORTER,

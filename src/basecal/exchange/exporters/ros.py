@@ -5,10 +5,7 @@ from __future__ import annotations
 import json
 
 from basecal.errors import InputError
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.quoting import yaml_word
-from basecal.exchange.exports.remarks import comments, describe_transform
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform, yaml_word
 from basecal.exchange.ros2 import ros_covariance
 
 

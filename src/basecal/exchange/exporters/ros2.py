@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import comments, describe_transform
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform
 from basecal.exchange.ros2 import publisher_arguments, static_transform_publisher
 
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from basecal.bounded_file import read_bounded
 from basecal.cell import Calibration, Cell
-from basecal.cell.results.calibration_dict import program_version
+from basecal.cell.results.versions import program_version
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Exporter, Wanted
 from basecal.exchange.urdf import corrected_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
 

@@ -7,10 +7,8 @@ from pathlib import Path
 from basecal.bounded_file import read_bounded
 from basecal.errors import InputError
 from basecal.exchange.exporters.urdf import applied_kinds, corrected_text
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import comments
-from basecal.exchange.exports.wanted import Wanted
-from basecal.exchange.urdf_scene import RobotPart, link_names, merged_urdf
+from basecal.exchange.exports.exporter import Exporter, Wanted, comments
+from basecal.exchange.urdf import RobotPart, link_names, merged_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES, joint_origins
 
 
@@ -53,8 +51,7 @@ def export_text(request: Wanted) -> str:
         f"{name}: {Path(part.path).name}, its base is the link {part.base_link}{corrections[name]}"
         for name, part in parts.items()
     ]
-    remarks = [line.strip() for line in comments([*request.remarks, *said], "")]
-    return merged_urdf(parts, cell.reference, places, remarks)
+    return merged_urdf(parts, cell.reference, places, comments([*request.remarks, *said], ""))
 
 
 def _robot_text(request: Wanted, name: str, path: Path) -> tuple[bytes, str]:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from basecal.bounded_file import read_bounded
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import comments, describe_transform
-from basecal.exchange.exports.wanted import Wanted
-from basecal.exchange.urdf_scene import patched_urdf
+from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform
+from basecal.exchange.urdf import patched_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
 
 
@@ -25,7 +23,7 @@ def export_text(request: Wanted) -> str:
         names = ", ".join(one.name for one in request.transforms)
         raise InputError(f"an origin is one transform: say which with --transform: {names}")
     (one,), (path,) = request.transforms, request.urdfs
-    remarks = [line.strip() for line in comments([*request.remarks, describe_transform(one, "m")], "")]
+    remarks = comments([*request.remarks, describe_transform(one, "m")], "")
     text, mean = read_bounded(path, LARGEST_BYTES), one.estimate.mean
     try:
         return patched_urdf(text, one.parent, one.child, mean, joint=request.joint, remarks=remarks, path=str(path))

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from basecal.errors import MissingExtra
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import comments, describe_transform
+from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform
 from basecal.exchange.exports.tree import Place, places
-from basecal.exchange.exports.wanted import Wanted
 
 
 def export_text(request: Wanted) -> str:
@@ -27,7 +25,7 @@ def export_text(request: Wanted) -> str:
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     remarks = comments([*request.remarks, *(describe_transform(one, "m") for one in request.transforms)], "")
-    stage.GetRootLayer().documentation = "\n".join(line.strip() for line in remarks)
+    stage.GetRootLayer().documentation = "\n".join(remarks)
     roots = [_define(stage, place, Sdf.Path.absoluteRootPath) for place in places(request.transforms)]
     stage.SetDefaultPrim(roots[0])
     text: str = stage.GetRootLayer().ExportToString()

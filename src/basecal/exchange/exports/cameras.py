@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.exporter import Wanted
 from basecal.geometry import Camera
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.cell import Calibration, Cell
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exports.wanted import NamedTransform
+from basecal.exchange.exports.exporter import NamedTransform
 from basecal.geometry import PoseEstimate
 
 

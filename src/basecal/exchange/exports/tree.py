@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from basecal.exchange.exports.wanted import NamedTransform
+from basecal.exchange.exports.exporter import NamedTransform
 from basecal.geometry import SE3
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,11 +16,10 @@ from basecal.exchange.bags.sources import Asked, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey, survey_bag
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.exchange.images import image_size
-from basecal.exchange.importing.cell_content import KnownCell, known_cell
 from basecal.exchange.importing.cell_files import scratch_folder
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
-from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.name_options import parse_name_options
+from basecal.exchange.importing.imported import Imported, KnownCell, Sight, known_cell
+from basecal.fields.typed_length import parse_name_options
 
 Progress = Callable[[int, int], None]
 
@@ -98,7 +97,7 @@ def read_bag(
             raise InputError("; ".join((f"{there.path}: {error}", *_damage(there)))) from None
         with scratch_folder(cell) as scratch:
             imported = _import_bag(watched, survey, taken, asked, known, Path(scratch.name), streams)
-            imported = _with_target(imported, cell, target, {target_name: target_on}, shape)
+            imported = _with_target(imported, cell, target, target_name, target_on, shape)
         notes = tuple(f"taking {line}" for line in taken.words)
         return replace(imported, scratch=scratch, notes=notes, warnings=_damage(there))
 
@@ -120,12 +119,17 @@ def _preview(bag: Bag, survey: Survey, request: Asked, present_cell: KnownCell) 
 
 
 def _with_target(
-    source: Imported, folder: str | Path, kind: TargetKindName | None, carriers: Mapping[str, str | None], shape: Shape
+    source: Imported,
+    folder: str | Path,
+    kind: TargetKindName | None,
+    name: str,
+    carrier: str | None,
+    shape: Shape,
 ) -> Imported:
     """A copy with the target that its images show, where one is described."""
     places = {name: camera.get("on") for name, camera in source.cell.get("cameras", {}).items()}
     camera = next(iter(places), "")
-    shown = target_entry(folder, kind, shape, carriers, {camera: places.get(camera)})
+    shown = target_entry(folder, kind, shape, Sight(camera, name, places.get(camera), carrier))
     sections = {key: {**source.cell.get(key, {}), **entry} for key, entry in shown.items() if key == "targets"}
     return replace(source, cell={**source.cell, **sections})
 

@@ -1,13 +1,28 @@
-"""Data sets of industrial_calibration of ROS-Industrial, and of robot_cal_tools."""
+"""Data sets of ROS-Industrial's industrial_calibration and of robot_cal_tools: images, poses and what is known.
+
+A list of `image` and `pose`, files beside it: under `data` in the first, alone in the second. A pose is x, y, z [m] and
+qx, qy, qz, qw, from the base to the flange. The flange carries the camera, or the target if `static_camera` is true.
+The lens is a pinhole without distortion, whose images' size the file leaves open. Rows and columns of a ChArUco board
+are squares, its dictionary a number of OpenCV's; those of a grid of circles are circles.
+Source: industrial_calibration's docs/extrinsic_hand_eye_calibration.md and examples; robot_cal_tools' rct_examples.
+"""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from basecal.exchange.hand_eye import industrial
-from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file
+from basecal.cell.format.paths import inside
+from basecal.cell.targets.fiducials import DICTIONARIES
+from basecal.errors import DatasetError, InputError, list_names
+from basecal.exchange.fields import Field, read_fields
+from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
+from basecal.exchange.importing.lens import StatedLens, camera_entry, made_camera
+from basecal.geometry import SE3
 
 
 def read_data_set(
@@ -52,5 +67,123 @@ def read_data_set(
     Raises:
         InputError: if it cannot be read, or does not fit the cell.
     """
-    read = partial(industrial.read_data_set, file, lens=intrinsics, target=target_file)
+    read = partial(read_data_set_record, file, lens=intrinsics, target=target_file)
     return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target, link)
+
+
+def read_data_set_record(
+    path: str | Path,
+    camera_on_robot: bool | None = None,
+    lens: str | Path | None = None,
+    target: str | Path | None = None,
+) -> HandEyeRecord:
+    """Images and poses of a `cal_data.yaml`, and what it or files beside it say of lens and target.
+
+    Args:
+        path: The list of images and poses.
+        camera_on_robot: Whether the robot carries the camera; what `static_camera` says where None.
+        lens: File with `intrinsics`; `path` itself where None.
+        target: File with the target's sizes; likewise.
+
+    Raises:
+        DatasetError: if something of it cannot be read, or nothing says what the robot carries.
+    """
+    root = read_fields(path)
+    listing = root if isinstance(root.data, list) else root.find("data")
+    folder = Path(path).parent
+    entries = listing.items("`image: FILE` and `pose: FILE`")
+    poses = SE3.stack([read_fields(_file(entry.find("pose"), folder)).pose() for entry in entries])
+    images = tuple(_image(entry.find("image"), folder) for entry in entries)
+    static = root.first("static_camera")
+    if static is not None and camera_on_robot is not None and static.boolean() == camera_on_robot:
+        raise static.error("is the opposite of what --camera-on, or cell.yaml, says")
+    on_robot = camera_on_robot if static is None else not static.boolean()
+    if on_robot is None:
+        raise root.error(
+            "does not say whether the camera is on the robot or beside it (static_camera): "
+            "give --camera-on robot or --camera-on world"
+        )
+    camera, seen = _lens(root, lens), _target(root, target)
+    carried = "camera" if on_robot else "target"
+    known = [name for name, found in (("lens", camera), ("target", seen)) if found]
+    return HandEyeRecord(
+        str(path),
+        f"{len(images)} images, each with base_from_flange (m, quaternion), the {carried} on the flange; "
+        f"{' and '.join(known) if known else 'neither lens nor target'} described",
+        on_robot,
+        poses,
+        images=images,
+        camera_mount=_guess(root, "camera_mount_to_camera_guess"),
+        target_mount=_guess(root, "target_mount_to_target_guess"),
+        lens=camera_entry(camera.camera, "free") if camera else {},
+        target=seen or {},
+    )
+
+
+def _image(entry: Field, folder: Path) -> Path:
+    path = _file(entry, folder)
+    if not os.path.isfile(path):  # a name longer than any file's is none, too
+        raise entry.error(f"there is no image {path}: put the images beside the file, or correct the path")
+    return path
+
+
+def _file(entry: Field, folder: Path) -> Path:
+    """A file that is named beside this one, and stays in its folder."""
+    try:
+        return folder / inside(str(folder))(entry.text())
+    except DatasetError:
+        raise
+    except InputError as error:
+        raise entry.error(str(error)) from None
+
+
+def _guess(root: Field, name: str) -> SE3 | None:
+    found = root.first(name)
+    return None if found is None else found.pose()
+
+
+def _lens(root: Field, path: str | Path | None) -> StatedLens | None:
+    place = (root if path is None else read_fields(path)).first("intrinsics")
+    if place is None:
+        return None
+    values = [place.find(name).number() for name in ("fx", "fy", "cx", "cy")]
+    # Zeros to start from: with no term at all none would be estimated.
+    return StatedLens(made_camera(place, "pinhole", [*values, *[0.0] * _TERMS], None), "pinhole without distortion")
+
+
+def _target(root: Field, path: str | Path | None) -> dict[str, Any] | None:
+    other = root if path is None else read_fields(path)
+    place = other.first("target_finder") or (other if path is not None else None)
+    if place is None:
+        return None
+    kind = place.find("type")
+    for name, read in _TARGETS.items():
+        if name in kind.text():
+            return read(place)
+    raise kind.error(f"{kind.data!r} has no equal here; there are: {list_names(list(_TARGETS))}")
+
+
+def _charuco(place: Field) -> dict[str, Any]:
+    number = place.find("dictionary")
+    if number.integer(0) >= _COUNTED:
+        raise number.error(f"is {number.data}, expected 0 to {_COUNTED - 1}, as OpenCV counts dictionaries")
+    return {
+        "kind": "charuco",
+        "squares": [place.find("cols").integer(3), place.find("rows").integer(3)],
+        "square_m": place.find("chessboard_dim").number(),
+        "marker_m": place.find("aruco_marker_dim").number(),
+        "dictionary": DICTIONARIES[number.integer(0)],
+    }
+
+
+def _circles(place: Field) -> dict[str, Any]:
+    sides = [place.find("cols").integer(2), place.find("rows").integer(2)]
+    return {"kind": "circles", "circles": sides, "spacing_m": place.find("spacing").number()}
+
+
+_TERMS = 5  # of distortion, k1 k2 p1 p2 k3
+_COUNTED = 21  # of OpenCV's dictionaries: from DICT_4X4_50 to DICT_APRILTAG_36h11
+_TARGETS: dict[str, Callable[[Field], dict[str, Any]]] = {
+    "CharucoGridTargetFinder": _charuco,
+    "ModifiedCircleGridTargetFinder": _circles,
+}

@@ -1,13 +1,33 @@
-"""Samples and calibrations of easy_handeye."""
+"""Files of easy_handeye (ROS 1) and easy_handeye2 (ROS 2): `.samples`, and calibrations (`.yaml`, `.calib`).
+
+Metres and quaternions x, y, z, w, as ROS has them. `tracking` is camera_from_target in both arrangements. `robot` is
+base_from_flange with the eye in hand, but its inverse with the eye on the base. The program thereby solves both by one
+equation; here the inverse is undone. A calibration is flange_from_camera in the first, base_from_camera in the second.
+The `.samples` of easy_handeye2 leave the arrangement empty. The equation is the same, so that no number shows it
+either. The arrangement is taken from the user, from the file, or from a calibration of its name beside it, in this
+order. Otherwise it is taken from the file's name, if that holds the words of the program's own examples (`eih`, `eob`).
+easy_handeye keeps no file of its samples: what its service take_sample or get_sample_list answered (hand_world_samples,
+camera_marker_samples) is read.
+Source: HandeyeSampler and HandeyeCalibration of IFL-CAMP/easy_handeye and marcoesposito1988/easy_handeye2.
+"""
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from basecal.exchange.hand_eye import easy_handeye
-from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file
+from basecal.errors import DatasetError, list_names
+from basecal.exchange.fields import Field, read_fields
+from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
+from basecal.geometry import SE3
+
+_LARGEST = 2**22  # bytes: five thousand samples
+_ON_ROBOT = {"eye_in_hand": True, "eye_on_hand": True, "eye_on_base": False}
+_IN_NAMES = {"eih": True, "eob": False, **_ON_ROBOT}
+_FRAMES = {"base": "robot_base_frame", "flange": "robot_effector_frame", "camera": "tracking_base_frame"}
 
 
 def read_easy_handeye(
@@ -50,5 +70,123 @@ def read_easy_handeye(
     Raises:
         InputError: if it cannot be read, or does not fit the cell.
     """
-    read = partial(easy_handeye.read_easy_handeye, file)
+    read = partial(read_easy_handeye_record, file)
     return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target)
+
+
+@dataclass(frozen=True)
+class _Arrangement:
+    """Whether the robot carries the camera, and what said so."""
+
+    on_robot: bool
+    by: str
+
+
+def read_easy_handeye_record(path: str | Path, camera_on_robot: bool | None = None) -> HandEyeRecord:
+    """Samples or a calibration of easy_handeye.
+
+    Args:
+        path: The file.
+        camera_on_robot: Whether the robot carries the camera, where the user says so.
+
+    Raises:
+        DatasetError: if it is neither, or nothing says what the robot carries.
+    """
+    root = read_fields(path, _LARGEST)
+    arrangement = _arrangement(root, camera_on_robot)
+    place = root.first("parameters") or root
+    written = {
+        name: field.text().lstrip("/") for name, key in _FRAMES.items() if (field := place.first(key)) is not None
+    }
+    frames = {name: frame for name, frame in written.items() if frame}
+    camera_frame = frames.pop("camera", "")
+    mount = root.first("transform", "transformation")
+    carried = "flange" if arrangement.on_robot else "base"
+    if mount is not None:
+        what = f"a calibration of easy_handeye, {carried}_from_camera (m; {arrangement.by})"
+        found = HandEyeRecord(str(path), what, arrangement.on_robot, frames=frames, camera_frame=camera_frame)
+        return replace(found, camera_mount=mount.pose())
+    robot, tracking = _samples(root)
+    inverted = "" if arrangement.on_robot else ", written as flange_from_base and turned back here"
+    what = f"{len(robot)} samples of easy_handeye (m): base_from_flange{inverted}, and camera_from_target"
+    return HandEyeRecord(
+        str(path),
+        f"{what}; {'camera on the robot' if arrangement.on_robot else 'target on the robot'} ({arrangement.by})",
+        arrangement.on_robot,
+        SE3.stack(robot) if arrangement.on_robot else SE3.stack(robot).inverse(),
+        SE3.stack(tracking),
+        frames=frames,
+        camera_frame=camera_frame,
+    )
+
+
+def _arrangement(root: Field, on_robot: bool | None) -> _Arrangement:
+    """Which arrangement it is, by the first that says so.
+
+    Raises:
+        DatasetError: if nothing does, or the user and the file contradict each other.
+    """
+    stated = _stated_arrangement(root)
+    if on_robot is not None and stated is not None and stated.on_robot != on_robot:
+        raise root.error(f"{stated.by}, the opposite of what --camera-on, or cell.yaml, says")
+    found = stated or (None if on_robot is None else _Arrangement(on_robot, "as stated"))
+    found = found or _sibling_arrangement(Path(root.path)) or _arrangement_from_name(Path(root.path))
+    if found is None:
+        raise root.error(
+            "does not say whether the camera is on the robot (eye_in_hand) or beside it (eye_on_base). The direction "
+            "of its robot poses depends on that: give --camera-on robot or --camera-on world"
+        )
+    return found
+
+
+def _stated_arrangement(root: Field) -> _Arrangement | None:
+    place = root.first("parameters") or root
+    if (kind := place.first("calibration_type")) is not None and kind.text():
+        if kind.data not in _ON_ROBOT:
+            raise kind.error(f"is {kind.data!r}, expected one of {list_names(list(_ON_ROBOT))}")
+        return _Arrangement(_ON_ROBOT[kind.data], f"calibration_type is {kind.data}")
+    if (on_hand := place.first("eye_on_hand")) is not None:
+        return _Arrangement(on_hand.boolean(), f"eye_on_hand is {str(on_hand.boolean()).lower()}")
+    return None
+
+
+def _sibling_arrangement(path: Path) -> _Arrangement | None:
+    """The arrangement by the calibration of the same name."""
+    for ending in (".calib", ".yaml", ".yml"):
+        other = path.with_suffix(ending)
+        if other != path and other.is_file():
+            found = _stated_arrangement(read_fields(other, _LARGEST))
+            return found and _Arrangement(found.on_robot, f"{found.by} in {other.name}")
+    return None
+
+
+def _arrangement_from_name(path: Path) -> _Arrangement | None:
+    words = f"_{re.sub(r'[^a-z0-9]+', '_', path.stem.lower())}_"
+    found = {on_robot: word for word, on_robot in _IN_NAMES.items() if f"_{word}_" in words}
+    if len(found) != 1:
+        return None
+    ((on_robot, word),) = found.items()
+    return _Arrangement(on_robot, f"by {word} in its name; --camera-on says otherwise")
+
+
+def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
+    """Robot and tracking of each sample."""
+    inner = root.first("samples")
+    if inner is not None and isinstance(inner.data, list):
+        entries = inner.items("samples")
+        return (
+            [entry.find("robot").pose() for entry in entries],
+            [entry.find("tracking", "optical").pose() for entry in entries],
+        )
+    lists = inner or root
+    if lists.first("hand_world_samples") is None:
+        raise root.error(
+            f"holds {list_names(root.names())}, expected samples, hand_world_samples, transform or transformation"
+        )
+    both = [lists.find(key) for key in ("hand_world_samples", "camera_marker_samples")]
+    robot, tracking = (
+        [each.pose() for each in (where.first("transforms") or where).items("transforms")] for where in both
+    )
+    if len(robot) != len(tracking):
+        raise DatasetError(root.path, f"{len(robot)} hand_world_samples and {len(tracking)} camera_marker_samples")
+    return robot, tracking

@@ -10,10 +10,18 @@ from typing import Any, Literal
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.images import list_images, missing_numbers, read_time, unreadable_images, usual_size
-from basecal.exchange.importing.carriers import carried_entry, check_robot, choose_carrier
-from basecal.exchange.importing.cell_content import known_cell, open_size
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
-from basecal.exchange.importing.imported import By, Imported, Row
+from basecal.exchange.importing.imported import (
+    By,
+    Imported,
+    Row,
+    Sight,
+    carried_entry,
+    check_robot,
+    choose_carrier,
+    known_cell,
+    open_size,
+)
 from basecal.fields.problems import Loc
 
 _PAIRING_HELP: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
@@ -70,7 +78,7 @@ def read_images(
     files = list_images(Path(folder))
     new, replaced = _camera_entry(cell, camera, on)
     carrier = new["cameras"][camera].get("on")
-    shown = target_entry(cell, target, shape, {target_name: target_on}, {camera: carrier})
+    shown = target_entry(cell, target, shape, Sight(camera, target_name, carrier, target_on))
     looked = _read_images(Path(folder), files, progress)
     time: Callable[[Path], float | None] = read_time if by == "time" else lambda path: None
     rows = tuple(Row(images={camera: path}, image=path.name, stamp_s=time(path)) for path in files)
@@ -121,8 +129,7 @@ def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int,
     sizes: dict[str, tuple[int, int]] = {}
     damaged: list[str] = []
     for done, path in enumerate(files, start=1):
-        data = read_bytes(path)
-        image = data if isinstance(data, str) else grey_image(data, None)
+        image = grey_image(read_bytes(path), None)
         if isinstance(image, str):
             damaged.append(f"{path.name} {image}")
         else:

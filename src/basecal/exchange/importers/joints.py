@@ -6,7 +6,7 @@ from pathlib import Path
 
 from basecal.exchange import joints
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.joint_model import joint_model
+from basecal.exchange.joints import joint_model
 
 
 def read_joints(

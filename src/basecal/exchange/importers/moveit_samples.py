@@ -1,16 +1,27 @@
-"""Samples and joint states that MoveIt Calibration saved."""
+"""Files of MoveIt Calibration: "Save samples", "Save joint states", and the JSON of its solver's tests.
+
+A list of pairs of 4x4 matrices, row by row, in metres. `effector_wrt_world` is base_from_flange in both arrangements
+(the solver itself inverts it for a camera beside the robot), `object_wrt_sensor` camera_from_target. No file says which
+arrangement it is. Joint states (joint_names, joint_values) are radians, one row a sample.
+Source: handeye_control_widget.cpp and handeye_solver_default.cpp of moveit/moveit_calibration.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from basecal.exchange.hand_eye import moveit
-from basecal.exchange.importing.cell_content import known_cell
-from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file, imported_joint_states
-from basecal.exchange.importing.imported import Imported
+from basecal.cell import RobotState
+from basecal.errors import InputError, list_names
+from basecal.exchange.fields import read_fields
+from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
+from basecal.exchange.importing.imported import Imported, KnownCell, Row, known_cell
+from basecal.geometry import SE3, Array, read_only
 
 _ADVICE = "check that its lengths are metres, object_wrt_sensor is the target in the camera, and --camera-on"
+_LARGEST = 2**22  # bytes: three thousand samples
+_EXPECTED = "expected a list of effector_wrt_world and object_wrt_sensor, each of 16 numbers"
 
 
 def read_moveit_samples(
@@ -47,7 +58,104 @@ def read_moveit_samples(
     Raises:
         InputError: if it cannot be read, or does not fit the cell.
     """
-    if moveit.is_joint_states(file):
-        return imported_joint_states(known_cell(cell), moveit.read_joint_states(file), str(file), robot)
-    read, carriers = partial(moveit.read_moveit_samples, file), Carriers(camera_on, target_on)
+    if is_joint_states(file):
+        return imported_joint_states(known_cell(cell), read_joint_states(file), str(file), robot)
+    read, carriers = partial(read_moveit_record, file), Carriers(camera_on, target_on)
     return hand_eye_of_file(cell, read, carriers, robot, camera, target, advice=_ADVICE)
+
+
+@dataclass(frozen=True, eq=False)
+class JointStates:
+    """Joint positions (n, joints) [rad], and the joints' names."""
+
+    names: tuple[str, ...]
+    joints_rad: Array
+
+
+def read_moveit_record(path: str | Path, camera_on_robot: bool | None) -> HandEyeRecord:
+    """The samples of a hand-eye calibration of MoveIt.
+
+    Args:
+        path: The file.
+        camera_on_robot: Whether the robot carries the camera, which no such file says.
+
+    Raises:
+        DatasetError: if it is none.
+        InputError: if `camera_on_robot` is not known.
+    """
+    pairs = []
+    for entry in read_fields(path, _LARGEST).items(f"samples, {_EXPECTED}"):
+        if isinstance(entry.data, list):
+            both = entry.items("two matrices")
+            if len(both) != 2:
+                raise entry.error(f"has {len(both)} entries; {_EXPECTED}")
+            pairs.append((both[0].pose(), both[1].pose()))
+        else:
+            pairs.append((entry.find("effector_wrt_world").pose(), entry.find("object_wrt_sensor").pose()))
+    if camera_on_robot is None:
+        raise InputError(
+            f"{path} does not say whether the camera is on the robot (eye-in-hand) or beside it (eye-to-hand). "
+            "Give --camera-on robot or --camera-on world"
+        )
+    arrangement = "camera on the robot" if camera_on_robot else "target on the robot"
+    return HandEyeRecord(
+        str(path),
+        f"{len(pairs)} samples of MoveIt (m): effector_wrt_world is base_from_flange, object_wrt_sensor is "
+        f"camera_from_target; {arrangement}, as stated",
+        camera_on_robot,
+        SE3.stack([base_from_flange for base_from_flange, _ in pairs]),
+        SE3.stack([camera_from_target for _, camera_from_target in pairs]),
+    )
+
+
+def read_joint_states(path: str | Path) -> JointStates:
+    """The joint states that MoveIt Calibration saved.
+
+    Raises:
+        DatasetError: if it holds anything else, or rows of another length than there are names.
+    """
+    root = read_fields(path, _LARGEST)
+    names = tuple(name.text() for name in root.find("joint_names").items("names"))
+    rows = [row.numbers(len(names)) for row in root.find("joint_values").items("rows of joint positions")]
+    return JointStates(names, read_only(rows))
+
+
+def is_joint_states(path: str | Path) -> bool:
+    """Whether a file holds joint states, and not samples.
+
+    Raises:
+        DatasetError: if it cannot be read.
+    """
+    return read_fields(path, _LARGEST).first("joint_names", "joint_values") is not None
+
+
+def imported_joint_states(cell: KnownCell, states: JointStates, source: str, robot: str | None) -> Imported:
+    """Joint states of a robot whose URDF the cell has, a row a sample.
+
+    Args:
+        cell: The cell there is.
+        states: What was read.
+        source: The file, as the user named it.
+        robot: Its name in the cell; the only one with a URDF where None.
+
+    Raises:
+        InputError: if the cell has no such robot, or its joints have other names.
+    """
+    chains = {name: each.chain for name, each in cell.robots.items() if each.chain is not None}
+    name = robot or (next(iter(chains)) if len(chains) == 1 else None)
+    if name is None or name not in chains:
+        known = list_names(list(chains))
+        raise InputError(
+            f"{source}: joint states need a robot with a URDF in cell.yaml, --robot; with one there are: {known}"
+        )
+    wanted = chains[name].joint_names
+    missing = [joint for joint in wanted if joint not in states.names]
+    if missing:
+        raise InputError(
+            f"{source}: has joints {list_names(states.names)}, the chain of {name!r} in its URDF {list_names(wanted)}: "
+            f"{list_names(missing)} not recorded"
+        )
+    columns = [states.names.index(joint) for joint in wanted]
+    rows = tuple(Row({name: RobotState(joints_rad=row)}) for row in states.joints_rad[:, columns])
+    what = f"{len(rows)} joint states of {name} by MoveIt (rad), joints by their names"
+    return Imported(source, what, rows, advice="check that they are radians, and of this robot")

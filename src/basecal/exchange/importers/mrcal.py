@@ -1,12 +1,33 @@
-"""A lens from a cameramodel of mrcal."""
+"""The lens in a `.cameramodel` of mrcal: a Python literal, read as data.
+
+The parameters are fx fy cx cy and OpenCV's terms in OpenCV's order. The converters of mrcal from and to ROS and OpenCV
+leave them unchanged, so the centre of the top-left pixel is (0, 0). Extrinsics are of the rig it was calibrated in,
+which a cell does not know. Source: mrcal's "cameramodel" documentation and its `cameramodel.py`, older names of keys
+included.
+"""
 
 from __future__ import annotations
 
+import ast
+import warnings
 from pathlib import Path
+from typing import Any
 
+from basecal.errors import DatasetError, list_names
+from basecal.exchange.columns import read_table_text
+from basecal.exchange.fields import Field
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.lens import LensStatus, lens_of_file
-from basecal.exchange.lens_files.mrcal import read_cameramodel
+from basecal.exchange.importing.lens import LensStatus, StatedLens, lens_of_file, made_camera
+from basecal.fields.problems import Loc, shorten
+
+_TERMS = {
+    "LENSMODEL_PINHOLE": 0,
+    "LENSMODEL_OPENCV4": 4,
+    "LENSMODEL_OPENCV5": 5,
+    "LENSMODEL_OPENCV8": 8,
+    "LENSMODEL_OPENCV12": 12,
+}
+_NOT_LITERALS = (SyntaxError, ValueError, TypeError, MemoryError, RecursionError)
 
 
 def read_mrcal(
@@ -39,3 +60,53 @@ def read_mrcal(
         InputError: if it cannot be read, does not fit the cell, or the images have another size.
     """
     return lens_of_file(cell, read_cameramodel(file), file, camera, on, status)
+
+
+def read_cameramodel(path: str | Path) -> StatedLens:
+    """The lens of a `.cameramodel`.
+
+    Raises:
+        DatasetError: if it is none, or has no equal here.
+    """
+    root = _literal(str(path))
+    kind = root.find("lensmodel", "lens_model", "distortion_model")
+    name = kind.text().replace("DISTORTION", "LENSMODEL")
+    if name not in _TERMS:
+        advice = "mrcal-convert-lensmodel fits one that has"
+        raise kind.error(f"{shorten(name)} has no equal here ({list_names(list(_TERMS))}): {advice}")
+    values = root.find("intrinsics")
+    width, height = root.find("imagersize").size()
+    camera = made_camera(values, "pinhole", values.numbers(4 + _TERMS[name]), (width, height))
+    return StatedLens(
+        camera, f"cameramodel of mrcal, {name}, {width} x {height} px, the centre of the top-left pixel is (0, 0)"
+    )
+
+
+def _literal(path: str) -> Field:
+    """The dictionary of a file, and the lines of its keys; what computes something is refused."""
+    text = read_table_text(path, "a cameramodel of mrcal, which is text")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of escapes in strings, which are mrcal's matter
+            tree = ast.parse(text.strip(), path, "eval").body
+            if not isinstance(tree, ast.Dict):
+                raise DatasetError(path, "is not the dictionary that a cameramodel of mrcal is")
+            data: dict[str, Any] = {}
+            lines: dict[Loc, int] = {(): 1}
+            above = text[: len(text) - len(text.lstrip())].count("\n")
+            for key, value in zip(tree.keys, tree.values, strict=True):
+                name = str(ast.literal_eval(key or value))
+                data[name] = _as_lists(ast.literal_eval(value))
+                lines[(name,)] = above + value.lineno
+    except DatasetError:
+        raise
+    except _NOT_LITERALS as error:
+        line = error.lineno if isinstance(error, SyntaxError) else None
+        raise DatasetError(
+            path, "is not a cameramodel of mrcal: not a Python dictionary of plain values", line
+        ) from None
+    return Field(path, data, lines)
+
+
+def _as_lists(value: Any) -> Any:
+    return [_as_lists(each) for each in value] if isinstance(value, list | tuple) else value

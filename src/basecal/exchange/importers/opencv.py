@@ -1,16 +1,42 @@
-"""A lens from a file that a script wrote with OpenCV."""
+"""The lens that a script wrote with OpenCV: FileStorage (YAML, XML, JSON) or a NumPy archive, under the usual names.
+
+The pixels are OpenCV's: the centre of the top-left pixel is (0, 0). Four terms are k1 k2 p1 p2 or the fisheye's. Only
+the file's `fisheye_model`, or the user, can decide that. Source: OpenCV's tutorials on camera calibration, whose sample
+writes camera_matrix and distortion_coefficients and whose Python page writes mtx and dist; stereo_calib's M1, D1.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from basecal.errors import InputError
+from basecal.errors import DatasetError, InputError, list_names
+from basecal.exchange.fields import Field
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.lens import LensStatus, lens_of_file
-from basecal.exchange.lens_files import opencv
+from basecal.exchange.importing.lens import (
+    LensStatus,
+    StatedLens,
+    lens_of_file,
+    made_camera,
+    matrix_parameters,
+    opencv_terms,
+)
+from basecal.exchange.lens_files.file_storage import read_file_storage
+from basecal.exchange.npz import read_arrays
 from basecal.geometry import Camera
+from basecal.geometry.lenses.registry import term_counts
+
+# Without underscores, in lower case.
+_MATRIX = ("cameramatrix", "cameramat", "intrinsicmatrix", "intrinsics", "intrinsic", "mtx", "k", "m", "matrix")
+_TERMS = ("distortioncoefficients", "distortioncoeffs", "distcoeffs", "distcoeff", "distortion", "dist", "d", "coeffs")
+_SIZE = ("imagesize", "imgsize", "size", "resolution", "framesize")
+_WIDTHS, _HEIGHTS = ("imagewidth", "width", "w"), ("imageheight", "height", "h")
+_FOCAL_AND_CENTRE = ("fx", "fy", "cx", "cy")
+_TERM_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order
+_FISHEYE = ("fisheyemodel", "fisheye", "isfisheye")
+_MATRIX_SIZE = 9
 
 
 def read_opencv(
@@ -50,10 +76,106 @@ def read_opencv(
     Raises:
         InputError: if it cannot be read, does not fit the cell, or the images have another size.
     """
-    lens = opencv.read_opencv(file, model, which)
+    lens = read_opencv_lens(file, model, which)
     stated = lens.camera.size_px
     if size_px is not None and stated not in (None, size_px):
         raise InputError(f"{file} is of {stated[0]} x {stated[1]} px: leave --size-px away, or correct the file")
     if size_px is not None:
         lens = replace(lens, camera=Camera(lens.camera.model, lens.camera.parameters, size_px))
     return lens_of_file(cell, lens, file, camera, on, status)
+
+
+def read_opencv_lens(path: str | Path, model: str | None = None, number: int | None = None) -> StatedLens:
+    """The lens of a file that OpenCV, or NumPy in a script, wrote.
+
+    Args:
+        path: `.yml`, `.yaml`, `.xml`, `.json`, or `.npz`.
+        model: What it is of; the file's word, else the pinhole, where None.
+        number: Of two cameras in a file, 1 or 2: M1, D1 or M2, D2.
+
+    Raises:
+        DatasetError: if there is no camera matrix, or there are two and none is chosen, or it is no lens.
+    """
+    name = str(path)
+    if name.lower().endswith((".npz", ".npy")):
+        file, arrays = read_arrays(name)
+        root = Field(file, {key: array.ravel().tolist() for key, array in arrays.items()}, {})
+    else:
+        root = read_file_storage(path)
+    if (ros := root.first("distortion_model")) is not None:
+        raise ros.error("says how ROS distorts, which OpenCV does not write: basecal import camera-info")
+    named = _fields_by_name(root)
+    suffix = "" if number is None else str(number)
+    matrix = _first_matrix(named, (f"{each}{suffix}" for each in _MATRIX), _MATRIX_SIZE)
+    terms = _first_matrix(named, (f"{each}{suffix}" for each in _TERMS))
+    values = [] if terms is None else terms.matrix()
+    if matrix is not None:
+        what, parameters = f"OpenCV's {matrix.loc[-1]}", matrix_parameters(matrix, matrix.matrix(_MATRIX_SIZE))
+    elif all(name in named for name in _FOCAL_AND_CENTRE):
+        what, parameters = "fx, fy, cx, cy", _scalars(named, _FOCAL_AND_CENTRE)
+        values = values or _scalars(named, _TERM_NAMES)
+    else:
+        raise _no_matrix(root, named, number)
+    said = next((named[each] for each in _FISHEYE if each in named), None)
+    lens = model or ("fisheye" if said is not None and said.boolean() else "pinhole")
+    size = _size(named)
+    usual = values if len(values) in term_counts(lens) else opencv_terms(terms or root, values)
+    return StatedLens(
+        made_camera(terms or matrix or root, lens, [*parameters, *usual], size),
+        f"{what}, {lens} of {len(usual)} distortion terms"
+        f"{'' if size is None else f', {size[0]} x {size[1]} px'}, the centre of the top-left pixel is (0, 0)",
+    )
+
+
+def _scalars(fields: dict[str, Field], names: Sequence[str]) -> list[float]:
+    """Numbers that stand each under its name, up to the last that is there; those left out are zero."""
+    count = max((k + 1 for k, name in enumerate(names) if name in fields), default=0)
+    return [_scalar(fields[name]).number() if name in fields else 0.0 for name in names[:count]]
+
+
+def _no_matrix(root: Field, fields: dict[str, Field], number: int | None) -> DatasetError:
+    """The error of a file without a camera matrix, or with two."""
+    if number is None and _first_matrix(fields, (f"{each}1" for each in _MATRIX), _MATRIX_SIZE) is not None:
+        return root.error(f"holds two cameras ({list_names(root.names())}): say which by --which 1 or --which 2")
+    expected = "expected camera_matrix, cameraMatrix, mtx or K, 3 x 3"
+    return root.error(f"has no camera matrix; it has {list_names(root.names())}: {expected}")
+
+
+def _fields_by_name(root: Field) -> dict[str, Field]:
+    """Fields by name without underscores in lower case, also those one mapping deeper."""
+    found: dict[str, Field] = {}
+    for name in root.names():
+        field = root.first(name)
+        if field is None:
+            continue
+        if isinstance(field.data, dict) and "data" not in field.data:
+            found |= {**_fields_by_name(field), **found}
+        found[name.replace("_", "").replace("-", "").lower()] = field
+    return found
+
+
+def _first_matrix(fields: dict[str, Field], names: Iterable[str], count: int | None = None) -> Field | None:
+    """The first field that holds a matrix, of `count` numbers where given."""
+    for name in names:
+        field = fields.get(name)
+        rows = None if field is None else (field.first("data") or field).data
+        if isinstance(rows, list) and count in (None, sum(len(row) if isinstance(row, list) else 1 for row in rows)):
+            return field
+    return None
+
+
+def _size(fields: dict[str, Field]) -> tuple[int, int] | None:
+    width = next((fields[name] for name in _WIDTHS if name in fields), None)
+    height = next((fields[name] for name in _HEIGHTS if name in fields), None)
+    if width is not None and height is not None:
+        return (_scalar(width).integer(), _scalar(height).integer())
+    both = next((fields[name] for name in _SIZE if name in fields), None)
+    if both is None or not isinstance(both.data, list) or len(both.data) != 2:
+        return None
+    first, second = both.items("width and height")
+    return (first.integer(), second.integer())
+
+
+def _scalar(field: Field) -> Field:
+    """A number that NumPy keeps as an array."""
+    return field.items("one number")[0] if isinstance(field.data, list) else field

@@ -11,9 +11,15 @@ from typing import Annotated
 from basecal.errors import DatasetError, FrameNotFound, UsageError, list_names
 from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses, read_pose_rows
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.exchange.importing.carriers import Sight, seen_rows, sight_entry
-from basecal.exchange.importing.cell_content import known_cell
-from basecal.exchange.importing.imported import Imported, OneOf, controller_places
+from basecal.exchange.importing.imported import (
+    Imported,
+    OneOf,
+    Sight,
+    controller_places,
+    known_cell,
+    seen_rows,
+    sight_entry,
+)
 from basecal.exchange.poses import LengthUnit, unit_length_m
 from basecal.exchange.streams import Inverted, Streams, read_streams
 

@@ -10,15 +10,23 @@ from typing import Annotated, Any
 from basecal.cell import TouchObservation
 from basecal.cell.cell import grip_name
 from basecal.errors import UsageError
+from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.poses import POSE_ADVICE, table_reading
-from basecal.exchange.importing.cell_content import KnownCell, known_cell
-from basecal.exchange.importing.imported import By, Imported, OneOf, Row, controller_places
-from basecal.exchange.importing.joint_model import joint_model
-from basecal.exchange.joints import read_joints
+from basecal.exchange.importing.imported import (
+    By,
+    Imported,
+    KnownCell,
+    OneOf,
+    Row,
+    controller_places,
+    known_cell,
+    recorded_samples,
+)
+from basecal.exchange.importing.text_table import read_text_table, select_robot
+from basecal.exchange.joints import joint_model, read_joints
 from basecal.exchange.poses import LengthUnit
-from basecal.exchange.touch_table import new_rows, touch_names
 
 
 def read_touches(
@@ -125,3 +133,29 @@ def _clamp(context: KnownCell, name: str, robot: str, is_hinge: bool) -> dict[st
     if len(others) != 1:
         raise UsageError(f"--clamp needs one other robot in the cell, there are {len(others)}: import its poses first")
     return {name: {"robots": [others[0], robot], "axis": "free" if is_hinge else "fixed"}}
+
+
+def touch_names(path: str, names: Sequence[str], robot: str, mark: str | None) -> list[str]:
+    """The marks that a robot touched, one for each of its rows.
+
+    Args:
+        path: The file.
+        names: Of the numbers of its rows where it has no header.
+        robot: Whose rows are read where a column names robots.
+        mark: What all touched, if the file does not say.
+
+    Raises:
+        UsageError: if neither a column nor `mark` says what was touched, or both do.
+    """
+    table = select_robot(read_text_table(read_table_text(path, "a table of touches"), path, names), robot)
+    marks = table.names("mark", "touch", "point", "target")
+    if (marks is None) == (mark is None):
+        why = "the table has no column `mark`" if mark is None else "the table has a column `mark`, too"
+        raise UsageError(f"{why}: say by --mark or by the column what was touched")
+    return [mark or ""] * len(table.rows) if marks is None else marks
+
+
+def new_rows(folder: str | Path, cell: KnownCell, rows: Sequence[Row]) -> tuple[Row, ...]:
+    """Rows that are samples of their own, after those that are recorded; numbers that rows have stay."""
+    first = max((sample.sample for sample in recorded_samples(folder, cell)), default=-1) + 1
+    return tuple(replace(row, sample=first + k if row.sample is None else row.sample) for k, row in enumerate(rows))

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from basecal.cell import WORLD
 from basecal.cell.format.yaml_text import parse_yaml
 from basecal.cell.target import Target
 from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.cell.targets.kind import PrintSizes, is_indistinguishable
 from basecal.cell.targets.registry import TARGETS
 from basecal.errors import InputError, UsageError, list_names
-from basecal.exchange.importing.cell_content import known_cell
+from basecal.exchange.importing.imported import KnownCell, Sight, carried_entry, known_cell
 from basecal.fields.typed_length import columns_rows, length_m
 
 _COUNTED = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows
@@ -86,8 +87,7 @@ def target_entry(
     folder: str | Path,
     kind: str | None,
     shape: Shape,
-    carriers: Mapping[str, str | None],
-    camera_on: Mapping[str, str | None],
+    sight: Sight,
 ) -> dict[str, Any]:
     """Entry of `cell.yaml` for a target that images show; nothing if none is described.
 
@@ -95,25 +95,22 @@ def target_entry(
         folder: The cell, or where one is to be made.
         kind: Kind of the target.
         shape: Its sizes.
-        carriers: Its name, and what carries it where that is said.
-        camera_on: The camera that sees it, and what carries it where that is said.
+        sight: Its name and that of the camera that sees it, and what carries them where that is said.
 
     Raises:
         UsageError: if more is said of a target of no kind.
         InputError: if its kind needs other sizes, several could carry it, or no image distinguishes it from another.
     """
-    ((name, carrier),) = carriers.items()
     if not isinstance(shape, Shape):
         raise InputError(f"shape is {shape!r}, expected a basecal.Shape, such as Shape(squares='5x7', square='40mm')")
     if kind is None:
-        if carrier is not None or shape != UNSAID:
+        if sight.target_on is not None or shape != UNSAID:
             raise UsageError("a target is described, but not its kind: add --target charuco, or another kind")
         return {}
     fields = target_fields(kind, shape)
-    _check_marks(folder, name, kind, fields)
-    carrier = carrier or _single_carrier(folder, name, camera_on)
-    targets = {"targets": {name: {"on": carrier, **fields}}}
-    return targets if carrier == "world" else {"robots": {carrier: {}}, **targets}
+    cell = known_cell(folder)
+    _check_marks(cell, sight.target, kind, fields)
+    return carried_entry("targets", sight.target, sight.target_on or _single_carrier(cell, sight), **fields)
 
 
 def are_indistinguishable(first: Target, second: Target) -> bool:
@@ -121,13 +118,13 @@ def are_indistinguishable(first: Target, second: Target) -> bool:
     return first.kind == second.kind and is_indistinguishable(TARGETS[first.kind], first.options, second.options)
 
 
-def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, Any]) -> None:
+def _check_marks(cell: KnownCell, name: str, kind: str, fields: Mapping[str, Any]) -> None:
     """Check that images distinguish a target from those that the cell has.
 
     Raises:
         InputError: if not.
     """
-    cell, of_kind = known_cell(folder), TARGETS[kind]
+    of_kind = TARGETS[kind]
     for other in cell.targets.values():
         if other.name == name or other.target is None or other.target.kind != kind or not of_kind.marks(fields):
             continue
@@ -138,22 +135,20 @@ def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, 
             )
 
 
-def _single_carrier(folder: str | Path, target: str, camera_on: Mapping[str, str | None]) -> str:
+def _single_carrier(cell: KnownCell, sight: Sight) -> str:
     """The one robot that does not carry the camera, or else the world.
 
     Raises:
         InputError: if there are several such robots, or the cell's robots are not known yet.
     """
-    known = known_cell(folder)
-    if not known.robots:
-        raise InputError(f"say what carries the target {target!r}: --target-on ROBOT or --target-on world")
-    ((camera, carrier),) = camera_on.items()
-    carrier = carrier or known.cameras[camera].on
-    others = [robot for robot in known.robots if robot != carrier]
-    if len(others) > 1 or (not others and carrier == "world"):
-        options = " or ".join(f"--target-on {each}" for each in (*others, "world") if each != carrier)
-        raise InputError(f"say what carries the target {target!r}: {options}")
-    return others[0] if others else "world"
+    if not cell.robots:
+        raise InputError(f"say what carries the target {sight.target!r}: --target-on ROBOT or --target-on world")
+    carrier = sight.camera_on or cell.cameras[sight.camera].on
+    others = [robot for robot in cell.robots if robot != carrier]
+    if len(others) > 1 or (not others and carrier == WORLD):
+        options = " or ".join(f"--target-on {each}" for each in (*others, WORLD) if each != carrier)
+        raise InputError(f"say what carries the target {sight.target!r}: {options}")
+    return others[0] if others else WORLD
 
 
 def _check_description(kind: str, shape: Shape, fields: dict[str, Any], counts: list[str]) -> None:

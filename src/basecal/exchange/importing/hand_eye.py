@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from basecal.cell import WORLD, PoseObservation, RobotState, Unknown
 from basecal.cell.format.plain import pose_dict
-from basecal.errors import InputError, list_names
-from basecal.exchange.hand_eye.moveit import JointStates
-from basecal.exchange.hand_eye.record import HandEyeRecord
-from basecal.exchange.importing.carriers import check_robot, choose_name
-from basecal.exchange.importing.cell_content import KnownCell, NoCell, known_cell
-from basecal.exchange.importing.imported import Imported, Row
+from basecal.errors import InputError
+from basecal.exchange.importing.imported import Imported, KnownCell, NoCell, Row, check_robot, choose_name, known_cell
 from basecal.geometry import SE3
 
 _CARRIER_WORDS = ("robot", WORLD)
@@ -208,33 +204,36 @@ def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def imported_joint_states(cell: KnownCell, states: JointStates, source: str, robot: str | None) -> Imported:
-    """Joint states of a robot whose URDF the cell has, a row a sample.
+@dataclass(frozen=True, eq=False)
+class HandEyeRecord:
+    """Poses of a robot, what its camera saw at each, and what is known of the rest.
 
-    Args:
-        cell: The cell there is.
-        states: What was read.
-        source: The file, as the user named it.
-        robot: Its name in the cell; the only one with a URDF where None.
-
-    Raises:
-        InputError: if the cell has no such robot, or its joints have other names.
+    Attributes:
+        path: The file.
+        what: What it holds, in which frames and units.
+        camera_on_robot: Whether the robot carries the camera, and not the target.
+        base_from_flange: (n,) poses of the robot; none if the file has only a result.
+        camera_from_target: (n,) poses of the target; None if there are images instead.
+        images: One for each pose; none if there are poses.
+        frames: What the file calls the robot's `base` and `flange`.
+        camera_frame: What it calls the camera's frame; empty if it does not say.
+        camera_mount: Where the camera was found to be, in the flange or the base; None if the file does not say.
+        target_mount: Likewise the target.
+        lens: What `cell.yaml` says of the camera's lens; nothing if the file does not.
+        target: What it says of the target's kind and sizes; likewise.
+        hand_base_from_flange: (n,) poses of a second robot, which carries the target; None if there is one robot.
     """
-    chains = {name: each.chain for name, each in cell.robots.items() if each.chain is not None}
-    name = robot or (next(iter(chains)) if len(chains) == 1 else None)
-    if name is None or name not in chains:
-        known = list_names(list(chains))
-        raise InputError(
-            f"{source}: joint states need a robot with a URDF in cell.yaml, --robot; with one there are: {known}"
-        )
-    wanted = chains[name].joint_names
-    missing = [joint for joint in wanted if joint not in states.names]
-    if missing:
-        raise InputError(
-            f"{source}: has joints {list_names(states.names)}, the chain of {name!r} in its URDF {list_names(wanted)}: "
-            f"{list_names(missing)} not recorded"
-        )
-    columns = [states.names.index(joint) for joint in wanted]
-    rows = tuple(Row({name: RobotState(joints_rad=row)}) for row in states.joints_rad[:, columns])
-    what = f"{len(rows)} joint states of {name} by MoveIt (rad), joints by their names"
-    return Imported(source, what, rows, advice="check that they are radians, and of this robot")
+
+    path: str
+    what: str
+    camera_on_robot: bool
+    base_from_flange: SE3 = field(default_factory=lambda: SE3.identity((0,)))
+    camera_from_target: SE3 | None = None
+    images: tuple[Path, ...] = ()
+    frames: Mapping[str, str] = field(default_factory=dict)
+    camera_frame: str = ""
+    camera_mount: SE3 | None = None
+    target_mount: SE3 | None = None
+    lens: Mapping[str, Any] = field(default_factory=dict)
+    target: Mapping[str, Any] = field(default_factory=dict)
+    hand_base_from_flange: SE3 | None = None

@@ -12,7 +12,6 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError, list_names
 from basecal.exchange.images import missing_numbers
 from basecal.exchange.importing.imported import By, Imported, Row
-from basecal.geometry import Array
 
 _ROBOT = "robot"
 _STATE_TOLERANCE = 1e-9  # [m] and [rad]: of poses that were written and read
@@ -138,12 +137,8 @@ def _holds_copies(rows: Sequence[Row], samples: Sequence[Sample]) -> bool:
 
 def is_same_state(state: RobotState, recorded_state: RobotState, tolerance: float = _STATE_TOLERANCE) -> bool:
     """Whether two states of a robot are the same to the digits that a file holds, or to a `tolerance` [m, rad]."""
-    pairs = ((state.joints_rad, recorded_state.joints_rad), (_matrix(state), _matrix(recorded_state)))
-    return all(a is b if a is None or b is None else np.allclose(a, b, rtol=0, atol=tolerance) for a, b in pairs)
-
-
-def _matrix(state: RobotState) -> Array | None:
-    return None if state.base_from_flange is None else state.base_from_flange.matrix
+    is_one_kind = (state.joints_rad is None) == (recorded_state.joints_rad is None)
+    return is_one_kind and np.allclose(state.vector, recorded_state.vector, rtol=0, atol=tolerance)
 
 
 def _check_times(imports: Imported, samples: Sequence[Sample]) -> None:

@@ -1,22 +1,44 @@
-"""The lens in a `camera_info` file of ROS, and in a `sensor_msgs/CameraInfo` that `topic echo` printed.
+"""Lenses as ROS calls them: a `camera_info` file, and a `sensor_msgs/CameraInfo` that `topic echo` printed.
 
 The terms of `plumb_bob` and `rational_polynomial` are in OpenCV's order (k1 k2 p1 p2 k3 ...), those of `equidistant`
 are the fisheye's. The centre of the top-left pixel is (0, 0). The matrix is of the whole sensor: images that are binned
 or cropped afterwards have another one.
-Source: REP 104; sensor_msgs/CameraInfo and sensor_msgs/distortion_models; camera_calibration_parsers of image_common.
+Source: REP 104; sensor_msgs/CameraInfo.msg and distortion_models.hpp; camera_calibration_parsers of image_common.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
-from basecal.errors import DatasetError, list_names
+import numpy as np
+
+from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import Field, read_fields
-from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera, matrix_parameters, opencv_terms
+from basecal.exchange.importing.lens import StatedLens, made_camera, matrix_parameters, opencv_terms
+from basecal.geometry import Array, Camera
+from basecal.geometry.lenses import fisheye, pinhole
 
-_FISHEYE = {"equidistant", "fisheye"}
-_PINHOLE = {"plumb_bob", "rational_polynomial", "thin_prism", ""}
+
+class RosLens(NamedTuple):
+    """A lens of ROS: its name there, our model, and how many terms it has."""
+
+    name: str
+    model: str
+    terms: int
+
+
+ROS_LENSES = (
+    RosLens("plumb_bob", pinhole.MODEL, 5),
+    RosLens("rational_polynomial", pinhole.MODEL, 8),
+    RosLens("equidistant", fisheye.MODEL, 4),
+)
+
+# What is read; of a name that ROS has no more, and of none, too.
+_MODELS = {lens.name: lens.model for lens in ROS_LENSES} | dict.fromkeys(("thin_prism", ""), pinhole.MODEL)
+
 _FISHEYE_TERMS = 4
+
 _EXPECTED = "a camera_info file of ROS has image_width, image_height, camera_matrix, distortion_model"
 
 
@@ -42,15 +64,14 @@ def camera_info_lens(root: Field) -> StatedLens:
     terms = root.first("distortion_coefficients", "D", "d")
     values = [] if terms is None else terms.matrix()
     parameters = matrix_parameters(matrix, matrix.matrix(9))
-    if named in _FISHEYE:
-        if len(values) != _FISHEYE_TERMS:
-            raise root.error(f"{len(values)} distortion coefficients, {named} has {_FISHEYE_TERMS}")
-        camera = made_camera(matrix, "fisheye", [*parameters, *values], size)
-    elif named in _PINHOLE:
-        camera = made_camera(matrix, "pinhole", [*parameters, *opencv_terms(terms or root, values)], size)
-    else:
-        known = list_names(sorted((_PINHOLE | _FISHEYE) - {""}))
+    if named not in _MODELS:
+        known = list_names(sorted(_MODELS.keys() - {""}))
         raise root.find("distortion_model").error(f"{named!r} has no equal here; there are: {known}")
+    is_fisheye = _MODELS[named] == fisheye.MODEL
+    if is_fisheye and len(values) != _FISHEYE_TERMS:
+        raise root.error(f"{len(values)} distortion coefficients, {named} has {_FISHEYE_TERMS}")
+    usual = values if is_fisheye else opencv_terms(terms or root, values)
+    camera = made_camera(matrix, _MODELS[named], [*parameters, *usual], size)
     name = root.first("camera_name")
     return StatedLens(
         camera,
@@ -73,3 +94,20 @@ def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
     sides = [0, 0] if part is None else [part.find(side).integer(0) for side in ("width", "height")]
     if part is not None and all(sides) and tuple(sides) != size:
         raise part.error("the matrix is of the whole image, the images are a part of it: give that of the images")
+
+
+_MODELS["fisheye"] = fisheye.MODEL
+
+
+def ros_lens(camera: Camera) -> tuple[str, Array]:
+    """Name and distortion terms of a lens in ROS, terms that ours leaves out being zero.
+
+    Raises:
+        InputError: if ROS has no such lens.
+    """
+    count = len(camera.distortion)
+    for lens in ROS_LENSES:
+        if lens.model == camera.model and count <= lens.terms:
+            return lens.name, np.concatenate([camera.distortion, np.zeros(lens.terms - count)])
+    names = ", ".join(lens.name for lens in ROS_LENSES)
+    raise InputError(f"ROS has no name for a {camera.model} lens with {count} distortion terms; it has {names}")

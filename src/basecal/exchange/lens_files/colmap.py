@@ -18,7 +18,7 @@ from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, list_names, nearest
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field
-from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera
+from basecal.exchange.importing.lens import StatedLens, made_camera
 from basecal.fields.problems import shorten
 
 _TO_PIXEL_CENTRES = -0.5
@@ -72,7 +72,7 @@ class _Entry(NamedTuple):
     where: Field
 
 
-def read_colmap(path: str | Path) -> dict[int, StatedLens]:
+def read_colmap_lenses(path: str | Path) -> dict[int, StatedLens]:
     """The lenses of a reconstruction by their CAMERA_ID.
 
     Args:

@@ -1,1 +1,1 @@
-"""Where robots shall go, as their own programs say it: a file and a line for each kind."""
+"""Where robots shall go, as their own programs say it."""

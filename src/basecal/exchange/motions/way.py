@@ -100,7 +100,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Motion:
-    """A way to write where a plan sends the arms: its module in this folder ends in a `MOTION` of this class.
+    """A way to write where a plan sends the arms.
 
     Attributes:
         words: What it gives, for help.

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from basecal.accuracy.sample_use import outlier_views
 from basecal.cell import Calibration, SampleResidual
-from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.statement.verdict import error_text
+from basecal.reporting.statement.verdict import error_text, two_digits
 
 
 def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]:

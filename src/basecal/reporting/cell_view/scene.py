@@ -15,7 +15,7 @@ from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.kinematics.surface import body_surface
 from basecal.planning.sketch import target_points
 from basecal.reporting.cell_view.sample_labels import sample_labels, worst_sample
-from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import nice_ceiling
 
 _MOST_SAMPLES = 400

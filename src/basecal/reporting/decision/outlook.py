@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
+import numpy as np
+
+from basecal.cell import ErrorMap
+from basecal.geometry import Array, PoseEstimate
+from basecal.reporting.contours import contours
 from basecal.reporting.figures.curves import Band, curves
-from basecal.reporting.figures.figure import Figure
-from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import error_text, two_digits
+from basecal.reporting.svg import Figure, drawing, element, path, rectangle, tile
+
+_WIDTH, _ROW, _LEFT, _RIGHT = 420.0, 30.0, 24.0, 100.0
+_INTERVAL_SIGMAS = 1.96  # sigmas on either side, within which 95 % of normal errors are
+_TILE = 40.0  # of a point on the drawing, along each edge
+_WORDS = "({:.3f}, {:.3f}, {:.3f}) m: {}"  # of a point
 
 
 def outlook_figure(outlook: Sequence[tuple[int, float]], recorded_count: int, tolerance_m: float | None) -> Figure:
@@ -23,3 +33,61 @@ def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: fl
     also = "" if limit is None else f" Dashed: the tolerance, {limit:.3g} mm."
     said = ", ".join(f"{two_digits(1e3 * length)} mm with {count}" for count, length in (points[0], *points[-1:]))
     return Figure(f"{title} [mm]", svg, f"{said} samples.{also}")
+
+
+def component_figure(name: str, estimate: PoseEstimate, tolerance_m: float | None) -> Figure:
+    """A whisker for x, y and z, over the band of the tolerance if one is stated."""
+    lengths = 1e3 * _INTERVAL_SIGMAS * estimate.sigma_t
+    limit = None if tolerance_m is None else 1e3 * tolerance_m
+    most = 1.1 * max(float(lengths.max()), limit or 0.0, 1e-9)
+    middle, half = (_LEFT + _WIDTH - _RIGHT) / 2, (_WIDTH - _RIGHT - _LEFT) / 2
+    height = 3 * _ROW
+    allowed = half * (limit or 0.0) / most
+    parts = [] if limit is None else [rectangle("allowed", (middle - allowed, 0, 2 * allowed, height))]
+    parts.append(path("rule", f"M{middle:.1f} 0V{height:g}"))
+    for row, (axis, length) in enumerate(zip("xyz", lengths, strict=True)):
+        y, reach = _ROW * (row + 0.5), half * length / most
+        kind = "beyond" if limit is not None and length > limit else "within"
+        parts.append(path(f"interval {kind}", f"M{middle - reach:.1f} {y - 6}v12m0-6H{middle + reach:.1f}m0-6v12"))
+        for x, words in ((6, axis), (_WIDTH - _RIGHT + 12, f"± {two_digits(length)} mm")):
+            parts.append(element("text", words, x=x, y=y + 4, class_="tick"))
+    also = "" if limit is None else f" Shaded: the tolerance, {limit:.3g} mm."
+    caption = f"Intervals that hold 95 % of errors along each axis of {name.partition('_from_')[2]}.{also}"
+    svg = drawing(_WIDTH, height, "95 % intervals by axis", *parts)
+    return Figure("position by axis, 95 % intervals", svg, caption)
+
+
+def workspace(error_map: ErrorMap) -> Iterator[Figure]:
+    """Contours of the error at each height, from the lowest, x to the right and y upwards."""
+    lengths_mm, points = 1e3 * error_map.length_95_m, error_map.points_m
+    low, high = float(lengths_mm.min()), float(lengths_mm.max())
+    shares = (lengths_mm - low) / max(high - low, 1e-12)
+    across, upwards, heights = (np.unique(axis) for axis in points.T)
+    size = _TILE * len(across), _TILE * len(upwards)
+    columns, rows = np.searchsorted(across, points[:, 0]), np.searchsorted(-upwards[::-1], -points[:, 1])
+    for height in heights:
+        here = np.flatnonzero(points[:, 2] == height).tolist()
+        values = np.full((len(upwards), len(across)), np.nan)
+        values[rows[here], columns[here]] = lengths_mm[here]
+        tiles = [
+            tile(
+                (_TILE * columns[k], _TILE * rows[k], _TILE, _TILE),
+                shares[k],
+                _WORDS.format(*points[k], error_text(error_map.length_95_m[k], error_map.angle_95_rad[k])),
+                "tile worst" if k == error_map.worst else "tile",
+            )
+            for k in here
+        ]
+        title = f"at z = {height:.3f} m"
+        frame = rectangle("frame", (0, 0, *size))
+        svg = drawing(*size, f"expected error {title}", frame, *tiles, *contours(values, _TILE))
+        ends = map(two_digits, (lengths_mm[here].min(), lengths_mm[here].max(), low, high))
+        caption = "95 % of errors below {} to {} mm here, {} to {} mm in all.".format(*ends)
+        if error_map.worst in here:
+            place = ", ".join(f"{x:.2f}" for x in points[error_map.worst])
+            caption += f" Outlined: the worst place, {place} m."
+        yield Figure(title, svg, caption, _ends(across, "x"), _ends(upwards[::-1], "y"))
+
+
+def _ends(values: Array, axis: str) -> tuple[str, ...]:
+    return f"{axis} {values[0]:.2f} m", *(f"{value:.2f} m" for value in values[1:][-1:])

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from inspect import getmodule
 
+from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.sample_use import sample_use
 from basecal.cell import Calibration, Cell, Recording
-from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.statement.verdict import error_text, requested_estimates
+from basecal.reporting.statement.verdict import error_text, requested_estimates, two_digits
 
 _SEVERITY_NAMES = {"error": "error", "warning": "warning", "info": "note"}
 _BAR_ROOM = 1.05  # times the longer of error and tolerance
+_WORDS = re.compile(r"((?:`[a-z-]+`(?: and |, )?)+)[^:]*: (.*)")
 
 
 @dataclass(frozen=True)
@@ -97,3 +100,20 @@ def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> I
     if len(outlook) > 1:
         more, expected_m = outlook[-1]
         yield f"{more} more samples would leave {two_digits(1e3 * expected_m)} mm (95 %)."
+
+
+def check_words() -> dict[str, str]:
+    """The subject of each kind of finding, by its code: the first line of the module that finds it."""
+    found: dict[str, str] = {}
+    for check in (*INPUT_CHECKS, *ANSWER_CHECKS):
+        words = _WORDS.match((getattr(getmodule(check), "__doc__", None) or "").partition("\n")[0])
+        if words is not None:
+            found |= dict.fromkeys(re.findall(r"`([a-z-]+)`", words[1]), words[2])
+    return found
+
+
+def passed_checks(calibration: Calibration) -> Iterator[tuple[str, str]]:
+    """Codes and words of the checks that found nothing; none where nothing was calibrated."""
+    found = {finding.code for finding in calibration.findings}
+    if calibration.transforms:
+        yield from (each for each in check_words().items() if each[0] not in found)

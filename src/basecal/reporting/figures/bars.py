@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.cell import SampleResidual
-from basecal.reporting.figures.figure import BAR, HEIGHT, Figure, bar
-from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.svg import drawing, nice_ceiling, path
+from basecal.reporting.statement.verdict import two_digits
+from basecal.reporting.svg import BAR, HEIGHT, Figure, bar, drawing, nice_ceiling, path
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from markupsafe import Markup
 
 from basecal.reporting.charts import value_text
-from basecal.reporting.figures.figure import Figure, rectangle, tile
-from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.svg import drawing, label_lines, wrapped_label
+from basecal.reporting.statement.verdict import two_digits
+from basecal.reporting.svg import Figure, drawing, label_lines, rectangle, tile, wrapped_label
 
 _TILE_WIDTH, _TILE_HEIGHT = 84.0, 34.0
 _LEFT, _TOP, _EDGE = 210.0, 12.0, 26.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.cell import MeasuredShift, PastVerification
 from basecal.reporting.figures.curves import COLOURS, Band, curves
-from basecal.reporting.figures.figure import Figure
+from basecal.reporting.svg import Figure
 
 _MOST_VERIFICATIONS = 40  # verifications that are told apart on a page
 _UNITS = (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0))  # of time, with how many seconds each has

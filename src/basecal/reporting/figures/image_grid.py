@@ -9,15 +9,20 @@ from functools import cached_property
 import numpy as np
 from markupsafe import Markup
 
-from basecal.geometry import Array, IntArray
-from basecal.reporting.figures.figure import rectangle, tile
-from basecal.reporting.svg import drawing, element
+from basecal.accuracy.residuals.lens_uncertainty import lens_sigmas
+from basecal.accuracy.residuals.point_residuals import PointResiduals
+from basecal.geometry import Array, Camera, IntArray
+from basecal.reporting.charts import fitted_scale
+from basecal.reporting.contours import contours
+from basecal.reporting.statement.verdict import two_digits
+from basecal.reporting.svg import Figure, drawing, element, rectangle, tile
 
 IMAGE_WIDTH = 640.0
 STRIP = 30.0  # below an image, for its size and the bar of its shades
 _BAR_WIDTH, _BAR_STEPS = 160.0, 8
 _COLUMNS = 16  # squares along the longer side: enough to see a lens's pattern, each with points of several views
 _LARGEST_ASPECT = 8.0  # of what points without an image cover
+_EXACT_PX = 1e-6  # shown for less
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,3 +102,48 @@ def image_grid(size_px: tuple[int, int] | None, pixels: Array) -> ImageGrid:
     columns, rows = (max(1, round(float(side) / pitch + 0.49)) for side in size)
     at = np.clip(np.floor((pixels - low) / pitch).astype(np.int64), 0, [columns - 1, rows - 1])
     return ImageGrid(low, size, pitch, (columns, rows), at[:, 1] * columns + at[:, 0])
+
+
+def image_coverage(size_px: tuple[int, int] | None, points: PointResiduals) -> Figure:
+    """Squares shaded by how many points were seen in them.
+
+    Args:
+        size_px: The camera's image; where not known, as far as points were points.
+        points: Its points, at least one.
+    """
+    grid = image_grid(size_px, points.pixels)
+    most = int(grid.count.max())
+    squares = {
+        square: (float(np.sqrt(number / most)), f"{number} point{'s' if number > 1 else ''}")
+        for square, number in enumerate(grid.count.tolist())
+        if number
+    }
+    svg = grid.drawing(f"points in the image of {points.camera}", squares, ("1 point", str(most)))
+    share = len(squares) / len(grid.count)
+    caption = (
+        f"Points were seen in {len(squares)} of {len(grid.count)} squares ({100 * share:.0f} %), "
+        f"at most {most} in one. What the lens does in the others is not checked."
+    )
+    return Figure(f"{points.camera}, where points were seen", svg, caption)
+
+
+def lens_uncertainty(name: str, camera: Camera, covariance: Array) -> Figure | None:
+    """Squares shaded by 1 sigma of where the lens images a ray, with contours; None if no image size is known."""
+    if camera.size_px is None:
+        return None
+    grid = image_grid(camera.size_px, np.zeros((0, 2)))
+    sigmas = lens_sigmas(camera, covariance, grid.low + np.minimum(grid.middles, grid.size - 1))
+    known = sigmas[np.isfinite(sigmas)]
+    if not len(known):
+        return None
+    scale = fitted_scale(np.maximum(known, _EXACT_PX).tolist(), 0.0, 1.0)
+    squares = {
+        k: (scale.position(max(sigma, _EXACT_PX)), f"1 sigma {two_digits(sigma)} px")
+        for k, sigma in enumerate(sigmas.tolist())
+        if np.isfinite(sigma)
+    }
+    lines = contours(sigmas.reshape(grid.shape[::-1]), grid.pitch * grid.scale)
+    title = f"{name}, uncertainty of the lens"
+    ends = two_digits(float(known.min())), f"{two_digits(float(known.max()))} px"
+    caption = "1 sigma per axis of where the lens images a ray, without what a rotation of the camera absorbs."
+    return Figure(title, grid.drawing(title, squares, ends, *lines), caption)

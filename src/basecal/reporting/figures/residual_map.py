@@ -6,10 +6,9 @@ import numpy as np
 
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.geometry import Array
-from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.image_grid import image_grid
-from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.svg import element, nice_ceiling, path, segments, three_digits
+from basecal.reporting.statement.verdict import two_digits
+from basecal.reporting.svg import Figure, element, nice_ceiling, path, segments, three_digits
 
 _ARROW_SHARE = 0.8  # of a square, for an arrow as long as the ruler
 _FEWEST_POINTS = 3  # whose mean is drawn: of fewer it is the noise of single points

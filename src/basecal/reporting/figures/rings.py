@@ -7,12 +7,22 @@ from collections.abc import Sequence
 import numpy as np
 from markupsafe import Markup
 
+from basecal.accuracy.residuals.point_residuals import PointResiduals
+from basecal.accuracy.residuals.view_poses import ViewPoses
 from basecal.geometry import Array
-from basecal.reporting.svg import drawing, element, path
+from basecal.reporting.statement.verdict import two_digits
+from basecal.reporting.svg import Figure, dots, drawing, element, nice_ceiling, path, segments
 
 RADIUS = 150.0
 _MARGIN_PX = 16.0
 MIDDLE = RADIUS + _MARGIN_PX
+_MOST_DOTS = 1500  # dots: more only cover one another
+_RANGE_RMS = 2.5  # of the length: of normal residuals one in five hundred is longer
+_HALF, _MOST_OF = 50, 95  # percent of residuals within
+_MOST_VIEWS = 400  # views drawn
+_RINGS_DEG = (30.0, 60.0, 90.0, 180.0)
+_TICK = 6.0  # half the length of a mark on the drawing
+_FEWEST_FOR_FACE = 0.5  # share of the views from one side, which then is the target's face
 
 
 def place_on_rings(xy: Array, top: float) -> Array:
@@ -35,3 +45,70 @@ def polar_drawing(label: str, rings: Sequence[tuple[float, str]], *inside: str) 
         element("text", name, class_="ring-label", x=MIDDLE + 3, y=MIDDLE - share * RADIUS - 3) for share, name in rings
     ]
     return drawing(2 * MIDDLE, 2 * MIDDLE, label, *circles, path("ring", ends), *inside, *named)
+
+
+def residual_polar(points: PointResiduals) -> Figure:
+    """A dot for each point of a camera, from where it was seen in the middle to where it is predicted.
+
+    Args:
+        points: Its points, at least one of them used.
+    """
+    off, left_out = points.off_px[points.used], points.off_px[~points.used]
+    length = np.linalg.norm(off, axis=-1)
+    top = nice_ceiling(_RANGE_RMS * float(np.sqrt(np.mean(length**2))))
+    shown = off[:: -(-len(off) // _MOST_DOTS)]
+    drawn = {"cloud": shown, "left-out": left_out[:_MOST_DOTS]}
+    clouds = [path(kind, dots(place_on_rings(each, top))) for kind, each in drawn.items()]
+    rings = [(share, f"{share * top:.3g} px") for share in (0.5, 1.0)]
+    svg = polar_drawing(f"reprojection errors of {points.camera} by direction", rings, *clouds)
+    half, most = (two_digits(value) for value in np.percentile(length, [_HALF, _MOST_OF]))
+    beyond = int(np.count_nonzero(length > top))
+    outside = f" {beyond} are longer and stand on the outer ring." if beyond else ""
+    also = f" {len(left_out)} orange ones were left out." if len(left_out) else ""
+    few = f"{len(shown)} of {len(off)} points drawn. " if len(shown) < len(off) else ""
+    caption = (
+        f"{few}{_HALF} % are below {half} px, {_MOST_OF} % below {most} px.{outside}{also} A cloud that is not "
+        "round and centred: a shared error."
+    )
+    return Figure(f"{points.camera}, residuals by direction", svg, caption)
+
+
+def orientation_figure(views: ViewPoses) -> Figure:
+    """A mark for each view: from the middle outwards the tilt, around it the direction, turned as the camera was.
+
+    Args:
+        views: Of one camera and target, at least one.
+    """
+    shown = slice(None, None, -(-len(views.sample) // _MOST_VIEWS))
+    target_from_camera = views.camera_from_target[shown].inverse()
+    away = _units(target_from_camera.translation)
+    face = 1.0 if np.mean(away[:, 2] > 0) >= _FEWEST_FOR_FACE else -1.0
+    tilt = np.degrees(np.arccos(np.clip(face * away[:, 2], -1, 1)))
+    top = next(each for each in _RINGS_DEG if tilt.max() <= each)
+    at = place_on_rings(_units(away[:, :2]) * tilt[:, None], top)
+    along = _TICK * _units(target_from_camera.rotation[:, :2, 0])
+    marks = [
+        element(
+            "g",
+            element("path", d=segments([(place - half, place + half)])),
+            element("circle", cx=place[0], cy=place[1], r=3),
+            title=f"sample {sample}: tilted by {angle:.0f} deg",
+            class_="mark view",
+            data_sample=sample,
+        )
+        for sample, angle, place, half in zip(views.sample[shown].tolist(), tilt, at, along, strict=True)
+    ]
+    rings = [(share / 3, f"{share / 3 * top:g}°") for share in (1, 2, 3)]
+    label = f"directions that {views.camera} saw {views.target} from"
+    svg = polar_drawing(label, rings, ring("centre", 1.5), *marks)
+    caption = (
+        "Middle: seen straight on; outwards: tilted. The line is the camera's x axis: a camera that never turned about "
+        f"its view has parallel lines. Tilts of {tilt.min():.0f}° to {tilt.max():.0f}°."
+    )
+    return Figure(f"{views.target} seen by {views.camera}, from where", svg, caption)
+
+
+def _units(vectors: Array) -> Array:
+    """Vectors of length one, (n, d), along others; those of no length stay."""
+    units: Array = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+    return units

@@ -13,7 +13,7 @@ from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.cell import Calibration, Cell, Recording, Sample
 from basecal.geometry import Array, BoolArray
 from basecal.reporting.figures.camera_points import points_by_camera, some_points
-from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import dots, drawing, element, nice_ceiling, path, segments
 
 _MOST_USED, _MOST_LEFT_OUT = 18, 6  # images of views that were used, and of those left out: some rows of each
@@ -110,8 +110,7 @@ def _picture(
     size_px = cell.cameras[camera].size_px
     if recording.folder is None or size_px is None:
         return None
-    data = read_bytes(Path(recording.folder) / sample.images[camera])
-    jpeg = None if isinstance(data, str) else thumbnail(data, size_px, width)
+    jpeg = thumbnail(read_bytes(Path(recording.folder) / sample.images[camera]), size_px, width)
     if jpeg is None:
         return None
     label = f"sample {sample.sample} seen by {camera}"

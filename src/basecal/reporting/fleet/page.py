@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from basecal.reporting.fleet.text import COLUMN_TITLES, number_text, row_texts, sort_by_verdict, verdict_counts
+from basecal.reporting.statement.verdict import two_digits
+from basecal.reporting.summary import wrap_text
 from basecal.reporting.templates.environment import fill_page
 
 _MOST_ROWS = 2000
@@ -16,6 +17,16 @@ _COLUMN_NAMES = {
     "held_out_deg": "held-out error [deg]",
     "time_s": "time of a cell [s]",
 }
+_NUMBER_COLUMNS = ("sigma_mm", "sigma_deg", "held_out_mm", "held_out_deg", "samples", "time_s")
+COLUMN_TITLES = ("cell", "verdict", "why", "transform", *(name.replace("_", " ") for name in _NUMBER_COLUMNS))
+"""Of the columns of a cell's row."""
+
+VERDICT_ORDER = ("failed", "unreadable", "refused", "doubtful", "good")
+"""Of verdicts, those that need somebody first."""
+
+_MOST_CELLS = 20  # cells that are told: the table and the page have all
+
+Row = Mapping[str, Any]
 
 
 def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> str:
@@ -38,3 +49,37 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
         rows=shown,
         row_texts=row_texts,
     )
+
+
+def sort_by_verdict(rows: Sequence[Row]) -> list[Row]:
+    """Cells by verdict, of one verdict by how well the answer is known."""
+    return sorted(rows, key=lambda row: (VERDICT_ORDER.index(row["verdict"]), -(row["sigma_mm"] or 0.0), row["cell"]))
+
+
+def number_text(value: float) -> str:
+    """A count as it is, another number to the two digits that sigmas have."""
+    return str(value) if isinstance(value, int) else two_digits(value)
+
+
+def row_texts(row: Row) -> list[str]:
+    """Texts of a cell's row under `COLUMN_TITLES`; empty if it was not computed."""
+    numbers = ["" if row[name] is None else number_text(row[name]) for name in _NUMBER_COLUMNS]
+    return [row["cell"], row["verdict"], row["said"], row["transform"] or "", *numbers]
+
+
+def verdict_counts(summary: Mapping[str, Any]) -> str:
+    """How many cells have which verdict."""
+    return ", ".join(f"{count} {verdict}" for verdict, count in summary["verdicts"].items() if count)
+
+
+def fleet_text(summary: Mapping[str, Any], rows: Sequence[Row]) -> str:
+    """How many cells have which verdict, how well the answers are known, and the first that need somebody."""
+    lines = [f"{summary['cells']} cells: {verdict_counts(summary)}"]
+    if (spread := summary["sigma_mm"]) is not None:
+        lines.append(f"sigma: median {two_digits(spread['median'])} mm, 95 % {two_digits(spread['p95'])} mm")
+    waiting = [row for row in sort_by_verdict(rows) if row["verdict"] != "good"]
+    for row in waiting[:_MOST_CELLS]:
+        lines += wrap_text(f"{row['cell']}: {', '.join(filter(None, (row['verdict'], row['said'])))}")
+    if len(waiting) > _MOST_CELLS:
+        lines.append(f"and {len(waiting) - _MOST_CELLS} more")
+    return "\n".join(lines)

@@ -21,10 +21,10 @@ from basecal.reporting.cell_view.scene import scene_data
 from basecal.reporting.cell_view.stage import json_inside_html, stated_scene
 from basecal.reporting.decision.outlook import error_curve
 from basecal.reporting.decision.tiles import Tile, error_tile
-from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.thumbnails import image_drawing
 from basecal.reporting.live.serving import Answer, serving
 from basecal.reporting.statement.verdict import COLOURS, error_text
+from basecal.reporting.svg import Figure
 from basecal.reporting.templates.environment import fill_page, fill_part
 from basecal.vision.detectors import find
 from basecal.vision.image_file import png_bytes

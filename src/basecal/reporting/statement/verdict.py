@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -11,7 +12,6 @@ import numpy as np
 from basecal.cell import Calibration, Cell, Finding, Tolerance, Validation
 from basecal.cell.work_error import PlaceKind
 from basecal.geometry import Array, PoseEstimate
-from basecal.reporting.statement.digits import two_digits
 
 Word = Literal["PASS", "FAIL", "GOOD", "DOUBTFUL", "REFUSED"]
 
@@ -30,6 +30,8 @@ _SEVERITY_RANK = {"error": 0, "warning": 1, "info": 2}
 _CONSEQUENCE_CODES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged", "too-few-samples")
 # What leaves too few samples comes before that there are too few.
 _LOSS_CODES = ("few-images", "dropped-sample")
+_SIGNIFICANT = 2  # digits of a sigma: the second is uncertain itself
+_EXACT_DECIMALS, _MOST_DECIMALS = 4, 6  # of mm and deg: where nothing is uncertain, and at most
 
 
 @dataclass(frozen=True)
@@ -210,3 +212,20 @@ def _first_reason(findings: Iterable[Finding]) -> str:
         return "".join(messages)
     others = len(messages) - 1
     return f"{messages[0].rstrip('.')} (and {others} more finding{'s' if others > 1 else ''})"
+
+
+def shown_decimals(sigmas: Array) -> int:
+    """Decimals with which the smallest of these sigmas shows two digits; those of an exact value if all are zero."""
+    uncertain = sigmas[sigmas > 0]
+    return _EXACT_DECIMALS if len(uncertain) == 0 else _decimals(float(uncertain.min()))
+
+
+def two_digits(value: float) -> str:
+    """A sigma or an error with two significant digits and no exponent."""
+    return "0" if value == 0 else f"{value:.{_decimals(abs(value))}f}"
+
+
+def _decimals(size: float) -> int:
+    if not math.isfinite(size):
+        return 0
+    return min(max(_SIGNIFICANT - 1 - math.floor(math.log10(size)), 0), _MOST_DECIMALS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from basecal.accuracy.residuals.point_residuals import PointResiduals, point_residuals
-from basecal.accuracy.residuals.without_samples import without_samples
-from basecal.cell import Calibration, Cell, Recording
+from basecal.accuracy.residuals.without_samples import WithoutSamples, without_samples
+from basecal.cell import Calibration, Cell, Recording, SampleResidual
 from basecal.errors import BasecalError
+from basecal.reporting.cell_view.sample_labels import view_words
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
 from basecal.reporting.figures.thumbnails import sample_pictures
 from basecal.reporting.live.serving import Answer, serving
-from basecal.reporting.statement.verdict import COLOURS, headline
+from basecal.reporting.statement.verdict import COLOURS, error_text, headline, tangent_text, two_digits
 from basecal.reporting.templates.environment import fill_page, fill_part
-from basecal.reporting.viewing.words import answer_rows, fit_sentence, sample_words
 
 _MOST_BARS = 600
 _MOST_RUNS = 8  # whose points are kept
@@ -143,3 +143,32 @@ def _excluded_numbers(query: Query) -> frozenset[int]:
 def _numbers(text: str) -> tuple[int, ...]:
     """Numbers of samples with commas between them; what is none is left out."""
     return tuple(int(each) for each in text.split(",") if each.isascii() and each.isdigit() and len(each) < 16)
+
+
+def sample_words(number: int, residuals: Sequence[SampleResidual], exclusions: Collection[int]) -> list[str]:
+    """How a sample fits, a line for each view of it."""
+    own = [view_words(each) for each in residuals if each.sample == number]
+    return [f"sample {number}{', left out' if number in exclusions else ''}", *own]
+
+
+def answer_rows(cell: Cell, calibration: Calibration, result: WithoutSamples) -> Iterator[tuple[str, str, str, str]]:
+    """Name of each requested transform, its sigma in the run and without some samples, and its shift."""
+    for name in cell.requested_transforms:
+        run, after = calibration.transforms.get(name), result.transforms.get(name)
+        before = "unknown" if run is None else error_text(*run.sigma_norms)
+        if after is None:
+            yield name, before, "not every direction of it is seen", ""
+            continue
+        moved = ""
+        if run is not None and after is not run:
+            moved = tangent_text((run.mean.inverse() @ after.mean).log())
+        yield name, before, error_text(*after.sigma_norms), moved
+
+
+def fit_sentence(result: WithoutSamples) -> str:
+    """How well the samples that count agree."""
+    loop, rms_px = result.residuals.loop_rms_m, result.residuals.rms_px
+    parts = [] if rms_px is None else [f"reprojection error {two_digits(rms_px)} px rms"]
+    parts += [] if loop is None else [f"pose consistency error {error_text(loop, None)} rms"]
+    parts += [] if result.converged else ["no optimum was found"]
+    return f"{'; '.join(parts)}." if parts else ""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from basecal.effects.faces.simulated_fault import DEGREE, MILLI, ONE, SECOND, SimulatedFault
+from basecal.effects.faces.effect import DEGREE, MILLI, ONE, SECOND, SimulatedFault
 from basecal.effects.registry import EFFECTS
 from basecal.errors import InputError, nearest
 

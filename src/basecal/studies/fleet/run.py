@@ -6,8 +6,10 @@ their own, each whole or not at all.
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -17,7 +19,6 @@ from typing import Any
 from basecal.bounded_file import read_bounded
 from basecal.cell.format.writing import is_unused, make_folder, write_atomically
 from basecal.errors import DatasetError, InputError
-from basecal.studies.fleet.folder import find_cells, fingerprint
 from basecal.studies.fleet.row import COLUMNS, PageMaker, calibrate_row, killed_row
 from basecal.studies.jobs import Job, Step, WorkerPool, work_jobs
 
@@ -26,6 +27,8 @@ FLEET = "fleet.json"
 SCHEMA = "basecal/fleet/1"
 _CELLS = "cells"
 _LARGEST_BYTES = 2**20  # of a row: it has some hundred
+_MADE = frozenset({"derived", "runs"})  # what programs make of a cell, in its own folder
+_MARKS = frozenset({"cell.yaml", "recording"})  # a folder that has one of them is meant to be a cell
 
 
 @dataclass(frozen=True)
@@ -124,3 +127,60 @@ def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None, make_
         fleet.keep(cell, now[cell], content)
 
     work_jobs(jobs, workers, len(now), keep, step)
+
+
+def find_cells(folder: Path) -> tuple[str, ...]:
+    """Paths of the cells below a folder, at any depth, in their order; links are not followed.
+
+    Raises:
+        InputError: if there is none, or the folder cannot be read.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} is no folder: give the one whose cells are to be calibrated")
+    found = sorted(path.relative_to(folder).as_posix() for path in _cells(folder))
+    if not found:
+        raise InputError(f"{folder} holds no cell: its folders, or theirs, should have a cell.yaml")
+    return tuple(found)
+
+
+def _cells(folder: Path) -> Iterator[Path]:
+    entries = _entries(folder)
+    if any(entry.name in _MARKS for entry in entries):
+        yield folder
+        return
+    for entry in entries:
+        if entry.is_dir(follow_symlinks=False) and not entry.name.startswith("."):
+            yield from _cells(Path(entry.path))
+
+
+def _entries(folder: Path) -> list[os.DirEntry[str]]:
+    try:
+        with os.scandir(folder) as entries:
+            return sorted(entries, key=lambda entry: entry.name)
+    except OSError as error:
+        raise DatasetError(str(folder), f"cannot be read: {error.strerror}") from None
+
+
+def fingerprint(cell: Path, versions: str) -> str:
+    """A hash of names, sizes and times of all files of a cell but those made of it, and of a text.
+
+    Args:
+        cell: The cell's folder.
+        versions: What else the answer depends on.
+    """
+    digest = hashlib.sha256(versions.encode())
+    for name, size, changed in _files(cell, Path(), _MADE):
+        digest.update(f"\0{name}\0{size}\0{changed}".encode("utf-8", "surrogateescape"))
+    return digest.hexdigest()
+
+
+def _files(cell: Path, subfolder: Path, left_out: frozenset[str]) -> Iterator[tuple[str, int, int]]:
+    """Path, size and time of change [ns] of each file."""
+    for entry in _entries(cell / subfolder):
+        if entry.name in left_out:
+            continue
+        if entry.is_dir(follow_symlinks=False):
+            yield from _files(cell, subfolder / entry.name, frozenset())
+        else:
+            stat = entry.stat(follow_symlinks=False)
+            yield (subfolder / entry.name).as_posix(), stat.st_size, stat.st_mtime_ns

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.cell.sheet import Marker, Sheet
-from basecal.cell.target import Target
+from basecal.cell.target import Marker, Sheet, Target
 from basecal.errors import InputError
 from basecal.geometry import Array
-from basecal.vision.kinds.fiducial import black_cells
+from basecal.vision.kinds.ways import black_cells
 
 
 def target_drawing(target: Target) -> tuple[Sheet, ...]:

@@ -15,8 +15,7 @@ from basecal.vision.detection import Detection, Image, eight_bit, make_detection
 from basecal.vision.fit.corner_shapes import saddle
 from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refine_corners
 from basecal.vision.fit.local_map import local_axes
-from basecal.vision.kinds.fiducial import charuco_board, marker_corners
-from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best_result
+from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best_result, charuco_board, marker_corners
 
 _ARM_SQUARES = 0.7  # squares: the next corner and its blur stay outside
 _ENOUGH_SHARE = 0.7  # of the corners: a board with fewer may be blurred, dark or small, and is searched in other ways

@@ -12,8 +12,7 @@ from basecal.cell.target import Target
 from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.geometry import Array
-from basecal.vision.kinds.fiducial import MARKER_SETS, detect_markers, dictionary, marker_corners
-from basecal.vision.kinds.ways import Grey
+from basecal.vision.kinds.ways import MARKER_SETS, Grey, detect_markers, dictionary, marker_corners
 
 _FEWEST_MARKERS = 6  # markers that tell a board from another: a plane's image has four points to itself
 _MOST_COLUMNS = 40

@@ -21,7 +21,6 @@ from basecal.vision.fit.ellipse import ellipse
 from basecal.vision.fit.local_map import local_axes, local_homographies
 from basecal.vision.fit.patch_fit import Patches, fit_shapes, pack_patches
 from basecal.vision.kinds.ways import Grey, Way, best_result
-from basecal.vision.kinds.whole_grid import has_further_row
 
 _MODEL_ERROR_PX = 0.0007  # of a centre in rendered images without noise, besides what the lens bends
 _BENT_SHARE = 0.05  # of what a lens bends, as uncertain
@@ -38,6 +37,8 @@ _LEAST_CONTRAST = 3.0  # of a disc to the paper, in sigmas of a pixel's noise
 # Of the print's contrast, what ellipses leave of the image besides noise: 0.02 of discs, 0.15 and more of squares.
 _MOST_SHARED_RESIDUAL = 0.1
 _DARK_BRIGHT_PERCENT = (3, 97)  # levels of print and paper in a window, past a pixel or two that are neither
+_FEWEST_WHOLE_DISCS = 2  # of a row in the image: one dark spot may be anything
+_DISC_SHARE = 0.8  # of a row's places with a disc: one may be covered
 
 
 def detect(image: Image, target: Target) -> Detection | None:
@@ -172,3 +173,36 @@ def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Ar
     y = (3 * yy[:, 1] + xx[:, 1]) / 8 + xy[:, 0] / 4
     bent: Array = (jacobian @ np.stack([x, y], axis=1)[..., None])[..., 0] * squared[:, None]
     return perspective, bent
+
+
+def has_further_row(image: Grey, grid: Array) -> bool:
+    """Whether beyond a side of a grid there is another row of discs.
+
+    Args:
+        image: (h, w).
+        grid: Centres of discs, (rows, columns, 2) [px], two or more each way.
+    """
+    gaps = (grid[1:, 1:] + grid[:-1, :-1]) / 2
+    middle = (np.median(_levels(image, grid)) + np.median(_levels(image, gaps))) / 2
+    return any(
+        _has_discs(image, side, middle) for side in (grid, grid[::-1], grid.swapaxes(0, 1), grid.swapaxes(0, 1)[::-1])
+    )
+
+
+def _has_discs(image: Grey, grid: Array, middle: float) -> bool:
+    """Whether a row before the first of a grid has discs, and paper between them."""
+    before = 2 * grid[0] - grid[1]
+    between = (before[1:] + before[:-1]) / 2
+    inside = np.all((before >= 0) & (before <= np.array(image.shape[::-1]) - 1), axis=-1)
+    if inside.sum() < _FEWEST_WHOLE_DISCS:
+        return False
+    dark = np.mean(_levels(image, before[inside]) < middle)
+    bright = np.mean(_levels(image, between) > middle)
+    return bool(dark >= _DISC_SHARE and bright >= _DISC_SHARE)
+
+
+def _levels(image: Grey, places: Array) -> Array:
+    """The level of the nearest pixel, places outside the image at its border."""
+    column, row = np.moveaxis(np.rint(places).astype(np.int64), -1, 0)
+    height, width = image.shape
+    return np.asarray(image[row.clip(0, height - 1), column.clip(0, width - 1)], dtype=np.float64)

@@ -18,8 +18,7 @@ from basecal.geometry import Array, BoolArray, IntArray
 from basecal.vision.detection import Detection, Image, eight_bit, make_detection
 from basecal.vision.fit.corner_shapes import saddle, wedge
 from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refine_corners
-from basecal.vision.kinds.fiducial import detect_markers, dictionary
-from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best_result
+from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best_result, detect_markers, dictionary
 
 _TAG_CORNERS = 4
 _ENOUGH_SHARE = (

@@ -1,1 +1,0 @@
-"""Recordings of hand-eye programs, each by its own convention of poses."""

@@ -1,0 +1,108 @@
+"""Plans as robots' own programs take them: a table, joints as JSON, goals of ROS 2, a program of URScript."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+from basecal.exchange.controllers.registry import CONTROLLERS
+from basecal.exchange.exports.exporter import csv_row, yaml_word
+from basecal.exchange.motions.way import Motion, Way
+
+_POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+_ACCELERATION = 0.5  # [rad/s^2], a third of what the arms begin with
+
+
+def write_table(way: Way) -> str:
+    """A row for each sample, below names: joints of each robot that has any [rad], and the pose of its flange."""
+    head = ["sample"]
+    for name in way.robots:
+        joints = way.joint_names(name) if way.has_joints(name) else ()
+        head += [f"{name}_{column}" for column in (*(f"{joint}_rad" for joint in joints), *_POSE)]
+    rows = [csv_row(head)]
+    for sample in way.samples:
+        row = [str(sample.sample)]
+        for name in way.robots:
+            joints_rad = sample.robots[name].joints_rad
+            pose = way.pose(name, sample)
+            numbers = [*(() if joints_rad is None else joints_rad), *pose.translation, *pose.quaternion]
+            row += [f"{float(number):.9g}" for number in numbers]
+        rows.append(",".join(row))
+    return "\n".join(rows) + "\n"
+
+
+def write_joints(way: Way) -> str:
+    """One object of JSON: numbers of the samples, and for each robot its joints [rad].
+
+    Raises:
+        InputError: if a robot is known by poses alone.
+    """
+    robots = {
+        name: {"joint_names": list(way.joint_names(name)), "joints_rad": way.joints(name).tolist()}
+        for name in way.robots
+    }
+    return json.dumps({"samples": way.numbers, "robots": robots}, indent=1) + "\n"
+
+
+def write_goals(way: Way) -> str:
+    """Goals of `control_msgs/action/FollowJointTrajectory` as YAML, one document for each robot.
+
+    All robots take the same time for each way, so that goals that are sent together stay in step. They stand still at
+    each sample from its time for as long as the plan holds.
+
+    Raises:
+        InputError: if a robot is known by poses alone.
+    """
+    return "".join(f"---\n# {name}\n{_goal(way, name)}" for name in way.robots)
+
+
+def _goal(way: Way, robot: str) -> str:
+    names = way.joint_names(robot)
+    lines = ["trajectory:", f"  joint_names: [{', '.join(map(yaml_word, names))}]", "  points:"]
+    still = ", ".join(["0.0"] * len(names))
+    for number, joints, arrival_s in zip(way.numbers, way.joints(robot), way.arrivals_s, strict=True):
+        positions = ", ".join(f"{float(joint):.9g}" for joint in joints)
+        for at_s in (arrival_s, arrival_s + way.hold_s):
+            seconds, nanoseconds = divmod(round(1e9 * at_s), 1_000_000_000)
+            lines += [
+                f"  - positions: [{positions}] # sample {number}",
+                f"    velocities: [{still}]",
+                f"    time_from_start: {{sec: {seconds}, nanosec: {nanoseconds}}}",
+            ]
+    return "\n".join(lines) + "\n"
+
+
+def write_ur_script(way: Way) -> str:
+    """A program of URScript for one arm, that waits at each sample until somebody goes on.
+
+    `movej` takes joints [rad], or a pose of the flange, for which the controller finds the joints. In the second case
+    the tool has to be the flange itself, which `set_tcp` ensures.
+
+    Raises:
+        InputError: if several robots are sent.
+    """
+    robot = way.single_robot()
+    lines = [f"def basecal_{robot}():", "  set_tcp(p[0, 0, 0, 0, 0, 0])"]
+    for place, sample in enumerate(way.samples, start=1):
+        joints = sample.robots[robot].joints_rad
+        numbers = CONTROLLERS["ur"].to_numbers(way.pose(robot, sample)) if joints is None else joints
+        target = f"{'p' if joints is None else ''}[{', '.join(f'{float(number):.6f}' for number in numbers)}]"
+        what = f"sample {sample.sample}, {place} of {len(way.samples)}"
+        lines += [
+            f'  textmsg("basecal: {what}")',
+            f"  movej({target}, a={_ACCELERATION:g}, v={way.speed_rad_s:.4g})",
+            f"  sleep({way.hold_s:g})",
+            f'  popup("{what}: take the image, then continue", title="basecal", blocking=True)',
+        ]
+    return "\n".join([*lines, "end", f"basecal_{robot}()"]) + "\n"
+
+
+MOTIONS: Mapping[str, Motion] = {
+    "joints": Motion("joints of all robots as JSON [rad]", write_joints),
+    "ur-script": Motion("with --robot: a program of URScript that waits at each sample", write_ur_script),
+    "ros2-trajectory": Motion(
+        "goals of FollowJointTrajectory as YAML, one document for each robot, in step with one another", write_goals
+    ),
+    "csv": Motion("a row for each sample: joints, and poses of the flanges", write_table),
+}
+"""Every way to write a plan, by its name in `basecal plan --to`: a new one is a function, and a line here."""
