@@ -14,7 +14,10 @@ from basecal.accuracy.stages.solving import screen_conventions
 _HERE = Path(__file__).parent
 _WHOLE = {"scene", "stages", "test_calibrate.py", "test_held_gauges.py", "test_touches.py"}
 _OF_TASKS = {"task"}
-_OF_CONVENTIONS = {"arrays", "findings", "fixing", "input_check", "input_screening", "readings", "test_size_findings.py"}
+_OF_CONVENTIONS = {
+    *("arrays", "findings", "fixing", "input_check", "input_screening", "readings"),
+    "test_size_findings.py",
+}
 
 
 @pytest.fixture(scope="module", autouse=True)

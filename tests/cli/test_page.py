@@ -6,9 +6,13 @@ from pathlib import Path
 from shutil import copytree
 
 import pytest
+from tests.shared.stages import without_stages
 
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cell.files import latest_run
 from basecal.cli import main
+
+no_conventions = without_stages(screen_conventions)
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,16 @@ from dataclasses import replace
 
 import pytest
 from tests.shared.remembered import remembering
+from tests.shared.stages import without_stages
 
 from basecal.accuracy import calibrate as calibrating
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cell import Driver
 from basecal.cell.files import latest_run, read_calibration, read_cell, read_plan, write_cell
 from basecal.cli import main
 from basecal.planning import plan as planning
+
+no_conventions = without_stages(screen_conventions)
 
 calibrated_once = remembering(calibrating, "calibrate")
 planned_once = remembering(planning, "plan_for_task")

@@ -19,7 +19,6 @@ from basecal.simulation.scenario import Arms, Scenario, SimulatedCell
 from basecal.simulation.testbed import simulate
 
 
-
 @pytest.mark.parametrize(
     ("arms", "robot_noise", "intrinsics"),
     [
