@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from tests.shared.boxed_here import boxed_here
 
 from basecal.errors import DatasetError
 from basecal.exchange.lerobot_films import Film, find_film, write_images
@@ -124,7 +125,7 @@ def test_lists_of_addresses_are_no_films(tmp_path: Path, kind: str) -> None:
         for there in (f"http://127.0.0.1:{port}/a.mp4", f"tcp://127.0.0.1:{port}", str(FILM), "beside.mp4"):
             shutil.copy(FILM, tmp_path / "beside.mp4")
             path.write_text(PLAYLISTS[kind].format(there, port))
-            with pytest.raises(DatasetError, match="cannot be decoded"):
+            with boxed_here(), pytest.raises(DatasetError, match="cannot be decoded"):
                 write_images(Film(path, 0.0), np.array([0.0]), tmp_path)
         with pytest.raises(TimeoutError):
             peer.accept()
