@@ -48,7 +48,7 @@ def test_films_that_end_or_are_none(tmp_path: Path) -> None:
     broken = tmp_path / "film.mp4"
     for content in (FILM.read_bytes()[:1000], b"no film", b""):
         broken.write_bytes(content)
-        with pytest.raises(DatasetError, match="cannot be decoded; save its frames under their times"):
+        with boxed_here(), pytest.raises(DatasetError, match="cannot be decoded; save its frames under their times"):
             write_images(Film(broken, 0.0), np.array([0.0]), tmp_path)
 
 

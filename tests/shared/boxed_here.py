@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from types import ModuleType
 from unittest.mock import patch
 
 from basecal import box
@@ -14,7 +16,9 @@ from basecal.exchange import lerobot, lerobot_films
 from basecal.exchange.bags import bag
 
 
-def _frames_here(module: str, words: Sequence[str], size: int) -> Iterator[box.Frame]:
+def _frames_here(
+    module: str, words: Sequence[str], size: int, ending_s: float = 0.0, silence_s: float = math.inf
+) -> Iterator[box.Frame]:
     """As `box.frames`, by the same bytes, without limits."""
     stream = io.BytesIO()
     with warnings.catch_warnings(), patch.dict(os.environ), patch.object(box, "limit", lambda *given: None):
@@ -26,11 +30,9 @@ def _frames_here(module: str, words: Sequence[str], size: int) -> Iterator[box.F
 
 
 @contextmanager
-def boxed_here() -> Iterator[None]:
-    """What reads bags and datasets does so in this process."""
-    with (
-        patch.object(bag, "frames", _frames_here),
-        patch.object(lerobot, "frames", _frames_here),
-        patch.object(lerobot_films, "frames", _frames_here),
-    ):
+def boxed_here(*modules: ModuleType) -> Iterator[None]:
+    """What these modules read, or those of bags and datasets, is read in this process."""
+    with ExitStack() as patches:
+        for module in modules or (bag, lerobot, lerobot_films):
+            patches.enter_context(patch.object(module, "frames", _frames_here))
         yield
