@@ -6,8 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 from tests.shared.boxed_here import boxed_here
+from tests.shared.stages import without_stages
+
+from basecal.accuracy.stages.concluding import find_error_at_task
 
 _OF_PROCESSES = {"test_reader_process.py", "test_lerobot_films.py"}
+
+no_error_at_task = without_stages(find_error_at_task)
 
 
 @pytest.fixture(scope="module", autouse=True)
