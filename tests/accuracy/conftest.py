@@ -12,11 +12,11 @@ from basecal.accuracy.stages.concluding import find_error_at_task
 from basecal.accuracy.stages.solving import screen_conventions
 
 _HERE = Path(__file__).parent
-_WHOLE = {"scene", "stages", "test_calibrate.py", "test_held_gauges.py", "test_touches.py"}
+_WHOLE = {"scene", "stages", "test_held_gauges.py", "test_touches.py"}
 _OF_TASKS = {"task"}
 _OF_CONVENTIONS = {
     *("arrays", "findings", "fixing", "input_check", "input_screening", "readings"),
-    "test_size_findings.py",
+    *("test_calibrate.py", "test_size_findings.py"),
 }
 
 
