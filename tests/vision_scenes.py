@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 
@@ -50,9 +51,12 @@ def _pose(middle: Array, rng: np.random.Generator, tilt: float) -> SE3:
     return SE3(rotation.copy(), place - rotation @ middle)
 
 
+@lru_cache(maxsize=32)
 def scene(shape: Target, settings: RenderSettings | None = None, pose: SE3 = STRAIGHT) -> Image:
-    """A target seen half a metre ahead of WIDE, not quite upright."""
-    return render(WIDE, shape, at(shape, pose), settings)
+    """A target seen half a metre ahead of WIDE, not quite upright; the same image, not to be written, each time."""
+    image = render(WIDE, shape, at(shape, pose), settings)
+    image.setflags(write=False)
+    return image
 
 
 def at(shape: Target, pose: SE3 = STRAIGHT) -> SE3:

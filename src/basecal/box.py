@@ -213,23 +213,28 @@ def is_own_fault(error: Exception) -> bool:
     return next((room for room in rooms if room not in sys.stdlib_module_names), _OWN[0]) in _OWN
 
 
+def _answer(module: str, seconds: int, most_bytes: int, words: Sequence[str], output: IO[bytes]) -> None:
+    """Write the frames of a module, and at the end why there are no more."""
+    try:
+        _run(module, seconds, most_bytes, words, output)
+    except MemoryError:
+        _write(({"refused": "needs more memory than such a file does", "code": InputError.exit_code}, b""), output)
+    except BasecalError as error:
+        _write(({"refused": str(error), "code": error.exit_code}, b""), output)
+    except Exception as error:
+        what = " ".join(f"{type(error).__name__} {error}".split())
+        is_own = is_own_fault(error)
+        told = {"fault": what, "traceback": "".join(traceback.format_exception(error))} if is_own else {"refused": what}
+        _write((told, b""), output)
+
+
 def main() -> None:
     """Run the task that the words of this process name; what libraries print goes nowhere."""
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     module, seconds, most_bytes, *words = sys.argv[1:]
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    try:
-        _run(module, int(seconds), int(most_bytes), words, out)
-    except MemoryError:
-        _write(({"refused": "needs more memory than such a file does", "code": InputError.exit_code}, b""), out)
-    except BasecalError as error:
-        _write(({"refused": str(error), "code": error.exit_code}, b""), out)
-    except Exception as error:
-        what = " ".join(f"{type(error).__name__} {error}".split())
-        is_own = is_own_fault(error)
-        told = {"fault": what, "traceback": "".join(traceback.format_exception(error))} if is_own else {"refused": what}
-        _write((told, b""), out)
+    _answer(module, int(seconds), int(most_bytes), words, out)
 
 
 if __name__ == "__main__":

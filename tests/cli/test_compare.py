@@ -6,8 +6,13 @@ import json
 from pathlib import Path
 
 import pytest
+from tests.shared.stages import without_stages
 
+from basecal.accuracy.stages.concluding import find_error_at_task
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cli import main
+
+answers_alone = without_stages(screen_conventions, find_error_at_task)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +50,7 @@ def test_one_run_is_too_few(cell: Path, capsys: pytest.CaptureFixture[str]) -> N
 def test_another_cell_disagrees(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = tmp_path / "other"
     assert main(["simulate", str(other), "--samples", "15", "--seed", "6"]) == 0
-    assert main(["calibrate", str(other)]) == 0
+    assert main(["calibrate", str(other), "--robot-noise", "stated"]) == 0
     capsys.readouterr()
     assert main(["compare", str(cell), str(other)]) == 1
     assert capsys.readouterr().out.startswith("DISAGREE\n")

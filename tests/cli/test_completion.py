@@ -11,15 +11,20 @@ from basecal.cli import _VERBS, main
 from basecal.cli.completion import manual
 
 
-def test_it_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.fixture(scope="module")
+def page() -> str:
+    """The manual page."""
+    return manual()
+
+
+def test_it_is_printed(page: str, capsys: pytest.CaptureFixture[str]) -> None:
     """By the verb that prints completions."""
     assert main(["completion", "man"]) == 0
-    assert capsys.readouterr().out == manual()
+    assert capsys.readouterr().out == page
 
 
-def test_the_manual_has_a_section_for_each_verb() -> None:
+def test_the_manual_has_a_section_for_each_verb(page: str) -> None:
     """With its options and its examples; a dash is one that can be copied, and no line is taken for a request."""
-    page = manual()
     assert all(f".SH basecal {verb}\n" in page for verb in _VERBS)
     assert r".SH basecal import easy\-handeye" in page
     assert ".SH basecal study paper" in page
@@ -30,10 +35,10 @@ def test_the_manual_has_a_section_for_each_verb() -> None:
 
 
 @pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")
-def test_man_reads_the_manual() -> None:
+def test_man_reads_the_manual(page: str) -> None:
     """Without a complaint, and with an option on a line of its own."""
     words = ["groff", "-man", "-Tascii", "-ww", "-P-cbou"]
-    read = subprocess.run(words, input=manual(), capture_output=True, text=True, check=True)
+    read = subprocess.run(words, input=page, capture_output=True, text=True, check=True)
     assert read.stderr == ""
     assert "\n       --tool-speed-limit STR\n" in read.stdout
 

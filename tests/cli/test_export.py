@@ -9,7 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.shared.stages import without_stages
 
+from basecal.accuracy.stages.concluding import find_error_at_task
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cell import Calibration
 from basecal.cell.files import latest_run, read_calibration, read_cell, write_calibration, write_cell
 from basecal.cli import main
@@ -18,6 +21,8 @@ from basecal.estimation.solve import solve
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.kinematics import read_chain
 from basecal.simulation import Scenario, simulate
+
+answers_alone = without_stages(screen_conventions, find_error_at_task)
 
 
 @pytest.fixture

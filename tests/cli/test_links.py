@@ -6,10 +6,15 @@ from pathlib import Path
 from shutil import copytree
 
 import pytest
+from tests.shared.stages import without_stages
 
+from basecal.accuracy.stages.concluding import find_error_at_task
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cell.files import append_sample, latest_run, read_recording
 from basecal.cli import main
 from basecal.errors import InputError
+
+answers_alone = without_stages(screen_conventions, find_error_at_task)
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,16 @@ from pathlib import Path
 from shutil import copytree
 
 import pytest
+from tests.shared.stages import without_stages
 
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cell import Calibration
 from basecal.cell.files import latest_run, write_calibration
 from basecal.cli import main
 from basecal.cli.page import find_run
 from basecal.errors import InputError
+
+no_conventions = without_stages(screen_conventions)
 
 
 @pytest.fixture(scope="module")

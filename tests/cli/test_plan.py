@@ -10,12 +10,16 @@ from dataclasses import replace
 
 import pytest
 from tests.shared.remembered import remembering
+from tests.shared.stages import without_stages
 
 from basecal.accuracy import calibrate as calibrating
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cell import Driver
 from basecal.cell.files import latest_run, read_calibration, read_cell, read_plan, write_cell
 from basecal.cli import main
 from basecal.planning import plan as planning
+
+no_conventions = without_stages(screen_conventions)
 
 calibrated_once = remembering(calibrating, "calibrate")
 planned_once = remembering(planning, "plan_for_task")
@@ -145,10 +149,10 @@ def test_shifts_are_planned_by_whole_stations(cell, tmp_path, capsys):
 
 def test_a_page_of_the_plan(cell, tmp_path, capsys):
     """In the cell's folder; without drivers it has the whole command for robots' own programs, which runs as it is."""
-    asked = ["plan", str(cell), "--samples", "3", "--task-point", "-0.25 0 0", "--anew", "--report", "--json"]
+    asked = ["plan", str(cell), "--samples", "3", "--task-point", "-0.3 0.7 0.1", "--anew", "--report", "--json"]
     assert main(asked) == 0
     assert "page: " in capsys.readouterr().err
-    page, whole = html.unescape((cell / "plan.html").read_text()), f"basecal plan {cell} --task-point -0.25 0 0"
+    page, whole = html.unescape((cell / "plan.html").read_text()), f"basecal plan {cell} --task-point -0.3 0.7 0.1"
     whole += " --samples 3 --anew --to csv -o plan.csv"
     assert f"as the cell has no drivers: <code>{whole}</code>" in page
     *words, _ = shlex.split(whole)[1:]

@@ -9,11 +9,15 @@ from shutil import copytree
 
 import numpy as np
 import pytest
+from tests.shared.stages import without_stages
 
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cell.calibration import Calibration
 from basecal.cell.files import latest_run, write_calibration
 from basecal.cli import main
 from torment.damage import damaged
+
+no_conventions = without_stages(screen_conventions)
 
 MUTANTS = 15
 

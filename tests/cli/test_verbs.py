@@ -7,6 +7,8 @@ import io
 import re
 import subprocess
 import sys
+from contextlib import redirect_stdout
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -22,11 +24,18 @@ VERBS = ["new", "simulate", "demo", "calibrate", "report", "export", "merge", "s
 VERBS += [f"import {kind}" for kind in IMPORTERS]
 
 
+@cache
+def help_of(verb: str) -> str:
+    """What `--help` of a verb prints, which ends well."""
+    with redirect_stdout(io.StringIO()) as told:
+        assert main([*verb.split(), "--help"]) == 0
+    return told.getvalue()
+
+
 @pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_has_help_with_an_example(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_verb_has_help_with_an_example(verb: str) -> None:
     """`--help` of a verb tells it with an example that names it, and ends well."""
-    assert main([*verb.split(), "--help"]) == 0
-    told = capsys.readouterr().out
+    told = help_of(verb)
     assert "For example:" in told
     assert f"    basecal {verb}" in told
 
@@ -35,10 +44,9 @@ BARE_OPTION = re.compile(r"^│ (?:\* {2}| {3})?(--[\w-]+)(?: [A-Z.]+)* +(?:\[.*
 
 
 @pytest.mark.parametrize("verb", dict.fromkeys([*_VERBS, *VERBS]))
-def test_every_option_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_option_has_help(verb: str) -> None:
     """Words stand beside the name of each option, before its choices and its default."""
-    assert main([*verb.split(), "--help"]) == 0
-    bare = BARE_OPTION.findall(capsys.readouterr().out)
+    bare = BARE_OPTION.findall(help_of(verb))
     assert not bare, f"describe {', '.join(bare)} under `Args:` in the docstring of the function behind {verb!r}"
 
 

@@ -9,13 +9,17 @@ from pathlib import Path
 
 import pytest
 from tests.shared.remembered import remembering
+from tests.shared.stages import without_stages
 
 from basecal.accuracy.drift import verify as drift
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cell import Driver
 from basecal.cell.files import read_calibration
 from basecal.cli import main
 from basecal.cli.verify import _next_command as next_command
 from basecal.simulation import Scenario, simulate
+
+no_conventions = without_stages(screen_conventions)
 
 verified_once = remembering(drift, "verify")
 

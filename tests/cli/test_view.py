@@ -10,8 +10,13 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+from tests.shared.stages import without_stages
 
+from basecal.accuracy.stages.concluding import find_error_at_task
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cli import main
+
+answers_alone = without_stages(screen_conventions, find_error_at_task)
 
 
 def test_a_cell_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ def ring(seed: int) -> SimulatedCell:
     return simulate(Scenario(layout="ring", robots=3, samples=16, robot_noise=(1e-4, 2e-4)), seed)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 5])  # 4 is solved below
 def test_a_ring_of_few_views_begins_near_the_truth(seed: int) -> None:
     """All transforms are within 5 deg."""
     made = ring(seed)

@@ -6,13 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.shared.stages import without_stages
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.reflection import reflection
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cell import CandidateObservation, PixelObservation
 from basecal.simulation import Scenario, simulate
 
 SAMPLES = 14
+
+no_conventions = without_stages(screen_conventions)
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.readings.scales import convert_units
-from basecal.cell import Cell, Recording, RobotState
+from basecal.cell import Calibration, Cell, Recording, RobotState
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
@@ -39,16 +40,22 @@ def test_answers_are_as_true_as_they_say(layout: str) -> None:
     assert 0.8 - BAND < np.mean(squares) < 1 + BAND
 
 
+@cache
+def in_metres() -> tuple[SimulatedCell, Calibration, Calibration]:
+    """A cell of an arm, its answer without its unit, and its own."""
+    made = simulate(Scenario(layout="eye_in_hand", **ARM), 3)
+    return made, calibrate(*up_to_scale(made, made.recording, 1.0)), calibrate(made.cell, made.recording)
+
+
 @pytest.mark.parametrize("unit_m", [1e-3, 0.37, 1e3])
 def test_the_unit_does_not_matter(unit_m: float) -> None:
     """The answer is the same to a hundredth of its sigma, wider than that of metres, and the unit is told."""
-    made = simulate(Scenario(layout="eye_in_hand", **ARM), 3)
+    made, unknown, known = in_metres()
     name = made.cell.requested_transforms[0]
-    reference = calibrate(*up_to_scale(made, made.recording, 1.0)).transforms[name]
+    reference, metric = unknown.transforms[name], known.transforms[name]
     found = calibrate(*up_to_scale(made, made.recording, unit_m))
     sigma = np.sqrt(np.diag(reference.covariance))
     assert np.all(np.abs((reference.mean.inverse() @ found.transforms[name].mean).log()) < 1e-2 * sigma)
-    metric = calibrate(made.cell, made.recording).transforms[name]
     assert np.trace(found.transforms[name].covariance[:3, :3]) > 1.2 * np.trace(metric.covariance[:3, :3])
     (length,) = (each for each in found.findings if each.code == "unit-length")
     assert float(length.what.split(" is ")[1].split()[0]) == pytest.approx(1e3 * unit_m, rel=0.02)

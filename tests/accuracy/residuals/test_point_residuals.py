@@ -11,11 +11,11 @@ import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals.point_residuals import point_residuals
-from basecal.cell import Outlier
+from basecal.cell import Calibration, Outlier
 from basecal.cell.cell import Status
 from basecal.cell.files import calibration_from_dict, calibration_to_dict
 from basecal.estimation.settings import Settings
-from basecal.simulation.scenario import Arms, Scenario
+from basecal.simulation.scenario import Arms, Scenario, SimulatedCell
 from basecal.simulation.testbed import simulate
 
 
@@ -71,11 +71,16 @@ def test_robots_stand_where_the_calibration_puts_them(known: dict[str, Any]) -> 
     assert float(np.sqrt(np.mean(points.off_px**2))) > 1.1 * calibration.residuals.rms_px
 
 
-def test_residual_is_predicted_minus_seen() -> None:
-    """A point moved by (1, -2) px in the image has its residual moved by (-1, 2) px, and no other point has."""
+@pytest.fixture(scope="module")
+def exact() -> tuple[SimulatedCell, Calibration]:
+    """A cell whose robots are taken for exact, and do not follow a single point."""
     made = simulate(Scenario(samples=12), 5)
-    # Robots taken for exact do not follow the point.
-    calibration = calibrate(made.cell, made.recording, Settings(robot_noise="stated"))
+    return made, calibrate(made.cell, made.recording, Settings(robot_noise="stated"))
+
+
+def test_residual_is_predicted_minus_seen(exact: tuple[SimulatedCell, Calibration]) -> None:
+    """A point moved by (1, -2) px in the image has its residual moved by (-1, 2) px, and no other point has."""
+    made, calibration = exact
     sample = made.recording.samples[4]
     seen = sample.observations[0]
     pixels = np.array(seen.pixels)
@@ -90,18 +95,16 @@ def test_residual_is_predicted_minus_seen() -> None:
     np.testing.assert_allclose(change[~here], 0.0, atol=1e-9)
 
 
-def test_unknown_transforms_leave_views_out() -> None:
+def test_unknown_transforms_leave_views_out(exact: tuple[SimulatedCell, Calibration]) -> None:
     """Without the transforms that a view needs it has no residuals."""
-    made = simulate(Scenario(samples=12), 5)
-    calibration = calibrate(made.cell, made.recording, Settings(robot_noise="stated"))
+    made, calibration = exact
     without = {n: e for n, e in calibration.transforms.items() if n != "hand_flange_from_board"}
     assert point_residuals(made.cell, made.recording, replace(calibration, transforms=without)) == ()
 
 
-def test_what_was_left_out_is_marked() -> None:
+def test_what_was_left_out_is_marked(exact: tuple[SimulatedCell, Calibration]) -> None:
     """A view left out whole, and single points of another."""
-    made = simulate(Scenario(samples=8), 3)
-    calibration = calibrate(made.cell, made.recording)
+    made, calibration = exact
     outliers = (Outlier(2, "wrist", "board", (), "bumped"), Outlier(5, "wrist", "board", (3, 4), "reflection"))
     (points,) = point_residuals(made.cell, made.recording, replace(calibration, outliers=outliers))
     left_out = {(int(s), int(i)) for s, i in zip(points.sample[~points.used], points.ids[~points.used], strict=True)}

@@ -59,7 +59,7 @@ def errors(answer: Calibration) -> set[str]:
 
 def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Mounts and base are within their 99.99 % ellipsoids (27.9 of 6), and the joint covariance holds all three."""
-    scene = made_scene(1, arms=2, count=12, points=220)
+    scene = made_scene(1, arms=2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
     answer = calibrated(monkeypatch, images_of_scene(scene), findings=(TARGETLESS,))
     assert answer.verdict == "doubtful"
@@ -88,7 +88,7 @@ def test_a_stated_place_of_the_base_is_second_evidence(
     monkeypatch: pytest.MonkeyPatch, off_m: float, sigma_m: float, verdict: str
 ) -> None:
     """A base stated to 20 mm excludes copies, one to 0.5 m does not; one 0.3 m away contradicts the scene."""
-    scene = made_scene(1, arms=2, count=12, points=220)
+    scene = made_scene(1, arms=2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
     sigma = np.array([sigma_m] * 3 + [0.5] * 3)
     stated = Unknown("prior", BASE @ SE3.exp(np.array([off_m, 0, 0, 0, 0, 0])), sigma)
@@ -119,7 +119,7 @@ def test_a_scene_that_creeps_gives_no_false_base(monkeypatch: pytest.MonkeyPatch
 
 def test_any_robot_may_be_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
     """If the reference is the robot of the second camera, the base of the first is the inverse."""
-    scene = made_scene(1, arms=2, count=12, points=220)
+    scene = made_scene(1, arms=2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
     views = replace(scene.views, bases=(Unknown(), Unknown("fixed", SE3.identity())))
     answer = calibrated(monkeypatch, replace(images_of_scene(scene), views=views), reference="right")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from basecal.accuracy.scene.meeting import scene_meeting
@@ -16,6 +18,7 @@ from basecal.geometry import Array
 from scene_points import ARM_M, ARM_RAD, BASE, made_scene
 
 
+@cache
 def fitted(seed: int) -> SceneFit:
     """Two arms, twelve images each."""
     scene = made_scene(seed, arms=2, count=12, points=100)

@@ -6,8 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.shared.stages import without_stages
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.stages.concluding import find_error_at_task
+from basecal.accuracy.stages.solving import screen_conventions
 from basecal.cell import Calibration, Clock, ClockOffset, Recording
 from basecal.effects import lens_sag, mount_bend, mount_play
 from basecal.effects.registry import CONTAINED, EFFECTS
@@ -17,6 +20,8 @@ from basecal.estimation.streams.rolling_shutter import Known
 from basecal.estimation.streams.streams import recording_streams, synchronise
 from basecal.geometry import SE3
 from stream_cells import MOUNT, TAG, Streamed, along, streamed
+
+answers_alone = without_stages(screen_conventions, find_error_at_task)
 
 NAME = "arm_flange_from_wrist"
 

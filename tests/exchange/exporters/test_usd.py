@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pxr import Sdf, Usd, UsdGeom
 
 from basecal.errors import MissingExtra
 from basecal.exchange.exporters.usd import export_text
@@ -15,6 +14,8 @@ from export_example import BASE, MOUNT, all_poses, wanted
 
 
 def stage_of(text):
+    from pxr import Sdf, Usd
+
     layer = Sdf.Layer.CreateAnonymous(".usda")
     assert layer.ImportFromString(text)
     return Usd.Stage.Open(layer)
@@ -23,6 +24,8 @@ def stage_of(text):
 @pytest.mark.parametrize("name", all_poses())
 def test_usd_puts_the_frame_there(name):
     """To 1e-12; USD's vectors are rows, so that its matrices are transposed."""
+    from pxr import Usd, UsdGeom
+
     (one,) = wanted(name).transforms
     stage = stage_of(export_text(wanted(name)))
     root = stage.GetDefaultPrim()

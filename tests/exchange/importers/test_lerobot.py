@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.exchange.test_lerobot import DEGREES, dataset, names_of
+from tests.shared.boxed_here import boxed_here
 
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
@@ -162,7 +163,7 @@ def test_films_that_end_or_are_none(tmp_path: Path) -> None:
     broken = tmp_path / "film.mp4"
     for content in (FILM.read_bytes()[:1000], b"no film", b""):
         broken.write_bytes(content)
-        with pytest.raises(DatasetError, match="cannot be decoded; save its frames under their times"):
+        with boxed_here(), pytest.raises(DatasetError, match="cannot be decoded; save its frames under their times"):
             write_images(Film(broken, 0.0), np.array([0.0]), tmp_path)
 
 
@@ -239,7 +240,7 @@ def test_lists_of_addresses_are_no_films(tmp_path: Path, kind: str) -> None:
         for there in (f"http://127.0.0.1:{port}/a.mp4", f"tcp://127.0.0.1:{port}", str(FILM), "beside.mp4"):
             shutil.copy(FILM, tmp_path / "beside.mp4")
             path.write_text(PLAYLISTS[kind].format(there, port))
-            with pytest.raises(DatasetError, match="cannot be decoded"):
+            with boxed_here(), pytest.raises(DatasetError, match="cannot be decoded"):
                 write_images(Film(path, 0.0), np.array([0.0]), tmp_path)
         with pytest.raises(TimeoutError):
             peer.accept()

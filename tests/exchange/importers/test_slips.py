@@ -129,18 +129,18 @@ def test_a_lens_of_numbers_by_name(tmp_path: Path) -> None:
 
 
 def test_detections_of_one_stop_are_all_used(tmp_path: Path) -> None:
-    """Each makes a sample of its own, in which the robot stands as in the first."""
+    """Each makes a sample of its own, in which the robot stands as in the first; so few are not judged."""
     cell = str(tmp_path / "cell")
     poses = ["import", "poses", cell, "--robot", "arm", table(tmp_path, UR, "arm.txt"), "--format", "ur"]
     assert main(poses) == 0
     text = "sample,x,y,z,qx,qy,qz,qw\n"
-    text += "".join(f"{sample},0,0,0.{k + 3},0,0,0,1\n" for sample in range(5) for k in range(3))
+    text += "".join(f"{sample},0,0,0.{k + 3},0,0,0,1\n" for k, sample in enumerate((0, 0, 0, 1)))
     seen = ["import", "poses", cell, table(tmp_path, text, "tag.csv"), "--camera", "wrist", "--target", "tag"]
     assert main([*seen, "--on", "arm", "--format", "ros"]) in (0, 1)
     samples = read_recording(cell, read_cell(cell)).samples
-    assert [len(sample.observations) for sample in samples] == [1] * 15
+    assert [len(sample.observations) for sample in samples] == [1, 1, 0, 0, 0, 1, 1]
     stands = [sample.robots["arm"].base_from_flange.matrix for sample in samples]
-    np.testing.assert_allclose(stands[5:], np.repeat(POSES.matrix, 2, axis=0), atol=1e-12)
+    np.testing.assert_allclose(stands[5:], np.repeat(POSES.matrix[:1], 2, axis=0), atol=1e-12)
 
 
 def test_a_image_that_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,11 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.shared.stages import without_stages
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.stages.concluding import find_error_at_task
 from basecal.reporting.cell_view.picture import Label, _place_labels, picture
 from basecal.reporting.cell_view.scene import Scene, scene
 from basecal.simulation import Scenario, simulate
+
+no_error_at_task = without_stages(find_error_at_task)
 
 
 @pytest.fixture(scope="module")

@@ -6,14 +6,18 @@ import json
 from dataclasses import replace
 
 import numpy as np
+from tests.shared.stages import without_stages
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.stages.concluding import find_error_at_task
 from basecal.cell import ErrorMap, Residuals, SampleResidual
 from basecal.kinematics import read_chain
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import scene, scene_data
 from basecal.simulation import Scenario, simulate
 from shared.bodies import arm_with_bodies
+
+no_error_at_task = without_stages(find_error_at_task)
 
 
 def test_it_opens_at_the_worst_sample_which_is_always_shown():

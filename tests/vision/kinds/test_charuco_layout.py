@@ -7,7 +7,7 @@ import pytest
 from basecal.cell.targets.charuco import charuco_target
 from basecal.geometry import SE3
 from basecal.vision.kinds.charuco_layout import likely_boards
-from vision_scenes import STRAIGHT, TARGETS, scene
+from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
 
 LEANT = SE3.from_rpy((0.1, 0.1, -0.2), (0.0, 0.0, 0.55))
 
@@ -26,7 +26,7 @@ def layout(board):
 )
 def test_the_printed_board_comes_first(printed, stated):
     """Whatever is stated, seen from the front and leant; of the dictionary stated, which has enough markers."""
-    images = [scene(TARGETS[printed], pose=pose) for pose in (STRAIGHT, LEANT)]
+    images = [shrunk(scene(TARGETS[printed], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
     (squares, legacy, dictionary) = layout(next(likely_boards(images, stated)))
     of = TARGETS[printed].options
     assert (squares, legacy) == (of["squares"], of["legacy_pattern"])

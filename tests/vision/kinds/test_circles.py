@@ -12,7 +12,7 @@ from basecal.cell.targets.circles import circles_target
 from basecal.geometry import SE3, Array
 from basecal.vision.draw.render import RenderSettings
 from basecal.vision.kinds.circles import detect, has_further_row
-from vision_scenes import DARK, TARGETS, WIDE, at, check_poor_image, scene
+from vision_scenes import DARK, TARGETS, WIDE, at, check_poor_image, scene, shrunk
 
 SHAPE = TARGETS["circles"]
 POOR = {
@@ -88,4 +88,6 @@ def test_rows_beyond_the_image_do_not_count() -> None:
 @pytest.mark.parametrize("size", [(7, 5), (8, 4), (4, 4)])
 def test_fewer_circles_than_printed_are_none(size: tuple[int, int]) -> None:
     """A target stated with fewer circles than it has is not found: which of them were seen would change."""
-    assert detect(IMAGE, circles_target(size, 0.03)) is None
+    image = shrunk(IMAGE, 2)
+    assert detect(image, SHAPE) is not None
+    assert detect(image, circles_target(size, 0.03)) is None

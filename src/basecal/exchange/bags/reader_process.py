@@ -33,12 +33,13 @@ def read_frames(words: Sequence[str]) -> Iterator[Frame]:
     path, topics = Path(words[0]), set(words[1:])
     reader = _reader(path)
     reader.open()
-    if not topics:
-        yield from (([each.topic, each.msgtype, each.msgcount], b"") for each in reader.connections)
-    elif wanted := [each for each in reader.connections if each.topic in topics]:
-        yield from _messages(reader, wanted)
-    storages = getattr(reader, "storages", [reader])
-    yield from (({"damage": why}, b"") for each in storages if (why := getattr(each, "damage", "")))
+    with closing(reader):
+        if not topics:
+            yield from (([each.topic, each.msgtype, each.msgcount], b"") for each in reader.connections)
+        elif wanted := [each for each in reader.connections if each.topic in topics]:
+            yield from _messages(reader, wanted)
+        storages = getattr(reader, "storages", [reader])
+        yield from (({"damage": why}, b"") for each in storages if (why := getattr(each, "damage", "")))
 
 
 def _messages(reader: Any, connections: Collection[Connection]) -> Iterator[Frame]:

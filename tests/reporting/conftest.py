@@ -1,0 +1,7 @@
+"""What tests of reports share."""
+
+from tests.shared.stages import without_stages
+
+from basecal.accuracy.stages.solving import screen_conventions
+
+no_conventions = without_stages(screen_conventions)  # a search for mix-ups, of which right cells have none

@@ -1,0 +1,38 @@
+"""Readers of untrusted files in this process: to start their own takes longer than most of what they read in tests."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from types import ModuleType
+from unittest.mock import patch
+
+from basecal import box
+from basecal.exchange import lerobot, lerobot_films
+from basecal.exchange.bags import bag
+
+
+def _frames_here(
+    module: str, words: Sequence[str], size: int, ending_s: float = 0.0, silence_s: float = math.inf
+) -> Iterator[box.Frame]:
+    """As `box.frames`, by the same bytes, without limits."""
+    stream = io.BytesIO()
+    with warnings.catch_warnings(), patch.dict(os.environ), patch.object(box, "limit", lambda *given: None):
+        warnings.simplefilter("ignore")
+        box._answer(module, 0, box._LEAST_BYTES, words, stream)
+    stream.seek(0)
+    while (frame := box._read(stream)) is not None:
+        yield frame
+
+
+@contextmanager
+def boxed_here(*modules: ModuleType) -> Iterator[None]:
+    """What these modules read, or those of bags and datasets, is read in this process."""
+    with ExitStack() as patches:
+        for module in modules or (bag, lerobot, lerobot_films):
+            patches.enter_context(patch.object(module, "frames", _frames_here))
+        yield
