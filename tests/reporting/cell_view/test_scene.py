@@ -28,6 +28,13 @@ def test_it_opens_at_the_worst_sample_which_is_always_shown():
     assert "reprojection error 1.2 px" in drawn.labels[drawn.opening]
 
 
+def test_it_opens_at_the_first_sample_if_none_is_the_worst():
+    """Of a calibration without residuals."""
+    made = simulate(Scenario(samples=3), 0)
+    drawn = scene(made.cell, made.recording.samples, replace(calibrate(made.cell, made.recording), residuals=Residuals()))
+    assert drawn.opening == 0
+
+
 def test_arms_stand_by_their_joints():
     """Places of joints in the base lead from it to the flange; a robot known by poses has none."""
     made = simulate(Scenario(samples=5, joints=True), 0)

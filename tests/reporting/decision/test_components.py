@@ -24,6 +24,15 @@ def test_intervals_are_as_long_as_their_sigmas() -> None:
     assert "the tolerance, 3 mm" in figure.caption
 
 
+def test_each_axis_has_its_row() -> None:
+    """Three rows of 30, each with its axis, interval and number at one height."""
+    figure = component_figure("hand_base", ESTIMATE, None)
+    intervals = [float(found) + 6 for found in re.findall(r'interval within" d="M[0-9.]+ ([-0-9.]+)v12', figure.svg)]
+    assert intervals == [15, 45, 75]
+    words = re.findall(r'y="([-0-9.]+)"[^>]*>([xyz])<', figure.svg)
+    assert [(axis, round(float(y)) // 30) for y, axis in words] == [("x", 0), ("y", 1), ("z", 2)]
+
+
 def test_without_a_tolerance_nothing_is_shaded() -> None:
     """And nothing is red."""
     figure = component_figure("hand_base", ESTIMATE, None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,16 @@ def test_a_lens_has_contours_over_its_image() -> None:
     assert 'fill-opacity="0.12"' in figure.svg
     assert 'fill-opacity="1.00"' in figure.svg
     assert figure.svg.count('class="contour-label"') >= 3
+
+
+def test_contours_lie_over_the_whole_image() -> None:
+    """The drawing is 640 wide and 360 high, without what stands below the image."""
+    figure = lens_uncertainty("wrist", CAMERA, COVARIANCE)
+    (lines,) = re.findall(r'class="contour" d="([^"]*)"', figure.svg)
+    places = np.array([float(number) for number in re.findall(r"[-0-9.]+", lines)]).reshape(-1, 2)
+    assert places.min() >= 0
+    assert np.all(places.max(0) <= [640, 360])
+    assert np.all(np.ptp(places, axis=0) > [500, 250])
 
 
 def test_without_a_size_there_is_no_image() -> None:
