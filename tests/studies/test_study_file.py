@@ -22,6 +22,7 @@ def test_defaults() -> None:
     """Title and axes may be left out: a study of one point, named by its file."""
     made = study_from_text(HEAD, "some/where.yaml")
     assert (made.title, len(made.points), made.seed, made.transform) == ("where", 1, 0, None)
+    assert study_from_text("schema: basecal/study/1\ntrials: 10\n", "where.yaml").cells == 10  # as docs/studies.md says
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
