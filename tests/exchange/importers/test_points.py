@@ -10,6 +10,7 @@ import pytest
 from basecal.cell.files import latest_run, read_calibration, read_cell
 from basecal.cli import main
 from basecal.exchange.controllers.registry import CONTROLLERS
+from basecal.exchange.importers.points import read_points
 from basecal.geometry import SE3
 
 TRACKER = SE3.from_rpy((0.3, -0.2, 1.0), (3.0, 1.0, 0.5))
@@ -66,3 +67,15 @@ def test_units_and_names_have_to_be_said(tmp_path, capsys, heading, more, code, 
     assert main(["import", "points", cell, points, "--camera", "tracker", "--robot", "arm", *more]) == code
     assert words in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
+
+
+@pytest.mark.parametrize(("column", "numbers", "joined"), [
+    ("sample", "0 0 3 1", [[0, 1], [2], [3]]), ("stamp_s", "2.5 2.5 3 1", [[0, 1], [2], [3]]),
+    ("note", "0 0 3 1", [[0], [1], [2], [3]]),
+])  # fmt: skip
+def test_rows_of_one_sample_are_joined(tmp_path: Path, column: str, numbers: str, joined: list[list[int]]) -> None:
+    """Those of one number or time; without such a column each row is of its own."""
+    rows = "".join(f"mark_{k},{number},{k},0,0\n" for k, number in enumerate(numbers.split()))
+    (tmp_path / "points.csv").write_text(f"target,{column},x_m,y_m,z_m\n{rows}")
+    found = read_points(tmp_path / "c", tmp_path / "points.csv", camera="tracker", robot="arm").rows
+    assert [[seen.points_in_camera[0, 0] for seen in row.observations] for row in found] == joined
