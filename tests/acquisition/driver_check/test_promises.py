@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from basecal.acquisition.driver_check.measuring import Arrivals
-from basecal.acquisition.driver_check.promises import _stream_promises
+from basecal.acquisition.driver_check.promises import _guarantee_promise, _stream_promises
 
 
 def test_each_fault_of_a_stream_breaks_its_own_promise():
@@ -22,3 +23,14 @@ def test_each_fault_of_a_stream_breaks_its_own_promise():
     back[250] -= 0.05
     assert broken(at_s, back) == ["stamps do not go back"]
     assert "no gap longer than 0.45 s" in broken(np.append(at_s, 6.0), np.append(at_s, 6.0))
+
+
+@pytest.mark.parametrize(("guarantee", "words"), [
+    ("none", "the arm finishes its move if this computer is silent"),
+    ("watchdog", "declared by the driver, not measured"),
+    ("short-horizon", "declared by the driver, not measured"),
+])  # fmt: skip
+def test_what_a_driver_does_not_guarantee_is_said(guarantee, words):
+    """And what it declares is not taken for measured."""
+    found = _guarantee_promise("arm", object(), guarantee, is_motion_allowed=True)
+    assert (found.measured, found.holds) == (words, None)
