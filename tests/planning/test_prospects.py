@@ -10,8 +10,9 @@ import pytest
 from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Recording, Sample
 from basecal.errors import InputError
+from basecal.estimation.problem.build import build_problem
 from basecal.planning.candidates import candidates
-from basecal.planning.prospects import ASSUMED_NOISE, prospects, sketches
+from basecal.planning.prospects import ASSUMED_NOISE, _with_noise, prospects, sketches
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -58,6 +59,19 @@ def test_without_observations_nothing_is_recorded(cell):
     assert prospect.samples[0].sample == 12
     (group,) = prospect.problem.groups
     assert group.measurement.weight.max() == pytest.approx(1 / ASSUMED_NOISE.pixel_px)
+
+
+@pytest.mark.parametrize(("target", "sigmas"), [
+    ("charuco", [0.3]), ("pose", [1e-3] * 3 + [3e-3] * 3), ("points3d", [1e-3]),
+])  # fmt: skip
+def test_noise_is_assumed_where_nothing_is_stated(target, sigmas):
+    """As docs/plan.md has it: 0.3 px of a view, 1 mm and 3 mrad of a pose, 1 mm of a point."""
+    made = simulate(Scenario(samples=3, target=target, state_pixel_noise=False), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    bare = (replace(group, measurement=group.measurement.without_sigmas()) for group in problem.groups)
+    (group,) = _with_noise(problem.with_groups(bare), None).groups
+    found = 1 / group.measurement.weight
+    np.testing.assert_allclose(found, np.resize(sigmas, found.shape))
 
 
 def test_a_cell_without_guesses_needs_a_calibration(cell):
