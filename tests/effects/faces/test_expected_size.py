@@ -29,3 +29,9 @@ def test_an_expected_size_is_within_two_deviations_either_way():
     found = ExpectedSize(2.0, 3.0, "assumed").prior(3)
     np.testing.assert_allclose(found.sigmas, [0, 2 / 9, 2 / 3, 2, 6, 18])
     np.testing.assert_allclose(found.shares[0] ** 3, 0.5)
+
+
+def test_a_sigma_that_is_known_is_certain():
+    """One value, and not none."""
+    prior = SigmaPrior.single_value(0.3)
+    assert (prior.sigmas.tolist(), prior.shares.tolist()) == ([0.3], [1.0])
