@@ -121,8 +121,9 @@ def test_a_shift_of_ten_metres_that_would_not_be_seen_is_none() -> None:
     """Views that would show one of 10.1 m at least tell of no length; of 9.9 m they do. It goes with their sigma."""
     of = _of_noise(np.inf)
     length = detectable_m(of, 0.005, 0.95)
-    assert detectable_m(replace(of, information=(length / 9.9) ** 2 * of.information), 0.005, 0.95) == pytest.approx(9.9)
-    assert detectable_m(replace(of, information=(length / 10.1) ** 2 * of.information), 0.005, 0.95) is None
+    near, far = (replace(of, information=(length / least_m) ** 2 * of.information) for least_m in (9.9, 10.1))
+    assert detectable_m(near, 0.005, 0.95) == pytest.approx(9.9)
+    assert detectable_m(far, 0.005, 0.95) is None
 
 
 @pytest.mark.parametrize("joints", [False, True])

@@ -58,7 +58,8 @@ def test_errors_along_axes_of_the_base_are_rotated_into_the_flange():
     poses = SE3.exp(0.8 * np.random.default_rng(2).standard_normal((4, 6)))
     errors = SharedErrors(np.broadcast_to(np.eye(6)[:, [0, 5]], (4, 6, 2)), np.array([False, True]))
     found = errors.rotate_to(poses)
-    np.testing.assert_allclose(poses.rotation @ found.by_stop[:, :3, :1], np.tile(np.eye(3)[:, :1], (4, 1, 1)), atol=1e-12)
+    along_x = np.tile(np.eye(3)[:, :1], (4, 1, 1))
+    np.testing.assert_allclose(poses.rotation @ found.by_stop[:, :3, :1], along_x, atol=1e-12)
     axes = SE3.exp(np.random.default_rng(3).standard_normal((4, 6))).rotation
     turned = errors.rotate_to(poses, axes)
     np.testing.assert_allclose(poses.rotation @ turned.by_stop[:, 3:, 1:], axes[:, :, 2:], atol=1e-12)

@@ -31,8 +31,8 @@ def test_it_opens_at_the_worst_sample_which_is_always_shown():
 def test_it_opens_at_the_first_sample_if_none_is_the_worst():
     """Of a calibration without residuals."""
     made = simulate(Scenario(samples=3), 0)
-    drawn = scene(made.cell, made.recording.samples, replace(calibrate(made.cell, made.recording), residuals=Residuals()))
-    assert drawn.opening == 0
+    calibration = replace(calibrate(made.cell, made.recording), residuals=Residuals())
+    assert scene(made.cell, made.recording.samples, calibration).opening == 0
 
 
 def test_a_camera_shows_what_its_lens_sees():
