@@ -8,7 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from basecal.acquisition.driver_check.measuring import Arrivals, stale_images
+from basecal.acquisition.driver_check import measuring
+from basecal.acquisition.driver_check.measuring import Arrivals, record_images, stale_images
+from basecal.errors import DriverError
 
 pytestmark = pytest.mark.timed
 
@@ -27,6 +29,19 @@ def test_arrivals_are_summed_up():
     assert arrivals.longest_gap_s == pytest.approx(0.31)
     assert arrivals.lag_s == pytest.approx(0.7)
     assert (arrivals.repeats, arrivals.steps_back) == (1, 1)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_three_are_enough_to_measure(monkeypatch, count):
+    """Of fewer it is said how many came."""
+    times_s = iter([0.0, *np.linspace(0.1, 1.0, count)])
+    monkeypatch.setattr(measuring, "time", SimpleNamespace(monotonic=lambda: next(times_s)))
+    camera = SimpleNamespace(image=lambda: SimpleNamespace(stamp_s=7.0))
+    if count == 3:
+        np.testing.assert_allclose(record_images(camera, 1.0).at_s, [0.1, 0.55, 1.0])
+        return
+    with pytest.raises(DriverError, match="only 2 came in 1 s"):
+        record_images(camera, 1.0)
 
 
 @pytest.mark.parametrize("waiting", [0, 4])
