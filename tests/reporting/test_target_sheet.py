@@ -121,6 +121,17 @@ def test_axes_begin_at_the_origin_and_point_along_the_target(kind):
         np.testing.assert_allclose(by_arrows, 1e3 * (sheet_from_target @ point)[:2] + shift, atol=1e-6)
 
 
+def test_heads_of_axes_are_alike_on_both_sides():
+    """Two lines back from each tip, whose middle is on the axis."""
+    page = printed_pages(SHAPES["chessboard"], "title")[0]
+    arrows = page.lines[np.isclose(np.linalg.norm(page.lines[:, 2:] - page.lines[:, :2], axis=1), 10.0)]
+    assert len(arrows) == 2
+    for start, tip in arrows.reshape(-1, 2, 2):
+        back = page.lines[np.all(page.lines[:, :2] == tip, axis=1)][:, 2:] - tip
+        assert len(back) == 2
+        np.testing.assert_allclose(back.sum(0) / np.linalg.norm(back.sum(0)), (start - tip) / 10, atol=1e-9)
+
+
 @pytest.mark.parametrize(("paper", "pitch_mm"), [("A4", 30), ("letter", 30), ("A3", 44)])
 def test_the_largest_square_that_fits(paper, pitch_mm):
     """A whole number of millimetres; one more is refused."""
