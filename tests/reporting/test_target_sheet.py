@@ -91,6 +91,15 @@ def test_rulers_stand_both_ways():
     assert upright[0] - 4 > page.rectangles[:, 2].max()
 
 
+def test_rulers_have_a_tick_a_centimetre():
+    """Longer ones at their ends and their middle, none longer than 4 mm."""
+    (page,) = printed_pages(SHAPES["charuco"], "title")
+    x, y, end, _ = page.lines[0]
+    ticks = [line for line in page.lines if line[1] == y and x <= line[0] == line[2] <= end]
+    lengths = {round(float(line[0] - x)): float(line[1] - line[3]) for line in ticks}
+    assert lengths == {mm: 4.0 if mm in (0, 50, 100) else 2.5 for mm in range(0, 101, 10)}
+
+
 def test_cut_marks_stand_where_the_sheet_is_cut():
     """Two beside each corner, outside of it; its size is said above the ruler."""
     (page,) = printed_pages(SHAPES["charuco"], "title")
