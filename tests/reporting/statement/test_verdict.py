@@ -23,7 +23,7 @@ from basecal.cell import (
 from basecal.cell.calibration import Verdict
 from basecal.cli.calibrate import exit_code
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.statement.verdict import calibrate_command, headline, missed_step
+from basecal.reporting.statement.verdict import calibrate_command, headline, missed_step, tangent_text
 from basecal.reporting.summary import summary
 from basecal.reporting.text import text_report
 
@@ -127,3 +127,9 @@ def test_a_calibration_is_repeated_as_it_was_made(settings: dict[str, object], s
     """With its scene, which the cell may request itself."""
     cell, made = replace(CELL, sees_scene=sees_scene), Calibration("doubtful", settings=settings)
     assert calibrate_command(cell, made, "cell") == f"basecal calibrate cell{option}"
+
+
+def test_a_tangent_is_two_lengths():
+    """In millimetres and degrees."""
+    tangent = np.array([3e-3, 0, 4e-3, 0, *np.radians([0.6, 0.8])])
+    assert tangent_text(tangent) == "5.0 mm and 1.0 deg"
