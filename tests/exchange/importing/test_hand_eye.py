@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.cell import Cell, PoseObservation, Recording
+from basecal.cell import Cell, PoseObservation, Recording, Unknown
 from basecal.cell.files import read_cell
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import InputError
@@ -16,6 +16,7 @@ from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.bring_in import add_to_cell
 from basecal.exchange.importing.cell_content import NO_CELL, KnownCell
 from basecal.exchange.importing.hand_eye import (
+    _mount,
     Carriers,
     Names,
     chosen_names,
@@ -135,3 +136,14 @@ def test_joint_states_by_the_names_of_the_joints(tmp_path: Path) -> None:
         imported_joint_states(NO_CELL, JointStates(names, rows), "j.yaml", None)
     with pytest.raises(InputError, match=r"j.yaml: has joints gripper, the chain of 'arm' in its URDF .* not recorded"):
         imported_joint_states(cell, JointStates(("gripper",), rows[:, -1:]), "j.yaml", "arm")
+
+
+@pytest.mark.parametrize(("unknown", "is_guessed", "is_open"), [
+    (None, True, True), (Unknown(), True, True), (Unknown("free", POSES[1]), False, False),
+    (Unknown("fixed", POSES[1]), False, False),
+])  # fmt: skip
+def test_a_mount_of_which_nothing_is_known_is_guessed(unknown: Unknown | None, is_guessed: bool, is_open: bool) -> None:
+    """By the record's; what the cell states stays, and without an estimate only a new mount is open."""
+    assert ("guess" in _mount(unknown, POSES[0]).get("mount", {})) == is_guessed
+    assert bool(_mount(unknown, POSES[0])) == is_open
+    assert bool(_mount(unknown, None)) == (unknown is None)

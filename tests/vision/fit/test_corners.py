@@ -57,6 +57,8 @@ def test_squares_of_pixels_matter_along_rows_and_columns() -> None:
     np.testing.assert_allclose(error[6], error[5])
     np.testing.assert_allclose(error[8], error[7])
     assert error[0] > error[1] > error[5] > error[7]
+    crossed = 2 * BOARD_ARM_PX * np.tan(0.2)
+    assert error[0] / error[1] == pytest.approx(1 + np.pi * crossed)  # what a harmonic leaves over so many periods
     sharp = [_pixel_error_px(shapes + log_spread * np.eye(6)[4]) for log_spread in (-5.0, -7.0)]
     np.testing.assert_allclose(sharp[0], sharp[1])  # narrower than a pixel the spread is that of its square
     assert np.all(error < sharp[0])
