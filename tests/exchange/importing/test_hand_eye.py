@@ -16,9 +16,9 @@ from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.bring_in import add_to_cell
 from basecal.exchange.importing.cell_content import NO_CELL, KnownCell
 from basecal.exchange.importing.hand_eye import (
-    _mount,
     Carriers,
     Names,
+    _mount,
     chosen_names,
     hand_eye_of_file,
     imported_hand_eye,
