@@ -136,6 +136,15 @@ def test_a_file_of_the_largest_size_is_read_whole(tmp_path: Path, monkeypatch: p
     assert read_bytes(tmp_path / "larger") == "has more than 1 MB, more than an image has"
 
 
+def test_a_bmp_may_hold_what_its_program_reserves() -> None:
+    """Four bytes after its length, which is all that tells whether it is cut off."""
+    image = np.arange(48, dtype=np.uint8).reshape(6, 8)
+    data = bytearray(cv2.imencode(".bmp", image)[1].tobytes())
+    data[6:10] = b"\x07\x08\x09\x0a"
+    np.testing.assert_array_equal(grey_image(bytes(data), None), image)
+    assert grey_image(bytes(data[:-1]), None) == "is truncated"
+
+
 def test_names_that_are_none(tmp_path: Path) -> None:
     """A name that no file can have is told in words."""
     for name in ("a\0b.png", "\ud800.png"):
