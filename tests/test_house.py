@@ -476,7 +476,6 @@ NOTHING_TO_TEST = {
     "effects/faces/random_effect.py": "values without behaviour",
     "effects/faces/simulated_fault.py": "values without behaviour",
     "effects/faces/target_parameter.py": "values without behaviour",
-    "effects/faces/views.py": "a protocol, and moves that the tests of each effect hold",
     "acquisition/supervision/limits.py": "times, which the trials of tests/safety hold",
 }
 
