@@ -7,6 +7,7 @@ import pytest
 
 import basecal
 from basecal.cell import Calibration, Cell, CellCamera, Robot, RobotParameters, Unknown
+from basecal.cell.calibration import HeldGauge
 from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, PoseEstimate
 from export_example import CALIBRATION
@@ -66,3 +67,25 @@ def test_a_point_has_no_frame_to_start_from():
     with pytest.raises(FrameNotFound, match=r"there are: arm_flange, wrist$"):
         calibration.frame_between("wrist", "lamp")
     assert calibration.frame_between("wrist", "arm_flange").mean.translation.tolist() == [0, 0, 0]
+
+
+def test_held_parameters_of_a_robot_have_their_part_of_a_transform():
+    """Its own block, of the robots that move it; nothing of a transform that was not found."""
+    moving, still = np.zeros((12, 12)), np.zeros((12, 12))
+    moving[6:, 6:] = np.arange(36.0).reshape(6, 6)
+    gauges = HeldGauge("eye", ("joint_offsets",), moving), HeldGauge("hand", ("joint_offsets",), still)
+    calibration = Calibration("good", order=("a_from_b", "a_from_c"), gauges=gauges)
+    (found,) = calibration.gauge_covariances("a_from_c").items()
+    assert found[0] == "eye"
+    np.testing.assert_array_equal(found[1], moving[6:, 6:])
+    assert calibration.gauge_covariances("a_from_b") == calibration.gauge_covariances("a_from_d") == {}
+
+
+def test_a_calibration_is_a_line():
+    """Its verdict, and each transform with its sigmas."""
+    estimate = PoseEstimate(
+        SE3(np.eye(3), np.array([1.0, 0.0, -0.25])), np.diag([1e-6] * 3 + [np.radians(0.5) ** 2] * 3)
+    )
+    told = repr(Calibration("good", {"a_from_b": estimate}))
+    assert told == "<good calibration: a_from_b [1000, 0, -250] ± [1, 1, 1] mm, [0, 0, 0] ± [0.5, 0.5, 0.5] deg>"
+    assert repr(Calibration("refused")) == "<refused calibration: no transform>"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.cell import CandidateObservation, PixelObservation, Recording, Sample
+from basecal.cell.recording import TouchObservation
 
 
 def test_sigmas_are_stated_ones_unless_said():
@@ -36,3 +37,15 @@ def test_images_are_found_by_sample_and_camera():
         (7, "right"): "images/b.png",
         (2, "left"): "c",
     }
+
+
+def test_a_touch_is_of_a_tip_and_what_it_meets():
+    """In the places of a camera and of a target."""
+    touch = TouchObservation("eye_tip", "mark_a", 1e-4)
+    assert (touch.camera, touch.target, touch.kind) == ("eye_tip", "mark_a", "touch")
+
+
+def test_a_recording_is_a_line():
+    """How many samples and views it has."""
+    touch = TouchObservation("eye_tip", "mark_a")
+    assert repr(Recording((Sample(0, observations=(touch, touch)), Sample(1)))) == "<recording of 2 samples, 2 views>"
