@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration, LocalFit, MeetingError, Tolerance
+from basecal.cell import Calibration, ErrorMap, LocalFit, MeetingError, Tolerance
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
 
 
@@ -28,3 +28,8 @@ def test_a_part_of_the_workspace_is_written_with_what_is_recommended(is_better, 
     assert (written["recommended"], written["global_mm"], written["local_mm"]) == (word, 2.0, 1.0)
     (found,) = calibration_from_dict(calibration_to_dict(Calibration("good", local=(part,)))).local
     assert found.is_better is is_better
+
+
+def test_the_worst_place_has_the_longest_error():
+    """Whatever its angle is."""
+    assert ErrorMap(np.zeros((3, 3)), np.array([1e-3, 3e-3, 2e-3]), np.array([0.3, 0.1, 0.2])).worst == 1
