@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.acquisition.coverage import COVERAGE_GRID, find_equal_sample, measure_coverage
+from basecal.acquisition.coverage import find_equal_sample, measure_coverage
 from basecal.cell import PixelObservation, RobotState, Sample
 from basecal.planning.sketch import sketch_cell
 from shared.facing_arms import facing_arms
@@ -28,7 +28,7 @@ def test_cells_of_the_image():
     assert found.cells.sum() == 2
     assert found.cells[0, 0]
     assert found.cells[-1, -1]
-    assert found.share == 2 / (COVERAGE_GRID[0] * COVERAGE_GRID[1])
+    assert found.share == 2 / 24
 
 
 def test_turns_and_advice():

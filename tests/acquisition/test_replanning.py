@@ -4,28 +4,68 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.acquisition import replanning
 from basecal.acquisition.capture import ABANDONED_FILE, abandoned_samples, capture, remaining_samples, store_plan
-from basecal.acquisition.replanning import replanner, stations_for_task
+from basecal.acquisition.replanning import Replanner, replanner, stations_for_task
 from basecal.acquisition.rig import open_rig
 from basecal.acquisition.stillness import Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker
-from basecal.cell import Recording, Sample, Unknown
+from basecal.cell import Calibration, MeetingError, Recording, RobotState, Sample, Unknown
 from basecal.cell.files import read_recording
+from basecal.errors import InputError
 from basecal.planning.plan import plan_for_task
 from basecal.planning.shifts import plan as shifts
 from basecal.planning.sketch import sketch_cell
 from basecal.simulation import Scenario, simulate
 from basecal.vision.detect import detect
+from shared.facing_arms import facing_arms
 from shared.running_cell import home, running
 
 FAST = CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0, patience_s=3.0)
 POINT = np.array([[0.5, 0.0, 0.3]])
 TOLERANCE_M = 1e-3
+
+
+WORLD = facing_arms()
+ARMS = home(WORLD)
+
+
+def turned(number, by_rad):
+    """A sample whose eye is turned about its flange."""
+    return Sample(number, robots={**ARMS, "eye": RobotState(joints_rad=WORLD.home["eye"] + by_rad * np.eye(6)[5])})
+
+
+def test_what_was_taken_or_is_near_what_could_not_be_is_not_offered(monkeypatch):
+    """Within 2 mrad of the one, and 50 mrad of the other; where nothing is left it is said what to do."""
+    offered, kept = [turned(k, 0.1 * k) for k in range(4)], []
+    monkeypatch.setattr(replanning, "plan_for_task", lambda *_, offers: kept.extend(offers))
+    view = sketch_cell(WORLD.cell).view
+    planner = Replanner(WORLD.cell, POINT, TOLERANCE_M, Sample(0, robots=ARMS), {view: offered})
+    planner._plan_from(None, [turned(9, 0.101)], [turned(8, 0.34)])
+    ((sketch, left),) = kept
+    assert sketch.view == view
+    assert left == [offered[0], offered[2]]
+    with pytest.raises(InputError, match="teach another pose"):
+        planner._plan_from(None, offered, ())
+
+
+@pytest.mark.parametrize(("meets", "passes"), [(True, 2), (False, 1)])
+def test_a_plan_with_nothing_left_is_judged_by_a_whole_calibration(monkeypatch, meets, passes):
+    """Once more by its error at the task; if that is not known the first plan stands."""
+    made, asked = Calibration("good", meeting=MeetingError(1e-3, "task point", 1e-3) if meets else None), []
+    plans = [SimpleNamespace(samples=(), recorded=(1,)), SimpleNamespace(samples=("more",), recorded=(1,))]
+    monkeypatch.setattr(replanning, "calibrate", lambda *_: made)
+    monkeypatch.setattr(
+        Replanner, "_plan_from", lambda _, calibration, *__: asked.append(calibration) or plans[len(asked) - 1]
+    )
+    planner = Replanner(WORLD.cell, POINT, TOLERANCE_M, Sample(0, robots=ARMS), {})
+    assert planner.plan((), ()) is plans[passes - 1]
+    assert asked == [None, made][:passes]
 
 
 class Shy(Taker):

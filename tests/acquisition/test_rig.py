@@ -12,7 +12,7 @@ import pytest
 
 from basecal.acquisition.drivers import registry
 from basecal.acquisition.drivers.registry import GROUP, driver_names
-from basecal.acquisition.rig import Rig, check_cameras, check_guarantees, open_rig
+from basecal.acquisition.rig import Rig, check_cameras, check_guarantees, open_rig, openers
 from basecal.cell import Cell, CellCamera, Driver, Robot
 from basecal.errors import DatasetError, DriverError, InputError, UsageError
 
@@ -54,6 +54,14 @@ def stranger(monkeypatch):
 
 def cell(kind, **options):
     return Cell("eye", {"eye": Robot("eye", driver=Driver(kind, options)), "still": Robot("still")})
+
+
+def test_nothing_is_sent_in_plain_text_unless_asked(stranger, tmp_path):
+    """Of a driver that only is looked up, and of one that is opened without the option."""
+    ((_, place),) = openers(cell("stranger"), tmp_path)
+    assert not place.allow_plaintext
+    with open_rig(cell("stranger"), tmp_path) as rig:
+        assert not rig.robots["eye"].place.allow_plaintext
 
 
 def test_a_stranger_is_found_and_told_its_options(stranger, tmp_path):

@@ -7,7 +7,14 @@ import pytest
 
 from basecal.acquisition.driver import CameraImage, Reading
 from basecal.acquisition.rig import open_rig
-from basecal.acquisition.stillness import Unfit, _is_still, wait_for_arms, wait_for_image, wait_until_led
+from basecal.acquisition.stillness import (
+    Unfit,
+    _is_still,
+    wait_for_arms,
+    wait_for_image,
+    wait_for_image_after,
+    wait_until_led,
+)
 from basecal.cell import RobotState
 from basecal.geometry import SE3
 from shared.running_cell import running
@@ -94,6 +101,33 @@ def test_a_image_that_swings_is_waited_for():
     assert wait_for_image(Film(0.0), [], 5.0).stamp_s == pytest.approx(3 / 30)
     with pytest.raises(Unfit, match="image still moving"):
         wait_for_image(Film(50.0), [], 0.4)
+
+
+def test_an_image_that_moves_is_given_up_after_the_patience():
+    """With the first that comes later."""
+    film = Film(50.0)
+    with pytest.raises(Unfit, match="image still moving"):
+        wait_for_image(film, [], 0.4)
+    assert film.t == pytest.approx(1 / 30 + 13 / 30)
+
+
+class Delayed:
+    """A camera whose images were exposed a while ago, so many of them before an instant."""
+
+    is_live = True
+
+    def __init__(self, late, after_s):
+        self.exposed_s = [after_s - 1.0] * late + [after_s + 0.01] * 3
+
+    def image(self):
+        return CameraImage(0.0, np.zeros((8, 8), dtype=np.uint8), exposed_s=self.exposed_s.pop(0))
+
+
+def test_images_from_before_an_instant_are_passed_over():
+    """As long as patience lasts; then it is said what to check."""
+    assert wait_for_image_after(Delayed(2, 5.0), 5.0, 5.0).exposed_s == 5.01
+    with pytest.raises(Unfit, match="check the camera's clock"):
+        wait_for_image_after(Delayed(2, 5.0), 5.0, -1.0)
 
 
 def test_a_camera_that_gives_one_image():

@@ -7,6 +7,7 @@ import pytest
 
 import basecal
 from basecal.cell import Calibration, Cell, CellCamera, Rival, Robot, RobotParameters, Unknown, Validation
+from basecal.cell.calibration import HeldGauge
 from basecal.cell.files import calibration_from_dict, calibration_to_dict
 from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, PoseEstimate
@@ -78,3 +79,25 @@ def test_file_holds_millimetres_and_degrees() -> None:
     read = calibration_from_dict(data).validation.rivals
     assert [each.name for each in read] == ["basecal", "OpenCV TSAI"]
     assert abs(read[0].target_rad - 0.01) < 1e-15
+
+
+def test_held_parameters_of_a_robot_have_their_part_of_a_transform():
+    """Its own block, of the robots that move it; nothing of a transform that was not found."""
+    moving, still = np.zeros((12, 12)), np.zeros((12, 12))
+    moving[6:, 6:] = np.arange(36.0).reshape(6, 6)
+    gauges = HeldGauge("eye", ("joint_offsets",), moving), HeldGauge("hand", ("joint_offsets",), still)
+    calibration = Calibration("good", order=("a_from_b", "a_from_c"), gauges=gauges)
+    (found,) = calibration.gauge_covariances("a_from_c").items()
+    assert found[0] == "eye"
+    np.testing.assert_array_equal(found[1], moving[6:, 6:])
+    assert calibration.gauge_covariances("a_from_b") == calibration.gauge_covariances("a_from_d") == {}
+
+
+def test_a_calibration_is_a_line():
+    """Its verdict, and each transform with its sigmas."""
+    estimate = PoseEstimate(
+        SE3(np.eye(3), np.array([1.0, 0.0, -0.25])), np.diag([1e-6] * 3 + [np.radians(0.5) ** 2] * 3)
+    )
+    told = repr(Calibration("good", {"a_from_b": estimate}))
+    assert told == "<good calibration: a_from_b [1000, 0, -250] ± [1, 1, 1] mm, [0, 0, 0] ± [0.5, 0.5, 0.5] deg>"
+    assert repr(Calibration("refused")) == "<refused calibration: no transform>"

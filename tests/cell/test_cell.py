@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from tests.touch_cells import clamp_cell, touch_cell
 
 from basecal.cell import WORLD, Cell, CellCamera, CellTarget, Clock, Intrinsics, Robot, RollingShutter, Unknown
+from basecal.cell.cell import KeepOut, grip_name
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_schema import CameraEntry, RobotEntry
 from basecal.errors import FrameNotFound, InputError
@@ -181,3 +185,22 @@ def test_one_plate_of_several_is_replaced():
     cell = Cell("eye", {"eye": Robot("eye")}, plates={"near": Unknown(), "far": Unknown()})
     changed = cell.with_transform("eye_base_from_far", FIXED)
     assert changed.plates == {"near": cell.plates["near"], "far": FIXED}
+
+
+def test_distances_from_a_box_are_those_from_its_surface():
+    """Of a box that is turned; nothing within it."""
+    box = KeepOut("table", SE3.from_rotvec([0, 0, np.pi / 2], [1.0, 0.0, 0.0]), np.array([2.0, 0.4, 0.6]))
+    points = np.array([[1.0, 0.9, 0.2], [1.0, 1.5, 0.0], [1.5, 0.0, 0.0], [1.5, 1.4, 0.0], [0.5, 0.0, 0.7]])
+    np.testing.assert_allclose(box.distance(points), [0, 0.5, 0.3, 0.5, 0.5])
+
+
+def test_what_is_touched():
+    """Marks, tips, and what a clamp holds; no board, whose poses have a scale unless it is free."""
+    assert all(target.is_touched for target in touch_cell().targets.values())
+    held = clamp_cell("free").targets
+    assert all(target.is_touched for target in held.values())
+    assert grip_name("part") in held
+    (board,) = simulate(Scenario(samples=1), 0).cell.targets.values()
+    assert not board.is_touched
+    assert not board.has_free_scale
+    assert replace(board, size_sigma=np.inf).has_free_scale

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.cell import CandidateObservation, PixelObservation, Recording, RobotState, Sample
+from basecal.cell.recording import TouchObservation
 from basecal.geometry import SE3
 
 
@@ -53,3 +54,15 @@ def test_a_vector_is_a_state_of_the_same_kind():
     off = np.concatenate([pose.translation, 1.01 * pose.rotation.ravel()])
     found = RobotState(SE3.identity()).with_vector(off).base_from_flange
     np.testing.assert_allclose(found.matrix, pose.matrix, atol=1e-12)
+
+
+def test_a_touch_is_of_a_tip_and_what_it_meets():
+    """In the places of a camera and of a target."""
+    touch = TouchObservation("eye_tip", "mark_a", 1e-4)
+    assert (touch.camera, touch.target, touch.kind) == ("eye_tip", "mark_a", "touch")
+
+
+def test_a_recording_is_a_line():
+    """How many samples and views it has."""
+    touch = TouchObservation("eye_tip", "mark_a")
+    assert repr(Recording((Sample(0, observations=(touch, touch)), Sample(1)))) == "<recording of 2 samples, 2 views>"

@@ -11,6 +11,7 @@ import pytest
 from tests.shared.boxed_here import boxed_here
 
 from basecal.acquisition.driver_check import check_process
+from basecal.acquisition.driver_check.promises import Promise
 from basecal.cell.format.locking import locked_folder
 from basecal.cli import main
 from basecal.simulation.running.plant import Clock
@@ -52,6 +53,16 @@ def test_a_clock_of_its_own_is_found(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert code == 1
     assert found["clock within 1% of this machine's"][1] is False
     assert found["stops within 0.5 s of an order"] == ("not measured: --go moves one joint by 3 deg", None)
+
+
+@pytest.mark.parametrize(("holds", "code"), [([True, None], 0), ([], 0), ([True, False, None], 1)])
+def test_the_exit_code_says_whether_a_promise_failed(capsys, monkeypatch, holds, code) -> None:
+    """One that was not measured did not."""
+    promises = [Promise(f"promise {k}", "so", each) for k, each in enumerate(holds)]
+    monkeypatch.setattr(check_process, "measured_promises", lambda check: promises)
+    found, told = checked(capsys, "opencv", "--camera", "--option", "source=a.avi")
+    assert found == code
+    assert [each for _, each in told.values()] == holds
 
 
 def test_a_file_of_a_video_is_no_live_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -38,6 +38,9 @@ def test_equal_fixes_need_a_choice() -> None:
     with pytest.raises(UsageError, match="equally: look which is true, and add --choose 1 or --choose 2"):
         chosen_cure(equal, None)
     assert chosen_cure(equal, 2) is equal[1]
+    other = Cure(replace(finding, code="length-unit"), "Another.", Change(cell={("y",): 1}))
+    with pytest.raises(UsageError, match=r"add --choose 1 or --choose 3$"):
+        chosen_cure((equal[0], other, equal[1]), None)
     (alone,) = (replace(cure, is_choice=False) for cure in equal[:1])
     assert chosen_cure((alone,), None) is alone
 

@@ -6,17 +6,20 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from tests.shared.remembered import remembering
 from tests.shared.stages import without_stages
 
 from basecal.accuracy.drift import verify as drift
+from basecal.accuracy.drift.verify import Verification
 from basecal.accuracy.stages.solving import screen_conventions
-from basecal.cell import Driver
-from basecal.cell.files import read_calibration
+from basecal.cell import Calibration, Driver, Recording, Sample
+from basecal.cell.files import read_calibration, read_cell, read_recording
 from basecal.cli import main
 from basecal.cli.verify import _next_command as next_command
+from basecal.cli.verify import _recalibrate as recalibrate
 from basecal.simulation import Scenario, simulate
 
 no_conventions = without_stages(screen_conventions)
@@ -90,6 +93,21 @@ def test_samples_join_where_nothing_moved(cell: Path, tmp_path: Path, capsys: py
     assert told["added"] == list(range(20, 26))
     assert [json.loads(line)["sample"] for line in journal.read_text().splitlines()] == list(range(26))
     assert (copy / "runs" / told["run"] / "calibration.json").is_file()
+
+
+def test_samples_join_by_what_verified_them(cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With views, or without if the scene verified them; others say nothing, and outliers stay away."""
+    copy = Path(shutil.copytree(cell, tmp_path / "cell"))
+    seen, *_ = read_recording(copy).samples
+    bare = [Sample(number, robots=seen.robots) for number in (5, 6)]
+    new = Recording((*bare, replace(seen, sample=7), replace(seen, sample=8)))
+    made = SimpleNamespace(run=copy / "runs" / "new", calibration=Calibration("good"))
+    monkeypatch.setattr("basecal.cli.calibrate.recalibrate_folder", lambda *_: made)
+    verification = Verification(False, 1.0, None, (), None, (5, 8), outliers=(8,))
+    (run,) = (copy / "runs").iterdir()
+    told, code = recalibrate(copy, read_cell(copy), run, new, verification)
+    assert (told["added"], code) == ([20, 21], 0)
+    assert [len(sample.observations) for sample in read_recording(copy).samples[20:]] == [0, 1]
 
 
 @pytest.mark.journey

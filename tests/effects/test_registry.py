@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from basecal.cell import RobotParameters
-from basecal.effects.faces.effect import Face
+from basecal.effects.faces.effect import Face, FoundEffect
 from basecal.effects.faces.robot_parameter import Posture, Unobserved
 from basecal.effects.registry import EFFECTS, LENS_PARAMETERS, RANDOM_EFFECTS, ROBOT_PARAMETERS
 from basecal.geometry import Camera
@@ -48,6 +48,40 @@ def test_faces_elsewhere_name_a_module(name):
 def test_what_is_found_has_words(name):
     """An effect that score tests look for is put into words."""
     assert (EFFECTS[name].candidates is None) == (EFFECTS[name].words is None), "candidates and words go together"
+
+
+def found_effect(about, size, sigma, is_camera=False, unit="", joint=None):
+    """An effect that was found with a size whose sigma is equal in all its directions."""
+    covariance = sigma**2 * np.eye(len(size))
+    return FoundEffect("", "", about, is_camera, False, None, unit, np.array(size), covariance, np.zeros(6), joint)
+
+
+@pytest.mark.parametrize(("name", "found", "what"), [
+    ("bending", found_effect("eye", [3e-3, 4e-3], 1e-4), "eye bends by 5.00 ± 0.10 mrad per metre of reach."),
+    ("clock_drift", found_effect("wrist", [-0.012], 1e-3, True), "The clock of wrist drifts: its images fall behind "
+     "the other devices by 12.0 ± 1.0 ms from first to last sample."),
+    ("clock_drift", found_effect("eye", [-0.012], 1e-3), "The clock of eye drifts: its poses run ahead of "
+     "the other devices by 12.0 ± 1.0 ms from first to last sample."),
+    ("clock_offset", found_effect("wrist", [-0.03], 2e-3, True, "s"),
+     "Images of wrist lag behind the other devices by 30.0 ± 2.0 ms."),
+    ("clock_offset", found_effect("wrist", [0.03], 2e-3, True, "s"),
+     "Images of wrist run ahead of the other devices by 30.0 ± 2.0 ms."),
+    ("clock_offset", found_effect("eye", [0.5], 0.05),
+     "Poses of eye lag behind the other devices by 0.500 ± 0.050 samples."),
+    ("deflection", found_effect("eye", [3e-5, 0, 0, 4e-5], 1e-6),
+     "Joints of eye yield by 25.00 ± 0.50 urad per Nm of the torque of the links' weight."),
+    ("drift", found_effect("eye_base", [2e-3, 0, 0, 0, 0, 0], 1e-4),
+     "eye_base drifts by 2.00 ± 0.10 mm from the first sample to the last."),
+    ("joint_offsets", found_effect("eye", [np.radians(0.5)], np.radians(0.01), joint=3),
+     "Joint 4 of eye is off by 0.500 ± 0.010 deg."),
+    ("joint_offsets", found_effect("eye", np.radians([0.1, -0.5, 0.2]), np.radians(0.01)),
+     "Several joints of eye are off; the clearest is joint 2, by -0.500 ± 0.010 deg."),
+])  # fmt: skip
+def test_what_is_found_is_told_with_its_number(name, found, what):
+    """Whose it is, by how much, in which unit, and what to do; of clocks and joints also which way."""
+    words = EFFECTS[name].words(found)
+    assert words.what == what
+    assert words.do
 
 
 def test_faults_have_names_of_their_own():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.cell.targets.chessboard import chessboard_target
-from basecal.effects.target_shape import BOW_COEFFICIENTS, bow_height_m, unit_bow
+from basecal.effects.target_shape import BOW_COEFFICIENTS, bow_height_m, point_shifts_m, unit_bow, unit_shifts, words
 from basecal.geometry import SE3
 
 BOARD = chessboard_target((9, 6), 0.04)
@@ -51,3 +51,38 @@ def test_height_of_a_bowl_is_that_over_the_mean_of_its_square():
     """Of u squared, with u from -1 to 1 in nine steps, the mean is taken up by the plane: it is 5/12."""
     assert np.mean(np.linspace(-1, 1, 9) ** 2) == pytest.approx(5 / 12)
     assert bow_height_m(BOARD.points, np.array([1.0, 0.0, 0.0])) == pytest.approx(3e-3 * 0.16 * 7 / 12, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [1.0, 0.1])
+def test_points_of_a_body_are_off_by_a_share_of_its_size(size):
+    """By some thousandths of the distance to the farthest, along each axis; a body moved as a whole is as it was."""
+    points = size * np.random.default_rng(0).uniform(-1, 1, (40, 3))
+    shifts = unit_shifts(points).reshape(120, 120)
+    share = np.sqrt(np.mean(np.sum(shifts**2, axis=1))) / np.linalg.norm(points - points.mean(0), axis=1).max()
+    assert 1e-4 < share < 1e-2
+    rigid = np.concatenate([np.tile(np.eye(3), (40, 1)), np.cross(np.eye(3), points[:, None]).reshape(120, 3)], axis=1)
+    np.testing.assert_allclose(rigid.T @ shifts, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("sigmas", "severity", "why"), [
+    (0.3, None, ""), (1.0, "info", "contains the shape"), (4.0, "warning", "more than printed boards are"),
+])  # fmt: skip
+def test_a_bow_that_matters_is_told(sigmas, severity, why):
+    """Above a tenth of a millimetre; a warning if it is more than that of printed boards."""
+    found = words("board", BOARD.points, np.array([sigmas, 0.0, 0.0]))
+    if severity is None:
+        assert found is None
+        return
+    assert found.what == f"board is not flat: its points are up to {0.28 * sigmas:.2g} mm off their plane."
+    assert (found.severity, why in found.why) == (severity, True)
+
+
+@pytest.mark.parametrize(("sigmas", "severity"), [(1.0, "info"), (4.0, "warning")])
+def test_points_of_a_body_that_are_off_are_told(sigmas, severity):
+    """By the farthest, and by how much for such a body, over what is no motion of it."""
+    points = np.random.default_rng(0).uniform(-0.1, 0.1, (12, 3))
+    shape = sigmas * np.linalg.qr(unit_shifts(points).reshape(36, 36))[0][:, 0] * np.sqrt(30)
+    found = words("body", points, shape)
+    far_mm = 1e3 * point_shifts_m(points, shape).max()
+    assert found.what == f"Points of body are up to {far_mm:.2g} mm from where they are stated."
+    assert found.severity == severity

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from basecal.cell import Unknown
 from basecal.estimation.joint_state import joint_state
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import solve
@@ -24,6 +25,19 @@ def test_a_ring_of_few_views_begins_near_the_truth(seed: int) -> None:
     state = joint_state(problem, made.cell)
     assert state is not None
     off = [(made.truth[name].inverse() @ state.transforms[name]).log()[3:] for name in problem.unknowns]
+    assert np.degrees(np.abs(off).max()) < 5
+
+
+def test_what_is_known_stays_as_it_is() -> None:
+    """A base that is stated, beside which the others are found."""
+    made = ring(0)
+    name = made.cell.base_name(list(made.cell.robots)[1])
+    cell = made.cell.with_transform(name, Unknown("fixed", made.truth[name]))
+    problem, _ = build_problem(cell, made.recording)
+    state = joint_state(problem, cell)
+    assert state is not None
+    np.testing.assert_array_equal(state.transforms[name].matrix, made.truth[name].matrix)
+    off = [(made.truth[each].inverse() @ state.transforms[each]).log()[3:] for each in problem.unknowns]
     assert np.degrees(np.abs(off).max()) < 5
 
 

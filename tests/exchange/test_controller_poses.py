@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,13 @@ from scipy.spatial.transform import Rotation
 from tests.shared.real_recordings import data_folder
 
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.controller_poses import Reading, guessed_format, keyed_rows, read_controller_poses
+from basecal.exchange.controller_poses import (
+    Reading,
+    _other_controllers,
+    guessed_format,
+    keyed_rows,
+    read_controller_poses,
+)
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.text_table import read_text_table
 from basecal.geometry import SE3
@@ -346,3 +353,16 @@ def test_a_program_of_a_fanuc_is_named(tmp_path: Path) -> None:
     text = "/PROG  CALIB\n/POS\nP[1]{\n   GP1:\n\tX = 612.000  mm,\tY = 1.000  mm,\tZ = 2.000  mm,\n};\n/END\n"
     with pytest.raises(DatasetError, match=r"a FANUC program is not read: write its positions as a table of X, Y, Z"):
         poses(tmp_path, text, Reading("fanuc"), "CALIB.LS")
+
+
+@pytest.mark.parametrize(("controller", "length", "angle", "words"), [
+    ("kuka", 0.4, 1.5, "metres and radians: give --length-unit m --rad, or --format ur"),
+    ("ur", 400.0, 90.0, "millimetres and degrees: give --length-unit mm --deg, or --format .*kuka"),
+    ("ur", 0.4, 1.5, ""), ("kuka", 400.0, 90.0, ""), ("kuka", 0.4, 90.0, ""), ("ur", 400.0, 1.5, ""),
+])  # fmt: skip
+def test_both_units_of_other_controllers_are_named(controller, length, angle, words):
+    """Where lengths and angles are both in them; one alone may be meant."""
+    numbers = np.random.default_rng(0).uniform(-1, 1, (30, 6)) * np.repeat([length, angle], 3)
+    said = _other_controllers(numbers, CONTROLLERS[controller], Reading(controller))
+    assert re.search(words, said) if words else said == ""
+    assert _other_controllers(numbers, CONTROLLERS[controller], Reading(controller, length_m=1e-3)) == ""

@@ -99,6 +99,14 @@ def test_archives_that_cannot_be_unpacked(tmp_path):
         read_arrays(str(path))
 
 
+def test_a_file_of_more_than_256_mb_is_not_read(tmp_path):
+    """It is refused by its size."""
+    with (tmp_path / "a.npz").open("wb") as file:
+        file.truncate(2**28 + 1)
+    with pytest.raises(DatasetError, match="256 MB"):
+        read_arrays(str(tmp_path / "a.npz"))
+
+
 def test_archives_are_bounded(tmp_path, monkeypatch):
     """What unpacks to more than any recording is not unpacked, but for the one array asked for."""
     monkeypatch.setattr(npz, "LARGEST_BYTES", 10_000)

@@ -37,6 +37,7 @@ def read(kind, value):
         (values.ImageSize, [1, 100_000], [1, 100_000]),
         (values.Squares, [3, 1000], [3, 1000]),
         (values.Corners, [2, 1000], [2, 1000]),
+        (values.PathText, "a/b c.png", "a/b c.png"),
     ],
 )
 def test_what_is_within_the_limits_is_taken(kind, value, found):
@@ -58,6 +59,7 @@ def test_what_is_within_the_limits_is_taken(kind, value, found):
         *((values.ImageSize, wrong) for wrong in ([0, 5], [100_001, 5], [5], [5, 5, 5])),
         *((values.Squares, wrong) for wrong in ([2, 5], [5, 1001])),
         *((values.Corners, wrong) for wrong in ([1, 5], [5, 1001])),
+        *((values.PathText, wrong) for wrong in ("", "a\0b")),
     ],
 )
 def test_what_is_beyond_the_limits_is_refused(kind, value):

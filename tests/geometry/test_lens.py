@@ -38,6 +38,8 @@ def test_a_usual_lens_fills_its_image(model: str) -> None:
             assert valid.mean() > 0.95
             np.testing.assert_allclose(camera.project(rays[valid]), pixels[valid], rtol=0, atol=1e-8)
             assert lens.domain_mask(rays[valid], distortion.tolist()).all()
+            (left, right), _ = camera.undistort(np.array([[0.0, 359.5], [1279.0, 359.5]]))
+            assert 60 < np.degrees(np.arccos(left @ right)) < 170  # a field of view of lenses that are sold
 
 
 @pytest.mark.parametrize("model", lens_models())

@@ -124,3 +124,11 @@ def test_an_array_is_refused_with_what_to_write():
     at_point = estimate @ SE3(np.eye(3), point)
     np.testing.assert_allclose(at_point.mean.translation, estimate.mean @ point)
     np.testing.assert_allclose(at_point.covariance[0, 0], 1e-6 * (1 + 0.2**2))
+
+
+def test_an_estimate_is_a_line_with_its_sigmas():
+    """In millimetres and degrees per axis; their norms are roots of the traces."""
+    sigmas = np.array([1e-3, 2e-3, 2e-3, *np.radians([0.3, 0.4, 0.0])])
+    estimate = PoseEstimate(SE3.from_rotvec([0, 0, np.pi / 2], [0.1, 0.0, -1.0]), np.diag(sigmas**2))
+    assert repr(estimate) == "PoseEstimate([100, 0, -1000] ± [1, 2, 2] mm, [0, 0, 90] ± [0.3, 0.4, 0] deg)"
+    assert estimate.sigma_norms == pytest.approx((3e-3, np.radians(0.5)))

@@ -48,6 +48,11 @@ def test_capsules_enclose_a_box_tightly(size):
     assert capsules.radius.max() <= max(0.5 * np.hypot(0.08, 0.08), 0.5 * np.hypot(*sorted(size)[:2]) / 1.4) + 1e-9
 
 
+def test_a_large_box_has_few_capsules():
+    """Eight across either side, though each is wider than a rod then."""
+    assert len(box_capsules(1, PLACED, np.array([np.zeros(3), np.full(3, 3.0)])).radius) == 64
+
+
 def test_shapes_are_enclosed(tmp_path):
     """Points of a cylinder, a sphere and a box as a URDF places them are inside."""
     angle, share = RNG.uniform(0, 2 * np.pi, 500), RNG.uniform(-1, 1, (500, 1))

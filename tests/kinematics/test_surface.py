@@ -63,6 +63,17 @@ def test_fine_meshes_become_coarse(tmp_path, write, name):
     assert 0.088 < far.min() <= far.max() < 0.1001
 
 
+def test_a_mesh_is_coarsened_alike_wherever_its_origin_is(tmp_path):
+    """The same sphere about a point 0.137 m off has the same triangles, and points as far off."""
+    surfaces = []
+    for name, shift in (("a.stl", 0.0), ("b.stl", 0.137)):
+        (tmp_path / name).write_bytes(binary_stl(sphere(0.125, 24) + shift))
+        surfaces.append(body_surface(collision(f'<mesh filename="{name}"/>', tmp_path)))
+    (_, here, triangles), (_, there, others) = surfaces
+    np.testing.assert_array_equal(others, triangles)
+    np.testing.assert_allclose(there - here, np.tile(PLACED.rotation @ np.full(3, 0.137), (len(here), 1)), atol=1e-6)
+
+
 def test_faces_of_an_obj_may_have_many_corners(tmp_path):
     """They are cut into triangles; numbers below zero count from the end; one that is not there is refused."""
     corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.cell import Recording, Sample
+from basecal.cell import Intrinsics, Recording, Sample
 from basecal.errors import InputError
+from basecal.estimation.problem.build import build_problem
 from basecal.planning.candidates import candidates
-from basecal.planning.prospects import ASSUMED_NOISE, prospects, sketches
+from basecal.planning.prospects import ASSUMED_NOISE, _with_noise, calibrated_sketch, prospects, sketches
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -60,6 +61,19 @@ def test_without_observations_nothing_is_recorded(cell):
     assert group.measurement.weight.max() == pytest.approx(1 / ASSUMED_NOISE.pixel_px)
 
 
+@pytest.mark.parametrize(("target", "sigmas"), [
+    ("charuco", [0.3]), ("pose", [1e-3] * 3 + [3e-3] * 3), ("points3d", [1e-3]),
+])  # fmt: skip
+def test_noise_is_assumed_where_nothing_is_stated(target, sigmas):
+    """As docs/plan.md has it: 0.3 px of a view, 1 mm and 3 mrad of a pose, 1 mm of a point."""
+    made = simulate(Scenario(samples=3, target=target, state_pixel_noise=False), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    bare = (replace(group, measurement=group.measurement.without_sigmas()) for group in problem.groups)
+    (group,) = _with_noise(problem.with_groups(bare), None).groups
+    found = 1 / group.measurement.weight
+    np.testing.assert_allclose(found, np.resize(sigmas, found.shape))
+
+
 def test_a_cell_without_guesses_needs_a_calibration(cell):
     """The transform without a value is named."""
     with pytest.raises(InputError, match=BASE):
@@ -73,3 +87,27 @@ def test_what_nothing_is_known_of_is_open(cell):
     prospect = prospects(made.cell, bare, calibration, [(sketch, drawn)])
     where = prospect.problem.columns[BASE]
     np.testing.assert_allclose(prospect.covariance[where, where], 0.3**2 * np.eye(6), atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1, 5])
+def test_candidates_after_one_another_add_up(cell, size):
+    """Those that share no stop say together what they say alone."""
+    made, calibration, sketch, drawn = cell
+    prospect = prospects(made.cell, made.recording, calibration, [(sketch, drawn)])
+    alone = (prospect.roots @ prospect.roots.mT).reshape(-1, size, *prospect.covariance.shape).sum(1)
+    together = prospect.group_roots(size)
+    np.testing.assert_allclose(together @ together.mT, alone, rtol=0, atol=1e-6 * np.abs(alone).max())
+
+
+def test_a_sketch_has_the_calibrated_transforms_and_the_stated_cell(cell):
+    """A lens of which nothing is stated is that calibrated."""
+    made, calibration, *_ = cell
+    wrist = made.cell.cameras["wrist"]
+    unknown = replace(wrist, intrinsics=Intrinsics("free", None), size_px=(1280, 720))
+    bare = replace(made.cell, cameras={"wrist": unknown})
+    lens = wrist.intrinsics.camera
+    found = calibrated_sketch(bare, replace(calibration, cameras={"wrist": (lens, np.eye(9))}))
+    assert found.lens is lens
+    assert found.cell.bases == made.cell.bases
+    np.testing.assert_array_equal(found.transforms[BASE].matrix, calibration[BASE].mean.matrix)
+    assert calibrated_sketch(made.cell, calibration).cell.cameras["wrist"].intrinsics is wrist.intrinsics

@@ -9,7 +9,8 @@ import pytest
 
 from basecal.cell import Sample, Unknown
 from basecal.errors import InputError
-from basecal.planning.sketch import sketch_cell
+from basecal.geometry import SE3
+from basecal.planning.sketch import led_sketch, sketch_cell
 from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
@@ -57,3 +58,23 @@ def test_what_is_missing_is_named():
         _ = sketch_cell(
             replace(WORLD.cell, cameras={"wrist": replace(WORLD.cell.cameras["wrist"], intrinsics=None)})
         ).lens
+
+
+def test_who_moves_carries_the_camera_or_the_target():
+    """The camera's first; of a scene each that carries a camera."""
+    assert sketch_cell(WORLD.cell).movers == ("eye", "hand")
+    (wrist,), (board,) = WORLD.cell.cameras.values(), WORLD.cell.targets.values()
+    still = replace(
+        WORLD.cell, targets={board.name: replace(board, on="world", mount=Unknown("fixed", SE3.identity()))}
+    )
+    assert sketch_cell(still).movers == ("eye",)
+    cameras = {"wrist": wrist, "top": replace(wrist, name="top", on="world"), "other": replace(wrist, name="other")}
+    scene = led_sketch(replace(WORLD.cell, sees_scene=True, cameras=cameras, targets={}))
+    assert (scene.movers, scene.view) == (("eye",), ("wrist", ""))
+
+
+def test_arms_that_are_led_need_a_camera():
+    """Of a scene; a cell with a target is sketched as ever."""
+    assert led_sketch(WORLD.cell).view == ("wrist", "board")
+    with pytest.raises(InputError, match="the cell has no camera"):
+        led_sketch(replace(WORLD.cell, sees_scene=True, cameras={}, targets={}))

@@ -35,7 +35,7 @@ from basecal.cell.files import latest_run
 from basecal.cli import main
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
-from basecal.reporting.page import page
+from basecal.reporting.page import _fit, page
 from basecal.reporting.statement.verdict import headline
 from basecal.reporting.text import text_report
 from basecal.simulation.scenario import LayoutName, Scenario, Seen
@@ -124,6 +124,15 @@ def test_page_says_what_the_text_says(made: tuple[Cell, Recording, Calibration],
     for line in (*re.findall(r"(?:<origin|ros2 run).*", text), made[2].findings[0].message, "rms", "worst view"):
         assert line in shown
     assert "sha256:0123abcd" in shown
+
+
+def test_of_many_views_the_worst_have_a_row(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Four hundred, in the order of their samples."""
+    views = tuple(SampleResidual(k, "wrist", "board", 0.1 + (k * 7 % 410) / 1000) for k in range(410))
+    many = replace(made[2], residuals=Residuals(per_sample=views))
+    rows = _fit(made[0], made[1], many, FitDetails())["rows"]
+    worst = sorted(range(410), key=lambda k: k * 7 % 410)[10:]
+    assert [row[0] for row in rows] == [str(k) for k in sorted(worst)]
 
 
 def test_refusal_has_a_page() -> None:

@@ -91,6 +91,15 @@ def test_rulers_stand_both_ways():
     assert upright[0] - 4 > page.rectangles[:, 2].max()
 
 
+def test_rulers_have_a_tick_a_centimetre():
+    """Longer ones at their ends and their middle, none longer than 4 mm."""
+    (page,) = printed_pages(SHAPES["charuco"], "title")
+    x, y, end, _ = page.lines[0]
+    ticks = [line for line in page.lines if line[1] == y and x <= line[0] == line[2] <= end]
+    lengths = {round(float(line[0] - x)): float(line[1] - line[3]) for line in ticks}
+    assert lengths == {mm: 4.0 if mm in (0, 50, 100) else 2.5 for mm in range(0, 101, 10)}
+
+
 def test_cut_marks_stand_where_the_sheet_is_cut():
     """Two beside each corner, outside of it; its size is said above the ruler."""
     (page,) = printed_pages(SHAPES["charuco"], "title")
@@ -119,6 +128,17 @@ def test_axes_begin_at_the_origin_and_point_along_the_target(kind):
     for point in target.points[:4]:
         by_arrows = origin + 1e3 * (point[0] * along[0] + point[1] * along[1])
         np.testing.assert_allclose(by_arrows, 1e3 * (sheet_from_target @ point)[:2] + shift, atol=1e-6)
+
+
+def test_heads_of_axes_are_alike_on_both_sides():
+    """Two lines back from each tip, whose middle is on the axis."""
+    page = printed_pages(SHAPES["chessboard"], "title")[0]
+    arrows = page.lines[np.isclose(np.linalg.norm(page.lines[:, 2:] - page.lines[:, :2], axis=1), 10.0)]
+    assert len(arrows) == 2
+    for start, tip in arrows.reshape(-1, 2, 2):
+        back = page.lines[np.all(page.lines[:, :2] == tip, axis=1)][:, 2:] - tip
+        assert len(back) == 2
+        np.testing.assert_allclose(back.sum(0) / np.linalg.norm(back.sum(0)), (start - tip) / 10, atol=1e-9)
 
 
 @pytest.mark.parametrize(("paper", "pitch_mm"), [("A4", 30), ("letter", 30), ("A3", 44)])

@@ -12,6 +12,7 @@ from basecal.cell import (
     Cell,
     CellCamera,
     CellTarget,
+    ErrorMap,
     Finding,
     Outlier,
     Recording,
@@ -25,7 +26,7 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Camera, PoseEstimate
 from basecal.reporting.page import page
 from basecal.reporting.statement.verdict import headline
-from basecal.reporting.text import frame_names, robot_blocks, text_report
+from basecal.reporting.text import estimate_rows, frame_names, robot_blocks, text_report
 
 BASE = "eye_base_from_hand_base"
 
@@ -175,6 +176,21 @@ def test_the_worst_view_is_one_that_was_used() -> None:
     text = text_report(a_cell(), told)
     assert "worst view: sample 4 by wrist, 0.70 px rms" in text
     assert "rms over 2 views" in text
+
+
+def test_errors_over_the_workspace_are_those_of_the_map() -> None:
+    """The least and the greatest length [mm], and the greatest angle."""
+    errors = ErrorMap(np.zeros((2, 3)), np.array([1e-3, 2.34e-3]), np.radians([0.5, 0.25]))
+    told = text_report(a_cell(), replace(a_calibration(), error_map=errors))
+    assert "errors of one flange to another are expected below 1.0 to 2.3 mm and 0.50 deg" in " ".join(told.split())
+
+
+def test_any_estimate_has_rows_with_its_sigmas() -> None:
+    """Unless it is fixed; a point has no rotation."""
+    estimate = PoseEstimate(SE3.identity(), np.diag([1e-6] * 3 + [1e-4] * 3))
+    assert [(row.unit, row.sigmas[0]) for row in estimate_rows(estimate)] == [("mm", "1.0"), ("deg", "0.57")]
+    assert [row.unit for row in estimate_rows(estimate, True)] == ["mm"]
+    assert [list(row.sigmas) for row in estimate_rows(estimate, False, True)] == [[], []]
 
 
 def test_what_was_not_computed_is_not_told() -> None:

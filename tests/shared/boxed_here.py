@@ -12,8 +12,9 @@ from types import ModuleType
 from unittest.mock import patch
 
 from basecal import box
-from basecal.exchange import lerobot, lerobot_films
+from basecal.exchange import lerobot
 from basecal.exchange.bags import bag
+from basecal.exchange.importers import lerobot as lerobot_importer
 
 
 def _frames_here(
@@ -33,6 +34,6 @@ def _frames_here(
 def boxed_here(*modules: ModuleType) -> Iterator[None]:
     """What these modules read, or those of bags and datasets, is read in this process."""
     with ExitStack() as patches:
-        for module in modules or (bag, lerobot, lerobot_films):
+        for module in modules or (bag, lerobot, lerobot_importer):
             patches.enter_context(patch.object(module, "frames", _frames_here))
         yield

@@ -7,6 +7,7 @@ import pytest
 
 from basecal.errors import InputError
 from basecal.simulation.scenario import Scenario
+from shared.study_defaults import documented_defaults
 
 CHOICES = ("target", "arms", "layout", "lens", "base", "camera_mount", "target_mount", "intrinsics")
 PARAMETERS = ("joint_offsets", "link_parameters", "deflection")
@@ -65,3 +66,11 @@ def test_neither_sigma_of_a_pair_is_negative(name, place):
     pair[place] = -1e-3
     with pytest.raises(InputError, match="must be numbers >= 0"):
         Scenario(**{name: tuple(pair)})
+
+
+def test_defaults_are_those_of_the_documents():
+    """As far as a study's fields are a scenario's."""
+    stated = {name: value for name, value in documented_defaults().items() if hasattr(Scenario(), name)}
+    assert len(stated) > 12
+    del stated["distance_m"]  # of which a study states the middle
+    assert {name: getattr(Scenario(), name) for name in stated} == stated

@@ -35,6 +35,19 @@ def test_homes_show_the_target_within_the_distances(layout, seed):
         assert 0.5 <= np.linalg.norm(middle) <= 0.9 * 1.2
 
 
+def test_targets_at_home_are_on_all_sides_of_the_image_and_within_reach():
+    """The middle of a board is off the optical axis by a tenth of its distance at most; a flange 0.4 to 0.8 m off."""
+    scenes = [scene_of(seed) for seed in range(20)]
+    seen = [scene.camera_from_target(scene.layout.groups[0][0], scene.homes[0]) for scene in scenes]
+    middles = [pose @ scene.shapes["board"].points.mean(0) for pose, scene in zip(seen, scenes, strict=True)]
+    off = np.array([middle[:2] / middle[2] for middle in middles])
+    assert np.all(off.min(0) < -0.02)
+    assert np.all(off.max(0) > 0.02)
+    assert np.abs(off).max() <= 0.1
+    away = [np.linalg.norm(pose.translation) for scene in scenes for pose in scene.parked.values()]
+    assert 0.4 <= min(away) <= max(away) <= 0.8
+
+
 @pytest.mark.parametrize("layout", ["dual", "chain"])
 def test_bases_stand_apart_and_the_first_is_the_world(layout):
     """Neighbours 1 to 2 m from one another, to the decimetre and a half of either's place."""

@@ -8,7 +8,7 @@ from functools import partial
 import pytest
 
 from basecal.errors import BasecalError
-from basecal.studies.jobs import Job, WorkerPool, done_jobs
+from basecal.studies.jobs import Job, WorkerPool, done_jobs, work_jobs
 from job_examples import deadly, deadly_once, named, wrong
 
 KILLS = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="kills a process")
@@ -23,6 +23,15 @@ def test_every_job_is_done_once(workers: int) -> None:
     """With its own bytes, here and by processes."""
     done = [(job.number, content) for job, content in done_jobs(jobs(5), WorkerPool(workers))]
     assert sorted(done) == [(number, named(number)) for number in range(5)]
+
+
+def test_it_is_told_how_much_is_done() -> None:
+    """With what was done before, before the first and after each."""
+    told, kept = list[tuple[int, int]](), list[int]()
+    few = [Job(number, size, partial(named, number)) for number, size in ((3, 2), (4, 5))]
+    work_jobs(few, WorkerPool(), 10, lambda job, content: kept.append(job.number), lambda *step: told.append(step))
+    assert told == [(3, 10), (5, 10), (10, 10)]
+    assert kept == [3, 4]
 
 
 @KILLS

@@ -12,6 +12,7 @@ from basecal.studies.jobs import WorkerPool
 from basecal.studies.run import run_study
 from basecal.studies.study_file import read_study, study_from_text
 from basecal.studies.summary import summarise
+from shared.study_defaults import documented_defaults
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "studies").glob("*.yaml"))
 MANY = f"axes: {{distance_m: {[1 + k / 100 for k in range(200)]}}}"
@@ -22,6 +23,26 @@ def test_defaults() -> None:
     """Title and axes may be left out: a study of one point, named by its file."""
     made = study_from_text(HEAD, "some/where.yaml")
     assert (made.title, len(made.points), made.seed, made.transform) == ("where", 1, 0, None)
+    assert study_from_text("schema: basecal/study/1\ntrials: 10\n", "where.yaml").cells == 10  # as docs/studies.md says
+
+
+def test_defaults_are_those_of_the_documents() -> None:
+    """Each field has a row, and the row its default."""
+    settings = study_from_text(HEAD, "where.yaml").points[0].settings
+    stated = documented_defaults()
+    assert {name: settings[name] for name in stated} == stated
+    assert settings.keys() - stated.keys() == {"board"}
+
+
+@pytest.mark.parametrize(("length", "is_read"), [(10_000, True), (10_001, False)])
+def test_what_is_said_is_bounded(length: int, is_read: bool) -> None:
+    """Ten thousand characters are enough."""
+    text = f"{HEAD}about: {'x' * length}\n"
+    if is_read:
+        assert len(study_from_text(text, "where.yaml").about) == length
+        return
+    with pytest.raises(DatasetError, match="10000 characters"):
+        study_from_text(text, "where.yaml")
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

@@ -31,6 +31,7 @@ def test_quantities_are_those_of_the_trials(tmp_path: Path) -> None:
     assert point["sigma_deg"] == pytest.approx(np.sqrt(np.mean(trials.sigma_deg**2)))
     assert point["nees"]["mean"] == pytest.approx(trials.nees.mean())
     assert point["nees"]["expected"] == 6
+    assert point["nees"]["standard_error"] == pytest.approx(trials.nees.std(ddof=1) / np.sqrt(12))
     assert point["coverage"]["share"] == np.mean(trials.nees < 12.591587243743977)  # of chi-square with 6, at 95 %
     json.dumps(summary, allow_nan=False)
 

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+from basecal.vision import image_file
 from basecal.vision.image_file import grey_image, is_turned, read_bytes
 from vision_scenes import TARGETS, scene, with_exif
 
@@ -124,6 +125,24 @@ def test_a_file_too_large(tmp_path: Path) -> None:
     with (tmp_path / "large").open("wb") as file:
         file.truncate(2**31)
     assert str(read_bytes(tmp_path / "large")).startswith("has more than 256 MB")
+
+
+def test_a_file_of_the_largest_size_is_read_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And a file that says that it is empty no further than a byte more."""
+    monkeypatch.setattr(image_file, "_LARGEST_BYTES", 2**20)
+    (tmp_path / "largest").write_bytes(bytes(2**20))
+    assert read_bytes(tmp_path / "largest") == bytes(2**20)
+    (tmp_path / "larger").write_bytes(bytes(2**20 + 1))
+    assert read_bytes(tmp_path / "larger") == "has more than 1 MB, more than an image has"
+
+
+def test_a_bmp_may_hold_what_its_program_reserves() -> None:
+    """Four bytes after its length, which is all that tells whether it is cut off."""
+    image = np.arange(48, dtype=np.uint8).reshape(6, 8)
+    data = bytearray(cv2.imencode(".bmp", image)[1].tobytes())
+    data[6:10] = b"\x07\x08\x09\x0a"
+    np.testing.assert_array_equal(grey_image(bytes(data), None), image)
+    assert grey_image(bytes(data[:-1]), None) == "is truncated"
 
 
 def test_names_that_are_none(tmp_path: Path) -> None:

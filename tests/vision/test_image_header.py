@@ -41,6 +41,14 @@ def test_size(name: str) -> None:
     assert told[:2] == ((64, 48), 1)
 
 
+def test_the_size_of_a_jpeg_is_that_of_its_frame() -> None:
+    """Also of one that is coded arithmetically; tables and what is reserved before it hold no size."""
+    start, frame = FILES["jpeg"][:2], FILES["jpeg"][2:]
+    assert header(start + frame.replace(b"\xff\xc0", b"\xff\xc9", 1)) == Header((64, 48))
+    for marker in (0xC4, 0xC8, 0xCC):
+        assert header(start + bytes([0xFF, marker, 0, 17]) + bytes(range(15)) + frame) == Header((64, 48))
+
+
 @pytest.mark.parametrize("suffix", [".png", ".tiff"])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])

@@ -292,10 +292,10 @@ def local_rows(calibration: Calibration) -> Iterator[str]:
 
 def _sigma(key: str, value: float | Array) -> str:
     """One sigma or three in the unit to read of a key that ends in `_px`, `_m` or `_rad`."""
-    scale, unit = _DISPLAY_UNITS.get(key.rpartition("_")[2], (1.0, ""))
+    scale, unit = _DISPLAY_UNITS[key.rpartition("_")[2]]
     sigmas = np.atleast_1d(np.array(value, dtype=np.float64))
     shown = sigmas[:1] if np.all(sigmas == sigmas[0]) else sigmas
-    return f"{' '.join(two_digits(scale * each) for each in shown)} {unit}".rstrip()
+    return f"{' '.join(two_digits(scale * each) for each in shown)} {unit}"
 
 
 def _findings(findings: Iterable[Finding]) -> Iterator[str]:

@@ -118,13 +118,12 @@ def test_a_joint_has_an_angle_and_no_length() -> None:
 
 
 def test_a_shift_of_ten_metres_that_would_not_be_seen_is_none() -> None:
-    """Views so uncertain tell of no length; thirty times less uncertain they do."""
+    """Views that would show one of 10.1 m at least tell of no length; of 9.9 m they do. It goes with their sigma."""
     of = _of_noise(np.inf)
-    assert detectable_m(replace(of, information=1e-9 * of.information), 0.005, 0.95) is None
-    length = detectable_m(replace(of, information=1e-6 * of.information), 0.005, 0.95)
-    assert length is not None
-    assert 1.0 < length < 10.0
-    assert detectable_m(of, 0.005, 0.95) == pytest.approx(length * np.sqrt(1e-6), rel=1e-3)
+    length = detectable_m(of, 0.005, 0.95)
+    near, far = (replace(of, information=(length / least_m) ** 2 * of.information) for least_m in (9.9, 10.1))
+    assert detectable_m(near, 0.005, 0.95) == pytest.approx(9.9)
+    assert detectable_m(far, 0.005, 0.95) is None
 
 
 @pytest.mark.parametrize("joints", [False, True])

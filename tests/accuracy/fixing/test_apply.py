@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,10 @@ from basecal.accuracy.fixing.apply import apply_cure, describe_change
 from basecal.accuracy.fixing.change import Change
 from basecal.accuracy.fixing.cures import Cure
 from basecal.accuracy.fixing.places import free_lens
-from basecal.cell import Finding
+from basecal.cell import Finding, Recording, RobotState
 from basecal.cell.files import read_cell, read_recording, write_cell, write_recording
 from basecal.errors import InputError
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 FINDING = Finding("x", "warning", (), "Something is wrong.")
@@ -43,6 +45,18 @@ def test_files_change_and_originals_stay(folder: Path) -> None:
     assert [sample.sample for sample in read_recording(folder, after).samples] == [1, 2, 3]
     assert {(kept / "cell.yaml").read_bytes(), (kept / "samples.jsonl").read_bytes()} == set(before.values())
     assert "Leave out sample 0." in (kept / "change.json").read_text()
+
+
+def test_one_sample_shows_what_changes(folder: Path) -> None:
+    """Of each robot whose state is another, before and after; a robot that is new has no state before."""
+    samples = read_recording(folder, read_cell(folder)).samples
+    recording = Recording((samples[0], replace(samples[1], robots={"hand": samples[1].robots["hand"]})))
+    moved = RobotState(SE3.identity())
+    changed = (samples[0], replace(samples[1], robots={**samples[1].robots, "hand": moved}))
+    assert list(describe_change(recording, Change(changed))) == [
+        "samples changed: 1 of 2",
+        f"sample 1, hand: {samples[1].robots['hand'].base_from_flange!r} becomes {SE3.identity()!r}",
+    ]
 
 
 def test_what_would_be_no_cell_changes_nothing(folder: Path) -> None:

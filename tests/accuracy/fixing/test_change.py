@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.fixing.change import change_cell, change_of_hypothesis
+from basecal.accuracy.fixing.change import change_carriers, change_cell, change_of_hypothesis
 from basecal.accuracy.input_check.hypotheses import convention_hypotheses, shift
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.target_sizes import target_size
@@ -155,6 +155,18 @@ def test_a_target_is_put_on_the_arm_that_carries_it() -> None:
     change = change_of_hypothesis(BOARD.recording, reading, hypothesis)
     assert change.samples is None
     assert change.cell == {("targets", "board", "on"): "hand", ("targets", "board", "mount"): {"status": "free"}}
+
+
+def test_carriers_are_written_with_open_mounts() -> None:
+    """A camera's and a target's, each at its own place."""
+    change = change_carriers({("cameras", "wrist", "on"): "hand", ("targets", "board", "on"): "world"})
+    assert change.samples is None
+    assert change.cell == {
+        ("cameras", "wrist", "on"): "hand",
+        ("targets", "board", "on"): "world",
+        ("cameras", "wrist", "mount"): {"status": "free"},
+        ("targets", "board", "mount"): {"status": "free"},
+    }
 
 
 def test_a_prior_that_is_inverted_keeps_its_sigmas() -> None:

@@ -11,7 +11,8 @@ import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.sample_use import SampleUse, sample_use
-from basecal.accuracy.scene.join_scene import join_scene
+from basecal.accuracy.scene.images import read_images
+from basecal.accuracy.scene.join_scene import _update_images, join_scene
 from basecal.cell import Calibration, Cell, Finding, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
 from basecal.estimation.settings import Settings
@@ -129,6 +130,17 @@ def test_a_scene_of_few_images_is_left_out(tmp_path: Path) -> None:
     assert kept is None
     assert (finding.code, finding.severity) == ("scene-left-out", "info")
     assert "9 images of left_eye" in finding.what
+
+
+def test_the_world_of_a_scene_is_the_base_of_one_robot(tmp_path: Path) -> None:
+    """Those of the others are open, whatever the board says of them: both answers are compared."""
+    cell, recording = board_beside_tracks(tmp_path, made_scene(1, arms=2, count=6, points=60), 1, boards=6)
+    images = read_images(cell, recording, Settings())
+    solution = solve(cell, recording, Settings(robot_noise="stated"))
+    for anchor, statuses in (("left", ["fixed", "free"]), ("right", ["free", "fixed"])):
+        placed = _update_images(images, solution, cell, anchor)
+        assert placed.views.robots == ("left", "right")
+        assert [base.status for base in placed.views.bases] == statuses
 
 
 def test_without_images_there_is_no_scene(tmp_path: Path) -> None:

@@ -8,9 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from basecal.acquisition.driver_check.promises import Arrivals, _stream_promises, stale_images
-
-pytestmark = pytest.mark.timed
+from basecal.acquisition.driver_check import promises
+from basecal.acquisition.driver_check.promises import (
+    Arrivals,
+    _guarantee_promise,
+    _stream_promises,
+    record_images,
+    stale_images,
+)
+from basecal.errors import DriverError
 
 
 def test_each_fault_of_a_stream_breaks_its_own_promise():
@@ -45,6 +51,7 @@ def test_arrivals_are_summed_up():
     assert (arrivals.repeats, arrivals.steps_back) == (1, 1)
 
 
+@pytest.mark.timed
 @pytest.mark.parametrize("waiting", [0, 4])
 def test_images_that_waited_are_counted(waiting):
     """Images that come faster than exposures waited in a buffer."""
@@ -56,3 +63,27 @@ def test_images_that_waited_are_counted(waiting):
             time.sleep(0.3)
 
     assert stale_images(SimpleNamespace(image=image), 0.3, 0.0) == max(waiting - 1, 0)
+
+
+@pytest.mark.parametrize(("guarantee", "words"), [
+    ("none", "the arm finishes its move if this computer is silent"),
+    ("watchdog", "declared by the driver, not measured"),
+    ("short-horizon", "declared by the driver, not measured"),
+])  # fmt: skip
+def test_what_a_driver_does_not_guarantee_is_said(guarantee, words):
+    """And what it declares is not taken for measured."""
+    found = _guarantee_promise("arm", object(), guarantee, is_motion_allowed=True)
+    assert (found.measured, found.holds) == (words, None)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_three_are_enough_to_measure(monkeypatch, count):
+    """Of fewer it is said how many came."""
+    times_s = iter([0.0, *np.linspace(0.1, 1.0, count)])
+    monkeypatch.setattr(promises, "time", SimpleNamespace(monotonic=lambda: next(times_s)))
+    camera = SimpleNamespace(image=lambda: SimpleNamespace(stamp_s=7.0))
+    if count == 3:
+        np.testing.assert_allclose(record_images(camera, 1.0).at_s, [0.1, 0.55, 1.0])
+        return
+    with pytest.raises(DriverError, match="only 2 came in 1 s"):
+        record_images(camera, 1.0)

@@ -12,6 +12,7 @@ import pytest
 
 from basecal.acquisition.driver import Place
 from basecal.acquisition.drivers.folder import open_camera
+from basecal.acquisition.stillness import wait_for_image
 from basecal.cell import Cell, CellCamera, Robot
 from basecal.errors import DatasetError, DriverError
 from basecal.vision.image_file import write_png
@@ -50,6 +51,13 @@ def test_the_newest_new_image_is_given_once(folder):
     assert (given.grey[0, 0], given.stamp_s, given.source) == (50, pytest.approx(3000.0), "50.png")
     with pytest.raises(DriverError, match=r"no new image in .* within 0\.2 s"):
         source.image()
+
+
+def test_one_image_is_enough(folder):
+    """A person who saves it vouches that all was still: no further ones are waited for."""
+    source = camera(folder)
+    save(folder, 50, 3000.0)
+    assert wait_for_image(source, [], 5.0).source == "50.png"
 
 
 def test_a_image_that_comes_late_is_given_with_its_time(folder):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,11 @@ from basecal.cell import Cell, Robot
 from basecal.errors import DatasetError, DriverError
 from basecal.geometry import SE3
 from basecal.geometry.rotation import rotation_exp
+from basecal.simulation.arms import six_axis
 
 CELL = Cell("arm", {"arm": Robot("arm")})
 X, Y, Z = np.eye(3)
+PI = f"0 {np.pi / 2} {-np.pi} {np.pi / 18} 0 0"
 
 
 def place(**options):
@@ -60,6 +63,14 @@ def test_what_cannot_be_read_is_asked_for_again(capsys):
     assert "3 numbers, expected 7" in said
     assert "a number is beyond" in said
     assert said.count("arm, abb: ") == 4
+
+
+@pytest.mark.parametrize(("notation", "text"), [("joints_deg", "0 90 -180 1e1 0 0"), ("joints_rad", PI)])
+def test_joints_of_a_chain(notation, text):
+    """In degrees or radians, as it is said."""
+    armed = replace(CELL, robots={"arm": Robot("arm", chain=six_axis())})
+    robot = TypedRobot(Place("arm", armed, Path("."), {}), notation, io.StringIO(text))
+    np.testing.assert_allclose(robot.state().state.joints_rad, np.pi * np.array([0, 0.5, -1, 1 / 18, 0, 0]))
 
 
 def test_joints_need_a_chain(capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -40,7 +41,9 @@ def test_a_topic_is_offered_as_ros_does():
     }
     assert said(Listener(DOMAIN, found["/latched"], 5).messages(2.0)) == ["before"]
     late = Listener(DOMAIN, found["/plain"], 5)
+    began = time.monotonic()
     assert said(late.messages(0.2)) == []
+    assert time.monotonic() - began >= 0.2
     plain.send(SimpleNamespace(data="after"))
     assert said(late.messages(2.0)) == ["after"]
 

@@ -11,6 +11,7 @@ import pytest
 from basecal.cell.format import writing
 from basecal.cell.format.writing import (
     append_durably,
+    is_unused,
     make_folder,
     make_timed_folder,
     open_new,
@@ -27,6 +28,17 @@ from basecal.errors import InputError
 
 def names(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+@pytest.mark.parametrize(("name", "unused"), [
+    ("", True), (".cell.yaml.0123abcd.part", True), (".gitignore", False), ("valve.part", False), ("a", False),
+])  # fmt: skip
+def test_only_what_a_write_left_counts_as_nothing(tmp_path: Path, name: str, unused: bool) -> None:
+    """Hidden files and parts of somebody else are somebody's."""
+    temporary_path(tmp_path / "samples.jsonl").touch()
+    if name:
+        (tmp_path / name).touch()
+    assert is_unused(tmp_path) == unused
 
 
 def fail(number: int):

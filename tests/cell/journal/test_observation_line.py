@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.touch_cells import clamp_cell, touch_cell
 
 from basecal.cell.cell import Cell
 from basecal.cell.files import cell_from_dict
-from basecal.cell.journal.observation_line import UnknownPoint, observation
+from basecal.cell.journal.observation_line import UnknownPoint, observation, track_observation
 from basecal.cell.journal.sample_values import Where
 from basecal.cell.recording import CandidateObservation, PixelObservation, PointObservation, PoseObservation
 from basecal.errors import DatasetError
@@ -122,3 +123,52 @@ def test_points_that_cannot_be_are_told_apart(ids, message):
 def test_points_in_three_dimensions_need_no_lens():
     """A depth camera may see points of a board, and of a light."""
     assert read(camera="depth", target="light", points_in_camera_m=[[0, 0, 1]])[1].ids.tolist() == [0]
+
+
+TOUCHED, HELD = touch_cell(), clamp_cell("free")
+
+
+def touched(cell: Cell = TOUCHED, **written):
+    return observation(written, "observations[0]", HERE, cell, {})
+
+
+def test_touches_and_grips_are_read():
+    """A tip at a mark or at another tip, and a part in two grips, each with its sigmas or none."""
+    names, touch = touched(tip="eye_tip", touch="mark_a", sigma_m=1e-4)
+    assert names == ("eye_tip", "mark_a")
+    assert (touch.tip, touch.mark, touch.sigma_m, touch.kind) == ("eye_tip", "mark_a", 1e-4, "touch")
+    _, meeting = touched(tip="hand_tip", tip2="eye_tip")
+    assert (meeting.tip, meeting.mark, meeting.sigma_m, meeting.kind) == ("hand_tip", "eye_tip", None, "tip2")
+    _, grip = touched(HELD, clamp="part", sigma_m=1e-4, sigma_rad=2e-3)
+    assert (grip.tip, grip.sigma_m, grip.sigma_rad, grip.kind) == ("part", 1e-4, 2e-3, "clamp")
+
+
+@pytest.mark.parametrize(("written", "message"), [
+    ({"tip": "eye_tip"}, "expected tip with touch or tip2, got neither"),
+    ({"tip": "eye_tip", "touch": "mark_a", "tip2": "hand_tip"}, "got touch and tip2"),
+    ({"tip": "eye_tip", "tip2": "eye_tip"}, "are on one robot: no pose brings them together"),
+    ({"tip": "eye_tip", "touch": "mark_x"}, "mark_x"),
+    ({"tip": "mark_a", "touch": "mark_a"}, "no tip 'mark_a'"),
+    ({"tip": "eye_tip", "touch": "mark_a", "sigma_m": -1.0}, "sigma_m"),
+    ({"clamp": "part"}, "clamp"),
+])  # fmt: skip
+def test_what_is_no_touch_is_refused(written, message):
+    """With its field, and what was expected."""
+    with pytest.raises(DatasetError, match=message):
+        touched(**written)
+
+
+def test_tracks_are_read():
+    """Of a camera with a lens, one pixel a track, and no track twice."""
+
+    def tracks(**written):
+        return track_observation({"camera": "eye", **written}, "tracks[0]", HERE, CELL)
+
+    seen = tracks(tracks=[7, 3], pixels=[[1, 2], [3, 4]])
+    assert (seen.camera, seen.tracks.tolist(), seen.pixels.tolist()) == ("eye", [7, 3], [[1, 2], [3, 4]])
+    with pytest.raises(DatasetError, match="2 tracks for 1 pixels; expected one each"):
+        tracks(tracks=[7, 3], pixels=[[1, 2]])
+    with pytest.raises(DatasetError, match="a track is given twice in one image"):
+        tracks(tracks=[7, 7], pixels=[[1, 2], [3, 4]])
+    with pytest.raises(DatasetError, match="'depth' need its size_px and intrinsics"):
+        tracks(camera="depth", tracks=[7], pixels=[[1, 2]])

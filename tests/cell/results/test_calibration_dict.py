@@ -24,7 +24,12 @@ from basecal.cell.calibration import (
     SampleResidual,
     Validation,
 )
-from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict, finding_to_dict
+from basecal.cell.results.calibration_dict import (
+    budget_entry,
+    calibration_from_dict,
+    calibration_to_dict,
+    finding_to_dict,
+)
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera, PoseEstimate
 
@@ -218,3 +223,11 @@ def test_findings():
         "do": ["Do.", "Or that."],
         "message": "What. Why. Do. Or that.",
     }
+
+
+def test_a_line_of_a_budget_is_in_millimetres_and_percent():
+    """As it stands in a calibration's own budget."""
+    entry = BudgetEntry("noise of eye", 2e-3, 0.25, 3e-3)
+    written = budget_entry(entry)
+    assert written == {"source": "noise of eye", "mm": 2.0, "percent": 25.0, "total_mm_if_halved": 3.0}
+    assert calibration_to_dict(Calibration("good", budget=(entry,)))["budget"] == [written]

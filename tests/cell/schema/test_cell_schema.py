@@ -28,6 +28,7 @@ DATA = {
         {**CHAIN, "joint_offsets": PRIOR, "link_parameters": {**PRIOR, "sigma_m": 0.001}},
         {**CHAIN, "joint_offsets": {"status": "free"}, "deflection": {"status": "prior", "sigma_rad_per_nm": 1e-5}},
         {"noise": {"sigma_t_m": 1e-4, "sigma_r_rad": 1e-4}},
+        {"clock": {"status": "free"}},
     ],
 )
 def test_robots_that_are_read(fields):
@@ -50,6 +51,7 @@ def test_robots_that_are_read(fields):
         ({**CHAIN, "link_parameters": PRIOR}, "takes sigma_m and sigma_rad, got sigma_rad"),
         ({**CHAIN, "link_parameters": {"status": "free", "sigma_m": 1.0}}, "status free takes no sigma, got sigma_m"),
         ({"noise": {"sigma_t_m": 1e-4}}, "sigma_r_rad"),
+        ({"clock": {"status": "free", "jitter_s": 1e-3}}, "jitter_s stands at the clock of a camera"),
     ],
 )
 def test_robots_that_are_refused(fields, message):

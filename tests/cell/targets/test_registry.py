@@ -39,6 +39,13 @@ def test_written_and_read(kind: TargetKindName) -> None:
 
 
 @pytest.mark.parametrize("kind", TARGETS)
+def test_figures_of_the_documents_are_of_small_targets(kind: TargetKindName) -> None:
+    """A hand holds each."""
+    for shape in TARGETS[kind].figures.values():
+        assert np.ptp(shape.points, axis=0).max() < 0.3
+
+
+@pytest.mark.parametrize("kind", TARGETS)
 def test_template_is_read(kind: TargetKindName) -> None:
     """The lines of a new cell.yaml give a target of the kind."""
     read = cell_from_dict(parse_yaml(cell_text(2, kind), "new").data).targets["target"].target

@@ -2,9 +2,26 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
+from types import SimpleNamespace
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
+import numpy as np
+import pytest
+
+from basecal.effects.faces.candidates import (
+    Candidates,
+    combine_candidates,
+    elapsed_share,
+    frame_candidates,
+    mount_moves,
+    one_candidate,
+    robot_moves,
+)
+from basecal.simulation import Scenario
+from made_views import views_of
+
+MOUNT = "eye_flange_from_wrist"
+SCENARIO = Scenario(samples=6, target="led")
 
 
 def test_one_of_several_has_what_is_its_own():
@@ -23,3 +40,63 @@ def test_one_candidate_has_moves_of_one():
     found = one_candidate("drift", "eye", "m", (np.ones((3, 6, 2)), None))
     assert (found.about, found.since, found.sizes, found.moves[1]) == (("eye",), (None,), 2, None)
     assert found.moves[0].shape == (3, 1, 6, 2)
+
+
+def test_all_of_a_kind_may_be_one_with_the_sizes_of_all():
+    """In their order; what none of them moves stays without."""
+    moves = np.arange(48.0).reshape(2, 2, 6, 2)
+    joined = Candidates("drift", ("eye", "hand"), (None, 4), "m", (moves, None)).join_sizes()
+    assert (joined.about, joined.sizes, joined.moves[1]) == (("eye",), 4, None)
+    np.testing.assert_array_equal(joined.moves[0][:, 0], np.concatenate([moves[:, 0], moves[:, 1]], axis=-1))
+
+
+def test_candidates_of_several_kinds_are_one():
+    """A group that one of them does not move stays by its sizes; one that none moves has all the same."""
+    views = SimpleNamespace(groups=([0] * 2, [0] * 3))
+    first, second = np.ones((2, 6, 2)), 2 * np.ones((3, 6, 1))
+    both = combine_candidates(
+        [one_candidate("a", "eye", "m", (first, None)), one_candidate("b", "eye", "m", (None, second))], views
+    )
+    assert [of.shape for of in both.moves] == [(2, 1, 6, 3), (3, 1, 6, 3)]
+    np.testing.assert_array_equal(both.moves[0][:, 0], first @ np.eye(2, 3))
+    np.testing.assert_array_equal(both.moves[1][:, 0], second @ np.eye(3)[2:])
+
+
+def test_only_views_that_a_robot_carries_an_end_of_are_moved():
+    """By what is computed for their group."""
+    views = views_of(SCENARIO)
+    assert robot_moves(views, "eye", lambda _, k, robot: (k, robot)) == ((0, "eye"),)
+    assert robot_moves(views, "nobody", lambda *_: pytest.fail("nobody carries anything")) == (None,)
+
+
+@pytest.mark.parametrize("status", ["free", "fixed"])
+def test_an_open_mount_is_its_pose_under_the_mean_of_gravity(status):
+    """What is equal in all poses moves nothing; a mount that is fixed is stated without gravity."""
+    views = views_of(replace(SCENARIO, camera_mount=status))
+    pulls = []
+
+    def move(down):
+        """A turn by each direction of gravity."""
+        pulls.append(down)
+        return np.concatenate([np.zeros((len(down), 3, 1)), down[..., None]], axis=1)
+
+    (moved,) = mount_moves(views, MOUNT, move)
+    down = views.down_in_flange(0, "eye")
+    np.testing.assert_allclose(pulls[0], down - (0.0 if status == "fixed" else down.mean(0)), atol=1e-15)
+    np.testing.assert_allclose(moved, views.flange_jacobian(0, "eye") @ move(pulls[0]))
+    assert mount_moves(views, "hand_flange_from_board", move)[0].shape == (6, 6, 1)
+
+
+def test_time_passes_from_nothing_to_one():
+    """Of the time from the first sample to the last; none passes within one instant."""
+    np.testing.assert_allclose(elapsed_share(SimpleNamespace(times=np.array([3.0, 4.0, 7.0]))), [0, 0.25, 1])
+    assert elapsed_share(SimpleNamespace(times=np.array([3.0, 3.0]))).tolist() == [0, 0]
+
+
+def test_a_point_has_no_rotation():
+    """Three tangents of its mount, six of another; no moves if views do not depend on a transform."""
+    views = views_of(SCENARIO)
+    whole = np.ones((len(views.samples), 1))
+    assert frame_candidates("step", views, "hand_flange_from_board", whole).moves[0].shape == (6, 1, 6, 3)
+    assert frame_candidates("step", views, MOUNT, whole).moves[0].shape == (6, 1, 6, 6)
+    assert frame_candidates("step", views, "left_flange_from_other", whole).moves == (None,)

@@ -72,3 +72,9 @@ def test_a_size_within_its_sigma_is_not_told():
     covariance = np.diag([25e-6, 1e-10, 1e-10, 0.16, 1e-8, 1e-8])
     assert format_tangent(np.append(shift, turn), covariance) == " by 0.200 ± 0.010 mm"
     assert format_tangent(np.append(0 * shift, turn), covariance) == ""
+
+
+def test_a_sigma_that_is_known_is_certain():
+    """One value, and not none."""
+    prior = SigmaPrior.single_value(0.3)
+    assert (prior.sigmas.tolist(), prior.shares.tolist()) == ([0.3], [1.0])

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.cell import RobotParameters
-from basecal.effects.faces.robot_parameter import joint_candidates, joint_lines, moves_by_joint, open_chains
+from basecal.effects.faces.robot_parameter import (
+    from_dict,
+    joint_candidates,
+    joint_lines,
+    moves_by_joint,
+    open_chains,
+    to_dict,
+)
 from basecal.simulation import Scenario
 from made_views import moved_by_pose, views_of
 
@@ -47,3 +54,14 @@ def test_estimated_effects_are_not_open():
     views = views_of(Scenario(samples=6, joints=True, joint_offset_rad=1e-3, joint_offsets="prior"))
     assert [robot for robot, _ in open_chains(views, "joint_offsets")] == []
     assert [robot for robot, _ in open_chains(views, "deflection")] == ["eye", "hand"]
+
+
+def test_values_and_sigmas_are_written_by_their_keys():
+    """And read back; nothing of no robot."""
+    found = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([0.3, 0.4]), np.array([True, False]))
+    written = to_dict("gears", ("ratio", "sigma_ratio"), {"arm": found})
+    assert written["gears"]["arm"]["ratio"] is found.values
+    assert written["gears"]["arm"]["sigma_ratio"] is found.sigma
+    back = from_dict("gears", ("ratio", "sigma_ratio"), written)["arm"]
+    assert (back.joints, back.sigma.tolist(), back.seen.tolist()) == (("a", "b"), [0.3, 0.4], [True, False])
+    assert to_dict("gears", ("ratio", "sigma_ratio"), {}) == {"gears": None}

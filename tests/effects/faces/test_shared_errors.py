@@ -51,3 +51,16 @@ def test_what_frames_take_up_is_by_half_a_metre_a_radian():
         product = np.einsum("nij,nik->jk", units * frames, units * left.by_stop)
         np.testing.assert_allclose(product, 0.0, atol=1e-10)
     assert left.is_turn.tolist() == [False, True, True]
+
+
+def test_errors_along_axes_of_the_base_are_rotated_into_the_flange():
+    """A unit shift along x of the base, and a turn about z of other axes, as the flange sees them."""
+    poses = SE3.exp(0.8 * np.random.default_rng(2).standard_normal((4, 6)))
+    errors = SharedErrors(np.broadcast_to(np.eye(6)[:, [0, 5]], (4, 6, 2)), np.array([False, True]))
+    found = errors.rotate_to(poses)
+    along_x = np.tile(np.eye(3)[:, :1], (4, 1, 1))
+    np.testing.assert_allclose(poses.rotation @ found.by_stop[:, :3, :1], along_x, atol=1e-12)
+    axes = SE3.exp(np.random.default_rng(3).standard_normal((4, 6))).rotation
+    turned = errors.rotate_to(poses, axes)
+    np.testing.assert_allclose(poses.rotation @ turned.by_stop[:, 3:, 1:], axes[:, :, 2:], atol=1e-12)
+    np.testing.assert_allclose(turned.by_stop[:, 3:, 0], 0, atol=1e-12)

@@ -62,6 +62,23 @@ def test_reduction_is_that_of_the_dense_system(rng, robots):
     np.testing.assert_allclose(ours.step(step).ravel(), -np.linalg.solve(own, force + mixed @ step), atol=1e-9)
 
 
+def test_what_ties_several_stops_is_eliminated_with_them(rng):
+    """As the dense system, of three stops of four that are tied to one another and to some unknowns."""
+    stop, wide = np.array([0, 2, 3]), WIDTH - 1
+    errors, gradient = rng.standard_normal((STOPS, 6)), rng.standard_normal(18)
+    by_unknowns, root = rng.standard_normal((18, wide)), rng.standard_normal((18, 18))
+    sums = SchurAccumulator(errors, WIDTH)
+    sums.add_scene(stop, gradient, by_unknowns, root @ root.T)
+    rows = (6 * stop[:, None] + np.arange(6)).ravel()
+    own, mixed, force = np.eye(6 * STOPS), np.zeros((6 * STOPS, WIDTH)), errors.ravel()
+    own[np.ix_(rows, rows)] += root @ root.T
+    mixed[rows, :wide] += by_unknowns
+    force[rows] += gradient
+    ours, step = sums.solve(), rng.standard_normal(WIDTH)
+    assert ours.log_det == pytest.approx(np.linalg.slogdet(own)[1])
+    np.testing.assert_allclose(ours.step(step).ravel(), -np.linalg.solve(own, force + mixed @ step), atol=1e-9)
+
+
 @pytest.mark.parametrize("robots", [(0,), (0, 1)])
 def test_covariance_is_the_inverse_of_the_errors_information(rng, robots):
     """At any pair of stops, block by block."""

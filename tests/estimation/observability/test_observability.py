@@ -28,17 +28,22 @@ LENS = Camera("pinhole", np.array([800.0, 1200.0, 640.0, 360.0, *[0.0] * 4]), (1
 
 def seen_with(sigmas, factor=1.0, lens=()):
     """What is said of a mount whose tangent is known with these sigmas [m, rad], targets 2 m away; and of a lens."""
-    problem, state = pose_problem(np.zeros((4, 6)), np.ones(6), Unknown("prior", SE3.identity(), np.ones(6)))
+    return seen_by(np.diag(1.0 / np.array([*sigmas, *lens]) ** 2), factor)
+
+
+def seen_by(hessian, factor=1.0, prior=(1.0,) * 6):
+    """What is said by an information of a mount under a prior, and of a lens if there are columns for it."""
+    problem, state = pose_problem(np.zeros((4, 6)), np.ones(6), Unknown("prior", SE3.identity(), np.array(prior)))
     mount = SE3.from_rotvec([0, 0, 0], [0, 0, -DISTANCE_M])
     state = replace(state, transforms={**state.transforms, MOUNT: mount}, cameras={"camera": LENS})
     # The four poses of the arm are turned about three axes: they leave nothing open by themselves.
     turned = SE3.from_rotvec(np.concatenate([np.zeros((1, 3)), np.eye(3)]), np.zeros((4, 3)))
     group = with_eye(problem.groups[0], base_from_flange=turned)
     problem = problem.with_groups([group])
-    if len(lens):
+    if len(hessian) > 6:
         columns = {**problem.columns, "camera": slice(6, 14)}
         problem = replace(problem, columns=columns, lenses={"camera": Intrinsics("free", LENS)})
-    return analyse_observability(problem, state, np.diag(1.0 / np.array([*sigmas, *lens]) ** 2), factor)
+    return analyse_observability(problem, state, hessian, factor)
 
 
 GOOD = np.array([1e-3] * 6)
@@ -89,6 +94,25 @@ def test_without_information_there_is_no_number(k):
     assert found.inverse[k, k] == 0.0
     assert found.condition == np.inf
     assert found.unobservable == {MOUNT}
+
+
+@pytest.mark.parametrize("k", [2, 5])
+def test_what_a_prior_says_is_no_rounding(k):
+    """However much more the views say of all else: the direction has the prior's sigma, of a metre or a radian."""
+    prior = np.where(np.arange(6) == k, 1.0, 1e3)
+    views = np.where(np.arange(6) == k, 0.0, 1e20)
+    found = seen_by(np.diag(views + prior**-2.0), prior=prior)
+    assert found.inverse[k, k] == pytest.approx(1.0)
+    assert np.isfinite(found.condition)
+
+
+@pytest.mark.parametrize(("share", "count"), [(0.55, 0), (0.45, 1)])
+def test_a_direction_that_is_mostly_distortion_is_not_taken_apart(share, count):
+    """By more than half of its square, in units of a focal length and of a distortion of ten."""
+    units = np.repeat([DISTANCE_M, 1.0, 1000.0, 10.0], [3, 3, 4, 4])
+    along = np.sqrt(1 - share) * np.eye(14)[6] + np.sqrt(share) * np.eye(14)[10]
+    scaled = 1e6 * (np.eye(14) - np.outer(along, along)) + np.outer(along, along)
+    assert len(seen_by(scaled / np.outer(units, units)).null_space) == count
 
 
 def test_noise_counts():

@@ -146,6 +146,7 @@ def test_where_numbers_end_for_one_the_others_go_on():
         return [10 * item for item in items]
 
     assert subset_starts._side_by_side(work, [1, 2, 3, 4, 5]) == [10, 20, 40, 50]
+    assert subset_starts._side_by_side(work, [3, 4]) == [40]
     assert subset_starts._side_by_side(work, [3]) == []
     assert subset_starts._side_by_side(work, []) == []
 

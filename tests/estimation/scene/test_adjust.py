@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.cell import Intrinsics, Unknown
-from basecal.estimation.scene.adjust import Task, adjust, prior_information, residuals_px
+from basecal.estimation.scene.adjust import Task, adjust, prior_information, residuals_px, scene_fit
 from basecal.estimation.scene.state import take_step
 from basecal.geometry import SE3
 from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, started
@@ -24,6 +24,18 @@ def test_without_noise_the_truth_is_found():
     found = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS, LENS)), state).state
     assert np.linalg.norm((BASE.inverse() @ found.bases[1]).log()) < 1e-5
     assert np.linalg.norm((MOUNT.inverse() @ found.mounts[0]).log()) < 1e-5
+
+
+def test_what_pixels_say_is_told_apart_at_a_sigma_of_one_pixel():
+    """The same whatever their sigma is; with it, and with what poses say, it makes the whole."""
+    scene = made_scene(5)
+    noise = np.tile(NOISE, (len(scene.views.stop_robot), 1))
+    one, other = (scene_fit(Task(scene.views, scene.tracks, px, noise, (LENS,)), scene.truth) for px in (0.5, 2.0))
+    for name in ("gradient", "information"):
+        by_pixels, whole = getattr(one, f"pixel_{name}"), getattr(one, name)
+        close = {"rtol": 0, "atol": 1e-9 * np.abs(whole).max()}
+        np.testing.assert_allclose(getattr(other, f"pixel_{name}"), by_pixels, **close)
+        np.testing.assert_allclose(getattr(other, name), whole + (1 / 4 - 4) * by_pixels, **close)
 
 
 def test_a_point_behind_its_camera_has_no_residual():

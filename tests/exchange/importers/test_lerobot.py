@@ -102,16 +102,25 @@ def test_two_arms_with_the_films_of_their_wrists(
     assert not list(tmp_path.glob(".import-*"))
 
 
-def test_arm_without_a_camera_joins_the_samples_of_the_other(tmp_path: Path, arm: SerialChain) -> None:
+def test_arm_without_a_camera_joins_the_samples_of_the_other(
+    tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A camera on one arm and a board on the other, each arm in a dataset of its own: frames follow the samples."""
     (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
     one, other, cell = two_arms(tmp_path / "one", arm), two_arms(tmp_path / "other", arm, rest=40), tmp_path / "c"
     base = ["--unit", "deg", "--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
     first = ["import", "lerobot", str(cell), str(one), "--robot", "left", "--motors", "left_*", "--camera", "eye"]
     assert main([*first, *base, "--film", "left_wrist"]) == 0
-    assert main(["import", "lerobot", str(cell), str(other), "--robot", "right", "--motors", "right_*", *base]) == 0
+    capsys.readouterr()
+    second = ["import", "lerobot", str(cell), str(other), "--robot", "right", "--motors", "right_*"]
+    assert main([*second, "--every-s", "0", *base]) == 0
+    assert "2 of 60 frames" in capsys.readouterr().out
     samples = read_recording(cell).samples
     assert [sorted(sample.robots) for sample in samples] == [["left", "right"]] * 2
+    for side, row, rest in (("left", 0, 8), ("right", 1, 40)):
+        frames = np.array([30 * sample.stamp_s for sample in samples])
+        found = np.degrees([sample.robots[side].joints_rad for sample in samples])
+        np.testing.assert_allclose(found, np.maximum(frames - rest, 0)[:, None] + DEGREES[row, :6], atol=1e-6)
 
 
 def test_films_go_with_a_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

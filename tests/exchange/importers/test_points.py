@@ -11,7 +11,7 @@ from basecal.cell.files import latest_run, read_calibration, read_cell
 from basecal.cli import main
 from basecal.errors import DatasetError
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.exchange.importers.points import PointTable
+from basecal.exchange.importers.points import PointTable, read_points
 from basecal.geometry import SE3
 
 TRACKER = SE3.from_rpy((0.3, -0.2, 1.0), (3.0, 1.0, 0.5))
@@ -91,3 +91,15 @@ def test_two_units_are_an_error(tmp_path):
     (tmp_path / "a.txt").write_text("x_mm y_mm z_m\n1 2 3\n")
     with pytest.raises(DatasetError, match="several units"):
         PointTable.read(str(tmp_path / "a.txt"), None)
+
+
+@pytest.mark.parametrize(("column", "numbers", "joined"), [
+    ("sample", "0 0 3 1", [[0, 1], [2], [3]]), ("stamp_s", "2.5 2.5 3 1", [[0, 1], [2], [3]]),
+    ("note", "0 0 3 1", [[0], [1], [2], [3]]),
+])  # fmt: skip
+def test_rows_of_one_sample_are_joined(tmp_path: Path, column: str, numbers: str, joined: list[list[int]]) -> None:
+    """Those of one number or time; without such a column each row is of its own."""
+    rows = "".join(f"mark_{k},{number},{k},0,0\n" for k, number in enumerate(numbers.split()))
+    (tmp_path / "points.csv").write_text(f"target,{column},x_m,y_m,z_m\n{rows}")
+    found = read_points(tmp_path / "c", tmp_path / "points.csv", camera="tracker", robot="arm").rows
+    assert [[seen.points_in_camera[0, 0] for seen in row.observations] for row in found] == joined

@@ -166,3 +166,20 @@ def test_the_controller_of_a_robot_is_that_of_its_poses(tmp_path: Path) -> None:
     assert read_cell(folder).robots["left"].controller == first.cell["robots"]["left"]["controller"]
     add_to_cell(folder, replace(other, rows=poses("left", 6).rows), fine, replace=True)
     assert read_cell(folder).robots["left"].controller == {"format": "abb"}
+
+
+def test_what_is_replaced_is_kept_and_all_else_stays(tmp_path: Path) -> None:
+    """Other robots, and what else is stated of this one; both files as they were are in `originals`."""
+    folder, noise = tmp_path / "c", {"sigma_t_m": 1e-4, "sigma_r_rad": 1e-4}
+    add_to_cell(folder, replace(poses("left", 3), cell={"robots": {"left": {"noise": noise}}}), fine)
+    add_to_cell(folder, poses("right", 3), fine)
+    before = content(folder)
+    other = replace(poses("left", 3), cell={"robots": {"left": {"controller": {"format": "abb"}}}})
+    add_to_cell(folder, other, fine, replace=True)
+    robots = read_cell(folder).robots
+    assert list(robots) == ["left", "right"]
+    np.testing.assert_array_equal(robots["left"].noise, np.full(6, 1e-4))
+    assert robots["left"].controller == {"format": "abb"}
+    (kept,) = (folder / "originals").iterdir()
+    assert content(kept)["cell.yaml"] == before["cell.yaml"]
+    assert content(kept)["samples.jsonl"] == before["recording/samples.jsonl"]

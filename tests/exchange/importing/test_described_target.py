@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 
 from basecal.cell.files import cell_from_dict, read_cell
+from basecal.cell.target import Target
+from basecal.cell.targets.apriltag import apriltag_target
+from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.registry import TARGETS
 from basecal.cli import main
 from basecal.errors import InputError
-from basecal.exchange.importing.described_target import Shape, target_fields
+from basecal.exchange.importing.described_target import Shape, are_indistinguishable, target_fields
+from basecal.geometry import SE3
 
 SHAPES = {
     "charuco": Shape(squares="5x7", square="40mm", marker="30mm"),
@@ -22,6 +26,10 @@ SHAPES = {
     "aprilgrid": Shape(tags="6x6", square="30mm", set=("spacing=0.25",)),
     "led": Shape(),
 }
+
+
+def tag(number: int) -> Target:
+    return apriltag_target("tag36h11", [(number, 0.08, SE3.identity())])
 
 
 @pytest.mark.parametrize("kind", SHAPES)
@@ -35,6 +43,16 @@ def test_each_kind_is_described_by_its_own_counts(kind: str) -> None:
     assert len(target.points) == {"charuco": 24, "chessboard": 48, "circles": 35, "apriltag": 4}.get(
         kind, 144 if kind == "aprilgrid" else 1
     )
+
+
+@pytest.mark.parametrize(("first", "second", "alike"), [
+    (chessboard_target((8, 6), 0.03), chessboard_target((8, 6), 0.04), True),
+    (chessboard_target((8, 6), 0.03), chessboard_target((7, 5), 0.03), False),
+    (tag(3), tag(4), False), (tag(3), tag(3), True), (tag(3), chessboard_target((8, 6), 0.03), False),
+])  # fmt: skip
+def test_targets_with_equal_marks_are_not_told_apart(first: Target, second: Target, alike: bool) -> None:
+    """Boards of as many corners, whatever their size, and tags of one number."""
+    assert are_indistinguishable(first, second) == are_indistinguishable(second, first) == alike
 
 
 def test_all_kinds_are_tried() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.cell import Cell, PoseObservation, Recording
+from basecal.cell import Cell, PoseObservation, Recording, Unknown
 from basecal.cell.files import read_cell
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import InputError
@@ -16,6 +16,7 @@ from basecal.exchange.importing.hand_eye import (
     Carriers,
     HandEyeRecord,
     Names,
+    _mount,
     chosen_names,
     hand_eye_of_file,
     imported_hand_eye,
@@ -120,3 +121,14 @@ def test_a_result_alone_has_no_samples() -> None:
     record = HandEyeRecord("a.calib", "a calibration", True)
     assert len(record.base_from_flange) == 0
     assert (record.camera_from_target, record.images, dict(record.lens)) == (None, (), {})
+
+
+@pytest.mark.parametrize(("unknown", "is_guessed", "is_open"), [
+    (None, True, True), (Unknown(), True, True), (Unknown("free", POSES[1]), False, False),
+    (Unknown("fixed", POSES[1]), False, False),
+])  # fmt: skip
+def test_a_mount_of_which_nothing_is_known_is_guessed(unknown: Unknown | None, is_guessed: bool, is_open: bool) -> None:
+    """By the record's; what the cell states stays, and without an estimate only a new mount is open."""
+    assert ("guess" in _mount(unknown, POSES[0]).get("mount", {})) == is_guessed
+    assert bool(_mount(unknown, POSES[0])) == is_open
+    assert bool(_mount(unknown, None)) == (unknown is None)

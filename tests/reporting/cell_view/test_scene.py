@@ -32,6 +32,22 @@ def test_it_opens_at_the_worst_sample_which_is_always_shown():
     assert "reprojection error 1.2 px" in drawn.labels[drawn.opening]
 
 
+def test_it_opens_at_the_first_sample_if_none_is_the_worst():
+    """Of a calibration without residuals."""
+    made = simulate(Scenario(samples=3), 0)
+    calibration = replace(calibrate(made.cell, made.recording), residuals=Residuals())
+    assert scene(made.cell, made.recording.samples, calibration).opening == 0
+
+
+def test_a_camera_shows_what_its_lens_sees():
+    """The rays of its frustum go through the corners of the image, by the stated lens if none was estimated."""
+    made = simulate(Scenario(samples=4), 0)
+    drawn = scene(made.cell, made.recording.samples, calibrate(made.cell, made.recording))
+    (camera,) = (body for body in drawn.bodies if body.kind == "camera")
+    corners = made.cell.cameras["wrist"].intrinsics.camera.project(camera.lines[:4, 1])
+    np.testing.assert_allclose(np.sort(corners, axis=0), [[0, 0], [0, 0], [1279, 719], [1279, 719]], atol=0.1)
+
+
 def test_arms_stand_by_their_joints():
     """Places of joints in the base lead from it to the flange; a robot known by poses has none."""
     made = simulate(Scenario(samples=5, joints=True), 0)

@@ -76,3 +76,12 @@ def test_one_point():
     (only,) = workspace(ErrorMap(np.zeros((1, 3)), np.zeros(1), np.zeros(1)))
     assert only.x == ("x 0.00 m",)
     assert only.svg.count("<rect") == 2
+
+
+def test_each_axis_has_its_row() -> None:
+    """Three rows of 30, each with its axis, interval and number at one height."""
+    figure = component_figure("hand_base", ESTIMATE, None)
+    intervals = [float(found) + 6 for found in re.findall(r'interval within" d="M[0-9.]+ ([-0-9.]+)v12', figure.svg)]
+    assert intervals == [15, 45, 75]
+    words = re.findall(r'y="([-0-9.]+)"[^>]*>([xyz])<', figure.svg)
+    assert [(axis, round(float(y)) // 30) for y, axis in words] == [("x", 0), ("y", 1), ("z", 2)]

@@ -85,3 +85,13 @@ def test_without_a_size_there_is_no_image() -> None:
     exact = lens_uncertainty("wrist", CAMERA, 0 * COVARIANCE)
     assert exact is not None
     assert "contour" not in exact.svg
+
+
+def test_contours_lie_over_the_whole_image() -> None:
+    """The drawing is 640 wide and 360 high, without what stands below the image."""
+    figure = lens_uncertainty("wrist", CAMERA, COVARIANCE)
+    (lines,) = re.findall(r'class="contour" d="([^"]*)"', figure.svg)
+    places = np.array([float(number) for number in re.findall(r"[-0-9.]+", lines)]).reshape(-1, 2)
+    assert places.min() >= 0
+    assert np.all(places.max(0) <= [640, 360])
+    assert np.all(np.ptp(places, axis=0) > [500, 250])

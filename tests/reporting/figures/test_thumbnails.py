@@ -11,6 +11,7 @@ import pytest
 from tests.seen_points import seen
 
 from basecal.cell import Calibration, Recording, Residuals, Sample
+from basecal.reporting.figures import thumbnails as thumbnails_module
 from basecal.reporting.figures.thumbnails import image_drawing, sample_pictures, thumbnails
 from basecal.simulation import Scenario, simulate
 from basecal.vision.image_file import write_png
@@ -65,6 +66,15 @@ def test_size_is_bounded(recording):
     pictures, _ = thumbnails(CELL, recording, CALIBRATION, [points(*np.linspace(0.1, 0.9, 40))])
     assert 5 < len(pictures) <= 18
     assert sum(len(svg) for svg, *_ in pictures) < 1e6
+
+
+@pytest.mark.parametrize(("lacking", "shown"), [(0, True), (1, False)])
+def test_an_image_that_just_fits_is_shown(recording, monkeypatch, lacking, shown):
+    """And not one that is a byte too large."""
+    one = [points(0.5)]
+    (((only, _, _),), _) = thumbnails(CELL, recording, CALIBRATION, one)
+    monkeypatch.setattr(thumbnails_module, "_MOST_BYTES", len(only) - lacking)
+    assert (thumbnails(CELL, recording, CALIBRATION, one) is not None) == shown
 
 
 def test_missing_images_are_left_out(recording):

@@ -130,6 +130,8 @@ def test_a_part_of_the_image_is_a_square(cell):
     drawn = shown[shown.index("covered-live") :].partition("</svg>")[0]
     assert (drawn.count("<rect"), drawn.count('class="tile"')) == (np.prod(COVERAGE_GRID), 2)
     assert "<title>8 % of the image is covered</title>" in drawn
+    assert "samples taken" in shown
+    assert "of the image covered" in shown
 
 
 def test_the_error_of_a_capture_is_drawn_beside_its_tolerance() -> None:

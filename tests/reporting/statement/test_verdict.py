@@ -23,7 +23,14 @@ from basecal.cell import (
 from basecal.cell.calibration import Verdict
 from basecal.cli.calibrate import exit_code
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.statement.verdict import calibrate_command, headline, missed_step, shown_decimals, two_digits
+from basecal.reporting.statement.verdict import (
+    calibrate_command,
+    headline,
+    missed_step,
+    shown_decimals,
+    tangent_text,
+    two_digits,
+)
 from basecal.reporting.summary import summary
 from basecal.reporting.text import text_report
 
@@ -141,3 +148,9 @@ def test_the_smallest_sigma_shows_two_digits(sigma: float, decimals: int) -> Non
 def test_two_digits(value: float, shown: str) -> None:
     """Without an exponent; the whole part is never cut."""
     assert two_digits(value) == shown
+
+
+def test_a_tangent_is_two_lengths():
+    """In millimetres and degrees."""
+    tangent = np.array([3e-3, 0, 4e-3, 0, *np.radians([0.6, 0.8])])
+    assert tangent_text(tangent) == "5.0 mm and 1.0 deg"

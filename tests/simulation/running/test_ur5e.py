@@ -11,15 +11,34 @@ A, D = (0, -0.425, -0.3922, 0, 0, 0), (0.1625, 0, 0, 0.1333, 0.0997, 0.0996)
 ALPHA = (np.pi / 2, 0, 0, np.pi / 2, -np.pi / 2, 0)
 
 
-def by_denavit_hartenberg(joints):
-    out = np.eye(4)
+# And of its links: mass [kg], and its centre in the frame of these parameters [m].
+MASSES = (3.761, 8.058, 2.846, 1.37, 1.3, 0.365)
+CENTRES = (
+    (0, -0.02561, 0.00193), (0.2125, 0, 0.11336), (0.15, 0, 0.0265),
+    (0, -0.0018, 0.01634), (0, 0.0018, 0.01634), (0, 0, -0.001159),
+)  # fmt: skip
+
+
+def frames_by_denavit_hartenberg(joints):
+    """Frames of the links, (6, 4, 4)."""
+    frames = [np.eye(4)]
     for q, a, d, alpha in zip(joints, A, D, ALPHA, strict=True):
         c, s, ca, sa = np.cos(q), np.sin(q), np.cos(alpha), np.sin(alpha)
-        out = out @ [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
-    return out
+        link = [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
+        frames.append(frames[-1] @ link)
+    return np.array(frames[1:])
 
 
 def test_forward_kinematics_are_the_published_ones():
     """The flange is where the published parameters have it, to 1e-12, at joints drawn at random."""
     for joints in np.random.default_rng(0).uniform(-np.pi, np.pi, (20, 6)):
-        np.testing.assert_allclose(ur5e().forward(joints).matrix, by_denavit_hartenberg(joints), atol=1e-12)
+        np.testing.assert_allclose(ur5e().forward(joints).matrix, frames_by_denavit_hartenberg(joints)[-1], atol=1e-12)
+
+
+def test_centres_of_mass_are_the_published_ones():
+    """Where each link's mass is, at joints drawn at random."""
+    masses = ur5e().masses
+    np.testing.assert_array_equal(masses.kg, MASSES)
+    for joints in np.random.default_rng(0).uniform(-np.pi, np.pi, (5, 6)):
+        published = (frames_by_denavit_hartenberg(joints) @ np.c_[CENTRES, np.ones(6)][..., None])[:, :3, 0]
+        np.testing.assert_allclose((ur5e().joint_frames(joints) @ masses.centres), published, atol=1e-12)

@@ -9,7 +9,7 @@ import pytest
 
 from basecal.geometry import Array
 from basecal.vision.fit.corner_shapes import saddle
-from basecal.vision.fit.corners import BOARD_ARM_PX, Window, cut_patches, refine_corners
+from basecal.vision.fit.corners import BOARD_ARM_PX, Window, _pixel_error_px, cut_patches, refine_corners
 
 WINDOW = Window(arm_px=BOARD_ARM_PX, arm=0.7, inside=0.7, outside=0.7, before=0.7)
 PITCH = 24.0
@@ -45,6 +45,23 @@ def test_errors_are_as_large_as_sigmas(noise: float, spread: float, share: float
     ratio = np.concatenate(errors) / np.concatenate(sigmas)[:, None]
     # Of 384 coordinates an rms has a sigma of 3.6 %.
     assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_squares_of_pixels_matter_along_rows_and_columns() -> None:
+    """As much to either side of both, and less the more of them a line crosses, down to the diagonal's."""
+    shapes = np.zeros((9, 6))
+    along = np.array([0.0, 0.2, -0.2, np.pi / 2 + 0.2, np.pi / 2 - 0.2, 0.5, np.pi - 0.5, np.pi / 4, -3 * np.pi / 4])
+    shapes[:, 2:4] = along[:, None]
+    error = _pixel_error_px(shapes)
+    np.testing.assert_allclose(error[[2, 3, 4]], error[1])
+    np.testing.assert_allclose(error[6], error[5])
+    np.testing.assert_allclose(error[8], error[7])
+    assert error[0] > error[1] > error[5] > error[7]
+    crossed = 2 * BOARD_ARM_PX * np.tan(0.2)
+    assert error[0] / error[1] == pytest.approx(1 + np.pi * crossed)  # what a harmonic leaves over so many periods
+    sharp = [_pixel_error_px(shapes + log_spread * np.eye(6)[4]) for log_spread in (-5.0, -7.0)]
+    np.testing.assert_allclose(sharp[0], sharp[1])  # narrower than a pixel the spread is that of its square
+    assert np.all(error < sharp[0])
 
 
 def test_gain_tells_which_side_is_bright() -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.special import ndtr
 
 from basecal.geometry import Array
+from basecal.vision.fit import spot_fit
 from basecal.vision.fit.spot_fit import fit_spot
 
 SIZE = 21
@@ -49,6 +52,16 @@ def test_errors_are_as_large_as_sigmas() -> None:
         ratio += [(found.x - x) / found.sigma_px, (found.y - y) / found.sigma_px]
     # Of 300 coordinates an rms has a sigma of 4 %.
     assert np.sqrt(np.mean(np.square(ratio))) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("log_width", [4.9, 5.1])
+def test_what_has_no_width_is_no_spot(monkeypatch: pytest.MonkeyPatch, log_width: float) -> None:
+    """Beyond 148 px, or a 148th: of such a piece no exponential is taken."""
+    levels = spot(10, 10, 1.5, 1.5, 3000.0)
+    end = np.array([[10.0, 10.0, log_width, 0.4, 3000.0, 12.0]])
+    monkeypatch.setattr(spot_fit, "levenberg_marquardt", lambda *_: SimpleNamespace(state=end))
+    monkeypatch.setattr(spot_fit, "_WEIGHTED_ROUNDS", 0)
+    assert (fit_spot(levels, np.ones((SIZE, SIZE), bool), (10, 10, 1.5)) is not None) == (log_width < 5)
 
 
 def test_too_few_pixels() -> None:

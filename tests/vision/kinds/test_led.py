@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -130,6 +131,16 @@ def test_nothing_in_the_dark() -> None:
     dark = render_light(PLAIN, places(1)[0], LightSettings(photons=0.0))
     assert detect(np.zeros((100, 100), np.uint8), LIGHT) is None
     assert detect(dark, LIGHT, dark) is None
+
+
+@pytest.mark.parametrize(("radius", "slant"), [(2, 7), (3, 7), (7, 5)])
+def test_a_saturated_light_with_a_streak(radius: int, slant: int) -> None:
+    """A disc of which no pixel tells a level is no spot of any width, and does not end the search."""
+    image = np.full((96, 128), 20, dtype=np.uint8)
+    cv2.circle(image, (60, 40), radius, 255, -1)
+    cv2.line(image, (60, 40 + radius), (60 + slant, 60), 180, 1)
+    found = detect(image, LIGHT)
+    assert found is None or np.linalg.norm(found.pixels[0] - [60, 40]) > radius
 
 
 def test_several_lights_at_once() -> None:

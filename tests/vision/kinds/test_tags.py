@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from basecal.cell.targets.aprilgrid import aprilgrid_target
+from basecal.geometry import SE3
 from basecal.vision.draw.render import RenderSettings
 from basecal.vision.kinds.tags import detect
-from vision_scenes import DARK, TARGETS, check_poor_image, scene
+from vision_scenes import DARK, STRAIGHT, TARGETS, WIDE, at, check_poor_image, scene
 
 SHAPE = TARGETS["tags"]
+GRID = aprilgrid_target((5, 4), 0.035, 0.3)
 POOR = {
     "as they should be": (RenderSettings(), 1, 24),
     "dark": (DARK, 1, 22),
@@ -21,6 +25,16 @@ POOR = {
 def test_poor_images(how: str) -> None:
     """Found where dark, blurred or small, with sigmas true within a factor of two and a half."""
     check_poor_image(detect, SHAPE, *POOR[how])
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_tags_whose_corners_touch_squares(bits: int) -> None:
+    """All corners of Kalibr's grid are found as corners between four fields, to a twentieth of a pixel."""
+    front = SE3(STRAIGHT.rotation @ GRID.sheets[0].target_from_sheet.rotation.T, STRAIGHT.translation)
+    found = detect(scene(GRID, RenderSettings(bits=bits), front), GRID)
+    assert found is not None
+    np.testing.assert_array_equal(found.ids, GRID.ids)
+    np.testing.assert_allclose(found.pixels, WIDE.project(at(GRID, front) @ GRID.points), rtol=0, atol=0.05)
 
 
 def test_tags_of_another_family() -> None:

@@ -89,8 +89,8 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> E
     sizes = {name: unit_shifts(points).shape[-1] for name, points in seen.items()}
     shapes = {name: shape for name, shape in shapes.items() if sizes.get(name) == len(shape)}
     problem = reshape_targets(replace(problem, columns={}, groups=tuple(groups)), shapes)
-    state = State(transforms, cameras, np.zeros((0, 6)), calibrated_kinematics(cell, calibration))
-    return Evaluation(problem, without_errors(problem, state))
+    no_errors = np.zeros((len(problem.stops), 6))
+    return Evaluation(problem, State(transforms, cameras, no_errors, calibrated_kinematics(cell, calibration)))
 
 
 def with_noise_of(group: ViewGroup, calibration: Calibration) -> ViewGroup:

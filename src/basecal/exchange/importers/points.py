@@ -86,7 +86,7 @@ def _join_rows(table: PointTable, names: Sequence[str], camera: str, sigma_m: fl
     for k, (row, name) in enumerate(zip(table.rows, names, strict=True)):
         sigma = None if sigma_m is None else np.array([sigma_m])
         seen = PointObservation(camera, name, np.zeros(1, dtype=np.int64), table.points_m[[k]], sigma)
-        key = row.sample if row.sample is not None else row.stamp_s if row.stamp_s is not None else -1 - k
+        key = row.sample if row.sample is not None else row.stamp_s if row.stamp_s is not None else k
         before = found.get(key, row)
         if any(o.target == name for o in before.observations):
             raise DatasetError(table.path, f"{name!r} is measured twice in one sample; keep one")

@@ -90,10 +90,10 @@ def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
     for axis in ("binning_x", "binning_y"):
         if (binning := root.first(axis)) is not None and binning.integer(0) > 1:
             raise binning.error("the matrix is of the unbinned image, the images are not: give that of the images")
-    part = root.first("roi")
-    sides = [0, 0] if part is None else [part.find(side).integer(0) for side in ("width", "height")]
-    if part is not None and all(sides) and tuple(sides) != size:
-        raise part.error("the matrix is of the whole image, the images are a part of it: give that of the images")
+    if (part := root.first("roi")) is not None:
+        sides = tuple(part.find(side).integer(0) for side in ("width", "height"))
+        if all(sides) and sides != size:
+            raise part.error("the matrix is of the whole image, the images are a part of it: give that of the images")
 
 
 _MODELS["fisheye"] = fisheye.MODEL

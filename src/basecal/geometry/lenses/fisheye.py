@@ -20,7 +20,7 @@ TERM_NAMES: tuple[str, ...] = ("k1", "k2", "k3", "k4")
 TERMS: tuple[int, ...] = (4,)
 TERM_SIGMAS: tuple[float, ...] = ()
 USUAL_TERMS = 4
-USUAL_FOCAL_PX = (480.0, 560.0)  # a field of view of about 120 deg
+USUAL_FOCAL_PX = (480.0, 560.0)  # a field of view of 130 to 150 deg
 # Halving the bracket alone comes below the tolerance from pi in 48 steps; steps of Newton's method may lie between.
 _MOST_STEPS = 80
 _TOLERANCE = 1e-14  # of the angle [rad], some roundings

@@ -21,6 +21,7 @@ _ROUNDING_VARIANCE = 1 / 12
 _ROUGH_ROUNDS = 12  # twice what starts a pixel off need
 _NEAR_SIGMAS = 1.0  # what may be left to the weighted rounds, which end within 1e-6 px from there
 _WEIGHTED_ROUNDS = 3
+_MOST_LOG_WIDTH = 5.0  # of a width in pixels, either way: beyond, the piece shows no spot
 _DENSITY = 1 / math.sqrt(2 * math.pi)
 _UNIT_ROWS = np.eye(6)
 
@@ -71,7 +72,7 @@ def fit_spot(levels: Array, mask: BoolArray, start: tuple[float, float, float]) 
         if covariance is not None:
             q = q + covariance @ (weighted @ at.residuals)
             at = _linearise_spot(q, levels)
-    if covariance is None or not np.all(np.isfinite(q)):
+    if covariance is None or not np.all(np.isfinite(q)) or np.abs(q[2:4]).max() > _MOST_LOG_WIDTH:
         return None
     sigma = np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2 * _variance_factor(at, weights))
     x, y, log_width_x, log_width_y, brightness, _ = q.tolist()
@@ -136,7 +137,7 @@ def _linearise_spot(q: Array, levels: Array) -> _At:
 
 def _shares(centre: float, log_width: float, count: int) -> tuple[Array, Array, Array]:
     """Shares of a spot in each of `count` pixels along one axis, and their derivatives to centre and log width."""
-    inverse = math.exp(-min(max(log_width, -5.0), 5.0))
+    inverse = math.exp(-min(max(log_width, -_MOST_LOG_WIDTH), _MOST_LOG_WIDTH))
     borders = (np.arange(count + 1) - (0.5 + centre)) * inverse
     share = ndtr(borders)
     density = _DENSITY * np.exp(-0.5 * borders * borders)
