@@ -19,8 +19,8 @@ from basecal.accuracy.scene.checks import (
     motion_findings,
 )
 from basecal.accuracy.scene.joining import Join
-from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import OneCamera
+from basecal.accuracy.scene.shared_errors import SceneMotion
 from basecal.cell import Cell, Robot, Unknown
 from basecal.estimation.scene.views import Tracks
 from basecal.fields.parameters import Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.accuracy.residuals.view_poses import ViewPoses
+from basecal.accuracy.fit_details import ViewPoses
 from basecal.geometry import SE3
 from basecal.reporting.figures.orientations import orientation_figure
 

@@ -12,11 +12,11 @@ from typing import Literal
 
 import numpy as np
 
-from basecal.accuracy.model_comparison.independent import compare_contradiction, compare_places
+from basecal.accuracy.model_comparison.nested_models import compare_contradiction, compare_places
 from basecal.accuracy.phrases.recorded_robots import advise_check
 from basecal.accuracy.scene.joining import Join
-from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import MOST_PX, OneCamera
+from basecal.accuracy.scene.shared_errors import SceneMotion
 from basecal.cell import Cell, Finding
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.geometry import Array

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.accuracy.residuals.view_poses import ViewPoses
+from basecal.accuracy.fit_details import ViewPoses
 from basecal.geometry import Array
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.rings import place_on_rings, polar_drawing, ring
