@@ -7,14 +7,11 @@ from scipy.stats import chi2, f, norm
 from basecal.accuracy.model_comparison.nested_models import (
     FALSE_DISCOVERIES,
     SINGLE_LEVEL,
-    Decision,
-    compare_contradiction,
     compare_evidence,
     compare_likelihoods,
     compare_nested_models,
     compare_places,
     compare_split,
-    decide,
     discoveries,
     equally_likely,
     largest_share,
@@ -164,26 +161,3 @@ def test_copies_that_are_seldom_near_are_seldom_taken_for_one_place() -> None:
         apart = rng.uniform(-0.5, 0.5, (4000, 3))
         passed = [compare_places(each, sigma_m**2 * np.eye(3)).is_taken for each in apart]
         assert np.mean(passed) < 1 / 150
-
-
-def test_what_is_far_apart_contradicts() -> None:
-    """Ten sigmas do, two do not."""
-    assert compare_contradiction(np.array([0.1, 0, 0]), 1e-4 * np.eye(3)).is_taken
-    assert not compare_contradiction(np.array([0.02, 0, 0]), 1e-4 * np.eye(3)).is_taken
-
-
-@pytest.mark.parametrize(("chance", "decision"), [
-    (0.9e-3, Decision.TAKE), (1.1e-3, Decision.UNDECIDED), (0.019, Decision.UNDECIDED), (0.021, Decision.KEEP),
-    (1.0, Decision.KEEP),
-])  # fmt: skip
-def test_a_rival_is_taken_below_one_chance_and_doubted_below_another(chance, decision):
-    found = decide(3.0, np.log(chance), 1e-3, 0.02)
-    assert (found.gain, found.decision) == (3.0, decision)
-    assert found.chance == pytest.approx(chance)
-    assert found.is_taken == (decision is Decision.TAKE)
-
-
-def test_without_a_doubt_the_model_in_use_is_kept():
-    """Of one level there are two decisions; a chance above one counts as one."""
-    assert decide(0.0, np.log(0.5), 1e-3).decision is Decision.KEEP
-    assert decide(0.0, 2.0, 1e-3).chance == 1.0

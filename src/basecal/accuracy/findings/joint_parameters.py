@@ -27,6 +27,8 @@ def unobserved_joint_parameters(evidence: Evidence) -> list[Finding]:
             if unobserved is None:
                 continue
             text = unobserved(Unobserved(joints, tuple(rows), len(found.joints), base, by_prior))
-            code = "prior-dominated" if by_prior else "fixed-gauge"
-            findings.append(Finding(code, "info", (robot,), f"{robot}: {text}."))
+            if by_prior:
+                findings.append(Finding("prior-dominated", "info", (robot,), f"{robot}: {text}."))
+            else:
+                findings.append(Finding("fixed-gauge", "info", (robot,), f"{robot}: {text}."))
     return findings

@@ -130,11 +130,6 @@ def compare_places(offset: Array, covariance: Array) -> Comparison:
     return compare_evidence(float(gain))
 
 
-def compare_contradiction(offset: Array, covariance: Array) -> Comparison:
-    """Whether two estimates contradict one another; see `compare_places`."""
-    return compare_nested_models(float(offset @ np.linalg.solve(covariance, offset)), len(offset))
-
-
 def largest_share(log_chance: float) -> float:
     """How probable a wider model of such a chance is at most, if it is true as often as not.
 
