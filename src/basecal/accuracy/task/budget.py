@@ -69,7 +69,7 @@ def budget(
     now = _variance(solution, weight, problem, state)
     for source in error_sources(problem):
         at_stop = own.get(source.name, 0.0)
-        variances[source.name] = _share(solution, weight, source) + at_stop
+        variances[source.name] = source_variance(solution, weight, source) + at_stop
         halved[source.name] = now - _variance(solution, weight, *source.scaled(problem, state, 0.5)) + 0.75 * at_stop
     left = total_m2 - sum(variances.values())
     if left > _LEAST_SHARE * total_m2:
@@ -90,7 +90,7 @@ def _entry(name: str, variance: float, total: float, gain: float) -> BudgetEntry
     return BudgetEntry(name, rms_m, variance / total if total > 0 else 0.0, left_m)
 
 
-def _share(solution: Solution, weight: Array, source: Source) -> float:
+def source_variance(solution: Solution, weight: Array, source: Source) -> float:
     """The variance that comes of a source [m^2]: its derivative to the logarithm of the source's own."""
     more, less = (
         _variance(solution, weight, *source.scaled(solution.problem, solution.state, float(np.exp(step))))
