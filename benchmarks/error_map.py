@@ -25,7 +25,7 @@ import numpy as np
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import calibrated_kinematics, robot_parameters
 from basecal.accuracy.task.arm_errors import ArmErrors
-from basecal.accuracy.task.error_map import error_map
+from basecal.accuracy.task.task_error import error_map
 from basecal.cell import Calibration, ErrorMap
 from basecal.errors import NotConverged
 from basecal.estimation.problem.robot_parameters import Kinematics

@@ -23,7 +23,7 @@ from basecal.accuracy.calibrate import JUDGING_STAGES, READING_STAGES, SOLVING_S
 from basecal.accuracy.held_gauges import held_gauges
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
-from basecal.accuracy.task.budget import SHARED_SOURCE, source_variances
+from basecal.accuracy.task.budget import SHARED_SOURCE, error_sources, source_variance
 from basecal.errors import BasecalError
 from basecal.estimation.settings import DEFAULT
 from basecal.geometry import Array
@@ -78,7 +78,7 @@ def _terms(case: Case, transform: str, columns: Array) -> Iterator[tuple[str, fl
         """Of the columns."""
         return float(np.trace(weight @ covariance))
 
-    sources = source_variances(fitted, weight)
+    sources = {each.name: source_variance(fitted, weight, each) for each in error_sources(fitted.problem)}
     yield from sources.items()
     yield SHARED_SOURCE, max(trace(fitted.covariance) - sum(sources.values()), 0.0)
     contained = with_expected_sizes(case.cell, fitted, case.evidence.systematic_error).covariance - fitted.covariance

@@ -22,7 +22,6 @@ from basecal.accuracy.lens_structure import (
     _chance,
     _choose_terms,
     _estimate_sizes,
-    _pose_jacobian,
     _project,
     _single_view_poses,
     _stack_views,
@@ -114,22 +113,6 @@ def test_what_a_view_does_not_see_has_no_freedom():
     apart = np.sum((scores - information @ size) ** 2)
     expected = fisher.sf(20 * np.sum(size**2) / 2 / (apart / 38), 2, 38)
     assert _chance(scores, information, size) == pytest.approx(expected)
-
-
-def test_derivatives_to_the_pose():
-    """Against differences, about a pose that is turned."""
-    camera_from_target = SE3.from_rotvec([[0.3, -0.2, 0.5]], [[0.1, 0.0, 0.9]])
-    points = np.random.default_rng(1).standard_normal((7, 3)) * 0.1
-    camera = made(0, samples=4).cameras["wrist"]
-
-    def pixels(tangent):
-        pose = camera_from_target @ SE3.exp(np.asarray(tangent))
-        return camera.project((pose.rotation[:, None] @ points[..., None])[..., 0] + pose.translation[:, None])
-
-    at = (camera_from_target.rotation[:, None] @ points[..., None])[..., 0] + camera_from_target.translation[:, None]
-    _, by_point, _ = camera.project_with_derivatives(at)
-    numeric = np.stack([(pixels(1e-6 * e) - pixels(-1e-6 * e)) / 2e-6 for e in np.eye(6)], axis=-1)
-    np.testing.assert_allclose(_pose_jacobian(by_point, camera_from_target, points), numeric, atol=1e-3)
 
 
 def test_what_known_columns_explain_is_none_of_the_others():

@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.fit_details import FitDetails, fit_details
+from basecal.accuracy.fit_details import FitDetails, ViewPoses, fit_details
 from basecal.accuracy.residuals.point_residuals import PointResiduals, point_residuals
-from basecal.accuracy.residuals.view_poses import ViewPoses
 from basecal.accuracy.task.expected_error import ExpectedError
 from basecal.cell import (
     BudgetEntry,

@@ -96,5 +96,5 @@ def _difference(first: Calibration, second: Calibration, name: str) -> Differenc
     of = spectrum(covariance)
     squared, freedoms = float(apart[:width] @ of.inverse @ apart[:width]), int(of.rank)
     return Difference(
-        length, angle, float(np.sqrt(squared / freedoms)), compare_nested_models(name, squared, freedoms).chance
+        length, angle, float(np.sqrt(squared / freedoms)), compare_nested_models(squared, freedoms).chance
     )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from basecal.accuracy.closed_form_comparison import ClosedFormComparison, compare_closed_form
-from basecal.accuracy.residuals.evaluation import evaluate_recording
+from basecal.accuracy.axis_shift import ClosedFormComparison, compare_closed_form
+from basecal.accuracy.residuals.evaluation import Evaluation, evaluate_recording
 from basecal.accuracy.residuals.point_residuals import PointResiduals, residuals_of_points
-from basecal.accuracy.residuals.view_poses import ViewPoses, view_poses
 from basecal.accuracy.task.expected_error import ExpectedError, expected_errors
 from basecal.cell import Calibration, Cell, Recording
+from basecal.geometry import SE3, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,4 +41,22 @@ def fit_details(cell: Cell, recording: Recording, calibration: Calibration) -> F
         view_poses(fitted),
         expected_errors(cell, calibration, fitted),
         compare_closed_form(cell, recording, calibration),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ViewPoses:
+    """The views of one target by one camera: `sample` (n,) and `camera_from_target` (n,)."""
+
+    camera: str
+    target: str
+    sample: IntArray
+    camera_from_target: SE3
+
+
+def view_poses(evaluation: Evaluation) -> tuple[ViewPoses, ...]:
+    """The poses of all views whose transforms are known, those left out as outliers among them."""
+    return tuple(
+        ViewPoses(g.camera, g.target, g.sample, evaluation.state.camera_from_target(g, evaluation.problem.stops))
+        for g in evaluation.problem.groups
     )

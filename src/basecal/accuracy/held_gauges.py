@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from basecal.accuracy.systematic_errors.score_tests import sums
-from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.systematic_errors.situation import situate
 from basecal.cell import HeldGauge
 from basecal.effects.faces.candidates import Views, one_candidate, robot_moves
 from basecal.effects.faces.robot_parameter import Columns, Posture
@@ -78,13 +78,12 @@ def _free_kinds(model: RobotModel) -> Iterator[_Kind]:
 
 def _moved_columns(solution: Solution, gauge: RobotModel) -> Array:
     """How the answer moves with held parameters, (p, h)."""
-    problem = solution.noise.hold_sigmas(solution.problem)
-    situation = Situation(problem, solution.state, problem, {}, solution.noise)
+    situation = situate(solution)
     kinematics = solution.state.kinematics(gauge)
 
     def moves(views: Views, k: int, robot: str) -> Array:
         """Moves of the views of a group, (n, 6, h)."""
-        end = problem.groups[k].robot_end(robot)
+        end = solution.problem.groups[k].robot_end(robot)
         assert end is not None
         assert end.joints is not None
         return views.flange_jacobian(k, robot) @ column_derivative(gauge, kinematics, end.joints)
@@ -114,4 +113,4 @@ def _expected_square(solution: Solution, free: Mapping[str, Sequence[_Kind]]) ->
 def _squares(sigmas: Array, directions: Array) -> Array:
     """Second moments along directions, (k, k), of independent numbers."""
     scaled = sigmas[:, None] * directions
-    return np.asarray(scaled.T @ scaled)
+    return scaled.T @ scaled

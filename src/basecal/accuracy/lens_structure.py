@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.covariance.widening import solution_step
+from basecal.accuracy.covariance.widening import state_step
 from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL, compare_nested_models
 from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.estimation.problem.view_group import ViewGroup
@@ -111,9 +111,7 @@ def _chance(scores: Array, information: Array, size: Array) -> float:
     apart = float(of_views.squared_mahalanobis(scores).sum()) - in_common
     if freedoms <= 0 or apart <= 0:
         return 1.0
-    return compare_nested_models(
-        "lens terms", in_common / (apart / freedoms), len(size), noise_freedoms=freedoms
-    ).chance
+    return compare_nested_models(in_common / (apart / freedoms), len(size), noise_freedoms=freedoms).chance
 
 
 def _stack_views(arrays: tuple[Array, ...]) -> Array:
@@ -152,13 +150,13 @@ class _Projected(NamedTuple):
 
 
 def _project(measurement: PixelMeasurement, poses: SE3, camera: Camera) -> _Projected:
-    p_in_camera = measurement.camera_points(poses)
-    pixels, by_point, by_lens = camera.project_with_derivatives(p_in_camera, intrinsics=True)
-    weight = np.where(np.isnan(pixels).any(-1), 0.0, measurement.weight)
-    bent = np.where(weight[..., None, None] > 0, _term_derivatives(camera, p_in_camera), 0.0)
-    columns = np.concatenate([_pose_jacobian(by_point, poses, measurement.points_in_target), by_lens, bent], axis=-1)
+    off, by_pose, by_lens = measurement.tangent_rows(poses, camera, lens=True)
+    assert by_lens is not None
+    weight = np.where(np.isnan(off).any(-1), 0.0, measurement.weight)
+    bent = np.where(weight[..., None, None] > 0, _term_derivatives(camera, measurement.camera_points(poses)), 0.0)
+    columns = np.concatenate([by_pose, by_lens, bent], axis=-1)
     weighted = np.nan_to_num(columns) * weight[..., None, None]
-    residual = -np.nan_to_num(pixels - measurement.pixels) * weight[..., None]
+    residual = -np.nan_to_num(off) * weight[..., None]
     n, r = len(poses), 2 * measurement.pixels.shape[1]
     basis, _ = np.linalg.qr(weighted[..., :6].reshape(n, r, 6))
     rest = np.concatenate([residual.reshape(n, r, 1), weighted[..., 6:].reshape(n, r, -1)], axis=-1)
@@ -166,13 +164,6 @@ def _project(measurement: PixelMeasurement, poses: SE3, camera: Camera) -> _Proj
     return _Projected(
         rest[..., 0], rest[..., 1:-_TERM_COUNT], rest[..., -_TERM_COUNT:], bent.reshape(n, r, _TERM_COUNT)
     )
-
-
-def _pose_jacobian(point_jacobian: Array, poses: SE3, points: Array) -> Array:
-    """Pixels' derivatives to the tangent of camera_from_target, (n, p, 2, 6), of those to points in the camera."""
-    by_translation = point_jacobian @ poses.rotation[:, None]
-    by_rotation = np.cross(np.broadcast_to(points[:, None], (*by_translation.shape[1:3], 3)), by_translation)
-    return np.concatenate([by_translation, by_rotation], axis=-1)
 
 
 def _term_derivatives(camera: Camera, p_in_camera: Array) -> Array:
@@ -200,4 +191,4 @@ def _answer_step(solution: Solution, name: str, size: Array, settings: Settings)
         groups.append(group)
     problem = solution.problem.with_groups(groups)
     after = solve_from(replace(problem, held=True), solution.state, replace(settings, robot_noise="stated"))
-    return solution_step(solution, after) if after.converged else np.zeros(problem.width)
+    return state_step(problem, solution.state, after.state) if after.converged else np.zeros(problem.width)

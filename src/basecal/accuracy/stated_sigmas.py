@@ -13,8 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtr
 
-from basecal.accuracy.model_comparison.comparison import decide
-from basecal.accuracy.model_comparison.nested_models import LEAST_CHANCE, SINGLE_LEVEL, compare_evidence, log_chance
+from basecal.accuracy.model_comparison.nested_models import (
+    LEAST_CHANCE,
+    SINGLE_LEVEL,
+    compare_evidence,
+    decide,
+    log_chance,
+)
 from basecal.estimation.least_squares.studentized_residuals import LeaveOneOut, leave_one_out
 from basecal.estimation.noise.hyperpriors import ROBOT_RAD
 from basecal.estimation.outliers.noise_and_outliers import with_noise
@@ -90,9 +95,7 @@ def unlikely_sigmas(solution: Solution, settings: Settings) -> tuple[Contradicte
         return ()
     opened = replace(problem, unstated=problem.unstated | below.keys(), held=False)
     rival = with_noise(replace(solution, problem=opened), settings).noise
-    compared = compare_evidence(
-        "noise of robots", solution.noise.plain_minus_2_log_evidence - rival.plain_minus_2_log_evidence
-    )
+    compared = compare_evidence(solution.noise.plain_minus_2_log_evidence - rival.plain_minus_2_log_evidence)
     found = {name: float(rival.robots[name][3:].mean() / stated) for name, stated in below.items()}
     return tuple(
         ContradictedSigma(name, True, ratio, compared.chance) for name, ratio in found.items() if compared.is_taken
@@ -111,7 +114,7 @@ def judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> C
     squares = max(squares, LEAST_CHANCE)
     below = float(np.log(max(chdtr(freedoms, squares), LEAST_CHANCE)))
     chance = log_chance(squares, freedoms) if squares > freedoms else below
-    compared = decide(name, squares, chance, SINGLE_LEVEL)
+    compared = decide(squares, chance, SINGLE_LEVEL)
     ratio = float(np.sqrt(squares / freedoms))
     return ContradictedSigma(name, is_robot, ratio, compared.chance) if compared.is_taken else None
 

@@ -50,7 +50,7 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
 
 def detected_recording(folder: Path, cell: Cell) -> Recording:
     """The recording of a cell's folder with what is detected in its images; a bar shows how far the detection is."""
-    from basecal.accuracy.input_screening.images import needs_search
+    from basecal.accuracy.input_screening.units import needs_search
     from basecal.cell.files import read_recording
 
     recording = read_recording(folder, cell)

@@ -53,7 +53,7 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
     question = f"Fix {cell} so?"
     if not yes:
         ask(question, f"{question} Add --yes to apply it: nobody can be asked here", "nothing is changed")
-    kept = apply_cure(cell, described, cure)
+    kept = apply_cure(cell, cure)
     say(f"fixed; the files as they were are in {kept}")
     anew = read_cell(cell)
     made = recalibrate_folder(cell, anew, calibration)

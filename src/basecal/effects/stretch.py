@@ -45,7 +45,7 @@ EFFECT = Effect(
     words=words,
     is_by_place=True,
     elsewhere={
-        "size": "basecal.accuracy.systematic_errors.long_axes: of one axis of each arm",
+        "size": "basecal.accuracy.systematic_errors.pose_fields: of one axis of each arm",
     },
     absent={
         "statement": "links hold a robot's lengths",

@@ -113,16 +113,13 @@ def test_a_step_weighs_the_views_against_priors(monkeypatch: pytest.MonkeyPatch)
 
 def stepped_by(monkeypatch, information, gradient, across, hessian, clocks, offsets) -> ClockStep:
     """The step of clocks that views hold with this information, whose camera's line time is one of them."""
-    problem = SimpleNamespace(groups=[])
-    about = SimpleNamespace(hessian=hessian)
-    monkeypatch.setattr(step, "Situation", lambda *given: None)
-    monkeypatch.setattr(step, "linearise_views", lambda problem, state: about)
+    about = SimpleNamespace(inverse=np.linalg.pinv(hessian))
+    monkeypatch.setattr(step, "situate", lambda solution: SimpleNamespace(groups=[], linearisation=about))
     of_views = SimpleNamespace(information=information[None], gradient=gradient[None])
     monkeypatch.setattr(step, "score", lambda about, every: of_views)
     monkeypatch.setattr(step, "sums", lambda about, every: (None, across, None))
     streams = SimpleNamespace(clocks=clocks, open=tuple(clocks), cell=SimpleNamespace(cameras=["wrist"]))
-    solution = SimpleNamespace(noise=SimpleNamespace(hold_sigmas=lambda of: of), problem=problem, state=None)
-    return clock_step(streams, None, offsets, solution)
+    return clock_step(streams, None, offsets, None)
 
 
 @pytest.mark.parametrize(

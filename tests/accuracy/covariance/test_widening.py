@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
+from scipy.stats import chi2
+from tests.journeys.raw import BOARD, LENS
 
-from basecal.accuracy.covariance.widening import largest_shift, solution_step, widen
+from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.covariance.widening import curved_covariance, largest_shift, state_step, widen
 from basecal.estimation.solve import solve
-from basecal.simulation import Scenario, simulate
+from basecal.geometry import SE3, Array
+from basecal.simulation import Scenario, SimulatedCell, simulate
 
 MADE = simulate(Scenario(samples=10), 0)
 SOLUTION = solve(MADE.cell, MADE.recording)
@@ -26,12 +32,22 @@ def test_covariance_grows_by_the_square_of_the_step():
 
 def test_the_step_between_solutions_is_that_of_their_transforms():
     """From an answer to itself none; to the answer of half the samples as far as its transforms are."""
-    np.testing.assert_allclose(solution_step(SOLUTION, SOLUTION), 0.0, atol=1e-15)
+    np.testing.assert_allclose(state_step(SOLUTION.problem, SOLUTION.state, SOLUTION.state), 0.0, atol=1e-15)
     half = solve(MADE.cell, type(MADE.recording)(MADE.recording.samples[:6]))
-    step = solution_step(SOLUTION, half)
+    step = state_step(SOLUTION.problem, SOLUTION.state, half.state)
     for name, where in SOLUTION.problem.columns.items():
         expected = (SOLUTION.state.transforms[name].inverse() @ half.state.transforms[name]).log()
         np.testing.assert_allclose(step[where], expected)
+
+
+def test_the_step_of_a_point_has_no_rotation():
+    """As wide as the columns of each transform."""
+    full = {"a": SE3.from_rotvec([0.1, 0.2, 0.3], [1, 2, 3]), "b": SE3.from_rotvec([0, 0, 1.0], [0, 1, 0])}
+    tangents = {"a": np.array([1e-3, 2e-3, 0, 1e-3, 0, 2e-3]), "b": np.array([3e-3, 0, -1e-3, 0, 0, 0])}
+    moved = {name: full[name] @ SE3.exp(tangent) for name, tangent in tangents.items()}
+    problem = SimpleNamespace(width=11, columns={"b": slice(2, 5), "robot": slice(0, 2), "a": slice(5, 11)})
+    step = state_step(problem, *(SimpleNamespace(transforms=each, cameras={}) for each in (full, moved)))
+    np.testing.assert_allclose(step, [0, 0, 3e-3, 0, -1e-3, *tangents["a"]], atol=1e-15)
 
 
 def test_the_step_of_a_lens_is_that_of_its_parameters():
@@ -41,9 +57,13 @@ def test_the_step_of_a_lens_is_that_of_its_parameters():
     lens = solution.state.cameras["wrist"]
     off = 0.5 * np.arange(1.0, len(lens.parameters) + 1)
     moved = replace(solution.state, cameras={"wrist": lens.with_parameters(lens.parameters + off)})
-    step = solution_step(solution, replace(solution, state=moved))
+    step = state_step(solution.problem, solution.state, moved)
     where = solution.problem.columns["wrist"]
     np.testing.assert_allclose(step[where], off)
+    fewer = lens.with_parameters(lens.parameters[:-1])
+    before = replace(solution.state, cameras={"wrist": fewer})
+    added = state_step(solution.problem, before, moved)[where]
+    np.testing.assert_allclose(added, [*off[:-1], lens.parameters[-1] + off[-1]])
     step[where] = 0.0
     np.testing.assert_allclose(step, 0.0, atol=1e-15)
 
@@ -55,3 +75,61 @@ def test_the_largest_shift_is_by_the_covariance():
     covariance = np.diag(np.where(np.arange(SOLUTION.problem.width) == 0, 1e-4, 1e-8))
     known = replace(SOLUTION, covariance=covariance)
     np.testing.assert_array_equal(largest_shift(known, [10 * unit[0], unit[1]]), unit[1])
+
+
+BASE = "eye_base_from_hand_base"
+KEPT = {"camera": LENS, "board": BOARD, "distance_m": (0.35, 0.55), "joints": True, "pixel_px": 0.0075}
+DRAWS, HOLD = 16, 0.9999
+
+
+def exact_joints(samples: int, seed: int, **more: object) -> SimulatedCell:
+    """Two arms whose joints are recorded exactly, but for offsets known to 2 deg."""
+    told = {"joint_offset_rad": np.radians(2), "joint_offsets": "prior"}
+    return simulate(Scenario(samples=samples, **{**KEPT, **told, **more}), seed)  # type: ignore[arg-type]
+
+
+def squared_error(made: SimulatedCell, mean: object, covariance: Array) -> float:
+    """Of the base, in sigmas."""
+    off = (mean.inverse() @ made.truth[BASE]).log()  # type: ignore[attr-defined]
+    return float(off @ np.linalg.solve(covariance, off))
+
+
+def test_an_arc_is_within_the_ellipsoid() -> None:
+    """The first joints' offsets turn the base by degrees; the linear ellipsoid is micrometres thin."""
+    made = exact_joints(20, 9)
+    solution = solve(made.cell, made.recording)
+    linear, mean = solution.joint_transform_covariance([BASE]), solution.state.transforms[BASE]
+    assert squared_error(made, mean, linear) > 1e3
+    assert squared_error(made, mean, linear + curved_covariance(solution, [BASE])) < chi2.ppf(HOLD, 6)
+
+
+def test_what_is_known_well_has_no_arc() -> None:
+    """Then nothing is added, and nothing is computed."""
+    made = exact_joints(20, 9, joint_offset_rad=0.0, joint_offsets="fixed", robot_noise=(1e-4, 2e-4))
+    assert not curved_covariance(solve(made.cell, made.recording), [BASE]).any()
+
+
+@pytest.mark.slow
+def test_exact_joints_are_answered_and_within() -> None:
+    """Nothing is refused; NEES/6 is that of normals, 0.6 to 1.5 of 16 draws of six numbers with long tails."""
+    squares = []
+    for seed in range(100, 100 + DRAWS):
+        made = exact_joints(40, seed, intrinsics="free", state_robot_noise=False)
+        found = calibrate(made.cell, made.recording)
+        assert found.verdict != "refused", found.unobservable
+        squares.append(squared_error(made, found[BASE].mean, found[BASE].covariance))
+    assert max(squares) < chi2.ppf(1 - 1e-5, 6)
+    assert 0.6 < np.mean(squares) / 6 < 1.5
+
+
+def test_errors_that_stops_share_are_no_arc() -> None:
+    """The arc of an arm whose offsets have a prior is no longer by offsets of the other arm, which are in its noise.
+
+    States of the equations without that noise, along directions that it widens, gave the base four times this sigma.
+    """
+    told = {"joints": True, "joint_offset_rad": 0.01, "joint_offsets": "prior", "state_robot_noise": False}
+    made = simulate(Scenario(samples=25, **told), 4)  # type: ignore[arg-type]
+    robots = {**made.cell.robots, "hand": replace(made.cell.robots["hand"], parameters={})}
+    base = calibrate(replace(made.cell, robots=robots), made.recording)[BASE]
+    assert base.sigma_norms[0] < 0.015
+    assert squared_error(made, base.mean, base.covariance) < chi2.ppf(HOLD, 6)

@@ -8,11 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from basecal.accuracy.cross_validation.closed_form_rival import _ratio, _squared_errors, closed_form_rival
+from basecal.accuracy.cross_validation.closed_form_rival import (
+    _ratio,
+    _squared_errors,
+    closed_form_rival,
+    opencv_rivals,
+)
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.accuracy.cross_validation.validation import cross_validate
-from basecal.cell import Unknown
+from basecal.cell import Rival, Unknown
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
@@ -147,3 +152,24 @@ def test_squares_are_of_lengths_and_of_angles():
     alone = SE3.from_rotvec(np.array([[0.3, 0, 0.1], [0, 1.0, 0]]), np.array([[1.0, 2, 3], [0, 0, 1]]))
     off = SE3.from_rotvec(np.array([[0, 0.3, -0.4], [0, 0, 0]]), np.array([[1.0, 2, 2], [0, 3, 0]]))
     np.testing.assert_allclose(_squared_errors(alone, alone @ off), [[9, 0.25], [9, 0]], atol=1e-12)
+
+
+def rivals_of(**options: object) -> tuple[Rival, ...]:
+    made = simulate(Scenario(samples=15, robot_noise=(2e-4, 5e-4), **options), 1)
+    solution = solve(made.cell, made.recording)
+    split = next(splits(solution.problem))
+    return opencv_rivals(solution, refit_folds(solution.problem, solution.state, split.folds, 50))
+
+
+def test_one_arm_has_seven_rivals() -> None:
+    """Each predicts held-out views, none much better than the answer, all to within what hand-eye methods reach."""
+    ours, *others = rivals_of(layout="eye_in_hand")
+    assert ours.name == "basecal"
+    assert len(others) == 7
+    assert all(0.8 * ours.target_m < other.target_m < 0.05 for other in others)
+    assert all(np.isfinite(other.target_rad) for other in others)
+
+
+def test_two_moving_arms_have_none() -> None:
+    """No method of OpenCV takes two arms of which both move in every view."""
+    assert rivals_of(layout="dual") == ()

@@ -19,7 +19,7 @@ from basecal.accuracy.cross_validation.robot_model_selection import (
 )
 from basecal.accuracy.cross_validation.station_scores import StationScores
 from basecal.accuracy.findings.robot_model import robot_model_findings
-from basecal.accuracy.model_comparison.comparison import Comparison, Decision
+from basecal.accuracy.model_comparison.nested_models import Comparison, Decision
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.effects import joint_offsets
 from basecal.estimation.problem.robot_parameters import Kinematics
@@ -173,7 +173,7 @@ def test_simpler_models_are_tried_where_richer_ones_help(better):
 
 @pytest.mark.parametrize(("decision", "kept"), [(Decision.KEEP, 3), (Decision.UNDECIDED, 5), (Decision.TAKE, 5)])
 def test_simpler_models_are_tried_if_a_richer_one_may_help(monkeypatch, decision, kept):
-    monkeypatch.setattr(module, "compare_predicted_gains", lambda rival, gains: Comparison(rival, 0.0, 0.0, decision))
+    monkeypatch.setattr(module, "compare_predicted_gains", lambda gains: Comparison(0.0, 0.0, decision))
     assert len(tried({}, ("eye",))) == kept
 
 
@@ -190,8 +190,8 @@ def test_the_simplest_that_is_not_clearly_worse_is_chosen(monkeypatch, solution,
     monkeypatch.setattr(module, "_is_promising", lambda *given: True)
     monkeypatch.setattr(module, "solve_from", lambda problem, state, settings: solution)
     monkeypatch.setattr(module._Trials, "candidates", lambda trials: found)
-    compared = {2.0 - k: Comparison("", 0.0, 0.0, decisions[each]) for k, each in enumerate(behind)}
-    monkeypatch.setattr(module, "compare_predicted_gains", lambda rival, gains: compared[float(gains[0])])
+    compared = {2.0 - k: Comparison(0.0, 0.0, decisions[each]) for k, each in enumerate(behind)}
+    monkeypatch.setattr(module, "compare_predicted_gains", lambda gains: compared[float(gains[0])])
     choice = choose_robot_model(solution)
     assert choice.chosen is found[chosen]
     assert choice.better is (found[2] if better else None)

@@ -22,9 +22,7 @@ from basecal.accuracy.cross_validation.validation import (
     _errors,
     _Fold,
     _fold,
-    _fold_tangents,
     _group_errors,
-    _joined_columns,
     _spread,
     _whitening,
     cross_validate,
@@ -37,7 +35,7 @@ from basecal.cell import Cell, Finding, Recording, Validation
 from basecal.estimation.least_squares import sparse_normal_equations
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import State
+from basecal.estimation.problem.problem import Problem, State, Stops
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_problem
 from basecal.estimation.view.measurement import Noise
@@ -248,18 +246,6 @@ def test_changes_are_compared_where_a_fold_has_lost_something_but_not_all(full):
     np.testing.assert_allclose(found @ root[:, [0, 3]], 0, atol=1e-9)  # of the others nothing is seen
 
 
-def test_a_change_is_the_tangent_from_the_full_answer():
-    """Of each transform asked for, as wide as its columns."""
-    full = {"a": SE3.from_rotvec([0.1, 0.2, 0.3], [1, 2, 3]), "b": SE3.from_rotvec([0, 0, 1.0], [0, 1, 0])}
-    tangents = {"a": np.array([1e-3, 2e-3, 0, 1e-3, 0, 2e-3]), "b": np.array([3e-3, 0, -1e-3, 0, 0, 0])}
-    fold = {name: full[name] @ SE3.exp(tangent) for name, tangent in tangents.items()}
-    columns = {"b": slice(2, 5), "other": slice(0, 2), "a": slice(5, 11)}
-    states = (SimpleNamespace(transforms=each) for each in (full, fold))
-    found = _fold_tangents(*states, ["a", "b"], columns)
-    np.testing.assert_allclose(found, [*tangents["a"], 3e-3, 0, -1e-3], atol=1e-15)
-    assert _joined_columns(SimpleNamespace(columns=columns), ["a", "b"]).tolist() == [5, 6, 7, 8, 9, 10, 2, 3, 4]
-
-
 COUNTS = [20, 20, 30, 10]  # of equations that folds hold out, of all of which one tells as much as another
 
 
@@ -281,13 +267,13 @@ def spread_of(monkeypatch, counts, changes, asked=2, **noise):
     folds = [_Fold(fit, np.eye(3)[:, :asked] / (total - count)) for fit, count in zip(fits, counts, strict=True)]
     sigma = [np.sqrt(factor * (1 / (total - count) - 1 / total)) for count in counts]
 
-    def moved(full, fold, *of):
+    def moved(problem, full, fold):
         """As many sigmas as told."""
         return np.asarray(changes[fold])[:asked] * sigma[fold]
 
     monkeypatch.setattr(validation, "_information", lambda of: total * np.eye(3))
-    monkeypatch.setattr(validation, "_fold_tangents", moved)
-    return _spread(solution, folds, ["any"], np.arange(asked))
+    monkeypatch.setattr(validation, "state_step", moved)
+    return _spread(solution, folds, np.arange(asked))
 
 
 CHANGES = [(1.0, -2.0), (0.5, 0.5), (3.0, 0.0), (-1.0, 1.0)]
@@ -366,10 +352,9 @@ def test_milder_ways_to_split_are_tried_where_half_the_folds_are_lost(monkeypatc
     monkeypatch.setattr(validation, "_errors", lambda *of: (HeldOutErrors(), HeldOutErrors(1.0, 8.0, 2, 27.0, 12.0, 3)))
     monkeypatch.setattr(validation, "_spread", lambda *of: None)
     monkeypatch.setattr(validation, "closed_form_rival", lambda solution, fits: len(fits))
+    bare = Problem("arm", (), {}, frozenset(), {}, Stops(np.zeros((0, 6))), {"a": slice(0, 6)})
     observability = SimpleNamespace(unobservable=frozenset({"other"}))
-    solution = SimpleNamespace(
-        converged=True, problem=SimpleNamespace(columns={"a": slice(0, 6)}), state=None, observability=observability
-    )
+    solution = SimpleNamespace(converged=True, problem=bare, state=None, observability=observability)
     found = cross_validate(solution, ["a", "fixed"], Settings(iterations=7))
     assert tried == [7] * ways
     assert found.skipped == set(skipped)
@@ -410,7 +395,7 @@ def test_folds_of_one_sample_each_leave_one_out(monkeypatch, held, kind):
     monkeypatch.setattr(validation, "closed_form_rival", lambda *of: None)
     solution = SimpleNamespace(
         converged=True,
-        problem=SimpleNamespace(columns={}),
+        problem=SimpleNamespace(columns={}, column_indices=lambda names: None),
         state=None,
         observability=SimpleNamespace(unobservable=frozenset()),
     )

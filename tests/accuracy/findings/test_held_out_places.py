@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from basecal.accuracy.cross_validation.held_out_places import PlaceError
+from basecal.accuracy.cross_validation.station_scores import PlaceError
 from basecal.accuracy.findings.held_out_places import held_out_places
 
 

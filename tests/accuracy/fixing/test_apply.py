@@ -39,7 +39,7 @@ def test_files_change_and_originals_stay(folder: Path) -> None:
         "cell.yaml: cameras.wrist.intrinsics.exact: false",
         "samples left out: 0",
     ]
-    kept = apply_cure(folder, cell, Cure(FINDING, "Leave out sample 0.", change))
+    kept = apply_cure(folder, Cure(FINDING, "Leave out sample 0.", change))
     after = read_cell(folder)
     assert after.cameras["wrist"].intrinsics.status == "free"
     assert [sample.sample for sample in read_recording(folder, after).samples] == [1, 2, 3]
@@ -64,7 +64,7 @@ def test_what_would_be_no_cell_changes_nothing(folder: Path) -> None:
     before = (folder / "cell.yaml").read_bytes()
     cure = Cure(FINDING, "Break it.", Change(cell={("targets", "board", "square_m"): -1.0}))
     with pytest.raises(InputError):
-        apply_cure(folder, read_cell(folder), cure)
+        apply_cure(folder, cure)
     assert (folder / "cell.yaml").read_bytes() == before
     assert not (folder / "originals").exists()
 
@@ -76,5 +76,5 @@ def test_what_is_written_already_is_no_fix(folder: Path) -> None:
     square = cell.targets["board"].target.options["square_m"]
     cure = Cure(FINDING, "Write it.", Change(samples, {("targets", "board", "square_m"): square}))
     with pytest.raises(InputError, match="written so already, nothing is changed: Write it"):
-        apply_cure(folder, cell, cure)
+        apply_cure(folder, cure)
     assert not (folder / "originals").exists()

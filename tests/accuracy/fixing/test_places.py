@@ -54,7 +54,7 @@ def test_a_freed_transform_is_read_back_as_free(tmp_path, cell, name, place) -> 
     assert list(freed) == [place]
     stated = read_cell(tmp_path)
     if stated.transforms[name].status != "free":
-        apply_cure(tmp_path, stated, Cure(Finding("x", "warning", (name,), "Off."), "Free it.", Change(cell=freed)))
+        apply_cure(tmp_path, Cure(Finding("x", "warning", (name,), "Off."), "Free it.", Change(cell=freed)))
     found = read_cell(tmp_path).transforms
     assert found[name].status == "free"
     assert {each: known.status for each, known in found.items() if each != name} == {
@@ -72,7 +72,7 @@ def test_a_freed_lens_keeps_its_numbers_as_a_guess(tmp_path) -> None:
     """Without the sigmas that a free lens cannot have."""
     write_cell(BOARD, tmp_path)
     cure = Cure(Finding("x", "warning", ("wrist",), "Off."), "Free it.", Change(cell=free_lens(BOARD, "wrist")))
-    apply_cure(tmp_path, BOARD, cure)
+    apply_cure(tmp_path, cure)
     known, lens = BOARD.cameras["wrist"].intrinsics, read_cell(tmp_path).cameras["wrist"].intrinsics
     assert (lens.status, lens.sigma) == ("free", None)
     np.testing.assert_array_equal(lens.camera.parameters, known.camera.parameters)

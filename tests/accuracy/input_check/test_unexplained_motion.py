@@ -11,10 +11,16 @@ from tests.ends import end
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check import unexplained_motion as module
-from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless, unexplained_motion
+from basecal.accuracy.input_check.unexplained_motion import (
+    explaining_offsets,
+    hopeless,
+    is_hopeless,
+    unexplained_motion,
+)
 from basecal.cell import Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
+from basecal.estimation.settings import STATED
 from basecal.estimation.solve import solve
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
@@ -201,3 +207,34 @@ def test_hopeless_is_a_fifth_of_the_motion_or_fifty_pixels(monkeypatch, share, l
     assert is_hopeless(None, None) == (said is not None)
     if said is not None:
         assert said in hopeless(SimpleNamespace(open_clocks=frozenset(), robots=(), groups=[]), None).message
+
+
+ARMS = Scenario(samples=16, joints=True, joint_offset_rad=np.radians(8.0))
+
+
+def test_offsets_of_degrees_are_named():
+    """Of each arm the largest that is seen, as it is to a degree or two; the entry has a prior that holds them."""
+    made = simulate(ARMS, 1)
+    solution = solve(made.cell, made.recording)
+    assert is_hopeless(solution.problem, solution.state)
+    (found,) = explaining_offsets(solution.problem, solution.state, STATED)
+    assert (found.code, found.severity, found.about) == ("robot-model", "error", ("eye", "hand"))
+    for robot in ("eye", "hand"):
+        true = np.degrees(made.robots[robot].kind_values("joint_offsets"))
+        words = found.what.partition(f" of {robot} by ")
+        joint = int(words[0].rpartition("joint ")[2]) - 1
+        assert 0 < joint < 5
+        assert abs(float(words[2].split()[0]) - true[joint]) < 2
+    assert "`joint_offsets: {status: prior, sigma_rad: 0." in found.do[0]
+
+
+def test_offsets_do_not_explain_views_of_other_samples():
+    """Whatever is fitted to them; nor is anything said of robots that record poses."""
+    for joints in (True, False):
+        made = simulate(replace(ARMS, joints=joints, joint_offset_rad=0.0), 0)
+        samples = made.recording.samples
+        mixed = Recording(tuple(replace(s, observations=samples[-k].observations) for k, s in enumerate(samples)))
+        problem, _ = build_problem(made.cell, mixed)
+        state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+        assert is_hopeless(problem, state)
+        assert explaining_offsets(problem, state, STATED) == []

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from basecal.accuracy.model_comparison.comparison import Decision
 from basecal.accuracy.model_comparison.held_out import compare_predicted_gains, compare_predictions
+from basecal.accuracy.model_comparison.nested_models import Decision
 
 
 def test_the_chance_is_that_of_students_t():
     """Of the mean over its standard error, with one freedom less than there are parts; its mirror image for losses."""
     gains = np.array([1.0, 2.0, 4.0, 1.0, -0.5])
     t = gains.mean() / (gains.std(ddof=1) / np.sqrt(5))
-    found = compare_predicted_gains("joint", gains)
-    assert (found.rival, found.gain) == ("joint", pytest.approx(7.5))
+    found = compare_predicted_gains(gains)
+    assert found.gain == pytest.approx(7.5)
     assert found.chance == pytest.approx(student.sf(t, 4), rel=1e-9)
-    assert compare_predicted_gains("joint", -gains).chance == pytest.approx(student.cdf(t, 4), rel=1e-9)
+    assert compare_predicted_gains(-gains).chance == pytest.approx(student.cdf(t, 4), rel=1e-9)
 
 
 @pytest.mark.parametrize(("t", "decision"), [
@@ -26,12 +26,12 @@ def test_gains_beyond_chance_are_taken_and_likely_ones_doubted(t, decision):
     """Of ten parts at 4.30 and 2.40 standard errors: chances of one in a thousand and of one in fifty."""
     gains = np.tile([1.0, -1.0], 5)
     gains += t * gains.std(ddof=1) / np.sqrt(10)
-    assert compare_predicted_gains("", gains).decision is decision
+    assert compare_predicted_gains(gains).decision is decision
 
 
 @pytest.mark.parametrize("gains", [[3.0], [], [0.0, 0.0, 0.0]])
 def test_one_part_or_no_difference_tells_nothing(gains):
-    assert compare_predicted_gains("", np.array(gains)).decision is Decision.KEEP
+    assert compare_predicted_gains(np.array(gains)).decision is Decision.KEEP
 
 
 SPREAD = 1e-6 * np.random.default_rng(0).uniform(0.5, 1.5, 12)
@@ -45,13 +45,13 @@ SPREAD = 1e-6 * np.random.default_rng(0).uniform(0.5, 1.5, 12)
 def test_a_rival_is_taken_if_it_predicts_clearly_better(scale, ratio, decision):
     """From a tenth on, whatever the unit; one that predicts as well is undecided, a worse one is not."""
     squares, in_use = scale * SPREAD, scale * ratio**2 * SPREAD
-    assert compare_predictions("inverted", squares, in_use).decision is decision
+    assert compare_predictions(squares, in_use).decision is decision
 
 
 def test_a_wider_model_has_to_predict_much_better():
     """By the ratio that is asked; to be no better is to be undecided."""
-    assert compare_predictions("size", SPREAD, 1.3**2 * SPREAD, 1.5).decision is Decision.UNDECIDED
-    assert compare_predictions("size", SPREAD, 1.5**2 * SPREAD, 1.5).is_taken
+    assert compare_predictions(SPREAD, 1.3**2 * SPREAD, 1.5).decision is Decision.UNDECIDED
+    assert compare_predictions(SPREAD, 1.5**2 * SPREAD, 1.5).is_taken
 
 
 def test_outliers_do_not_outweigh_the_rest():
@@ -60,17 +60,17 @@ def test_outliers_do_not_outweigh_the_rest():
         squares, in_use = SPREAD.copy(), 400 * SPREAD
         squares[:3] = 1.0
         in_use[:3] = share
-        assert compare_predictions("", squares, in_use).is_taken
+        assert compare_predictions(squares, in_use).is_taken
 
 
 def test_a_gain_that_chance_makes_is_none():
     """Twice as likely on the mean, by two parts of twelve alone."""
     in_use = SPREAD.copy()
     in_use[:2] *= 1e4
-    found = compare_predictions("", SPREAD, in_use)
+    found = compare_predictions(SPREAD, in_use)
     assert found.decision is Decision.UNDECIDED
     assert found.gain > 12
 
 
 def test_without_parts_nothing_is_decided():
-    assert compare_predictions("", np.zeros(0), np.zeros(0)).decision is Decision.UNDECIDED
+    assert compare_predictions(np.zeros(0), np.zeros(0)).decision is Decision.UNDECIDED

@@ -8,7 +8,10 @@ from basecal.accuracy.model_comparison.nested_models import (
     FALSE_DISCOVERIES,
     SINGLE_LEVEL,
     compare_evidence,
+    compare_likelihoods,
     compare_nested_models,
+    compare_places,
+    compare_split,
     discoveries,
     equally_likely,
     largest_share,
@@ -52,16 +55,16 @@ def test_a_wider_model_is_taken_below_its_level(share, taken, noise_freedoms):
     """At the level that it was given, or that of a test alone."""
     of_noise = np.isfinite(noise_freedoms)
     gain = 4 * f.isf(share * SINGLE_LEVEL, 4, noise_freedoms) if of_noise else chi2.isf(share * SINGLE_LEVEL, 4)
-    found = compare_nested_models("bow", gain, 4, noise_freedoms=noise_freedoms)
-    assert (found.rival, found.gain, found.is_taken) == ("bow", gain, taken)
+    found = compare_nested_models(gain, 4, noise_freedoms=noise_freedoms)
+    assert (found.gain, found.is_taken) == (gain, taken)
     assert found.chance == pytest.approx(share * SINGLE_LEVEL)
-    assert compare_nested_models("bow", gain, 4, 2 * SINGLE_LEVEL, noise_freedoms).is_taken
+    assert compare_nested_models(gain, 4, 2 * SINGLE_LEVEL, noise_freedoms).is_taken
 
 
 @pytest.mark.parametrize(("gain", "taken"), [(9.9, False), (10.1, True)])
 def test_very_strong_evidence_is_believed(gain, taken):
     """Its inverse bounds the chance of as much: Markov's inequality."""
-    found = compare_evidence("links", gain)
+    found = compare_evidence(gain)
     assert found.is_taken == taken
     assert found.chance == pytest.approx(np.exp(-gain / 2))
 
@@ -96,3 +99,65 @@ def test_the_share_of_what_is_there_as_often_as_not():
     for chance, null in ((0.05, 0.289), (0.01, 0.111), (0.001, 0.0184)):
         assert 1 - largest_share(np.log(chance)) == pytest.approx(null, abs=6e-4)
     assert largest_share(-1000.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("ratios", "is_taken"),
+    [([5.0], True), ([3.0], False), ([5.0, -50.0, -50.0, -50.0], False), ([6.0, 4.0, -50.0], True)],
+)
+def test_a_rival_is_taken_by_its_mean_ratio(ratios: list[float], is_taken: bool) -> None:
+    """Fifty times likelier, on the mean over the values that are open."""
+    assert compare_likelihoods(np.array(ratios)).is_taken == is_taken
+
+
+def test_gain_is_that_of_the_best_value() -> None:
+    """Twice the log ratio."""
+    assert compare_likelihoods(np.array([1.0, 6.0])).gain == 12.0
+
+
+@pytest.mark.parametrize(
+    ("count", "ratio", "is_taken"), [(12, 0.1, True), (12, 0.5, False), (60, 0.4, True), (60, 0.7, False)]
+)
+def test_two_means_are_taken_by_what_they_leave(count: int, ratio: float, is_taken: bool) -> None:
+    """Beyond the number of ways to split; the best split of one normal leaves about four fifths of three numbers."""
+    assert compare_split(ratio, count, 3).is_taken == is_taken
+
+
+def test_the_best_split_of_one_mean_is_not_taken() -> None:
+    """200 sets of ten items, each split where it leaves least along an axis."""
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        items = rng.standard_normal((10, 3))
+        items = items[np.argsort(items[:, 0])]
+        left = min(
+            sum(float(np.sum((side - side.mean(0)) ** 2)) for side in (items[:k], items[k:])) for k in range(3, 8)
+        )
+        found = compare_split(left / float(np.sum((items - items.mean(0)) ** 2)), 10, 3)
+        assert not found.is_taken
+        assert found.log_chance > np.log(1e-3)
+
+
+def test_two_means_that_leave_nothing_are_certain() -> None:
+    """And no chance is below what is a number."""
+    assert compare_split(0.0, 8, 3).is_taken
+
+
+@pytest.mark.parametrize(("sigma_m", "is_taken"), [(0.001, True), (0.02, True), (0.15, False), (2.0, False)])
+def test_coarse_evidence_of_all_axes_excludes_a_copy(sigma_m: float, is_taken: bool) -> None:
+    """Two centimetres do, 15 cm do not."""
+    assert compare_places(np.full(3, 0.5 * sigma_m), sigma_m**2 * np.eye(3)).is_taken is is_taken
+
+
+def test_a_distance_alone_has_to_be_exact() -> None:
+    """Along one axis 2 mm exclude a copy, 5 mm do not."""
+    for sigma_m, is_taken in ((0.002, True), (0.005, False)):
+        assert compare_places(np.zeros(3), np.diag([sigma_m, 10.0, 10.0]) ** 2).is_taken is is_taken
+
+
+def test_copies_that_are_seldom_near_are_seldom_taken_for_one_place() -> None:
+    """Of deceived estimates anywhere in a room of a cubic metre at most one in 150 passes, whatever the sigma."""
+    rng = np.random.default_rng(0)
+    for sigma_m in (0.01, 0.05, 0.1):
+        apart = rng.uniform(-0.5, 0.5, (4000, 3))
+        passed = [compare_places(each, sigma_m**2 * np.eye(3)).is_taken for each in apart]
+        assert np.mean(passed) < 1 / 150

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.ends import end
+from tests.ends import views as group_of
 from tests.pose_problem import pose_problem
 
-from basecal.accuracy.residuals.fit import residuals, single_view_pose
+from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.residuals import fit as module
+from basecal.accuracy.residuals.fit import _close_loop, _Relation, loops, residuals, single_view_pose
+from basecal.cell import Recording, RobotState, SampleResidual, Unknown
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
-from basecal.estimation.solve import solve_from
+from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve, solve_from
 from basecal.geometry import SE3
+from basecal.reporting.text import text_report
 from basecal.simulation import Scenario, simulate
 
 
@@ -159,3 +168,242 @@ def test_points_in_space_count_by_their_sigmas():
         turn, _ = Rotation.align_vectors(of.points_in_camera[k] - there, of.points_in_target - here, weights=share)
         np.testing.assert_allclose(found.rotation[k], turn.as_matrix(), atol=1e-6)
         np.testing.assert_allclose(found.translation[k], there - turn.apply(here), atol=1e-6)
+
+
+RING = Scenario(layout="chain", samples=30, camera_mount="fixed", target_mount="fixed")
+AROUND = ("r1_base", "camera1", "board2", "r2_base", "camera2", "board3", "r3_base", "camera3", "board1", "r1_base")
+EXACT_LOOPS = Settings(robot_noise="stated")
+
+
+def shifted(recording: Recording, robot: str, first: int, by: SE3) -> Recording:
+    """The recording as if that robot's base had moved before sample `first`."""
+    samples = []
+    for sample in recording.samples:
+        pose = sample.robots[robot].base_from_flange
+        assert pose is not None
+        moved = RobotState(by @ pose) if sample.sample >= first else sample.robots[robot]
+        samples.append(replace(sample, robots={**sample.robots, robot: moved}))
+    return Recording(tuple(samples))
+
+
+def test_one_loop_per_pair_and_one_around_the_ring():
+    """Three pairs in a ring close four loops; without noise in robots and mounts all but the views' own noise is 0."""
+    s = simulate(RING, seed=3)
+    calibration = calibrate(s.cell, s.recording, EXACT_LOOPS)
+    *pairs, ring = calibration.residuals.loops
+    assert [loop.path for loop in pairs] == [AROUND[:4], AROUND[3:7], AROUND[6:]]
+    assert ring.path == AROUND
+    assert ring.views == 30
+    sigma = np.sqrt(sum(np.trace(e.covariance[:3, :3]) for n, e in calibration.transforms.items() if "base" in n))
+    # Two bases are known to sigma together; the third relation is as good as either.
+    assert ring.rms_m < 10 * sigma
+    assert f"pose consistency error of {' - '.join(AROUND)}" in text_report(s.cell, calibration)
+
+
+def test_a_pairs_loop_is_the_rms_over_its_views():
+    """A single pair's loop is the whole recording's."""
+    s = simulate(Scenario(samples=12), seed=0)
+    fit = residuals(solve(s.cell, s.recording))
+    (loop,) = fit.loops
+    assert loop.path == ("eye_base", "wrist", "board", "hand_base")
+    assert (loop.views, loop.rms_m, loop.rms_rad) == (12, fit.loop_rms_m, fit.loop_rms_rad)
+
+
+def test_a_base_that_moved_opens_the_ring():
+    """A first robot pushed by 5 mm before the last pair is recorded leaves the ring open by as much."""
+    s = simulate(RING, seed=3)
+    push = SE3(np.eye(3), np.array([5e-3, 0, 0]))
+    *_, ring = residuals(solve(s.cell, shifted(s.recording, "r1", 20, push))).loops
+    # Each pair knows its bases to about 0.3 mm, three of them the ring to 0.5 mm: three sigmas.
+    assert ring.rms_m == pytest.approx(5e-3, abs=1.5e-3)
+
+
+def test_two_cameras_on_one_arm_close_a_loop_of_two():
+    """A second camera that is the first under another name: what is left around both is nothing."""
+    s = simulate(Scenario(samples=12), seed=0)
+    twin = replace(s.cell.cameras["wrist"], name="second")
+    cell = replace(s.cell, cameras={**s.cell.cameras, "second": twin})
+    samples = [
+        replace(x, observations=(*x.observations, *(replace(o, camera="second") for o in x.observations)))
+        for x in s.recording.samples
+    ]
+    *_, ring = residuals(solve(cell, Recording(tuple(samples)))).loops
+    assert ring.path == ("eye_base", "wrist", "board", "hand_base", "board", "second", "eye_base")
+    assert ring.views == 24
+    assert ring.rms_m < 1e-8
+
+
+def test_the_way_to_a_ring_and_back_is_no_part_of_it():
+    """From a base outside by two steps to a ring of three: the loop begins and ends on the ring."""
+
+    def step(start: str, end: str, x: float) -> _Relation:
+        path = (start, f"camera_{start}", f"board_{end}", end)
+        return _Relation(start, end, path, SE3(np.eye(3), np.array([x, 0.0, 0.0])), 10)
+
+    out = [step("a", "b", 5.0), step("b", "c", 7.0)]
+    ring = [step("c", "d", 1.0), step("d", "e", 1.0), step("e", "c", -1.5)]
+    loop = _close_loop([*out, *ring, *(each.reverse() for each in reversed(out))])
+    assert (loop.path[0], loop.path[-1], loop.views) == ("c", "c", 30)
+    assert set(loop.path).isdisjoint({"a", "b"})
+    assert loop.rms_m == pytest.approx(0.5)
+
+
+def test_the_order_of_pairs_does_not_matter():
+    """Pairs from their other ends, or where none touches what is known at first: the same ring and the same error."""
+    s = simulate(replace(RING, samples=18), seed=3)
+    solution = solve(s.cell, s.recording)
+    groups = solution.problem.groups
+    *_, ring = residuals(solution).loops
+    for order in ((2, 1, 0), (1, 2, 0), (1, 0, 2)):
+        problem = solution.problem.with_groups([groups[k] for k in order])
+        *pairs, other = loops(replace(solution, problem=problem), residuals(solution).per_sample)
+        assert [pair.path[1] for pair in pairs] == [groups[k].camera for k in order]
+        assert other.views == ring.views == 18
+        assert set(other.path) == set(ring.path)
+        assert other.path[0] == other.path[-1]
+        assert other.rms_m == pytest.approx(ring.rms_m, rel=0.1)
+        assert other.rms_rad == pytest.approx(ring.rms_rad, rel=1e-3)
+
+
+def test_views_that_are_not_known_to_close_do_not_count():
+    """Of a pair the root of the mean square over those that have both numbers; without any it has no loop."""
+    s = simulate(Scenario(samples=8), seed=0)
+    solution = solve(s.cell, s.recording)
+    sizes = [(3e-3, 1e-3), (4e-3, 7e-3), (None, 5.0), (5.0, None)]
+    first = residuals(solution).per_sample[0]
+    views = [replace(first, loop_m=length, loop_rad=angle) for length, angle in sizes]
+    (loop,) = loops(solution, views)
+    assert (loop.path, loop.views) == (("eye_base", "wrist", "board", "hand_base"), 2)
+    assert (loop.rms_m, loop.rms_rad) == (pytest.approx(np.sqrt(12.5) * 1e-3), pytest.approx(5e-3))
+    assert loops(solution, views[2:]) == ()
+
+
+def test_a_loop_of_two_from_its_other_end():
+    """Seen from the base of the robot that carries the target: begins and ends there, and is closed as well."""
+    s = simulate(Scenario(samples=8), seed=0)
+    twin = replace(s.cell.cameras["wrist"], name="second")
+    cell = replace(s.cell, reference="hand", bases={"eye": Unknown()}, cameras={**s.cell.cameras, "second": twin})
+    samples = [
+        replace(x, observations=(*x.observations, *(replace(o, camera="second") for o in x.observations)))
+        for x in s.recording.samples
+    ]
+    *_, ring = residuals(solve(cell, Recording(tuple(samples)))).loops
+    assert ring.path == ("hand_base", "board", "second", "eye_base", "wrist", "board", "hand_base")
+    assert (ring.views, ring.rms_m < 1e-8) == (16, True)
+
+
+def views(camera="c", target="t", eye="a", hand="b", eye_base=None, hand_base="a_from_b", count=4):
+    """Of a camera on robot a that sees a target on robot b; a is the reference."""
+    at = SE3.identity((count,))
+    ends = ((eye, camera, eye_base), (hand, target, hand_base))
+    both = (end(robot, at, mount=f"{robot}_from_{of}", base=base) for robot, of, base in ends)
+    return group_of(*both, camera=camera, target=target)
+
+
+def solution_of(*groups, columns=()):
+    problem = SimpleNamespace(groups=groups, reference="a", columns=dict.fromkeys(columns))
+    return SimpleNamespace(problem=problem)
+
+
+def test_what_counts_as_closed_are_views_with_both_numbers():
+    """Of each pair its own; what stands on the world counts from the base of the reference."""
+    sizes = [("c", 3e-3, 1e-3), ("c", 4e-3, 7e-3), ("c", None, 5.0), ("c", 5.0, None), ("d", 1.0, 2.0)]
+    told = [SampleResidual(k, camera, "t", None, *size) for k, (camera, *size) in enumerate(sizes)]
+    both = solution_of(views(hand=None))
+    (loop,) = loops(both, told)
+    assert (loop.path, loop.views) == (("a_base", "c", "t", "a_base"), 2)
+    assert (loop.rms_m, loop.rms_rad) == (pytest.approx(np.sqrt(12.5) * 1e-3), pytest.approx(5e-3))
+    assert loops(both, told[2:]) == ()
+
+
+def related(monkeypatch, *groups, columns=(), alone=lambda mounts: "state"):
+    """Relations of groups, and the mounts that were tried with each base."""
+    tried = []
+
+    def fit(solution, group, base, mounts):
+        """What is told of it."""
+        tried.append((group.camera, base, list(mounts)))
+        told = alone(mounts)
+        return None if told is None else SimpleNamespace(transforms=told)
+
+    monkeypatch.setattr(module, "_fit_pair", fit)
+    monkeypatch.setattr(ViewGroup, "eye_base_from_hand_base", lambda group, told: (told, group.camera))
+    found = module._relations(solution_of(*groups, columns=columns))
+    return [(r.path, r.start_from_end, r.views) for r in found], tried
+
+
+def test_pairs_relate_the_bases_that_they_stand_on(monkeypatch):
+    """Each by its own views, with the mounts that are estimated; not where both are one base, or nothing is seen."""
+    other = views("d", "u", eye="b", hand="a", eye_base="a_from_b", hand_base=None, count=7)
+    same, nothing = views("e", hand="a", hand_base=None), views("f", count=0)
+    nameless = views("g", hand_base=None)
+    columns = ("a_from_c", "b_from_d", "a_from_u")
+    found, tried = related(monkeypatch, views(), same, nothing, nameless, other, columns=columns)
+    assert found == [
+        (("a_base", "c", "t", "b_base"), ("state", "c"), 4),
+        (("b_base", "d", "u", "a_base"), ("state", "d"), 7),
+    ]
+    assert tried == [("c", "a_from_b", ["a_from_c"]), ("d", "a_from_b", ["b_from_d", "a_from_u"])]
+
+
+def test_where_views_do_not_show_the_mounts_these_stay(monkeypatch):
+    """Nothing is related where the base is not seen either."""
+    found, tried = related(monkeypatch, views(), columns=("a_from_c",), alone=lambda mounts: None if mounts else "held")
+    assert [start_from_end for _, start_from_end, _ in found] == [("held", "c")]
+    assert tried == [("c", "a_from_b", ["a_from_c"]), ("c", "a_from_b", [])]
+    assert related(monkeypatch, views(), alone=lambda mounts: None)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("converged", "open_names", "found"),
+    [(True, set(), True), (False, set(), False), (True, {"eye_base_from_hand_base"}, False), (True, {"other"}, True)],
+)
+def test_a_pair_alone_is_fitted_by_its_base_and_mounts(monkeypatch, converged, open_names, found):
+    """These are its columns, one after the other, and what is stated of the base does not count."""
+    s = simulate(Scenario(samples=6, base="prior"), seed=0)
+    solution = solve(s.cell, s.recording)
+    given = []
+
+    def adjust(problem, state, dof, steps):
+        """The state as it is."""
+        given.append((problem, dof))
+        return SimpleNamespace(state=state, converged=converged, normal=SimpleNamespace(hessian="hessian"))
+
+    monkeypatch.setattr(module, "bundle_adjust", adjust)
+    seen = SimpleNamespace(unobservable=open_names)
+    monkeypatch.setattr(module, "analyse_observability", lambda problem, state, hessian, factor: seen)
+    (group,) = solution.problem.groups
+    base, mounts = group.hand.base, [group.hand.mount]
+    end = module._fit_pair(solution, group, base, mounts)
+    assert (end is not None) == found
+    ((problem, dof),) = given
+    assert dict(problem.columns) == {group.hand.mount: slice(0, 6), base: slice(6, 12)}
+    assert (solution.problem.unknowns[base].status, problem.unknowns[base].status) == ("prior", "free")
+    assert dof == 2 * group.measurement.seen.sum() - 12
+
+
+def ring(monkeypatch, *steps, reference="a"):
+    """Loops around rings of relations, given as (start, end, camera, metres)."""
+    relations = [
+        _Relation(start, end, (start, camera, f"t{camera}", end), SE3(np.eye(3), np.array([x, 0.0, 0.0])), 5)
+        for start, end, camera, x in steps
+    ]
+    monkeypatch.setattr(module, "_relations", lambda solution: relations)
+    found = module._ring_loops(SimpleNamespace(problem=SimpleNamespace(groups=steps, reference=reference)))
+    return [(" ".join(loop.path), loop.views, round(loop.rms_m, 9)) for loop in found]
+
+
+def test_rings_are_what_a_tree_over_the_bases_does_not_need(monkeypatch):
+    """Relations in any order and from either end; what hangs together with nothing known is no ring."""
+    a, b, c = "a_base", "b_base", "c_base"
+    around = ("a_base k tk b_base l tl c_base tm m a_base", 15, 0.5)
+    assert ring(monkeypatch, (a, b, "k", 1.0), (b, c, "l", 2.0), (a, c, "m", 2.5)) == [
+        ("a_base m tm c_base tl l b_base tk k a_base", 15, 0.5)
+    ]
+    assert ring(monkeypatch, (a, b, "k", 1.0), (b, c, "l", 2.0), (c, a, "m", -2.5)) != [around]
+    assert ring(monkeypatch, (a, b, "k", 1.0), (a, b, "l", 1.25)) == [("a_base l tl b_base tk k a_base", 10, 0.25)]
+    assert ring(monkeypatch, (a, b, "k", 1.0), ("x_base", "y_base", "l", 1.0)) == []
+    assert ring(monkeypatch, (a, b, "k", 1.0)) == []
+    assert ring(monkeypatch, ("x_base", "y_base", "l", 1.0), (b, a, "k", 1.0), (a, b, "m", 1.0)) == [
+        ("a_base m tm b_base k tk a_base", 10, 2.0)
+    ]

@@ -9,6 +9,7 @@ import pytest
 
 from basecal.accuracy.scene.checks import (
     FEWEST_VIEWS,
+    base_findings,
     camera_findings,
     describe_scatter,
     direction_findings,
@@ -19,8 +20,8 @@ from basecal.accuracy.scene.checks import (
     motion_findings,
 )
 from basecal.accuracy.scene.joining import Join
-from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import OneCamera
+from basecal.accuracy.scene.shared_errors import SceneMotion
 from basecal.cell import Cell, Robot, Unknown
 from basecal.estimation.scene.views import Tracks
 from basecal.fields.parameters import Parameters
@@ -162,3 +163,11 @@ def test_bases_of_robots_without_images_are_missing() -> None:
         "error",
         ("left_base_from_right_base",),
     )
+
+
+@pytest.mark.parametrize(("off_m", "code"), [(0.1, "scene-rival"), (0.02, ""), (None, "not-validated")])
+def test_other_evidence_of_a_base_contradicts_it_or_speaks_for_it(off_m: float | None, code: str) -> None:
+    """Ten sigmas do, two do not; without any the base rests on the scene."""
+    offset = None if off_m is None else np.array([off_m, 0.0, 0.0])
+    found = [each.code for each in base_findings("left_base_from_right_base", offset, 1e-4 * np.eye(3))]
+    assert found == [code] * bool(code)

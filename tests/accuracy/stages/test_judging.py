@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -10,13 +10,16 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.clocks.step import ClockStep
+from basecal.accuracy.cross_validation.validation import cross_validate
 from basecal.accuracy.stages import judging
+from basecal.accuracy.stages import judging as module
 from basecal.accuracy.stages.case import Case
+from basecal.accuracy.stages.judging import prove_solution, thin_solution
 from basecal.accuracy.systematic_errors.expected_sizes import ContainedSizes
 from basecal.cell import Recording, Sample
 from basecal.effects.faces.effect import FoundEffect
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve
+from basecal.estimation.solve import Solution, solve
 from basecal.simulation import Scenario, simulate
 from evidence import evidence_of
 
@@ -57,7 +60,7 @@ def test_what_may_be_chance_is_not_counted_beside_the_field_that_contains_it(mon
     """An effect by place of a robot that has a field; all others count."""
     solution = solve(MADE.cell, MADE.recording)
     moved = np.sqrt(np.diag(solution.covariance))
-    monkeypatch.setattr(judging, "timeless_situation", lambda solution: None)
+    monkeypatch.setattr(judging, "situate", lambda solution: None)
     monkeypatch.setattr(judging, "stated_fields", lambda cell, of: [SimpleNamespace(robot="hand")])
 
     def shift(name, about, is_certain):
@@ -112,3 +115,101 @@ def test_the_covariance_covers_each_effect(monkeypatch):
     assert final is covered
     added = covered.covariance - solution.covariance
     np.testing.assert_allclose(added, np.outer(small, small) + np.outer(large, large), atol=1e-18)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A solution at some state."""
+
+    state: int
+    disputed: bool = False
+    problem: str = "problem"
+    findings: tuple[str, ...] = ("finding",)
+
+
+@dataclass(frozen=True)
+class Found:
+    """A certificate, and a better state or none."""
+
+    certificate: str
+    better: int | None
+
+
+@pytest.fixture
+def better_by_one(monkeypatch):
+    """Every state up to the fourth has a better one, where the descent from it ends; what was solved is kept."""
+    solved = []
+
+    def solve_from(problem, state, settings, findings):
+        solved.append((problem, state, settings, findings))
+        return Answer(state)
+
+    monkeypatch.setattr(module, "certify", lambda of: Found(f"of {of.state}", of.state + 1 if of.state < 4 else None))
+    monkeypatch.setattr(module, "solve_from", solve_from)
+    return solved
+
+
+def test_none_unless_asked_for_or_disputed(better_by_one):
+    """The solution is given back as it is."""
+    assert prove_solution(Answer(9), Settings()) == (Answer(9), None)
+    assert prove_solution(Answer(9), Settings(certify=True)) == (Answer(9), "of 9")
+    assert prove_solution(Answer(9, disputed=True), Settings()) == (Answer(9, disputed=True), "of 9")
+    assert better_by_one == []
+
+
+@pytest.mark.parametrize(("start", "end"), [(2, 4), (1, 4), (0, 3)])
+def test_better_optima_are_gone_to_three_times_at_most(better_by_one, start, end):
+    """One after another, each solved by the same settings; that starts differed stays known."""
+    settings = Settings(certify=True)
+    best, certificate = prove_solution(Answer(start, disputed=True), settings)
+    assert best == Answer(end, disputed=True)
+    assert certificate == f"of {end}"
+    assert better_by_one == [("problem", k, settings, ("finding",)) for k in range(start + 1, end + 1)]
+
+
+def test_a_well_posed_cell_is_proven():
+    """Poses seen by two arms: global, and the solution is that which was given."""
+    made = simulate(Scenario(target="pose", samples=12), 1)
+    solution = solve(made.cell, made.recording)
+    best, certificate = prove_solution(replace(solution, disputed=True), Settings())
+    assert certificate is not None
+    assert certificate.is_global is True
+    assert best.state is solution.state
+
+
+STATED = Settings(robot_noise="stated")
+
+
+@pytest.mark.parametrize("pixel_noise", [True, False])
+def test_held_out_errors_are_alike(pixel_noise: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A third of the views has a covariance three times as large, and the same held-out error to a tenth."""
+    made = simulate(replace(Scenario(samples=120, robot_noise=(1e-4, 2e-4)), state_pixel_noise=pixel_noise), 3)
+    whole = solve(made.cell, made.recording, STATED)
+    assert thin_solution(whole, STATED) is whole
+    monkeypatch.setattr(judging, "MANY_VIEWS", 40)
+    few = thin_solution(whole, STATED)
+    assert [len(group) for group in few.problem.groups] == [40]
+    name = "eye_base_from_hand_base"
+    sizes = [np.sqrt(np.diag(each.joint_transform_covariance([name]))) for each in (whole, few)]
+    assert 1.5 < np.median(sizes[1] / sizes[0]) < 2.0
+    off = (whole.state.transforms[name].inverse() @ few.state.transforms[name]).log()
+    assert np.all(np.abs(off) < 4 * sizes[1])
+    errors = [_held_out_px(each, name) for each in (whole, few)]
+    assert errors[1] == pytest.approx(errors[0], rel=0.1)
+
+
+def _held_out_px(solution: Solution, name: str) -> float:
+    found = cross_validate(solution, [name], STATED)
+    assert found is not None
+    assert found.summary is not None
+    assert found.summary.rms_px is not None
+    return found.summary.rms_px
+
+
+def test_what_has_no_optimum_by_some_is_by_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where some of the views do not settle, all of them are used."""
+    made = simulate(Scenario(samples=30), 0)
+    whole = solve(made.cell, made.recording, STATED)
+    monkeypatch.setattr(judging, "MANY_VIEWS", 10)
+    monkeypatch.setattr(judging, "solve_at_mode", lambda *of: replace(whole, converged=False))
+    assert thin_solution(whole, STATED) is whole

@@ -66,16 +66,16 @@ def test_blocks_in_configuration_go_along_the_widest_spread(robots):
 
     def pose(k, robot):
         """The hand along a line, the eye in one place."""
-        return SimpleNamespace(translation=places[groups[k].sample] if robot == "hand" else np.full((4, 3), 0.0))
+        where = places[groups[k].sample] if robot == "hand" else np.zeros((4, 3))
+        return SE3(np.tile(np.eye(3), (len(where), 1, 1)), where)
 
-    problem = SimpleNamespace(groups=groups)
     of = SimpleNamespace(
-        samples=np.arange(10), robots=robots, problem=problem, rank=lambda g: g.sample, recorded_pose=pose
+        samples=np.arange(10), robots=robots, groups=groups, rank=lambda g: g.sample, recorded_pose=pose
     )
     found = _configuration_blocks(of)
     wanted = along // 2
     assert found.tolist() in (wanted.tolist(), (4 - wanted).tolist())
-    nowhere = SimpleNamespace(samples=np.arange(10), robots=(), problem=problem)
+    nowhere = SimpleNamespace(samples=np.arange(10), robots=(), groups=groups)
     assert _configuration_blocks(nowhere).tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,11 +11,12 @@ import pytest
 from tests.touch_cells import recorded, touch_cell, touch_lines
 
 from basecal.accuracy.clocks.step import clock_step
-from basecal.accuracy.covariance.widening import solution_step
+from basecal.accuracy.covariance.widening import state_step
 from basecal.accuracy.systematic_errors import expected_sizes
 from basecal.accuracy.systematic_errors.expected_sizes import (
     Expected,
     contain_expected_sizes,
+    posteriors_by_sigma,
     size_posterior,
     with_expected_sizes,
 )
@@ -28,6 +30,7 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve, solve_problem
 from basecal.estimation.streams.streams import recording_streams, synchronise
 from basecal.geometry import SE3
+from basecal.numerics.mixtures import mixture, probabilities
 from basecal.simulation import Scenario, simulate
 from stream_cells import streamed
 
@@ -79,7 +82,7 @@ def test_one_sigma_moves_the_answer_as_a_larger_board_does():
     sigma, share = 1e-7, 1e-4
     solution = solve(MADE.cell, MADE.recording, STATED)
     larger = solve(with_board(MADE.cell, 1 + share), MADE.recording, STATED)
-    expected = solution_step(solution, larger) * sigma / share
+    expected = state_step(solution.problem, solution.state, larger.state) * sigma / share
     found = alone(solution, target_size, sigma).covariance
     np.testing.assert_allclose(np.sqrt(np.diag(found)), np.abs(expected), rtol=0.02, atol=0.01 * np.abs(expected).max())
 
@@ -236,5 +239,48 @@ def test_sizes_and_offsets_of_clocks_are_one_posterior(monkeypatch, clock):
     np.testing.assert_allclose(found.offset_covariance, added[p:, p:], rtol=1e-6)
     added_to_answer = found.solution.covariance - solution.covariance
     np.testing.assert_allclose(added_to_answer, added[:p, :p], atol=1e-6 * np.abs(added[:p, :p]).max())
-    np.testing.assert_allclose(solution_step(solution, found.solution), moved[:p], atol=1e-6 * np.abs(moved[:p]).max())
+    np.testing.assert_allclose(
+        state_step(solution.problem, solution.state, found.solution.state),
+        moved[:p],
+        atol=1e-6 * np.abs(moved[:p]).max(),
+    )
     assert added[p, p] > 0.1 * plain[p, p]
+
+
+def drawn(rng, options, width):
+    """A prior of so many sigmas of so many sizes, the first of them none."""
+    sigmas = np.concatenate([np.zeros((1, width)), rng.uniform(0.1, 2, (options - 1, width))])
+    return SigmaPrior(sigmas, rng.dirichlet(np.ones(options)))
+
+
+def all_at_once(gradient, information, priors):
+    """Each combination of sigmas alone: logarithms of the evidence, means and covariances, and prior shares."""
+    shares, evidences, means, covariances = [], [], [], []
+    for each in product(*(zip(p.sigmas, p.shares, strict=True) for p in priors)):
+        s = np.diag(np.concatenate([sigmas for sigmas, _ in each]))
+        covariance = s @ np.linalg.inv(s @ information @ s + np.eye(len(s))) @ s
+        means.append(-covariance @ gradient)
+        covariances.append(covariance)
+        evidences.append(gradient @ covariance @ gradient - np.linalg.slogdet(s @ information @ s + np.eye(len(s)))[1])
+        shares.append(np.prod([share for _, share in each]))
+    return tuple(np.array(each) for each in (shares, evidences, means, covariances))
+
+
+@pytest.mark.parametrize("widths", [(3,), (2, 3), (4, 1, 2), (0, 2, 0)])
+def test_levels_are_all_combinations_at_once(widths):
+    """Sizes eliminated one level after another have the posterior of every combination of sigmas solved alone."""
+    rng, q = np.random.default_rng(3), sum(widths)
+    root, gradient = rng.normal(size=(q + 2, q)), rng.normal(size=q)
+    priors = [drawn(rng, options, width) for options, width in zip((3, 4, 5), widths, strict=False)]
+    shares, evidences, means, covariances = all_at_once(gradient, root.T @ root, priors)
+    given = posteriors_by_sigma(gradient, root.T @ root, priors)
+    found = mixture(priors[0].shares, given)
+    weights = probabilities(shares, evidences)
+    mean = weights @ means
+    off = means - mean
+    np.testing.assert_allclose(found.evidence, 2 * np.log(shares @ np.exp(0.5 * evidences)))
+    np.testing.assert_allclose(found.mean, mean, atol=1e-12)
+    spread = np.einsum("m,mij->ij", weights, covariances + off[:, :, None] * off[:, None])
+    np.testing.assert_allclose(found.covariance, spread, atol=1e-12)
+    of_first = weights.reshape(len(priors[0].shares), -1).sum(1)
+    np.testing.assert_allclose(probabilities(priors[0].shares, given.evidence), of_first)

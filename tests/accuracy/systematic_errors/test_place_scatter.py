@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from basecal.accuracy.systematic_errors import search
-from basecal.accuracy.systematic_errors.place_scatter import PlaceScatter, place_scatter
+from basecal.accuracy.systematic_errors.place_scatter import PlaceScatter, Suspect, place_scatter
 from basecal.accuracy.systematic_errors.score_tests import score
 from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Recording, RobotState, Sample
+from basecal.effects.faces.candidates import Candidates
 from basecal.effects.step import candidates as steps
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
@@ -71,7 +74,7 @@ def test_one_place_has_no_scatter(monkeypatch):
     """A recording whose flanges stay at one place cannot be split by place."""
     solution = solved()
     stay = np.zeros((40, 24))
-    monkeypatch.setattr("basecal.accuracy.systematic_errors.place_scatter._flange_poses", lambda _: stay)
+    monkeypatch.setattr("basecal.accuracy.systematic_errors.place_scatter.flange_poses", lambda _: stay)
     assert scatter_of(solution) == PlaceScatter()
 
 
@@ -100,3 +103,25 @@ def test_a_change_is_compared_with_the_scatter():
     """By Fisher's ratio; by chi-square where noise is alone."""
     assert PlaceScatter().log_chance(30.0, 6) < PlaceScatter(1.0, 50.0).log_chance(30.0, 6)
     assert PlaceScatter(2.0, 50.0).log_chance(30.0, 6) == PlaceScatter(1.0, 50.0).log_chance(15.0, 6)
+
+
+ONE = Suspect(
+    "step", Candidates("base-moved", ("a",), (3,), "", (None,)), np.zeros(6), 6, 60.0, -20.0, -22.0, np.log(32)
+)
+
+
+def test_one_of_many_ranks_behind():
+    """By half the logarithm of their number."""
+    assert ONE.rank == pytest.approx(-22.0 + 0.5 * np.log(32))
+
+
+def test_a_change_in_time_is_judged_by_the_larger_of_score_and_gain():
+    """Beside what differs by place; other errors keep their chance."""
+    moved = replace(ONE, scatter=PlaceScatter(2.0, 50.0))
+    assert ONE.log_chance_beside_places(90.0, -31.0) == -31.0
+    assert moved.log_chance_beside_places(10.0, -31.0) == pytest.approx(
+        PlaceScatter(1.0, 50.0).log_chance(30.0, 6) + np.log(32)
+    )
+    assert moved.log_chance_beside_places(90.0, -31.0) == pytest.approx(
+        PlaceScatter(1.0, 50.0).log_chance(45.0, 6) + np.log(32)
+    )

@@ -12,10 +12,9 @@ from basecal.accuracy.covariance.widening import widen
 from basecal.accuracy.findings.systematic_error import systematic_error as findings
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors import search
-from basecal.accuracy.systematic_errors.place_scatter import PlaceScatter
+from basecal.accuracy.systematic_errors.place_scatter import PlaceScatter, Suspect
 from basecal.accuracy.systematic_errors.search import _reconciling_effect, systematic_error
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.systematic_errors.suspect import Suspect
 from basecal.cell import Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.effect import FoundEffect
@@ -96,7 +95,7 @@ def test_the_error_that_gains_most_is_named_whatever_scores_best(monkeypatch):
     problem, _ = build_problem(cell, recording)
     exact = solve_problem(problem, cell, SETTINGS)
     solution, stamps = with_noise(exact, Settings(), guess=exact), {s.sample: s.stamp_s for s in recording.samples}
-    suspects = search._suspects(search._situation(solution, problem, stamps))
+    suspects = search._suspects(search.situate(solution, problem, stamps))
     assert {"base-moved", "drift"} <= {each.candidate.code for each in suspects}
     first = suspects[: search._MOST_TRIED]
     for in_order in (first, first[::-1]):
@@ -398,6 +397,7 @@ class Described:
 
     problem: str
     noise: NoiseEstimate
+    state: str = "state"
 
 
 @pytest.mark.parametrize(
@@ -411,12 +411,12 @@ class Described:
 def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, about, is_camera, is_target):
     """Its size corrected by what is left of it beside the same random effects, its covariance by its information."""
     again = SimpleNamespace(size=np.array([[0.25]]), information=np.array([[[4.0]]]))
-    monkeypatch.setattr(search, "_situation", lambda solution, *of: SimpleNamespace(null_model=lambda *of: solution))
+    monkeypatch.setattr(search, "situate", lambda solution, *of: SimpleNamespace(null_model=lambda *of: solution))
     told = "corrected", {"smooth": {}}
-    before = Described("before", NoiseEstimate(Noise(), 1.0, (), True, common=told[1]))
+    before = Described("before", NoiseEstimate(Noise(), 1.0, (), True, common=told[1]), "start")
     after = Described("corrected", replace(before.noise, common={}))
     monkeypatch.setattr(search, "score", lambda null, *of: again if (null.problem, null.noise.common) == told else None)
-    monkeypatch.setattr(search, "solution_step", lambda before, after: (before, after))
+    monkeypatch.setattr(search, "state_step", lambda problem, *states: states)
     groups = (SimpleNamespace(camera="wrist", target="board"), SimpleNamespace(camera="other", target="board"))
     problem = SimpleNamespace(groups=groups)
     of = SimpleNamespace(problem=problem, recorded=None, stamps={})
@@ -424,7 +424,7 @@ def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, about, is_
     assert (found.code, found.about, found.since, found.unit, found.joint) == (code, about, 7, "m", 3)
     assert (found.is_camera, found.is_target) == (is_camera, is_target)
     assert (found.size.tolist(), found.covariance.tolist(), found.sigma) == ([0.75], [[0.25]], 0.5)
-    assert found.moved == (before, after)
+    assert found.moved == ("start", "state")
     assert search._describe(of, suspect(about=about), before, after).joint is None
 
 
@@ -440,7 +440,7 @@ def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solutio
         described.append((error.candidate.about[0], error.size.tolist(), before.name, after.name))
         return ERROR
 
-    monkeypatch.setattr(search, "_situation", lambda *given: SimpleNamespace(is_held_in_time=lambda effect: False))
+    monkeypatch.setattr(search, "situate", lambda *given: SimpleNamespace(is_held_in_time=lambda effect: False))
     monkeypatch.setattr(search, "_suspects", lambda of: list(suspects))
     monkeypatch.setattr(
         search, "_confirmed_suspects", lambda of, tried: iter([e for e in tried if e.candidate.about[0] not in refuted])

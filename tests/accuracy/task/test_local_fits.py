@@ -12,7 +12,6 @@ from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.accuracy.task import local_fits as module
-from basecal.accuracy.task.error_map import target_places
 from basecal.accuracy.task.local_fits import (
     CHANCE_LIMIT,
     FEWEST_SAMPLES,
@@ -24,6 +23,7 @@ from basecal.accuracy.task.local_fits import (
     _squares,
     local_fits,
 )
+from basecal.accuracy.task.meeting import target_places
 from basecal.cell import Recording, RobotState
 from basecal.estimation.solve import Solution, solve
 from basecal.geometry import SE3

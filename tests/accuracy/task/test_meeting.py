@@ -9,6 +9,7 @@ import pytest
 from tests.ends import end, views
 
 from basecal.accuracy.task.meeting import Meeting, make_meeting, recorded_places, target_places, worst_meeting
+from basecal.estimation.problem.problem import Problem, Stops
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
@@ -56,7 +57,8 @@ def test_a_weight_is_the_mean_square_over_places(arms):
 def test_what_a_point_moves_by_is_of_the_columns_of_its_transform(size):
     """Of a point's offset three columns shift, and nothing turns."""
     covariance = np.diag(np.arange(1.0, 11.0))
-    problem = SimpleNamespace(columns={"a_from_b": slice(2, 2 + size)}, width=10)
+    columns = {"a_from_b": slice(2, 2 + size), "c": slice(9, 10)}
+    problem = Problem("a", (), {}, frozenset(), {}, Stops(np.zeros((0, 6))), columns)
     meeting = Meeting(problem, None, "a_from_b", "a", np.array([[0.0, 0.0, 2.0]]), {}, None)
     turns = 4 * (6 + 7) if size == 6 else 0
     assert np.trace(meeting.weight @ covariance) == pytest.approx(3 + 4 + 5 + turns)

@@ -8,15 +8,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
 from basecal.accuracy.task.arm_errors import ArmErrors
-from basecal.accuracy.task.arms_at_points import reach_points, recorded_joints
-from basecal.accuracy.task.error_map import error_map
-from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, kinematic_errors
-from basecal.accuracy.task.meeting import Meeting, make_meeting
-from basecal.accuracy.task.meeting_errors import _likely_models, _Model, _own_variance, meeting_errors
-from basecal.cell import Calibration
+from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, kinematic_errors, reach_points
+from basecal.accuracy.task.meeting import Meeting, Moves, make_meeting
+from basecal.accuracy.task.meeting_errors import (
+    POSE_EFFECTS,
+    _likely_models,
+    _Model,
+    _own_variance,
+    field_covariance,
+    meeting_errors,
+    moved_by_pose_errors,
+    unseen_share,
+)
+from basecal.accuracy.task.task_error import error_map
+from basecal.cell import Calibration, Recording, RobotState
 from basecal.effects.faces.shared_errors import SharedTerm
+from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.joint_estimate import model_sigmas
+from basecal.estimation.noise.random_effects import shared_errors
+from basecal.estimation.noise.robot_noise import stands
 from basecal.estimation.problem.problem import Stops
 from basecal.estimation.problem.robot_parameters import apply_step
 from basecal.estimation.settings import Settings
@@ -160,7 +172,7 @@ def test_what_meets_moves_with_the_base_and_both_arms():
     hand = state.kinematics(problem.models["hand"])
     at_hand = hand.forward(recorded).translation
     points = base @ at_hand
-    eye_joints = reach_points(problem, state, "eye", recorded_joints(problem, "eye"), points)
+    eye_joints = reach_points(problem, state, "eye", points)[1]
     meeting = make_meeting(made.cell, problem, state, BASE, points)
     mean, found = meeting_errors(meeting, ArmErrors(meeting.cell, solution, solution), noise)
     np.testing.assert_array_equal(mean, 0)
@@ -218,3 +230,92 @@ def test_models_count_by_their_priors_and_evidence():
     found = _likely_models(models)
     assert [model for _, model in found] == models[:2]
     np.testing.assert_allclose([share for share, _ in found], [0.6, 0.4], rtol=1e-4)
+
+
+ARMS_POSE_ERRORS = Scenario(samples=20, robot_noise=(3e-5, 5e-5), state_robot_noise=False, state_pixel_noise=False)
+
+
+def wrong_by_place(made, size):
+    """The recording with poses of the hand shifted smoothly by some size [m], and the true poses."""
+    weights, samples = size * np.random.default_rng(0).standard_normal((3, 3)), []
+    for sample in made.recording.samples:
+        pose = sample.robots["hand"].base_from_flange
+        shifted = SE3(pose.rotation, pose.translation + weights @ np.sin(4 * pose.translation))
+        samples.append(replace(sample, robots={**sample.robots, "hand": RobotState(shifted)}))
+    return Recording(tuple(samples))
+
+
+@pytest.fixture(scope="module")
+def solved_of_pose_errors():
+    made = simulate(ARMS_POSE_ERRORS, 1)
+    return made, solve(made.cell, wrong_by_place(made, 1e-3), Settings(robot_noise="estimated"))
+
+
+@pytest.mark.parametrize("name", POSE_EFFECTS)
+def test_at_recorded_poses_they_are_those_of_stops(solved_of_pose_errors, name):
+    """In the axes of the base, to what the modes left out explain; three metres away no recorded pose says anything."""
+    problem = solved_of_pose_errors[1].problem
+    poses, seen = stands(problem, "hand")
+    at_stops = shared_errors(RANDOM_EFFECTS[name], problem, "hand").by_stop[seen]
+    places = poses[np.flatnonzero(seen)].translation
+    found = moved_by_pose_errors(problem, "hand", places, name)
+    np.testing.assert_allclose(found, np.kron(np.eye(2), poses.rotation[seen]) @ at_stops, atol=1e-12)
+    assert unseen_share(problem, "hand", places, name).max() < 0.08
+    assert unseen_share(problem, "hand", places + np.array([0, 0, 3.0]), name).min() > 0.99
+
+
+def test_what_the_base_takes_up_counts_once(solved_of_pose_errors):
+    """At recorded places the miss is better known than base and errors alone, and 95 in 100 are within three sigmas."""
+    made, solution = solved_of_pose_errors
+    poses = made.true_base_from_flange["hand"]
+    places = solution.state.transforms[BASE] @ poses.translation
+    meeting = make_meeting(made.cell, solution.problem, solution.state, BASE, places)
+    widening = with_expected_sizes(made.cell, solution, None).covariance - solution.covariance
+    mean, covariance = meeting_errors(meeting, ArmErrors(made.cell, solution, solution), {"robots": {}}, widening)
+    alone = meeting.total_error(solution.covariance + widening, ())
+    (name,) = solution.noise.common
+    assert "hand" in solution.noise.common[name]
+    assert np.trace(covariance.mean(0)[:3, :3]) < 0.7 * np.trace(alone.mean(0)[:3, :3])
+    meant = np.array([s.robots["hand"].base_from_flange.translation for s in wrong_by_place(made, 1e-3).samples])
+    missed = solution.state.transforms[BASE].inverse() @ (made.truth[BASE] @ poses.translation) - meant
+    off = missed - mean[:, :3]
+    distance = np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariance[:, :3, :3]), off)
+    assert np.all(np.linalg.eigvalsh(covariance)[:, 0] > 0)
+    assert np.mean(distance < 9) > 0.9
+
+
+MADE = simulate(Scenario(samples=12, robot_noise=(2e-4, 5e-4), position_m=0.03, spread_rad=0.3), 4)
+SOLUTION = solve(MADE.cell, MADE.recording, Settings(robot_noise="stated"))
+PLACES = SOLUTION.problem.robot_ends("hand")[0].base_from_flange.translation
+
+
+def added(points_m, is_total=False, has_base=True):
+    """What the field of the hand adds at its flange; beside the base, which takes up what all samples share."""
+    robots = {name: replace(robot, is_total_noise=is_total) for name, robot in MADE.cell.robots.items()}
+    name, cell = MADE.cell.requested_transforms[0], replace(MADE.cell, robots=robots)
+    in_world = SOLUTION.state.transforms[name] @ points_m
+    meeting = make_meeting(cell, SOLUTION.problem, SOLUTION.state, name, in_world)
+    meeting = replace(meeting, places_m={"hand": points_m})
+    if not has_base:
+        vars(meeting)["moves"] = Moves(np.zeros((len(points_m), 6, 0)), np.zeros(0, dtype=np.int64))
+    return field_covariance(meeting, ArmErrors(meeting.cell, SOLUTION, SOLUTION))
+
+
+def test_far_from_samples_an_arm_errs_as_arms_do():
+    """Two metres away all of the field's variance is there, and an axis may be long by so much of the distance."""
+    far = added(PLACES + np.array([0.0, 0.0, 2.0]), has_base=False)
+    np.testing.assert_allclose(far, far.mT, atol=1e-18)
+    assert (np.linalg.eigvalsh(far) > -1e-18).all()
+    assert far[:, 0, 0].min() > 1e-4**2
+    assert (far[:, 2, 2] > 2 * far[:, 0, 0]).all()
+
+
+def test_arms_whose_noise_is_total_have_none():
+    """They are as accurate as they say."""
+    assert not added(PLACES, is_total=True).any()
+
+
+def test_what_the_answer_takes_up_counts_once():
+    """Samples share most of a field, which moves the base instead: beside the base it adds less."""
+    shared, alone = (np.trace(added(PLACES, has_base=each).mean(0)[:3, :3]) for each in (True, False))
+    assert shared < 0.95 * alone

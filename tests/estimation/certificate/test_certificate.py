@@ -9,7 +9,7 @@ import pytest
 from tests.shared.deceivers import adversarial, tried
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.certify import prove_solution
+from basecal.accuracy.stages.judging import prove_solution
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
 from basecal.estimation.certificate.certificate import _turned_states, certify, proven_loops

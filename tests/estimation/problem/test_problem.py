@@ -279,6 +279,13 @@ def test_stops_of_several_views_are_numbered(problem):
     assert problem.with_groups([still]).shared_stops.tolist() == [-1] * 5 + [0] + [-1] * 4
 
 
+def test_column_indices_follow_the_names(problem):
+    """Not the order of the columns; none of no name."""
+    some = replace(problem, columns={"b": slice(2, 5), "other": slice(0, 2), "a": slice(5, 11)})
+    assert some.column_indices(["a", "b"]).tolist() == [5, 6, 7, 8, 9, 10, 2, 3, 4]
+    assert some.column_indices([]).tolist() == []
+
+
 def test_views_in_motion_shake_by_their_stamps_jitter(problem):
     """In metres and radians; without jitter, or standing still, there is none."""
     (group,) = problem.groups

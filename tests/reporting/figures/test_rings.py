@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.seen_points import seen
 
-from basecal.accuracy.residuals.view_poses import ViewPoses
+from basecal.accuracy.fit_details import ViewPoses
 from basecal.geometry import SE3
 from basecal.reporting.figures.rings import (
     MIDDLE,

@@ -65,24 +65,19 @@ def clock_findings(search: Clocked, step: ClockStep) -> list[Finding]:
     for k, name in enumerate(step.clocks):
         known = search.streams.clocks[name]
         offset = search.offsets_s[name] + float(step.step_s[k])
+        off = offset - known.offset_s
         device, is_line = cameras.get(name, name), name in cameras
         which = f"The line time of {device}" if is_line else f"The clock of {device}"
         if not step.seen[k]:
             at = f"{1e6 * search.offsets_s[name]:.1f} us" if is_line else f"{search.offsets_s[name]:.3f} s"
             why = f"Nothing moves enough while it records: it is held at {at}, and nothing depends on it."
             findings.append(Finding("unobservable-direction", "info", (device,), f"{which} is unobservable.", why=why))
-        elif known.sigma_s is not None and _is_contradicted(device, (offset - known.offset_s) / known.sigma_s):
+        elif known.sigma_s is not None and compare_nested_models((off / known.sigma_s) ** 2, 1).is_taken:
             is_at = f"{1e6 * offset:.2f} us" if is_line else f"{1e3 * offset:.1f} ms off"
             stated = f"{1e6 * known.offset_s:.2f} us" if is_line else f"{1e3 * known.offset_s:.1f} ms"
-            sigmas = abs(offset - known.offset_s) / known.sigma_s
-            what = f"{which} is {is_at}, {sigmas:.1f} sigma from its prior of {stated}."
+            what = f"{which} is {is_at}, {abs(off) / known.sigma_s:.1f} sigma from its prior of {stated}."
             kind, value = ("rolling_shutter", "line_time_s") if is_line else ("clock", "offset_s")
             entry = f"`{kind}: {{status: free, {value}: {offset:.3g}}}`"
             do = (f"Check the prior, or write {entry} at {device} in cell.yaml.",)
             findings.append(Finding("prior-contradicted", "warning", (device,), what, do))
     return findings
-
-
-def _is_contradicted(device: str, sigmas: float) -> bool:
-    """Whether an offset that is so far off its prior is believed rather than that."""
-    return compare_nested_models(device, sigmas**2, 1).is_taken

@@ -12,8 +12,8 @@ from typing import Self
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.score_tests import linearise_views, score, sums
-from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
+from basecal.accuracy.systematic_errors.score_tests import score, sums
+from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation, situate
 from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.solve import Solution
 from basecal.estimation.streams.rolling_shutter import line_time_name
@@ -65,10 +65,9 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
         offsets_s: The offsets they were made with, by device.
         solution: With its noise.
     """
-    problem = solution.noise.hold_sigmas(solution.problem)
-    situation = Situation(problem, solution.state, problem, {})
-    moves = tuple(_clock_jacobian(situation, k, streams.open, samples) for k in range(len(problem.groups)))
-    about = linearise_views(problem, solution.state)
+    situation = situate(solution)
+    moves = tuple(_clock_jacobian(situation, k, streams.open, samples) for k in range(len(situation.groups)))
+    about = situation.linearisation
     every = Candidates("clock-offset", ("",), (None,), "s", moves)
     of_views = score(about, every)
     known = [streams.clocks[name] for name in streams.open]
@@ -79,10 +78,10 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
     variance = np.diagonal(covariance)
     lines = {line_time_name(camera) for camera in streams.cell.cameras}
     most = np.array([_UNOBSERVABLE_LINE_SIGMA_S if name in lines else _UNOBSERVABLE_SIGMA_S for name in streams.open])
-    seen = np.asarray((variance > 0) & (variance < most**2))
+    seen = (variance > 0) & (variance < most**2)
     step = np.where(seen, -covariance @ (of_views.gradient[0] + pull / sigma**2), 0.0)
     _, across, _ = sums(about, every)
-    by_offsets = -spectrum(about.hessian).inverse @ across[0].T
+    by_offsets = -about.inverse @ across[0].T
     # A prior that the views contradict is no reason for an effect: it is as wide as the step is off it.
     wide = np.minimum(np.hypot(sigma, pull + step), most)
     present = np.where(np.isinf(sigma), 0.0, pull / wide)
@@ -117,4 +116,4 @@ def _mean_row(situation: Situation, k: int) -> Array:
     row = np.repeat(group.measurement.pixels[..., 1], 2, axis=1)
     information = transposed @ transposed.mT
     by_row = (transposed * row[:, None]) @ transposed.mT
-    return np.asarray(spectrum(information, VIEW_ROUNDING).inverse @ by_row)
+    return spectrum(information, VIEW_ROUNDING).inverse @ by_row

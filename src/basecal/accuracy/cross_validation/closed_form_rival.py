@@ -6,19 +6,21 @@ answer is wrong in a way that no finding has named.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from basecal.accuracy.covariance.widening import state_step
 from basecal.accuracy.cross_validation.refit import Refit, with_known_stops
 from basecal.accuracy.model_comparison.held_out import compare_predictions
 from basecal.accuracy.residuals.fit import single_view_pose
+from basecal.cell import Rival
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
-from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 _MIN_VIEWS = 6  # held-out views that are compared; assumed
 FEWEST_FITTED = 3
@@ -76,11 +78,8 @@ def _closed_form(problem: Problem, group: ViewGroup, poses: SE3, mask: BoolArray
     rows = np.flatnonzero(mask)
     if len(rows) < FEWEST_FITTED:
         return None
-    bases = [SE3.identity() if end.base is None else _fixed_mean(problem, end.base) for end in group.ends]
-    y = None if bases[0] is None or bases[1] is None else bases[0].inverse() @ bases[1]
-    x, z = (_fixed_mean(problem, end.mount) for end in group.ends)
     a, c = (end.base_from_flange[rows] for end in group.ends)
-    loop = Loop(a, poses[rows], c, x, y, z, np.ones(len(rows)))
+    loop = Loop(a, poses[rows], c, *problem.fixed_factors(group), np.ones(len(rows)))
     if not loop.unknown:
         return None
     try:
@@ -88,11 +87,6 @@ def _closed_form(problem: Problem, group: ViewGroup, poses: SE3, mask: BoolArray
         return solve_translations(loop, rotations) if rotations.clear else None
     except np.linalg.LinAlgError:
         return None
-
-
-def _fixed_mean(problem: Problem, name: str) -> SE3 | None:
-    unknown = problem.unknowns[name]
-    return unknown.mean if unknown.status == "fixed" else None
 
 
 def _squared_errors(poses: SE3, predictions: SE3) -> Array:
@@ -108,7 +102,7 @@ def _ratio(ours: Array, theirs: Array) -> float | None:
     ours, theirs = np.maximum(ours, _SMALLEST**2), np.maximum(theirs, _SMALLEST**2)
     unit = ours.mean(0)
     squares, in_use = (theirs / unit).sum(1), (ours / unit).sum(1)
-    is_taken = compare_predictions("closed form", squares, in_use).is_taken
+    is_taken = compare_predictions(squares, in_use).is_taken
     return float(np.sqrt(in_use.mean() / squares.mean())) if is_taken else None
 
 
@@ -117,9 +111,77 @@ def _closed_form_step(problem: Problem, state: State, group: ViewGroup, triple: 
     x, y, z = triple
     placed = group.placed_base(y, state.transforms, problem.columns)
     found = {group.eye.mount: x, group.hand.mount: z} | placed
-    step = np.zeros(problem.width)
-    for name, transform in found.items():
-        if name in problem.columns:
-            where = problem.columns[name]
-            step[where] = (state.transforms[name].inverse() @ transform).log()[: where.stop - where.start]
-    return step
+    return state_step(problem, state, replace(state, transforms={**state.transforms, **found}))
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Views in which one arm moves: `camera_from_target` is `first @ inner @ last` with both unknown.
+
+    Attributes:
+        group: The views.
+        alone: (n,) `camera_from_target` of each view alone.
+        inner: (n,) the moving transform.
+    """
+
+    group: ViewGroup
+    alone: SE3
+    inner: SE3
+
+
+def opencv_rivals(solution: Solution, refits: Sequence[Refit]) -> tuple[Rival, ...]:
+    """The answer and each of OpenCV's seven methods by held-out views; none if both arms move in all views.
+
+    Each method has one moving transform between two unknowns. Of two arms it takes the views in which one of them
+    stands still, a calibration for each such part, as its users do.
+
+    All see the views that the answer uses, through its lens.
+    """
+    from basecal.vision.robot_world import METHODS, robot_world  # cv2 takes as long to load as all else
+
+    names, errors = ("basecal", *(f"OpenCV {method}" for method in METHODS)), dict[str, list[Array | None]]()
+    for part in _parts(solution):
+        for refit in refits:
+            held = np.isin(part.group.sample, list(refit.held))
+            rows, train = np.flatnonzero(held), np.flatnonzero(~held)
+            if not len(rows) or len(train) < FEWEST_FITTED:
+                continue
+            state = with_known_stops(refit.optimum.state, refit.known)
+            predicted: list[SE3 | None] = [state.camera_from_target(part.group.take(rows), solution.problem.stops)]
+            for method in METHODS:
+                found = robot_world(part.alone[train], part.inner[train], method)
+                predicted.append(None if found is None else found.first @ part.inner[rows] @ found.last)
+            for name, pose in zip(names, predicted, strict=True):
+                off = None if pose is None else (part.alone[rows].inverse() @ pose).log()
+                errors.setdefault(name, []).append(off)
+    return tuple(_rival(name, found) for name, found in errors.items())
+
+
+def _parts(solution: Solution) -> Iterator[_Part]:
+    for group in solution.problem.groups:
+        predicted = solution.state.camera_from_target(group, solution.problem.stops)
+        alone, free = single_view_pose(solution.state, group, predicted)
+        for moving, still in ((0, 1), (1, 0)):
+            for rows in _still_views(group, moving, still, free):
+                free = free & ~np.isin(np.arange(len(group)), rows)
+                recorded = group.ends[moving].base_from_flange[rows]
+                inner = recorded.inverse() if moving == 0 else recorded
+                yield _Part(group.take(rows), alone[rows], inner)
+
+
+def _still_views(group: ViewGroup, moving: int, still: int, free: BoolArray) -> Iterator[IntArray]:
+    """Rows of views in which one end stands still while the other makes more than a few stops."""
+    where, stops = group.ends[still].stand, group.ends[moving].stand
+    for place in np.unique(where[free]):
+        rows = np.flatnonzero(free & (where == place))
+        if len(np.unique(stops[rows])) > FEWEST_FITTED:
+            yield rows
+
+
+def _rival(name: str, errors: Sequence[Array | None]) -> Rival:
+    """A method by its errors, (n, 6) [m, rad] of each fold; without an error where it fails in one."""
+    if any(each is None for each in errors):
+        return Rival(name)
+    off = np.concatenate([each for each in errors if each is not None])
+    length, angle = (float(np.sqrt(np.mean(np.sum(half**2, axis=1)))) for half in (off[:, :3], off[:, 3:]))
+    return Rival(name, length, angle)

@@ -13,8 +13,8 @@ import numpy as np
 
 from basecal.accuracy.cross_validation.folds import FOLDS, Split, place_split, splits
 from basecal.accuracy.cross_validation.station_scores import score_stations
-from basecal.accuracy.model_comparison.comparison import Comparison, Decision
 from basecal.accuracy.model_comparison.held_out import compare_predicted_gains
+from basecal.accuracy.model_comparison.nested_models import Comparison, Decision
 from basecal.cell import Parameters
 from basecal.effects import joint_offsets, link_parameters
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
@@ -203,4 +203,4 @@ def _mean_score(candidate: Candidate) -> float:
 
 
 def _compare(richer: Candidate, simpler: Candidate) -> Comparison:
-    return compare_predicted_gains(richer.kind, simpler.scores - richer.scores)
+    return compare_predicted_gains(simpler.scores - richer.scores)

@@ -1,19 +1,25 @@
-"""How well a problem predicts stations that were left out of its fit. Source: docs/mathematics.md (9.4)."""
+"""How well a problem predicts stations, or places of touches, that were left out of its fit.
+
+Source: docs/mathematics.md (9.4).
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.cross_validation.folds import Split
+from basecal.accuracy.cross_validation.folds import Split, place_split
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians
 from basecal.estimation.least_squares.normal_equations import linearise, retract
+from basecal.estimation.least_squares.sparse_normal_equations import is_sparse
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.geometry import Array
+from basecal.estimation.solve import Solution
+from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 _PLACING_STEPS = 5  # from where all views have it: it is nearly linear
@@ -64,18 +70,17 @@ def score_stations(problem: Problem, state: State, split: Split, iterations: int
 def place_unknowns(fit: Refit) -> State:
     """The state of a fit, with what its held-out views alone depend on, such as a mark, where these have it."""
     rows, state = held_out_columns(fit), fit.optimum.state
-    for _ in range(_PLACING_STEPS if rows else 0):
+    for _ in range(_PLACING_STEPS if len(rows) else 0):
         normal, step = linearise(fit.views, state), np.zeros(fit.views.width)
         step[rows] = -spectrum(normal.hessian[np.ix_(rows, rows)]).inverse @ normal.gradient[rows]
         state = retract(fit.views, state, normal, step)
     return with_known_stops(state, fit.known)
 
 
-def held_out_columns(fit: Refit) -> list[int]:
+def held_out_columns(fit: Refit) -> IntArray:
     """Columns of what the held-out views of a fit alone depend on."""
     used, held = ({name for g in of.groups for name in g.frames} for of in (fit.used, fit.views))
-    columns = fit.views.columns
-    return [k for name in columns if name in held - used for k in range(columns[name].start, columns[name].stop)]
+    return fit.views.column_indices(name for name in fit.views.columns if name in held - used)
 
 
 class ViewPredictions(NamedTuple):
@@ -103,3 +108,71 @@ def predict_views(problem: Problem, group: ViewGroup, state: State) -> ViewPredi
     is_placed = of.held.all(axis=1) | (~information[:, 3:].any(axis=(1, 2)) & (of.rank == 3))  # a pose, or a point
     off_m = np.where(is_placed, np.linalg.norm(step[:, :3], axis=1), np.nan)
     return ViewPredictions(cost, np.maximum(cost - alone, 0.0), of.rank.astype(np.float64), off_m)
+
+
+_OPEN_SIGMA = 1.0  # [m, rad] of what the other places leave open: as wide as an arm reaches, or 57 deg; assumed
+
+
+class PlaceError(NamedTuple):
+    """A mark whose place was held out.
+
+    Attributes:
+        mark: Its name.
+        error_m: Rms distance of its touches from where the answer of the other places has them [m].
+        ratio: Root of the mean square of that over what noise, and doubt about the answer, explain.
+        freedoms: Of the mean.
+    """
+
+    mark: str
+    error_m: float
+    ratio: float
+    freedoms: float
+
+
+def place_errors(solution: Solution, iterations: int) -> tuple[PlaceError, ...]:
+    """Errors at each mark, held out with all that stays together with it; none if touches are not of three places.
+
+    Args:
+        solution: The answer, with the noise in use.
+        iterations: Steps of each fit, at most.
+    """
+    problem = solution.noise.hold_sigmas(solution.problem)
+    split = place_split(problem)
+    if split is None or is_sparse(problem) or not solution.converged:
+        return ()
+    fresh = replace(solution.state, stop_errors=np.zeros_like(solution.state.stop_errors))
+    sums: dict[str, Array] = {}
+    for fit in refit_folds(problem, fresh, split.folds, iterations):
+        end = place_unknowns(fit)
+        for group, expected in zip(fit.views.groups, _expected_squares(fit, end), strict=True):
+            views = predict_views(problem, group, end)
+            numbers = [views.far.sum(), expected, views.freedoms.sum(), np.sum(views.off_m**2), len(group)]
+            sums[group.target] = sums.get(group.target, np.zeros(5)) + numbers
+    return tuple(
+        PlaceError(mark, float(np.sqrt(square_m2 / count)), float(np.sqrt(far / expected)), float(freedoms))
+        for mark, (far, expected, freedoms, square_m2, count) in sums.items()
+        if np.isfinite(far) and np.isfinite(square_m2)
+    )
+
+
+def _expected_squares(fit: Refit, state: State) -> list[float]:
+    """Squares that are expected of the held-out views of each group: by noise, and by doubt about the answer.
+
+    What the views alone depend on has taken its share of both: their residuals are orthogonal to it.
+    """
+    place = held_out_columns(fit)
+    known = np.setdiff1d(np.arange(fit.used.width), place)
+    covariance = np.linalg.inv(fit.optimum.hessian[np.ix_(known, known)] + np.eye(len(known)) / _OPEN_SIGMA**2)
+    rows = []
+    for of in linearise(fit.views, state).views:
+        root = spectrum(of.information, VIEW_ROUNDING).root
+        by_views = np.zeros((len(root) * root.shape[-1], fit.used.width))
+        by_views[:, of.columns] = (root.mT @ of.by_unknowns).reshape(len(by_views), -1)
+        rows.append(by_views)
+    every = np.concatenate(rows)
+    by_place = every[:, place]
+    left = np.eye(len(every)) - by_place @ spectrum(by_place.T @ by_place).inverse @ by_place.T
+    doubt = left @ every[:, known]
+    squares = np.diag(left) * every.any(axis=1) + np.einsum("ij,jk,ik->i", doubt, covariance, doubt)
+    ends = np.cumsum([0, *map(len, rows)])
+    return [float(squares[start:stop].sum()) for start, stop in pairwise(ends)]

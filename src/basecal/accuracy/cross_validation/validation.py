@@ -15,12 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy  # its parts are loaded when they are first used
 
-from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival, closed_form_rival
+from basecal.accuracy.covariance.widening import state_step
+from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival, closed_form_rival, opencv_rivals
 from basecal.accuracy.cross_validation.folds import Samples, splits
-from basecal.accuracy.cross_validation.opencv_rivals import opencv_rivals
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
-from basecal.accuracy.model_comparison.comparison import Comparison
-from basecal.accuracy.model_comparison.nested_models import compare_nested_models
+from basecal.accuracy.model_comparison.nested_models import Comparison, compare_nested_models
 from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.cell import Validation
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians
@@ -132,7 +131,7 @@ def cross_validate(
     free = [name for name in transform_names if name in solution.problem.columns]
     if not solution.converged or solution.observability.unobservable.intersection(free):
         return None
-    chosen = _joined_columns(solution.problem, free)
+    chosen = solution.problem.column_indices(free)
     fitted: list[_Fold] = []
     skipped: Samples = frozenset()
     for split in splits(solution.problem):
@@ -146,7 +145,7 @@ def cross_validate(
         return CrossValidation(None, None, HeldOutErrors(), HeldOutErrors(), skipped)
     used, predicted = _errors(solution, fitted)
     kept = [fold.fit for fold in fitted]
-    spread = _spread(solution, fitted, free, chosen)
+    spread = _spread(solution, fitted, chosen)
     summary = Validation(
         kind="k-fold" if any(len(fold.fit.held) > 1 for fold in fitted) else "leave-one-out",
         folds=len(fitted),
@@ -158,11 +157,6 @@ def cross_validate(
     )
     rival = closed_form_rival(solution, kept)
     return CrossValidation(summary, spread, used, predicted, skipped, rival)
-
-
-def _joined_columns(problem: Problem, names: Sequence[str]) -> IntArray:
-    where = [problem.columns[name] for name in names]
-    return np.array([k for each in where for k in range(each.start, each.stop)], dtype=np.int64)
 
 
 def _fold(solution: Solution, transform_names: Sequence[str], column_indices: IntArray, fit: Refit) -> _Fold | None:
@@ -248,20 +242,17 @@ def _group_errors(
     return HeldOutErrors(cost, square_px, count_px, square_m, square_rad, int(enough.sum()))
 
 
-def _spread(
-    solution: Solution, folds: Sequence[_Fold], transform_names: Sequence[str], column_indices: IntArray
-) -> FoldSpread | None:
+def _spread(solution: Solution, folds: Sequence[_Fold], column_indices: IntArray) -> FoldSpread | None:
     """How far the requested transforms move between the folds and the full answer, in units of what its covariance
     expects.
     """
-    columns = solution.problem.columns
     if not len(column_indices):
         return None
     hessian, factor = _information(solution), solution.noise.factor
     covariance = solution.covariance[np.ix_(column_indices, column_indices)]
     # A fold's change in units of what is expected of it, along the directions in which it has lost information.
     units = [_whitening(factor * fold.columns[column_indices], covariance) for fold in folds]
-    moved = [_fold_tangents(solution.state, fold.state, transform_names, columns) for fold in folds]
+    moved = [state_step(solution.problem, solution.state, fold.state)[column_indices] for fold in folds]
     whitened = [unit @ change for unit, change in zip(units, moved, strict=True)]
     freedoms = sum(len(each) for each in whitened)
     if not freedoms:
@@ -279,9 +270,7 @@ def _spread(
         return None
     is_estimated = bool(solution.noise.estimated) or solution.noise.factor != 1.0
     of_noise = max(solution.dof, 1) if is_estimated else np.inf
-    return FoldSpread(
-        mean, effective, compare_nested_models("spread", effective * mean, effective, noise_freedoms=of_noise)
-    )
+    return FoldSpread(mean, effective, compare_nested_models(effective * mean, effective, noise_freedoms=of_noise))
 
 
 def _information(solution: Solution) -> Array | scipy.sparse.csc_array:
@@ -308,14 +297,7 @@ def _whitening(fold: Array, full: Array) -> Array:
     unit = spectrum(full).inverse_root.T
     gain = scaled_spectrum(unit @ (fold - full) @ unit.T, _LEAST_GAIN)
     seen = gain.held & (gain.values < _MOST_GAIN)
-    return np.asarray(gain.inverse_root[:, seen].T @ unit)
-
-
-def _fold_tangents(full: State, fold: State, transform_names: Sequence[str], columns: Mapping[str, slice]) -> Array:
-    """Tangents from the full answer to a fold's, end to end [m, rad]."""
-    tangents = [(full.transforms[name].inverse() @ fold.transforms[name]).log() for name in transform_names]
-    widths = [columns[name].stop - columns[name].start for name in transform_names]
-    return np.concatenate([tangent[:width] for tangent, width in zip(tangents, widths, strict=True)])
+    return gain.inverse_root[:, seen].T @ unit
 
 
 def root_mean(squares: float, count: int) -> float | None:

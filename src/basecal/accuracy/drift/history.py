@@ -81,4 +81,4 @@ def _drift(name: str, run_name: str, history: Sequence[PastVerification]) -> Dri
     information = (weight * apart**2).sum(0)
     slope = (weight * apart * shift).sum(0) / information
     squared = float(np.sum(slope**2 * information))
-    return Drift(name, run_name, len(history), slope, information**-0.5, compare_nested_models(name, squared, 3).chance)
+    return Drift(name, run_name, len(history), slope, information**-0.5, compare_nested_models(squared, 3).chance)

@@ -18,7 +18,7 @@ def board_shape(evidence: Evidence) -> list[Finding]:
         if target is None:
             continue
         statistic = float(shape @ np.linalg.solve(spread, shape))
-        if not compare_nested_models(name, statistic, freedoms(target.points, shape)).is_taken:
+        if not compare_nested_models(statistic, freedoms(target.points, shape)).is_taken:
             continue
         found = words(name, target.points, shape)
         if found is not None:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from basecal.accuracy.cross_validation.held_out_places import PlaceError
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice
+from basecal.accuracy.cross_validation.station_scores import PlaceError
 from basecal.accuracy.cross_validation.validation import CrossValidation
 from basecal.accuracy.lens_structure import LensStructure
 from basecal.accuracy.residuals.fit import residuals

@@ -10,7 +10,6 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.outlier_samples import FEW_SHARE
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
-from basecal.cell.calibration import Severity
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 # Share of what a view is off by that time takes away: of views off in any of six directions 1 in 900 has it, by
@@ -34,10 +33,17 @@ def late_images(evidence: Evidence) -> list[Finding]:
     for camera in sorted({camera for _, camera in out}):
         late = sorted(_late_samples(evidence, camera, {sample for sample, name in out if name == camera}))
         if late:
-            severity: Severity = "warning" if len(late) > FEW_SHARE * evidence.robust.samples else "info"
             numbers = tuple(str(each.sample) for each in late)
             do = ("Look for a trigger that was missed, or a driver that stamps on arrival.",)
-            found.append(Finding("clock-offset", severity, (camera, *numbers), _problem_sentence(camera, late), do))
+            found.append(
+                Finding(
+                    "clock-offset",
+                    "warning" if len(late) > FEW_SHARE * evidence.robust.samples else "info",
+                    (camera, *numbers),
+                    _problem_sentence(camera, late),
+                    do,
+                )
+            )
     return found
 
 

@@ -7,7 +7,6 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.lens_structure import LensStructure
 from basecal.cell import Finding
-from basecal.cell.calibration import Severity
 
 # Sigmas by which a transform asked for has to move: less is within the sigma that is given; assumed.
 _RELEVANT_SIGMAS = 1.0
@@ -23,12 +22,13 @@ def lens_model(evidence: Evidence) -> list[Finding]:
             if name in evidence.solution.problem.columns
         ]
         worst = max(moves, default=0.0)
-        severity: Severity = "warning" if worst > _RELEVANT_SIGMAS else "info"
         what = f"Residuals of {found.camera} depend on their place in the image: {found.rms_px:.2g} px rms."
         moved = f"which moves the answer by {worst:.1f} sigma"
         why = f"Its lens model cannot have them (chance {found.chance:.0e}), {moved}. The covariance covers it."
         do = "Try another lens model or more distortion terms.", "Fill the images to their corners."
-        findings.append(Finding("lens-model", severity, (found.camera,), what, do, why))
+        findings.append(
+            Finding("lens-model", "warning" if worst > _RELEVANT_SIGMAS else "info", (found.camera,), what, do, why)
+        )
     return findings
 
 

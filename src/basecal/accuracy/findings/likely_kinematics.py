@@ -22,10 +22,7 @@ def likely_kinematics(evidence: Evidence) -> list[Finding]:
     noise = evidence.solution.noise
     name, sigmas = next((each for each in noise.common.items() if RANDOM_EFFECTS[each[0]].likely), ("", {}))
     likely = RANDOM_EFFECTS[name].likely if name else None
-    if (
-        likely is None
-        or not compare_evidence(name, noise.plain_minus_2_log_evidence - noise.minus_2_log_evidence).is_taken
-    ):
+    if likely is None or not compare_evidence(noise.plain_minus_2_log_evidence - noise.minus_2_log_evidence).is_taken:
         return []
     words = likely(sigmas)
     found = evidence.systematic_error

@@ -6,7 +6,6 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.phrases.outlier import list_outliers
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
-from basecal.cell.calibration import Severity
 
 _FEW_SHARE = 0.1  # share of the points: a few are the detector's everyday business; assumed
 
@@ -22,5 +21,13 @@ def outlier_points(evidence: Evidence) -> list[Finding]:
     why = list_outliers(outliers, evidence.images)
     look = "Look for reflections, covered or blurred parts of the target, and ids of another target."
     do = look, "Samples count from 0."
-    severity: Severity = "warning" if count > _FEW_SHARE * total else "info"
-    return [Finding("outlier-points", severity, tuple(map(str, numbers)), what, do, why)]
+    return [
+        Finding(
+            "outlier-points",
+            "warning" if count > _FEW_SHARE * total else "info",
+            tuple(map(str, numbers)),
+            what,
+            do,
+            why,
+        )
+    ]

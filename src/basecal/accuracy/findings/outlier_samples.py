@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.phrases.changed_frame import ChangedFrame, changed_frame
 from basecal.accuracy.phrases.outlier import list_outliers
-from basecal.accuracy.phrases.outlier_cause import outlier_causes
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
-from basecal.cell.calibration import Severity
 from basecal.errors import sentence
 from basecal.estimation.outliers.left_out import LeftOut
 from basecal.estimation.outliers.robust_solve import RobustSolution
-from basecal.estimation.problem.problem import Problem
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
+from basecal.geometry import SE3, Array, IntArray
 
 FEW_SHARE = 0.03
 """Share of the samples that is an event in the cell, and no sign of a fault in it; assumed."""
@@ -39,17 +40,29 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     causes = list(outlier_causes(evidence.recorded, evidence.solution.state, numbers))
     moved = f" {' '.join(causes)}" if causes else _moved_sentence(outliers, evidence.robust.solution.problem)
     do = f"Look at {'it' if one else 'them'} (samples count from 0), and record with arms at rest."
-    severity: Severity = "warning" if len(numbers) > FEW_SHARE * total else "info"
     about = tuple(map(str, numbers))
     cure = "`basecal fix CELL` takes them out of the recording."
-    return [Finding("outlier-samples", severity, about, sentence(what), (do, cure), f"{why}{moved}")]
+    return [
+        Finding(
+            "outlier-samples",
+            "warning" if len(numbers) > FEW_SHARE * total else "info",
+            about,
+            sentence(what),
+            (do, cure),
+            f"{why}{moved}",
+        )
+    ]
 
 
 def _moved_sentence(outliers: Sequence[LeftOut], inliers: Problem) -> str:
     """Likely cause of outliers that are all views of one thing from one sample on, or up to one; else nothing."""
     views = {(o.camera, o.target) for o in outliers}
     groups = [group for group in inliers.groups if (group.camera, group.target) in views]
-    frames = [name for name in dict.fromkeys(name for g in groups for name in g.frames) if _is_of_all(name, groups)]
+    frames = [
+        name
+        for name in dict.fromkeys(name for g in groups for name in g.frames)
+        if all(name in group.frames for group in groups)
+    ]
     kept = {name: [int(n) for g in inliers.groups if name in g.frames for n in g.sample] for name in frames}
     numbers = sorted({o.sample for o in outliers})
     if len(numbers) < _FEWEST_MOVED or not kept or not all(kept.values()):
@@ -64,10 +77,6 @@ def _moved_sentence(outliers: Sequence[LeftOut], inliers: Problem) -> str:
         way = f"had been elsewhere{_distance_phrase(outliers)}"
         return f" As if before sample {first} {what} {way}: the answer is of after."
     return ""
-
-
-def _is_of_all(name: str, groups: Sequence[ViewGroup]) -> bool:
-    return all(name in group.frames for group in groups)
 
 
 def _distance_phrase(outliers: Sequence[LeftOut]) -> str:
@@ -110,3 +119,64 @@ def far_stops(evidence: Evidence) -> list[Finding]:
     what = f"A robot's pose was off by up to {errors.max():.0f} of its sigmas at {list_samples(samples)}."
     why, do = "It was taken before the arm settled, or bumped.", ("Leave these samples out, or state a larger noise.",)
     return [Finding("outlier-samples", "warning", tuple(map(str, samples)), what, do, why)]
+
+
+_SPREAD = 3.0  # of the worst view that was kept, as the fit saw no such row; held by slips 9 and 20 of `benchmarks`
+_MOST_OUTLIERS = 12  # whose pairs are tried; assumed: bounds the time
+# Metres in what a row may have been written in, by definition.
+_UNITS = {"millimetres": 1e-3, "metres among millimetres": 1e3}
+
+
+def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> Iterator[str]:
+    """Sentences about robots' rows under which views that were left out fit about as well as the others.
+
+    Args:
+        problem: As it was recorded, outliers among it.
+        state: The answer without them.
+        numbers: The samples that were left out.
+    """
+    for group in problem.groups:
+        bare, of_outliers = group.without_stops(), np.isin(group.sample, list(numbers))
+        rows = np.flatnonzero(of_outliers)
+        if not 0 < len(rows) <= _MOST_OUTLIERS or len(rows) == len(group):
+            continue
+        limit = _SPREAD**2 * float(_costs(problem, state, bare)[~of_outliers].max())
+        for robot in group.robots:
+            yield from _exchanged_rows(problem, state, bare, limit, robot, rows)
+            pose = _recorded_poses(bare, robot)
+            for unit, factor in _UNITS.items():
+                scaled = _with_poses(bare, robot, SE3(pose.rotation, factor * pose.translation))
+                fits = rows[_costs(problem, state, scaled)[rows] <= limit]
+                if len(fits):
+                    few = list_samples(group.sample[fits].tolist())
+                    yield f"{few[:1].upper()}{few[1:]} of {robot} look like {unit}."
+
+
+def _exchanged_rows(
+    problem: Problem, state: State, group: ViewGroup, limit: float, robot: str, rows: IntArray
+) -> Iterator[str]:
+    pose = _recorded_poses(group, robot)
+    for first, second in combinations(rows.tolist(), 2):
+        order = np.arange(len(group))
+        order[[first, second]] = second, first
+        exchanged = _with_poses(group, robot, pose[order]).take(np.array([first, second]))
+        if np.all(_costs(problem, state, exchanged) <= limit):
+            both = " and ".join(map(str, sorted(group.sample[[first, second]].tolist())))
+            yield f"The poses of {robot} at samples {both} are exchanged."
+
+
+def _recorded_poses(group: ViewGroup, robot: str) -> SE3:
+    end = group.robot_end(robot)
+    assert end is not None
+    return end.base_from_flange
+
+
+def _with_poses(group: ViewGroup, robot: str, pose: SE3) -> ViewGroup:
+    return group.with_ends(lambda end: replace(end, base_from_flange=pose, joints=None) if end.robot == robot else end)
+
+
+def _costs(problem: Problem, state: State, group: ViewGroup) -> Array:
+    """Squares of what each view's residuals are in sigmas, (n,); infinite if it cannot have seen so."""
+    predicted = state.camera_from_target(group, problem.stops)
+    cost = group.measurement.linearise(predicted, state.cameras.get(group.camera), False).cost
+    return np.nan_to_num(cost, nan=np.inf)

@@ -22,7 +22,7 @@ def overfit(evidence: Evidence) -> list[Finding]:
     used, predicted = evidence.cross_validation.fitted, evidence.cross_validation.predicted
     expected = used.cost + predicted.uncertain
     ratio = np.sqrt(predicted.cost / expected) if expected > 0 and np.isfinite(predicted.cost) else np.inf
-    is_expected = not compare_nested_models("overfit", ratio**2, 1).is_taken
+    is_expected = not compare_nested_models(ratio**2, 1).is_taken
     if is_expected or predicted.cost <= _ROUNDING * max(predicted.count_px, predicted.count_poses):
         return []
     compared = _comparison(used, predicted)

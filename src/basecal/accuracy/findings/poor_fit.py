@@ -8,7 +8,6 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.touch_noise import is_touch_noise
 from basecal.accuracy.stated_sigmas import ContradictedSigma, is_below_arms
 from basecal.cell import Finding
-from basecal.cell.calibration import Severity
 from basecal.estimation.noise.estimate import PLAUSIBLE_PX
 from basecal.geometry import Array
 
@@ -56,8 +55,7 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     what = f"Residuals of {whose} are {sigma.ratio:.2f} times what the stated sigmas explain."
     why = f"That is not chance ({sigma.chance:.0e}); the covariance is that of the estimated noise."
     do = ("Check units, directions, the lens and the target's size, or state larger sigmas.",)
-    severity: Severity = "warning" if sigma.ratio > _LITTLE_RATIO else "info"
-    return Finding("poor-fit", severity, about, what, do, why)
+    return Finding("poor-fit", "warning" if sigma.ratio > _LITTLE_RATIO else "info", about, what, do, why)
 
 
 def _mean_noise(robot: str, evidence: Evidence) -> Array:

@@ -40,7 +40,7 @@ def contradicted_priors(cell: Cell, solution: Solution) -> list[Finding]:
         after = jacobian @ solution.observability.inverse[where, where] @ jacobian.T
         learnt = informed_spectrum(innovation(after, np.ones(len(residual))))
         off = float(learnt.squared_mahalanobis(residual)) / max(solution.noise.factor, 1.0)
-        if compare_nested_models(name, off, int(learnt.rank)).is_taken:
+        if compare_nested_models(off, int(learnt.rank)).is_taken:
             found.append(_make_finding(cell, solution.problem, name, float(np.abs(residual).max())))
     return found
 
@@ -84,10 +84,10 @@ def innovation(covariance: Array, wider: Array) -> Array:
         wider: (k,) sigmas of the priors in use.
     """
     if np.all(wider == 1):
-        return np.asarray(np.eye(len(wider)) - 0.5 * (covariance + covariance.T))
+        return np.eye(len(wider)) - 0.5 * (covariance + covariance.T)
     by_data = spectrum(covariance).inverse - np.diag(wider**-2.0)
     learnt = covariance @ (by_data + by_data @ by_data) @ covariance
-    return np.asarray(0.5 * (learnt + learnt.T))
+    return 0.5 * (learnt + learnt.T)
 
 
 def informed_spectrum(gain: Array) -> Spectrum:

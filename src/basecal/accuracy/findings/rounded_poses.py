@@ -53,12 +53,20 @@ def rounded_poses(evidence: Evidence) -> list[Finding]:
         found = list(_roundings(problem, robot))
         if not found:
             continue
-        severity: Severity = "warning" if any(r.severity == "warning" for r in found) else "info"
         what = " ".join(f"{r.what.capitalize()} of {robot} are all multiples of {r.words}." for r in found)
         rounding, noise = (" and ".join(_step_text(getattr(r, of), r) for r in found) for of in ("sigma", "noise"))
         why = f"Rounding adds {rounding} (1 sigma per axis) to {noise} of noise."
         do = ("Record poses with all their digits.",)
-        findings.append(Finding("rounded-poses", severity, (robot,), what, do, why))
+        findings.append(
+            Finding(
+                "rounded-poses",
+                "warning" if any(r.severity == "warning" for r in found) else "info",
+                (robot,),
+                what,
+                do,
+                why,
+            )
+        )
     return findings
 
 

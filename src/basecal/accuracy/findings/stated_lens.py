@@ -35,7 +35,7 @@ def _is_contradicted(name: str, stated_camera: Camera, solution: Solution) -> bo
     known = informed_spectrum(
         innovation(solution.observability.inverse[where, where] / np.outer(usual, usual), used / usual)
     )
-    return compare_nested_models(name, float(known.squared_mahalanobis(off)), int(known.rank)).is_taken
+    return compare_nested_models(float(known.squared_mahalanobis(off)), int(known.rank)).is_taken
 
 
 def _sentences(name: str, stated_camera: Camera, solution: Solution) -> tuple[str, tuple[str, ...], str]:

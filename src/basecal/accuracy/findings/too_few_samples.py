@@ -25,7 +25,7 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     equations = np.concatenate([_equations_by_place(group) for group in problem.groups])
     # Scalars that no prior holds: of transforms and lenses, and of robots' own kinematics.
     free = [n for n in problem.columns if n in problem.unknowns and problem.unknowns[n].status == "free"]
-    unknowns = sum(problem.column_width(name) for name in free)
+    unknowns = len(problem.column_indices(free))
     models = problem.models.values()
     unknowns += sum(width for m in models for name, width in m.widths.items() if m.sigmas[name] is None)
     if equations.sum() - equations.max() >= unknowns:

@@ -12,12 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.model_comparison.comparison import Comparison, decide
-from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL
-from basecal.accuracy.model_comparison.splits import compare_split
+from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL, Comparison, compare_split, decide
 from basecal.accuracy.phrases.sample_list import list_samples
-from basecal.accuracy.systematic_errors.search import candidate_chance, timeless_situation
-from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.systematic_errors.search import candidate_chance
+from basecal.accuracy.systematic_errors.situation import Situation, situate
 from basecal.cell import Finding
 from basecal.effects.faces.candidates import one_candidate
 from basecal.estimation.solve import Solution
@@ -41,7 +39,7 @@ class _Shifts(NamedTuple):
     def mean(self) -> Array:
         """(3,) by information."""
         weighted = (self.information @ self.shift_m[..., None]).sum(0)
-        return np.asarray(np.linalg.solve(self.information.sum(0), weighted)[:, 0])
+        return np.linalg.solve(self.information.sum(0), weighted)[:, 0]
 
     def squares(self) -> Array:
         """Squared sigmas of the first k about their own mean, (n,), for k of 1 to n."""
@@ -80,7 +78,7 @@ def two_mounts(evidence: Evidence) -> list[Finding]:
 
 def _is_explained(solution: Solution, mount: str, minority: _Shifts, majority: _Shifts) -> bool:
     """Whether two places explain what errors that stops share do not, the noise estimated anew; as far as it is."""
-    situation = timeless_situation(solution)
+    situation = situate(solution)
     moves = tuple(
         situation.frame_jacobian(k, mount)[:, :, :3] * np.isin(group.sample, minority.samples)[:, None, None]
         for k, group in enumerate(situation.groups)
@@ -88,12 +86,12 @@ def _is_explained(solution: Solution, mount: str, minority: _Shifts, majority: _
     candidate = one_candidate("two-mounts", mount, "m", moves)
     ways = (len(minority.samples) + len(majority.samples) - 1) * np.log(2)
     chance = candidate_chance(solution, candidate, minority.mean() - majority.mean(), float(ways))
-    return solution.noise.logs is None or decide(mount, 0.0, chance, SINGLE_LEVEL).is_taken
+    return solution.noise.logs is None or decide(0.0, chance, SINGLE_LEVEL).is_taken
 
 
 def _splits(evidence: Evidence) -> Iterator[_Split]:
     """Each mount in the two places that explain it best."""
-    situation = timeless_situation(evidence.solution)
+    situation = situate(evidence.solution)
     for mount in situation.mounts:
         shifts = _mount_shifts(situation, mount)
         if len(shifts.samples) < 2 * _LEAST_SIDE:
@@ -105,7 +103,7 @@ def _splits(evidence: Evidence) -> Iterator[_Split]:
         first, last = (shifts.take(each).squares() for each in (order, order[::-1]))
         squares = first[ends - 1] + last[len(order) - ends - 1]
         end = ends[np.argmin(squares)]
-        compared = compare_split(mount, float(squares.min() / max(first[-1], 1e-300)), len(order), 3)
+        compared = compare_split(float(squares.min() / max(first[-1], 1e-300)), len(order), 3)
         yield _Split(mount, (shifts.take(order[:end]), shifts.take(order[end:])), compared)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.systematic_errors.expected_sizes import unit_error
-from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.systematic_errors.situation import situate
 from basecal.cell import Finding
 from basecal.effects.faces.effect import format_with_sigma
 
@@ -14,8 +14,7 @@ def unit_lengths(evidence: Evidence) -> list[Finding]:
     solution = evidence.solution
     if not evidence.units_m or not solution.converged:
         return []
-    problem = solution.noise.hold_sigmas(solution.problem)
-    situation = Situation(problem, solution.state, problem, {}, solution.noise)
+    situation = situate(solution)
     found = []
     for name, unit_m in evidence.units_m.items():
         longer, sigma = unit_error(situation, name)

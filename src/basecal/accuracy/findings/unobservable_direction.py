@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.phrases.null_space import describe_direction, describe_twists, is_unobservable
 from basecal.accuracy.phrases.robot_motion import advise_motion, describe_cause, describe_motion
-from basecal.accuracy.phrases.touch_advice import touch_advice
 from basecal.cell import Cell, Finding
-from basecal.cell.calibration import Severity
 from basecal.errors import sentence
 from basecal.estimation.observability.motions import gauge_partners, motions
-from basecal.estimation.problem.problem import Problem
+from basecal.estimation.observability.null_space import NullDirection
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.view.points import is_touch
+from basecal.geometry import Array
 
 
 def unobservable_directions(evidence: Evidence) -> list[Finding]:
@@ -19,9 +24,6 @@ def unobservable_directions(evidence: Evidence) -> list[Finding]:
     if by_poses:
         return by_poses
     problem, observability = evidence.solution.problem, evidence.solution.observability
-    severity: Severity = (
-        "error" if observability.unobservable.intersection(evidence.cell.requested_transforms) else "warning"
-    )
     moved = motions(problem) if observability.null_space else {}
     together: dict[tuple[str, ...], list[str]] = {}
     advice: dict[tuple[str, ...], tuple[tuple[str, ...], str] | None] = {}
@@ -31,7 +33,7 @@ def unobservable_directions(evidence: Evidence) -> list[Finding]:
     return [
         Finding(
             "unobservable-direction",
-            severity,
+            "error" if observability.unobservable.intersection(evidence.cell.requested_transforms) else "warning",
             names,
             sentence(is_unobservable(whats, names[1:])),
             *(advice[names] or describe_cause(evidence.cell, problem, moved, names)),
@@ -56,3 +58,56 @@ def unobservable_by_poses(cell: Cell, problem: Problem) -> list[Finding]:
             what = f"By the recorded poses alone, {which}."
             found.append(Finding("unobservable-direction", "error", names, what, do, why))
     return found
+
+
+_NEAR_M = 0.05  # [m] of a mark from an axis that it counts as on; assumed
+# [m] of the next mark from the axis: touches of 0.3 mm hold a rotation to a mrad, 0.3 mm over 0.3 m.
+_OFF_M = 0.3
+
+
+def touch_advice(
+    cell: Cell, problem: Problem, state: State, direction: NullDirection
+) -> tuple[tuple[str, ...], str] | None:
+    """The next place to touch, and why; None if touches do not leave the direction open.
+
+    Args:
+        cell: What exists.
+        problem: The problem.
+        state: Where marks were found.
+        direction: A rotation that is open, in the axes of the reference's base.
+    """
+    seen = [g for g in problem.groups if direction.names[0] in g.frames]
+    if direction.kind != "rotation" or not seen or not all(is_touch(g.measurement) for g in seen):
+        return None
+    if not direction.names[0].startswith(f"{cell.reference}_base_from_"):
+        return None
+    marks = _marks(cell, problem, state, sorted({g.target for g in seen}))
+    tips = " and ".join(sorted({g.camera for g in problem.groups if g.target in marks}))
+    near = [name for name, at in marks.items() if _distance(at, direction.twists_in_parent[0]) < _NEAR_M]
+    if len(direction.twists_in_parent) == 1 and len(near) >= 2:
+        which = "third" if len(marks) == 2 else "further"
+        line = f"the line through {near[0]} and {near[1]}"
+        do = f"A {which} mark at least {_OFF_M:g} m off {line} fixes the rotation about it."
+        return (do, f"Touch it with {tips}."), "All marks that were touched are on one line."
+    if not marks:
+        return None
+    do = f"Touch three marks, {_OFF_M:g} m apart and not on one line, with {tips}."
+    return (do,), f"{len(marks)} mark{'s hold' if len(marks) != 1 else ' holds'} no rotation of a base."
+
+
+def _marks(cell: Cell, problem: Problem, state: State, names: Sequence[str]) -> dict[str, Array]:
+    """Where marks are in the reference's base, (3,) each, by name."""
+    found = {}
+    for group in problem.groups:
+        target = cell.targets[group.target]
+        if group.target in names and group.hand.robot is None and target.contact is None:
+            at = state.transforms[group.hand.mount].translation
+            found[target.name] = at if group.hand.base is None else state.transforms[group.hand.base] @ at
+    return found
+
+
+def _distance(point: Array, twist: Array) -> float:
+    """How far a point, (3,), is from the axis of a twist, (6,), about the origin [m]."""
+    axis = twist[3:] / np.linalg.norm(twist[3:])
+    through = np.cross(twist[3:], twist[:3]) / (twist[3:] @ twist[3:])
+    return float(np.linalg.norm(np.cross(axis, point - through)))

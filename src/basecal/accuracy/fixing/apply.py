@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.accuracy.fixing.change import Change
 from basecal.accuracy.fixing.cures import Cure
-from basecal.cell import Cell, Recording, RobotState, Sample
+from basecal.cell import Recording, RobotState, Sample
 from basecal.cell.files import cell_from_dict, completed_cell_text, recording_from_text
 from basecal.cell.format.originals import keep_originals
 from basecal.cell.format.writing import write_atomically
@@ -22,12 +22,11 @@ from basecal.fields.problems import Loc, field_name
 _CELL = "cell.yaml"
 
 
-def apply_cure(folder: Path, cell: Cell, cure: Cure) -> Path:
+def apply_cure(folder: Path, cure: Cure) -> Path:
     """Write what a cure changes; the folder that keeps the files as they were.
 
     Args:
         folder: The cell's.
-        cell: As it is written.
         cure: What is done.
 
     Raises:

@@ -7,7 +7,7 @@ judges its limits.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -27,7 +27,7 @@ from basecal.accuracy.input_check.hypothesis_fit import (
     plausible,
     ratio,
 )
-from basecal.accuracy.input_check.loop_fit import LoopFit, ReadyViews, fit_loops, pair_state, trimmed_rms
+from basecal.accuracy.input_check.loop_fit import Fits, Lenses, LoopFit, ReadyViews, fit_loops, pair_state, trimmed_rms
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_reading
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
@@ -73,9 +73,6 @@ T = TypeVar("T")
 _Pairs = list[tuple[PairViews, Problem]]
 _Check = Generator[_Pairs, list[LoopFit | None], T]
 """A check that asks for pairs to be fitted, and is told the fits."""
-
-Lenses = Mapping[str, Camera]
-Fits = Mapping[tuple[str, str], LoopFit]
 
 
 def check_conventions(

@@ -13,11 +13,11 @@ from itertools import combinations
 
 import numpy as np
 
-from basecal.accuracy.input_check.image_resolution import other_resolution
 from basecal.accuracy.readings.carriers import describe_carriers, swap_carriers
 from basecal.accuracy.readings.reading import PoseMap, Reading
-from basecal.cell import Cell, Unknown
+from basecal.cell import Cell, CellCamera, Unknown
 from basecal.estimation.problem.correspondence import half_turn
+from basecal.estimation.problem.problem import Problem
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
@@ -72,8 +72,8 @@ def convention_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
         *_unit_hypotheses(by_pose, by_joints, poses, points),
         *_joint_hypotheses(by_joints),
         *_quaternion_hypotheses(by_pose, poses),
-        *_exchange_hypotheses(baseline.cell, by_pose, "poses"),
-        *_exchange_hypotheses(baseline.cell, by_joints, "joints"),
+        *_exchange_hypotheses(baseline, by_pose, "poses"),
+        *_exchange_hypotheses(baseline, by_joints, "joints"),
         *(shift(stream, by) for stream in streams([*by_pose, *by_joints]) for by in shifts),
         *(_size_unit_hypotheses(baseline.cell) if baseline.shows(PixelMeasurement, PointMeasurement) else ()),
         *(_symmetry_hypotheses(baseline.cell) if poses else ()),
@@ -89,14 +89,16 @@ def subsets(robots: list[str]) -> dict[tuple[str, ...], str]:
     return {names: " and ".join(names) for names in found if names}
 
 
-def map_robot_poses(names: tuple[str, ...], pose_map: PoseMap) -> Reread:
-    """Recorded poses of robots, mapped."""
-    return lambda reading: reading.with_poses(names, pose_map)
+def pose_subjects(
+    robots: list[str], poses: bool, observations: str = "the observed poses"
+) -> dict[tuple[str, ...], str]:
+    """`subsets` of robots that record poses, and observed poses without a name if there are any."""
+    return subsets(robots) | ({(): observations} if poses else {})
 
 
-def map_target_poses(pose_map: PoseMap) -> Reread:
-    """All observed poses, mapped."""
-    return lambda reading: reading.with_target_poses(pose_map)
+def map_poses(names: tuple[str, ...], pose_map: PoseMap) -> Reread:
+    """Recorded poses of these robots, or all observed ones where there are none, mapped."""
+    return lambda reading: reading.with_poses(names, pose_map) if names else reading.with_target_poses(pose_map)
 
 
 def scale_translations(factor: float) -> PoseMap:
@@ -127,7 +129,7 @@ def _direction_hypotheses(cell: Cell, robots: list[str], poses: bool) -> Iterato
             words,
             f"write base_from_flange of {who}, or {advice}",
             f"turn {who} further about two axes between samples",
-            map_robot_poses(names, SE3.inverse),
+            map_poses(names, SE3.inverse),
             carriers=carriers,
         )
     if poses:
@@ -137,7 +139,7 @@ def _direction_hypotheses(cell: Cell, robots: list[str], poses: bool) -> Iterato
             "the poses of the target are inverted (target_from_camera)",
             "write camera_from_target, or invert the observed poses",
             "turn every arm further about two axes between samples",
-            map_target_poses(SE3.inverse),
+            map_poses((), SE3.inverse),
         )
 
 
@@ -149,10 +151,8 @@ def _unit_hypotheses(
         (1 / _MILLI, "1000 times too small", "multiply them by 1000"),
     ):
         of = scale_translations(factor)
-        for names, who in subsets(by_pose).items():
-            yield _unit(names, f"the poses of {who}", words, advice, map_robot_poses(names, of))
-        if poses:
-            yield _unit((), "the observed poses", words, advice, map_target_poses(of))
+        for names, who in pose_subjects(by_pose, poses).items():
+            yield _unit(names, f"the poses of {who}" if names else who, words, advice, map_poses(names, of))
         if points:
             yield _unit((), "the observed 3-D points", words, advice, partial(Reading.with_points, factor=factor))
         if by_pose and not by_joints:
@@ -214,27 +214,22 @@ def _joint_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
 def _quaternion_hypotheses(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
     for words, order in _ORDERS.items():
         of = _reorder_quaternion(order)
-        for names, who in subsets(robots).items():
-            yield _quaternion(names, f"the quaternions of {who}", words, map_robot_poses(names, of))
-        if poses:
-            yield _quaternion((), "the quaternions of the observed poses", words, map_target_poses(of))
+        for names, who in pose_subjects(robots, poses).items():
+            yield ConventionHypothesis(
+                "quaternion-order",
+                names,
+                f"the quaternions of {who} are {words}",
+                f"write the quaternions of {who} as x, y, z, w",
+                f"turn {who if names else 'every arm'} further between samples",
+                map_poses(names, of),
+            )
 
 
-def _quaternion(subjects: tuple[str, ...], subject: str, words: str, reread: Reread) -> ConventionHypothesis:
-    return ConventionHypothesis(
-        "quaternion-order",
-        subjects,
-        f"{subject} are {words}",
-        f"write {subject} as x, y, z, w",
-        f"turn {' and '.join(subjects) or 'every arm'} further between samples",
-        reread,
-    )
-
-
-def _exchange_hypotheses(cell: Cell, robots: list[str], quantity: str) -> Iterator[ConventionHypothesis]:
+def _exchange_hypotheses(baseline: Reading, robots: list[str], quantity: str) -> Iterator[ConventionHypothesis]:
+    cell, tracks = baseline.cell, baseline.tracks
     carriers = {c.on for c in cell.cameras.values()} | {t.on for t in cell.targets.values()}
     for first, second in combinations([name for name in robots if name in carriers], 2):
-        if quantity == "joints" and _joint_count(cell, first) != _joint_count(cell, second):
+        if tracks[first].joint_count != tracks[second].joint_count:
             continue
         yield ConventionHypothesis(
             "robots-swapped",
@@ -244,11 +239,6 @@ def _exchange_hypotheses(cell: Cell, robots: list[str], quantity: str) -> Iterat
             "turn every arm further about two axes between samples",
             partial(Reading.exchange, first=first, second=second),
         )
-
-
-def _joint_count(cell: Cell, robot: str) -> int:
-    chain = cell.robots[robot].chain
-    return 0 if chain is None else chain.n
 
 
 def streams(robots: list[str]) -> list[str | None]:
@@ -290,7 +280,7 @@ def _symmetry_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
                 f"the observed poses of {name} are turned by half a turn: the grid was read from its other end",
                 f"let the origin of {name} be its other end, or use a target without symmetry",
                 "use a target without symmetry",
-                map_target_poses(partial(_turn_poses, turn)),
+                map_poses((), partial(_turn_poses, turn)),
             )
 
 
@@ -300,7 +290,7 @@ def _turn_poses(target_from_turned: SE3, poses: SE3) -> SE3:
 
 def _mirror_hypotheses(poses: bool, points: bool) -> Iterator[ConventionHypothesis]:
     mirrored: dict[str, tuple[bool, Reread]] = {
-        "the observed poses": (poses, map_target_poses(_mirror_behind_camera)),
+        "the observed poses": (poses, map_poses((), _mirror_behind_camera)),
         "the observed 3-D points": (points, partial(Reading.with_points, factor=-1.0)),
     }
     for who, (is_seen, reread) in mirrored.items():
@@ -351,3 +341,32 @@ def free_lens(cell: Cell, name: str) -> Cell:
     lens = camera.intrinsics
     freed = replace(camera, intrinsics=None if lens is None else replace(lens, status="free", exact=False))
     return replace(cell, cameras={**cell.cameras, name: freed})
+
+
+_AGREE = 0.15  # of one another, the factors along both sides: centres lie within a tenth of the middle
+_OTHER_FACTOR = 1.25  # factor of a resolution that is another one
+
+
+def other_resolution(camera: CellCamera, problem: Problem) -> str:
+    """A clause that names the resolution of which a camera matrix seems to be; empty where it suits the images.
+
+    Determined by its centre in images whose size is stated, else by how far the recorded pixels reach beyond it.
+    """
+    lens = None if camera.intrinsics is None else camera.intrinsics.camera
+    if lens is None:
+        return ""
+    whole = 2 * (lens.center + 0.5)
+    if camera.size_px is None:
+        views = [g.measurement for g in problem.groups if g.camera == camera.name]
+        seen = [of.pixels[of.seen] for of in views if isinstance(of, PixelMeasurement)]
+        reach = np.concatenate([np.zeros((1, 2)), *seen]).max(axis=0)
+        if not np.all(reach > _OTHER_FACTOR * whole):
+            return ""
+        return f": points reach to ({reach[0]:.0f}, {reach[1]:.0f}) px, its camera matrix is of smaller images"
+    width, height = camera.size_px
+    factors = whole / np.array([width, height])
+    factor = float(np.sqrt(np.prod(np.maximum(factors, 0.0))))
+    if np.ptp(factors) > _AGREE * factor or 1 / _OTHER_FACTOR < factor < _OTHER_FACTOR:
+        return ""
+    size = f"{width * factor:.0f} x {height * factor:.0f} px"
+    return f": its camera matrix looks like that of images of about {size}, not of {width} x {height} px"

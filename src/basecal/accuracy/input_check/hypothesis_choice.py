@@ -10,18 +10,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from basecal.accuracy.covariance.widening import state_step
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, is_near, plausible
-from basecal.accuracy.input_check.noise_evidence import noise_evidence
-from basecal.accuracy.model_comparison.comparison import Comparison, Decision
 from basecal.accuracy.model_comparison.held_out import CLEARLY, compare_predictions
+from basecal.accuracy.model_comparison.nested_models import CONFIRMED, Comparison, Decision, compare_nested_models
 from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
 from basecal.effects import fixed_transform
 from basecal.effects.faces.effect import FIX
 from basecal.errors import sentence
 from basecal.estimation.noise.estimate import ROUNDING
-from basecal.geometry import SE3
+from basecal.estimation.noise.view_estimates import STATED, view_estimates
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve_at_mode
+from basecal.estimation.view.points import PointMeasurement
+from basecal.geometry import SE3, Array
+from basecal.numerics.spectral import spectrum
 
 _CERTAIN = 100.0  # twice the log ratio of likelihoods: true sizes gain up to 40 where arms have errors of their own
 _TAIL = 2.0  # rms of all samples over that of most, which no choice of samples makes
@@ -47,13 +52,8 @@ class TriedHypothesis:
     def compare(self, baseline: HypothesisFit) -> Comparison:
         """How it predicts the samples that the declared hypothesis has, too."""
         clearly = _WIDER if self.hypothesis.nested else CLEARLY
-        return compare_readings(self.hypothesis.code, self.fit, baseline, clearly)
-
-
-def compare_readings(rival: str, fit: HypothesisFit, reference: HypothesisFit, clearly: float = CLEARLY) -> Comparison:
-    """A fit beside another one, by the samples that both predict."""
-    shared = np.intersect1d(fit.sample, reference.sample)
-    return compare_predictions(rival, fit.squares(shared), reference.squares(shared), clearly)
+        shared = np.intersect1d(self.fit.sample, baseline.sample)
+        return compare_predictions(self.fit.squares(shared), baseline.squares(shared), clearly)
 
 
 def has_tail(fit: HypothesisFit) -> bool:
@@ -159,7 +159,6 @@ def _confirm_against_noise(
 
 def _make_finding(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis, certain: bool) -> Finding:
     hypothesis = trial.hypothesis
-    severity: Severity = "error" if certain else "warning"
     if trial.compare(baseline.fit).is_taken:
         errors = f"{trial.fit.error_in_words()} instead of {baseline.fit.error_in_words()}"
         why = f"Under this hypothesis the cross-validation error is {errors}."
@@ -172,7 +171,7 @@ def _make_finding(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis,
         stated, found = cell.transforms[name].mean, trial.fit.solution.transforms[name]
         assert stated is not None
         what, do = fixed_transform.disagreement(name, (stated.inverse() @ found.mean).log(), found.covariance)
-    return Finding(hypothesis.code, severity, hypothesis.about, what, do, why)
+    return Finding(hypothesis.code, "error" if certain else "warning", hypothesis.about, what, do, why)
 
 
 def _ambiguous(cell: Cell, baseline: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity) -> Finding:
@@ -193,3 +192,72 @@ def _ambiguous(cell: Cell, baseline: TriedHypothesis, rivals: Sequence[TriedHypo
         what,
         ("Check which is true.", *(sentence(each) for each in distinctions if each)),
     )
+
+
+def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | None:
+    """The evidence of the data for a hypothesis that has the declared one as a special case.
+
+    With robots assumed exact, predictions improve whenever a further unknown compensates some of the arms' errors, most
+    of all with few samples. With noise estimated beside both hypotheses, the gain shows whether there is more to it.
+
+    For a size two likelihoods are compared: of the views' poses, and of how points in space scatter about these. Points
+    in space have a size of their own, while pixels of a target of any size scatter equally. The search for the
+    hypothesis' noise starts from the declared one's. If both the arms and the images may be off, two noises explain
+    the views. A gain of one over the other is then no gain of the hypothesis.
+
+    For a lens or a transform that is freed, the evidence is its squared distance from the stated one, in sigmas.
+    Likelihoods are not compared in this case. Views that estimate their own lens hold more than those that do not, and
+    restricted likelihoods of different unknowns are not comparable.
+
+    Args:
+        fit: The hypothesis' fit.
+        baseline: That of the declared one.
+
+    Returns:
+        None if the two rest on different views.
+    """
+    if _views(fit.solution) != _views(baseline.solution):
+        return None
+    noisy = Settings(robot_noise="estimated")
+    narrower = solve_at_mode(baseline.solution.problem, baseline.solution.state, noisy)
+    wider = solve_at_mode(fit.solution.problem, fit.solution.state, noisy, guess=narrower.noise)
+    freed = [name for name in wider.problem.columns if name not in narrower.problem.columns]
+    if not freed:
+        gain = narrower.noise.minus_2_log_evidence - wider.noise.minus_2_log_evidence + _scatter_gain(wider, narrower)
+        return compare_nested_models(gain, 1, CONFIRMED)
+    step = state_step(wider.problem, narrower.state, wider.state)
+    off = [_distance(wider, step, name) for name in freed]
+    gain = sum(square for square, _ in off)
+    return compare_nested_models(gain, sum(count for _, count in off), CONFIRMED)
+
+
+def _views(solution: Solution) -> int:
+    return sum(map(len, solution.problem.groups))
+
+
+def _scatter_gain(wider: Solution, narrower: Solution) -> float:
+    """Twice the log ratio of likelihoods of points in space about their view's pose; by their scatter if unstated."""
+    gain, more = 0.0, _scatter(narrower)
+    for name, (less, freedoms) in _scatter(wider).items():
+        if name == STATED:
+            gain += more[name][0] - less
+        elif less > 0 and more[name][0] > 0:
+            gain += freedoms * float(np.log(more[name][0] / less))
+    return gain
+
+
+def _scatter(solution: Solution) -> dict[str, tuple[float, float]]:
+    """Squares of points in space about their view's own pose at unit sigma, and freedoms, by field of `Noise`."""
+    found: dict[str, tuple[float, float]] = {}
+    for group in (g for g in solution.problem.groups if isinstance(g.measurement, PointMeasurement)):
+        for name, view in view_estimates(solution.problem, group, solution.state).items():
+            squares, freedoms = found.get(name, (0.0, 0.0))
+            found[name] = squares + view.white, freedoms + view.white_count
+    return found
+
+
+def _distance(solution: Solution, step: Array, name: str) -> tuple[float, int]:
+    """Square of a part of a step, (p,), from what is stated of a lens or transform, in sigmas, and its freedoms."""
+    where = solution.problem.columns[name]
+    known = spectrum(solution.covariance[where, where])
+    return float(known.squared_mahalanobis(step[where])), int(known.rank)

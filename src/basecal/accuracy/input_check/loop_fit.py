@@ -14,7 +14,7 @@ import numpy as np
 
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
+from basecal.estimation.start.closed_form import Loop, Rotations, Triple, solve_rotations, solve_translations
 from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, as_light, pair_views
 from basecal.estimation.start.refinement import Refinement, refine_jointly
@@ -27,14 +27,12 @@ from basecal.estimation.start.rotation_search import (
 )
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import KnownPoses, view_poses
-from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.geometry import Array, Camera, IntArray
 from basecal.geometry.rotation import lengths
 
 _MOST_POINTS = 16  # of a view, spread: more make its pose no clearer
 _LIGHT_STARTS = {0: 1, 1: 3, 2: 6}  # by how many rotations are unknown: cells of the grid to refine
 _LIGHT_STEPS = 12  # of each, enough to rank them
-
-Triple = tuple[SE3, SE3, SE3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +48,11 @@ class LoopFit:
     triple: Triple
     off: Array
     of_light: bool = False
+
+
+Lenses = Mapping[str, Camera]
+Fits = Mapping[tuple[str, str], LoopFit]
+"""By camera and target."""
 
 
 def trimmed_rms(errors: Array, share: float = KEPT_SHARE) -> float:
@@ -75,7 +78,7 @@ class ReadyViews:
         poses: Of single views, which other pairings show at other samples.
     """
 
-    lenses: Mapping[str, Camera]
+    lenses: Lenses
     known: dict[tuple[str, str, int, bytes], PairViews] = field(default_factory=dict)
     poses: KnownPoses = field(default_factory=KnownPoses)
 
@@ -102,8 +105,7 @@ def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None
     again = {}
     for k, ((sight, _), fit) in enumerate(zip(pairs, first, strict=True)):
         if fit is not None and sight.candidates is not None and trimmed_rms(fit.off) < HOPELESS_RAD:
-            predicted = sight.group.close_loop(*fit.triple).rotation
-            chosen = np.argmax(np.einsum("nij,nkij->nk", predicted, sight.candidates.rotation), axis=1)
+            chosen = sight.closest_pose(fit.triple)
             if np.any(chosen):
                 again[k] = chosen
     second = dict(zip(again, _fit_pairs([pairs[k] for k in again], list(again.values())), strict=True))
@@ -129,9 +131,7 @@ def _fit_pairs(pairs: Sequence[tuple[PairViews, Problem]], pose_indices: Sequenc
     return [fits[k] for k in range(len(pairs))]
 
 
-def pair_state(
-    problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras: Mapping[str, Camera]
-) -> State | None:
+def pair_state(problem: Problem, fits: Fits, cameras: Lenses) -> State | None:
     """The state that the only pair of a problem was fitted with; None if there are several, or a mere light."""
     if len(problem.groups) != 1:
         return None
@@ -165,17 +165,8 @@ def loop_errors(sight: PairViews, triple: Triple) -> Array:
     return both
 
 
-def _fixed_mean(problem: Problem, name: str) -> SE3 | None:
-    unknown = problem.unknowns[name]
-    return unknown.mean if unknown.status == "fixed" else None
-
-
 def _loop(sight: PairViews, problem: Problem, pose_indices: IntArray) -> Loop:
-    g = sight.group
-    x, z = (_fixed_mean(problem, end.mount) for end in g.ends)
-    eye, hand = (SE3.identity() if end.base is None else _fixed_mean(problem, end.base) for end in g.ends)
-    y = None if eye is None or hand is None else eye.inverse() @ hand
-    return sight.loop(x, y, z, pose_indices)
+    return sight.loop(*problem.fixed_factors(sight.group), pose_indices)
 
 
 def _triples(loops: Sequence[Loop]) -> list[Triple | None]:

@@ -5,13 +5,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, shift
-from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, loop_errors, ready_views, trimmed_rms
+from basecal.accuracy.input_check.loop_fit import (
+    Fits,
+    Lenses,
+    LoopFit,
+    fit_loops,
+    loop_errors,
+    ready_views,
+    trimmed_rms,
+)
 from basecal.accuracy.readings.reading import Reading
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.view_group import ViewGroup
@@ -19,7 +26,7 @@ from basecal.estimation.start.first_state import known_transforms
 from basecal.estimation.start.metric_points import has_metric_start
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.geometry import SE3, Array, BoolArray, Camera
+from basecal.geometry import SE3, Array, BoolArray
 
 _VIEWS = 24  # of each half, to fit it to
 _ALL_VIEWS = 400  # that say which pairing they have
@@ -31,9 +38,6 @@ _FAR_RATIO = 4.0  # times the best samples' loops, above which a sample is off, 
 _CANDIDATES = 2  # candidates to fit, the second in case the first is a neighbour's
 # Of the mean and which views are turned: of recordings spread by half a radian 93 % are told, with one of these 65 %.
 _ALTERNATIONS = 4
-
-Lenses = Mapping[str, Camera]
-Fits = Mapping[tuple[str, str], LoopFit]
 
 
 def pairing_errors(

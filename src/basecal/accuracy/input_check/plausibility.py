@@ -18,6 +18,7 @@ from basecal.cell import (
     PointObservation,
     PoseObservation,
     Recording,
+    Robot,
 )
 from basecal.estimation.view.points import PointMeasurement, is_touch
 from basecal.estimation.view.poses import PoseMeasurement
@@ -48,17 +49,12 @@ def impossible_reading(reading: Reading) -> tuple[str, ...]:
     """Implausible input of one reading of a recording."""
     found = []
     for name, track in reading.tracks.items():
-        if not track.seen.any():
-            continue
         if track.joints is None:
-            found += _limit_faults(
-                f"flange of {name}", float(lengths(track.pose.translation[track.seen]).max()), _REACH_M
-            )
+            found += _flange_faults(name, track.pose.translation[track.seen])
         else:
-            chain = reading.cell.robots[name].chain
-            assert chain is not None
-            found += _joint_faults(name, track.joints[track.seen], chain.lower, chain.upper)
+            found += _joint_faults(reading.cell.robots[name], track.joints[track.seen])
     places = []
+    as_points = {g.target for g in reading.problem.groups if not isinstance(g.measurement, PoseMeasurement)}
     for group in reading.problem.groups:
         seen = group.measurement
         if isinstance(seen, PoseMeasurement):
@@ -67,13 +63,9 @@ def impossible_reading(reading: Reading) -> tuple[str, ...]:
             places.append((seen.points_in_camera * seen.seen[..., None]).sum(1) / seen.seen.sum(1)[:, None])
     return (
         *found,
-        *_size_faults(reading.cell, _seen_as_points(reading)),
+        *_size_faults(reading.cell, as_points),
         *(_place_faults(np.concatenate(places)) if places else ()),
     )
-
-
-def _seen_as_points(reading: Reading) -> set[str]:
-    return {g.target for g in reading.problem.groups if not isinstance(g.measurement, PoseMeasurement)}
 
 
 def _robot_faults(cell: Cell, recording: Recording) -> list[str]:
@@ -82,10 +74,7 @@ def _robot_faults(cell: Cell, recording: Recording) -> list[str]:
         states = [s.robots[name] for s in recording.samples if name in s.robots]
         poses = [s.base_from_flange.translation for s in states if s.base_from_flange is not None]
         joints = [s.joints_rad for s in states if s.joints_rad is not None]
-        if poses:
-            found += _limit_faults(f"flange of {name}", float(lengths(np.array(poses)).max()), _REACH_M)
-        if joints and robot.chain is not None:
-            found += _joint_faults(name, np.array(joints), robot.chain.lower, robot.chain.upper)
+        found += _flange_faults(name, np.array(poses)) + _joint_faults(robot, np.array(joints))
     return found
 
 
@@ -105,10 +94,17 @@ def likely_unit(length: float, most_m: float) -> tuple[str, str]:
     return "millimetres", "Divide lengths by 1000 to convert them to metres."
 
 
-def _joint_faults(name: str, joints: Array, lower: Array, upper: Array) -> list[str]:
+def _flange_faults(name: str, places_m: Array) -> list[str]:
+    return _limit_faults(f"flange of {name}", float(lengths(places_m).max()), _REACH_M) if len(places_m) else []
+
+
+def _joint_faults(robot: Robot, joints: Array) -> list[str]:
+    name, chain = robot.name, robot.chain
+    if chain is None or not len(joints):
+        return []
     if float(np.abs(joints).max()) > TURN_RAD:
         return [f"a joint of {name} at {np.abs(joints).max():.3g} rad"]
-    beyond = float(np.maximum(lower - joints, joints - upper).max())
+    beyond = float(np.maximum(chain.lower - joints, joints - chain.upper).max())
     return [f"a joint of {name} {beyond:.2g} rad beyond its limit"] if beyond > LIMIT_EXCESS_RAD else []
 
 

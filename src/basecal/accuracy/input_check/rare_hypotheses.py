@@ -18,10 +18,9 @@ import scipy  # its parts are loaded when they are first used
 
 from basecal.accuracy.input_check.hypotheses import (
     ConventionHypothesis,
-    Reread,
-    map_robot_poses,
-    map_target_poses,
+    map_poses,
     pair_differently,
+    pose_subjects,
     scale_translations,
     shift,
     streams,
@@ -70,10 +69,9 @@ def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
         *_order_hypotheses(moved, len(baseline.order)),
         *(
             hypothesis
-            for names, who in subsets(robots).items()
-            for hypothesis in _rotation_hypotheses(names, map_robot_poses, who)
+            for names, who in pose_subjects(robots, poses, "the observed target").items()
+            for hypothesis in _rotation_hypotheses(names, who)
         ),
-        *(_rotation_hypotheses((), lambda _, of: map_target_poses(of), "the observed target") if poses else ()),
         *_small_angle_hypotheses(
             [name for name in robots if _turns_rad(baseline.tracks[name]) < _RADIANS_AS_DEGREES_RAD]
         ),
@@ -95,7 +93,7 @@ def _small_angle_hypotheses(small: list[str]) -> Iterator[ConventionHypothesis]:
                 f"the {what} of {who} are in radians that were read as degrees",
                 f"rpy_deg is in degrees: turn those of {who} into degrees, or write rotvec_rad",
                 f"turn {who} further between samples",
-                map_robot_poses(names, of),
+                map_poses(names, of),
             )
 
 
@@ -141,7 +139,7 @@ def _inch_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
                 f"the poses of {who} are in inches that were read as {unit}",
                 f"import {who} again with --length-unit inch --replace",
                 "give the size of something known, such as the target's points or a prior of a mount",
-                map_robot_poses(names, scale_translations(UNITS_M["inch"] / length_m)),
+                map_poses(names, scale_translations(UNITS_M["inch"] / length_m)),
             )
 
 
@@ -169,7 +167,7 @@ def _session_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
     tracks = {name: baseline.tracks[name] for name in (*baseline.pose_robots, *baseline.joint_robots)}
     runs = {name: _still_runs(baseline.order, track) for name, track in tracks.items()}
     for first, second in combinations(tracks, 2):
-        if _joint_count(tracks[first]) != _joint_count(tracks[second]):
+        if tracks[first].joint_count != tracks[second].joint_count:
             continue
         sessions = {list_samples(run.tolist()): (run, run) for run in (*runs[first], *runs[second])}
         places = [pair for pair in product(runs[first], runs[second]) if not np.array_equal(*pair)]
@@ -193,10 +191,6 @@ def _exchanged_states(
         "turn every arm further about two axes between samples",
         partial(Reading.exchange_states, numbers=dict(zip((first, second), numbers, strict=True))),
     )
-
-
-def _joint_count(track: Track) -> int:
-    return 0 if track.joints is None else track.joints.shape[1]
 
 
 def _still_runs(order: IntArray, track: Track) -> list[IntArray]:
@@ -238,16 +232,14 @@ def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
 
 
 def _reverse_order(stream: str | None) -> ConventionHypothesis:
-    return pair_differently(
-        stream, "stands in reverse order", "turn its order round", partial(Reading.reverse, stream=stream)
-    )
+    def reread(reading: Reading) -> Reading:
+        """The last in the place of the first."""
+        return reading.pair_stream(stream, np.arange(len(reading.order))[::-1])
+
+    return pair_differently(stream, "stands in reverse order", "turn its order round", reread)
 
 
-def _rotation_hypotheses(
-    names: tuple[str, ...],
-    rewritten: Callable[[tuple[str, ...], PoseMap], Reread],
-    subject: str,
-) -> Iterator[ConventionHypothesis]:
+def _rotation_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[ConventionHypothesis]:
     distinction = f"turn {' and '.join(names) or 'every arm'} further between samples"
     yield ConventionHypothesis(
         "matrix-transposed",
@@ -255,9 +247,9 @@ def _rotation_hypotheses(
         f"the rotation matrices of {subject} are transposed",
         "write them by rows, or transpose them",
         distinction,
-        rewritten(names, lambda poses: SE3(poses.rotation.mT, poses.translation)),
+        map_poses(names, lambda poses: SE3(poses.rotation.mT, poses.translation)),
     )
-    yield from _position_axes(names, rewritten, subject)
+    yield from _position_axes(names, subject)
     for meant, read in permutations(_LISTINGS, 2):
         if (_LISTINGS[meant], _LISTINGS[read]) == ("ZYX", "xyz"):
             continue  # the same three numbers the other way round, as the reverse is
@@ -276,13 +268,11 @@ def _rotation_hypotheses(
                 words,
                 f"turn them into rotations as {meant}",
                 distinction,
-                rewritten(names, _relist_rotations(_LISTINGS[meant], _LISTINGS[read], choose)),
+                map_poses(names, _relist_rotations(_LISTINGS[meant], _LISTINGS[read], choose)),
             )
 
 
-def _position_axes(
-    names: tuple[str, ...], rewritten: Callable[[tuple[str, ...], PoseMap], Reread], subject: str
-) -> Iterator[ConventionHypothesis]:
+def _position_axes(names: tuple[str, ...], subject: str) -> Iterator[ConventionHypothesis]:
     for words, axes in _AXES.items():
         yield ConventionHypothesis(
             "position-axes",
@@ -290,7 +280,7 @@ def _position_axes(
             f"the positions of {subject} have {words}",
             "correct the order and the signs of x, y and z: axes are right-handed",
             "turn every arm further between samples",
-            rewritten(names, _with_axes(axes)),
+            map_poses(names, _with_axes(axes)),
         )
 
 

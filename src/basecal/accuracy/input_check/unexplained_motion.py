@@ -11,9 +11,14 @@ from basecal.accuracy.input_check.loop_fit import trimmed_rms
 from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, moved_views, view_errors
 from basecal.accuracy.phrases.recorded_robots import advise_check
 from basecal.cell import Finding
-from basecal.estimation.problem.build import recorded_by_joints
+from basecal.effects import joint_offsets
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
+from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.problem.build import free_ends, recorded_by_joints, recorded_joints
 from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.robot_parameters import robot_model
 from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.settings import Settings
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import IntArray
 
@@ -86,3 +91,36 @@ def _one_a_stop(group: ViewGroup) -> IntArray:
     """The first view of each pair of stops: many of one would pass for a target that hardly moves."""
     stops = np.column_stack([end.stand for end in group.ends])
     return np.sort(np.unique(stops, axis=0, return_index=True)[1]).astype(np.int64)
+
+
+def explaining_offsets(problem: Problem, state: State, settings: Settings) -> list[Finding]:
+    """An error that names the offsets of robots that are given by joints; nothing if these explain no more.
+
+    Args:
+        problem: What was recorded, with robots whose kinematics are not estimated.
+        state: Where its solution ended, which explains nothing.
+        settings: How to solve.
+    """
+    stated = {joint_offsets.NAME: joint_offsets.Stated(status="free")}
+    models = {
+        robot: robot_model(robot, chain, stated, recorded_joints(problem, robot), free_ends(problem, robot))
+        for robot, chain in problem.chains.items()
+        if robot in problem.robots and recorded_by_joints(problem, robot)
+    }
+    if problem.models or not models:
+        return []
+    freed = problem.with_models(models)
+    dof = degrees_of_freedom(freed)
+    end = bundle_adjust(freed, state, dof, settings.iterations).state
+    if dof <= 0 or is_hopeless(freed, end):
+        return []
+    found = {robot: end.kinematics(model).kind_values(joint_offsets.NAME) for robot, model in models.items()}
+    robots = " and ".join(found)
+    largest = {robot: int(np.argmax(np.abs(values))) for robot, values in found.items()}
+    each = [f"joint {k + 1} of {robot} by {np.degrees(found[robot][k]):.1f} deg" for robot, k in largest.items()]
+    what = f"Joints of {robots} are off, most of them {' and '.join(each)}."
+    before, after = unexplained_motion(problem, state), unexplained_motion(freed, end)
+    why = f"The robots as stated leave {100 * before:.0f} % of the target's motion, with these {100 * after:.0f} %."
+    entry = joint_offsets.entry(np.concatenate(list(found.values())))
+    do = f"Write {entry} at {robots} in cell.yaml, or check the zeros of their joints."
+    return [Finding("robot-model", "error", tuple(found), what, (do,), why)]

@@ -58,5 +58,5 @@ def _has_moved(sample: Sample, second: Sample, robots: set[str]) -> bool:
 def _state(sample: Sample, name: str) -> Array:
     state = sample.robots[name]
     if state.base_from_flange is not None:
-        return np.asarray(state.base_from_flange.matrix).ravel()
+        return state.base_from_flange.matrix.ravel()
     return np.asarray(state.joints_rad)

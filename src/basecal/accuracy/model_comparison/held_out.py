@@ -9,8 +9,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import stdtr
 
-from basecal.accuracy.model_comparison.comparison import Comparison, Decision, decide
-from basecal.accuracy.model_comparison.nested_models import CONFIRMED, LEAST_CHANCE, SUSPECTED
+from basecal.accuracy.model_comparison.nested_models import (
+    CONFIRMED,
+    LEAST_CHANCE,
+    SUSPECTED,
+    Comparison,
+    Decision,
+    decide,
+)
 from basecal.estimation.start.rotation_search import KEPT_SHARE
 from basecal.geometry import Array
 
@@ -21,23 +27,21 @@ Estimators that weigh the same views otherwise differ by a few hundredths, model
 """
 
 
-def compare_predicted_gains(rival: str, gains: Array) -> Comparison:
+def compare_predicted_gains(gains: Array) -> Comparison:
     """A rival by its gains, taken if they are beyond chance, and undecided if they may be.
 
     Args:
-        rival: Its name.
         gains: (n,) of each held-out part: by how much less minus twice its log likelihood is with the rival.
     """
-    return decide(rival, float(np.sum(gains)), _log_chance(gains), CONFIRMED, SUSPECTED)
+    return decide(float(np.sum(gains)), _log_chance(gains), CONFIRMED, SUSPECTED)
 
 
-def compare_predictions(rival: str, squares: Array, in_use: Array, clearly: float = CLEARLY) -> Comparison:
+def compare_predictions(squares: Array, in_use: Array, clearly: float = CLEARLY) -> Comparison:
     """A rival by the errors of its predictions; undecided if neither model predicts clearly better beyond chance.
 
     Errors count as Cauchy-distributed, so that a few parts that either model predicts badly do not outweigh the rest.
 
     Args:
-        rival: Its name.
         squares: (n,) squared error of each held-out part by the rival.
         in_use: (n,) likewise by the model in use.
         clearly: Ratio of likelihoods of a part beyond which the rival predicts clearly better, by their geometric mean.
@@ -51,7 +55,7 @@ def compare_predictions(rival: str, squares: Array, in_use: Array, clearly: floa
         decision = Decision.KEEP
     else:
         decision = Decision.UNDECIDED
-    return Comparison(rival, 2 * float(np.sum(gains)), chance, decision)
+    return Comparison(2 * float(np.sum(gains)), chance, decision)
 
 
 def _trimmed_mean(squares: Array) -> float:

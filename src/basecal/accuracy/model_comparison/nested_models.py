@@ -1,18 +1,22 @@
 """Effects of which the model in use is the special case of size zero: score tests, and ratios of likelihoods.
 
+Where models are not nested, or priors are known, ratios of likelihoods are e-values. By Markov's inequality, the chance
+that one exceeds c is at most 1 / c if the model in use is true.
 Source: Rao 1948, Wilks 1938. Fisher 1925 treats estimated noise, Benjamini & Hochberg 1995 many tests. Sellke, Bayarri
-& Berger 2001 treat chances as evidence.
+& Berger 2001 treat chances as evidence; Vovk and Wang 2021, arXiv:1912.06116, e-values.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc, gammaln
 
-from basecal.accuracy.model_comparison.comparison import Comparison, Decision, decide
-from basecal.geometry import BoolArray
+from basecal.geometry import Array, BoolArray
+from basecal.numerics.spectral import scaled_spectrum
 
 SINGLE_LEVEL = 1e-4
 """Chance of a finding that one test makes alone: ten such tests raise one false alarm in a thousand calibrations.
@@ -43,23 +47,23 @@ SUSPECTED = 0.02
 
 _EQUAL = 6.0  # twice the log ratio of likelihoods: what is e^3 times less likely than the best is told from it
 _VERY_STRONG = 10.0  # of twice the log ratio of evidences (Kass & Raftery 1995)
+_ROOM_M = 1.0  # [m] edge of the cube in which copies may be; assumed
 LEAST_CHANCE = 1e-300
 """A smaller chance is hardly a number any more: doubles end at 2e-308."""
 
 
 def compare_nested_models(
-    rival: str, gain: float, freedoms: float, level: float = SINGLE_LEVEL, noise_freedoms: float = np.inf
+    gain: float, freedoms: float, level: float = SINGLE_LEVEL, noise_freedoms: float = np.inf
 ) -> Comparison:
     """A wider model by its gain.
 
     Args:
-        rival: Its name.
         gain: Twice the log ratio of likelihoods, or the score: chi-square if the model in use is true.
         freedoms: Of the chi-square.
         level: Chance below which the wider model is taken.
         noise_freedoms: By which the noise is known; infinite if it is stated.
     """
-    return decide(rival, gain, log_chance(gain, freedoms, noise_freedoms), level)
+    return decide(gain, log_chance(gain, freedoms, noise_freedoms), level)
 
 
 def log_chance(statistic: float, freedoms: float, noise_freedoms: float = np.inf) -> float:
@@ -77,10 +81,53 @@ def log_chance(statistic: float, freedoms: float, noise_freedoms: float = np.inf
     return float(-0.5 * statistic + (0.5 * freedoms - 1) * np.log(0.5 * statistic) - gammaln(0.5 * freedoms))
 
 
-def compare_evidence(rival: str, gain: float) -> Comparison:
+def compare_evidence(gain: float) -> Comparison:
     """A wider model by its gain in evidence: twice the log of the ratio, which is an e-value."""
     decision = Decision.TAKE if gain > _VERY_STRONG else Decision.KEEP
-    return Comparison(rival, gain, -0.5 * gain, decision)
+    return Comparison(gain, -0.5 * gain, decision)
+
+
+def compare_likelihoods(log_ratios: Array) -> Comparison:
+    """A rival by the log ratios of its likelihood over that of the model in use, at each value of an open number.
+
+    Neither model is simpler: the rival is taken where the other would have to be suspected.
+
+    Args:
+        log_ratios: (n,) for each value, all equally probable.
+    """
+    log_mean = float(np.logaddexp.reduce(log_ratios) - np.log(len(log_ratios)))
+    return decide(2 * float(np.max(log_ratios)), -log_mean, SUSPECTED)
+
+
+def compare_split(ratio: float, count: int, width: int) -> Comparison:
+    """Two means in place of one, of which nobody says which items have which, by what they leave of the squares.
+
+    Every way to split the items is a test. The chance is at most that of one split times their number, by Bonferroni.
+
+    Args:
+        ratio: Sum of squares about the two means over that about one.
+        count: Items.
+        width: Numbers of each.
+    """
+    left = width * (count - 2)
+    gain = (1 / max(ratio, LEAST_CHANCE) - 1) * left
+    return decide(gain, log_chance(gain, width, left) + (count - 1) * np.log(2), SINGLE_LEVEL)
+
+
+def compare_places(offset: Array, covariance: Array) -> Comparison:
+    """Whether two independent estimates are of one place; taken if no deceived one would be so near by chance.
+
+    One deceived by a copy of an object may be anywhere in a room. The ratio of evidences is the density of what is
+    between the two over that of any place there. Directions of which they know no more than the room say nothing.
+
+    Args:
+        offset: (3,) from one to the other [m].
+        covariance: (3, 3) of it [m^2].
+    """
+    of = scaled_spectrum(covariance, 1.0)
+    width = _ROOM_M / np.sqrt(2 * np.pi * of.values)
+    gain = np.sum(2 * np.log(np.maximum(width, 1.0))) - np.sum((offset @ of.vectors) ** 2 / of.values)
+    return compare_evidence(float(gain))
 
 
 def largest_share(log_chance: float) -> float:
@@ -119,3 +166,50 @@ def equally_likely(costs: Sequence[float]) -> list[int]:
     """
     best = min(costs, default=0.0)
     return [k for k, cost in enumerate(costs) if cost < best + _EQUAL]
+
+
+class Decision(Enum):
+    """Which of two models to believe."""
+
+    KEEP = "the model in use"
+    UNDECIDED = "either"
+    TAKE = "the rival"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A rival model beside the one in use.
+
+    Attributes:
+        gain: By how much it explains the data better: twice the log ratio of likelihoods, or of evidences.
+        log_chance: Logarithm of the chance of such a gain if the model in use is true: a p-value, or the inverse of an
+            e-value.
+        decision: Which of the two to believe.
+    """
+
+    gain: float
+    log_chance: float
+    decision: Decision
+
+    @property
+    def chance(self) -> float:
+        """The chance of such a gain if the model in use is true."""
+        return float(np.exp(min(self.log_chance, 0.0)))
+
+    @property
+    def is_taken(self) -> bool:
+        """Whether to believe the rival."""
+        return self.decision is Decision.TAKE
+
+
+def decide(gain: float, log_chance: float, level: float, doubtful_level: float = 0.0) -> Comparison:
+    """The rival is taken below one chance, and undecided below a larger one.
+
+    Args:
+        gain: See `Comparison`.
+        log_chance: Likewise.
+        level: Chance below which it is taken.
+        doubtful_level: Chance below which neither is kept nor taken.
+    """
+    below = Decision.UNDECIDED if np.exp(log_chance) < doubtful_level else Decision.KEEP
+    return Comparison(gain, log_chance, Decision.TAKE if log_chance < np.log(level) else below)

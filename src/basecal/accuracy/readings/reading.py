@@ -72,6 +72,11 @@ class Track:
         return both.take(chosen)
 
     @property
+    def joint_count(self) -> int:
+        """How many joints were recorded; 0 of poses."""
+        return 0 if self.joints is None else self.joints.shape[1]
+
+    @property
     def moves(self) -> bool:
         """Whether the robot stood in more than one place."""
         return len(np.unique(self.stand[self.seen])) > 1
@@ -132,15 +137,14 @@ class Reading:
 
     def with_poses(self, robots: tuple[str, ...], pose_map: PoseMap) -> Reading:
         """Recorded poses of robots mapped."""
-        tracks = dict(self.tracks)
-        for name in robots:
-            tracks[name] = replace(tracks[name], pose=pose_map(tracks[name].pose), joints=None)
-        return self._with_tracks(tracks)
+        tracks = {name: self.tracks[name] for name in robots}
+        mapped = {name: replace(of, pose=pose_map(of.pose), joints=None) for name, of in tracks.items()}
+        return self._with_tracks(mapped)
 
     def with_joints(self, robots: tuple[str, ...], factor: float) -> Reading:
         """Recorded joints of robots times a factor."""
         moved = {name: self._robot_track(name, self.tracks[name], factor) for name in robots}
-        return self._with_tracks({**self.tracks, **moved})
+        return self._with_tracks(moved)
 
     def _robot_track(self, robot: str, track: Track, factor: float = 1.0) -> Track:
         """A track as if a robot had made it, its joints times a factor."""
@@ -153,7 +157,7 @@ class Reading:
         """The states of two robots exchanged."""
         other = {first: second, second: first}
         moved = {name: self._robot_track(name, self.tracks[other[name]]) for name in other}
-        return self._with_tracks({**self.tracks, **moved})
+        return self._with_tracks(moved)
 
     def exchange_states(self, numbers: Mapping[str, IntArray]) -> Reading:
         """The states of two robots, by name, at these samples exchanged: those of one repeated if they are fewer."""
@@ -162,7 +166,7 @@ class Reading:
             name: self._robot_track(name, self.tracks[name].with_states(rows[name], self.tracks[other], rows[other]))
             for name, other in ((first, second), (second, first))
         }
-        return self._with_tracks({**self.tracks, **moved})
+        return self._with_tracks(moved)
 
     def with_carrier(self, target: str, carrier: str) -> Reading:
         """A target on the flange of a robot or on the world, its mount free."""
@@ -179,7 +183,7 @@ class Reading:
             end = End(robot, cell.mount_name(target), base, SE3.identity((len(group),)), nowhere, nowhere)
             return replace(group, ends=(group.eye, end))
 
-        return self.with_seen(set_carrier)._with_tracks(self.tracks).restate(cell)
+        return self.with_seen(set_carrier)._with_tracks({}).restate(cell)
 
     def shift(self, stream: str | None, count: int, start: int = 0) -> Reading:
         """One stream paired anew: what stands at position i - `count` moves to position i.
@@ -198,10 +202,6 @@ class Reading:
             stream, np.where((source < len(place)) & ((source >= start) | (place < start)), source, -1)
         )
 
-    def reverse(self, stream: str | None) -> Reading:
-        """One stream in reverse order."""
-        return self.pair_stream(stream, np.arange(len(self.order))[::-1])
-
     def pair_stream(self, stream: str | None, source: IntArray) -> Reading:
         """One stream with what stood at positions `source`, (m,), in the place of its own; without what is at -1."""
         kept = source >= 0
@@ -209,8 +209,8 @@ class Reading:
             place = np.full(len(source), -1)
             place[source[kept]] = np.flatnonzero(kept)
             return self._move_views(place).take(np.flatnonzero(kept))
-        tracks = {**self.tracks, stream: self.tracks[stream].take(source)}
-        return self._with_tracks(tracks).take(np.flatnonzero(tracks[stream].seen))
+        track = self.tracks[stream].take(source)
+        return self._with_tracks({stream: track}).take(np.flatnonzero(track.seen))
 
     def _move_views(self, place: IntArray) -> Reading:
         """Views of each position moved to another one, (m,); without those moved to -1."""
@@ -219,7 +219,7 @@ class Reading:
             there = place[self._rows(group)]
             kept = np.flatnonzero(there >= 0)
             groups.append(replace(group.take(kept), sample=self.order[there[kept]]))
-        return replace(self, problem=self.problem.with_groups(g for g in groups if len(g)))._with_tracks(self.tracks)
+        return replace(self, problem=self.problem.with_groups(g for g in groups if len(g)))._with_tracks({})
 
     def _rows(self, group: ViewGroup) -> IntArray:
         """Positions of the samples of a group's views, (n,); -1 of those that are no more."""
@@ -227,7 +227,8 @@ class Reading:
         return np.array([row.get(int(number), -1) for number in group.sample], dtype=np.int64)
 
     def _with_tracks(self, tracks: Mapping[str, Track]) -> Reading:
-        """The same views of robots with other states; without views that these have none for."""
+        """The same views of robots of which some have other states; without views that these have none for."""
+        tracks = {**self.tracks, **tracks}
         stops, first = _stops(self.problem.stops, tracks)
         groups = (self._carry_group(group, tracks, first) for group in self.problem.groups)
         stands = {name: len(np.unique(track.stand[track.seen])) for name, track in tracks.items()}

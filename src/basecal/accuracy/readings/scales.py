@@ -144,7 +144,7 @@ def _add_end(block: Array, constant: Array, end: End, state: State, columns: Map
             constant += sign * (turn @ place.translation)
         else:
             block[:, :, at : at + 3] += sign * turn
-    return np.asarray(to_flange @ mount.rotation)
+    return to_flange @ mount.rotation
 
 
 def _robust_least_squares(matrix: Array, right: Array) -> Array:

@@ -48,11 +48,8 @@ def evaluate_recording(cell: Cell, recording: Recording, calibration: Calibratio
         InputError: if the cell contradicts the recording.
     """
     known = known_views(cell, recording, calibration)
-    estimated = {n: of for n, of in calibration.noise.get("robots", {}).items() if n in known.problem.unstated}
-    sigmas = {name: np.array([*of["sigma_t_m"], *of["sigma_r_rad"]]) for name, of in estimated.items()}
-    problem = with_robot_noise(known.problem, sigmas)
-    state = without_errors(problem, known.state)
-    problem, _ = choose_correspondence(problem, state)
+    found = with_noise_of_robots(known.problem, known.state, calibration)
+    problem, state = found.problem, found.state
     used = _without_outliers(problem, calibration)
     for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
         state = retract(used, state, linearise(used, state), np.zeros(0))
@@ -91,6 +88,16 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> E
     problem = reshape_targets(replace(problem, columns={}, groups=tuple(groups)), shapes)
     no_errors = np.zeros((len(problem.stops), 6))
     return Evaluation(problem, State(transforms, cameras, no_errors, calibrated_kinematics(cell, calibration)))
+
+
+def with_noise_of_robots(problem: Problem, state: State, calibration: Calibration) -> Evaluation:
+    """Views read as they agree best with a state, by the robots' noise that was found; no stop has an error."""
+    found = calibration.noise.get("robots", {}).items()
+    estimated = {name: of for name, of in found if name in problem.unstated}
+    sigmas = {name: np.array([*of["sigma_t_m"], *of["sigma_r_rad"]]) for name, of in estimated.items()}
+    problem = with_robot_noise(problem, sigmas)
+    state = without_errors(problem, state)
+    return Evaluation(choose_correspondence(problem, state)[0], state)
 
 
 def with_noise_of(group: ViewGroup, calibration: Calibration) -> ViewGroup:

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.residuals.evaluation import known_views, with_noise_of
+from basecal.accuracy.residuals.evaluation import known_views, with_noise_of, with_noise_of_robots
 from basecal.accuracy.residuals.fit import residuals
 from basecal.cell import Calibration, Cell, Recording, Residuals
 from basecal.errors import InputError
-from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import STATED
 from basecal.estimation.solve import Solution, solve_from
@@ -81,15 +79,7 @@ def _solve_again(cell: Cell, recording: Recording, calibration: Calibration) -> 
     problem, _ = build_problem(cell, recording)
     views = {(group.camera, group.target) for group in known.problem.groups}
     groups = [with_noise_of(g, calibration) for g in problem.groups if (g.camera, g.target) in views]
-    found = calibration.noise.get("robots", {})
-    robots = {
-        name: np.array([*found[name]["sigma_t_m"], *found[name]["sigma_r_rad"]])
-        for name in problem.unstated
-        if name in found
-    }
-    problem = with_robot_noise(problem.with_groups(groups), robots)
     transforms = {name: unknown.mean for name, unknown in problem.unknowns.items() if unknown.mean is not None}
     start = State({**transforms, **known.state.transforms}, known.state.cameras, np.zeros((0, 6)), known.state.robots)
-    start = without_errors(problem, start)
-    problem, _ = choose_correspondence(problem, start)
-    return solve_from(replace(problem, held=True), start, STATED)
+    found = with_noise_of_robots(problem.with_groups(groups), start, calibration)
+    return solve_from(replace(found.problem, held=True), found.state, STATED)

@@ -20,11 +20,13 @@ from basecal.accuracy.scene.checks import (
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
 from basecal.accuracy.scene.images import read_images
-from basecal.accuracy.scene.meeting import scene_meeting
-from basecal.accuracy.scene.motion import scene_motion
-from basecal.accuracy.scene.shared_errors import shared_covariance
+from basecal.accuracy.scene.shared_errors import scene_motion, shared_covariance, shared_errors
+from basecal.accuracy.task.expected_error import point_jacobian, pool_errors
+from basecal.accuracy.task.kinematic_errors import move_nearest
+from basecal.accuracy.task.meeting import choose_places
+from basecal.accuracy.task.task import placed_transforms, task_places
 from basecal.accuracy.verdicts import judge_findings
-from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual, Unknown
+from basecal.cell import Calibration, Cell, Finding, MeetingError, Recording, Residuals, SampleResidual, Unknown
 from basecal.errors import InputError
 from basecal.estimation.scene.adjust import SceneFit, residuals_px
 from basecal.estimation.scene.spread import scene_covariance
@@ -169,3 +171,69 @@ def _robot_noise(fit: SceneFit) -> dict[str, dict[str, list[float]]]:
     """Sigmas of each robot's stops, by robot."""
     sigmas = {robot: fit.stop_sigma[fit.views.stop_robot == k][0] for k, robot in enumerate(fit.views.robots)}
     return {robot: {"sigma_t_m": own[:3].tolist(), "sigma_r_rad": own[3:].tolist()} for robot, own in sigmas.items()}
+
+
+def scene_meeting(cell: Cell, fit: SceneFit, covariance: Array, settings: Settings) -> MeetingError | None:
+    """The error where flanges meet, at the task or else where the arms worked, of the base that is known the least.
+
+    Errors that stops share move the base, too: both count together. Source: docs/mathematics.md (14.3).
+
+    Args:
+        cell: What was calibrated.
+        fit: A scene whose world is the base of the reference.
+        covariance: (q, q) of all columns that are no errors of stops.
+        settings: With the task.
+
+    Returns:
+        None if no base is requested.
+    """
+    task_m, placed = task_places(settings.task_point, settings.task_box), placed_transforms(cell)
+    covariances = (
+        _error_covariances(cell, fit, covariance, k, task_m)
+        for k, robot in enumerate(fit.views.robots)
+        if robot != cell.reference and cell.base_name(robot) in placed
+    )
+    found = (pool_errors(each, np.zeros((len(each), 3)), task_m) for each in covariances)
+    return max(found, key=lambda each: each.variance_m2, default=None)
+
+
+def _error_covariances(cell: Cell, fit: SceneFit, covariance: Array, robot: int, task_m: Array) -> Array:
+    """Covariances of the distance of two flanges, (n, 3, 3) [m^2], in the axes of the other robot's base."""
+    columns = fit.columns.bases[robot]
+    assert columns is not None
+    reference, base = fit.views.robots.index(cell.reference), fit.state.bases[robot]
+    points_m = task_m if len(task_m) else _recorded_places(fit, (reference, robot))
+    places_m = {reference: (points_m, -base.rotation.T), robot: (base.inverse() @ points_m, np.eye(3))}
+    by_base = point_jacobian(places_m[robot][0])
+    total = by_base @ covariance[columns, columns] @ by_base.mT
+    for index, (at_m, turn) in places_m.items():
+        total += np.mean(fit.stop_sigma[fit.views.stop_robot == index, :3] ** 2) * np.eye(3)
+        if not cell.robots[fit.views.robots[index]].is_total_noise:
+            total += _shared_part(fit, index, at_m, turn, by_base, columns)
+    return total
+
+
+def _recorded_places(fit: SceneFit, robots: tuple[int, int]) -> Array:
+    """Where flanges of these robots were in the world, (n, 3) [m]."""
+    mine = np.isin(fit.views.robot, robots)
+    return choose_places(fit.state.world_from_flange(fit.views).translation[mine])
+
+
+def _shared_part(fit: SceneFit, robot: int, at_m: Array, turn: Array, by_base: Array, columns: slice) -> Array:
+    """The covariance that errors of a robot add, beside what they move the base by, (n, 3, 3) [m^2].
+
+    Args:
+        fit: The scene.
+        robot: Index of the robot.
+        at_m: (n, 3) where its flange is, in its base [m].
+        turn: (3, 3) of these axes to those in which the distance is.
+        by_base: (n, 3, 6) how the distance moves with the base.
+        columns: Columns of the base.
+    """
+    poses = move_nearest(fit.views.base_from_flange[np.flatnonzero(fit.views.robot == robot)], at_m)
+    total = np.zeros((len(at_m), 3, 3))
+    for each in shared_errors(fit, robot):
+        own = turn @ poses.rotation @ each.at(poses)[:, :3]
+        mixed = by_base @ each.moves[columns] @ each.moment @ own.mT
+        total += mixed + mixed.mT + own @ each.moment @ own.mT + each.unseen_m2(poses)[:, None, None] * np.eye(3)
+    return total

@@ -12,11 +12,11 @@ from typing import Literal
 
 import numpy as np
 
-from basecal.accuracy.model_comparison.independent import compare_contradiction, compare_places
+from basecal.accuracy.model_comparison.nested_models import compare_nested_models, compare_places
 from basecal.accuracy.phrases.recorded_robots import advise_check
 from basecal.accuracy.scene.joining import Join
-from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import MOST_PX, OneCamera
+from basecal.accuracy.scene.shared_errors import SceneMotion
 from basecal.cell import Cell, Finding
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.geometry import Array
@@ -127,7 +127,8 @@ def base_findings(name: str, offset: Array | None, covariance: Array) -> Iterato
         offset: (3,) from where other evidence has it to where the scene has it [m]; None without other evidence.
         covariance: (3, 3) of that [m^2].
     """
-    if offset is not None and compare_contradiction(offset, covariance).is_taken:
+    apart = 0.0 if offset is None else float(offset @ np.linalg.solve(covariance, offset))
+    if offset is not None and compare_nested_models(apart, 3).is_taken:
         what = f"The scene has {name} {1e3 * np.linalg.norm(offset):.3g} mm from where all else has it."
         yield Finding("scene-rival", "error", (name,), what, (_TWO_PLACES,), _MISTAKEN)
     elif offset is None or not compare_places(offset, covariance).is_taken:

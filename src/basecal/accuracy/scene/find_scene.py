@@ -9,8 +9,7 @@ import numpy as np
 
 from basecal.accuracy.scene.checks import SAME_SPOT, camera_findings, join_findings, kept_findings
 from basecal.accuracy.scene.images import Images
-from basecal.accuracy.scene.joining import Join, join
-from basecal.accuracy.scene.merging import merged_tracks, shared_points
+from basecal.accuracy.scene.joining import Join, join, merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera, solve_camera
 from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Finding

@@ -160,7 +160,7 @@ def _predicts_better(solution: Solution, iterations: int) -> bool:
         score_stations(problem, solution.state, split, iterations).scores
         for problem in (replace(solution.problem, tied=None), solution.problem)
     )
-    return compare_predicted_gains("scene", without - within).gain > 0
+    return compare_predicted_gains(without - within).gain > 0
 
 
 def _explain_omission(findings: Sequence[Finding]) -> Finding:

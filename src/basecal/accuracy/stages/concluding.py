@@ -12,7 +12,7 @@ from basecal.accuracy.clocks.correction import (
     clock_offsets,
     line_times,
 )
-from basecal.accuracy.covariance.curved_covariance import curved_covariance
+from basecal.accuracy.covariance.widening import curved_covariance
 from basecal.accuracy.held_gauges import held_gauges
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.phrases.null_space import describe_null_space

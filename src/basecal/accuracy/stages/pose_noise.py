@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.model_comparison.likelihoods import compare_likelihoods
+from basecal.accuracy.model_comparison.nested_models import compare_likelihoods
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.stages.solving import is_explained, leave_outliers_out
 from basecal.estimation.noise.robot_noise import without_errors
@@ -75,7 +75,7 @@ def likely_size(case: Case, target: str) -> float | None:
         last = with_noise(shaped, case.settings, last)
         evidence.append(last.noise.minus_2_log_evidence)
     ratios = (evidence[0] - np.array(evidence[1:])) / 2
-    return _peak(ratios) if compare_likelihoods("pose errors by tilt", ratios).is_taken else None
+    return _peak(ratios) if compare_likelihoods(ratios).is_taken else None
 
 
 def _peak(ratios: Array) -> float:

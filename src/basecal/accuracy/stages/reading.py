@@ -8,9 +8,8 @@ from basecal.accuracy.axis_shift import calibrate_axis_shift
 from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.findings.registry import INPUT_CHECKS
-from basecal.accuracy.input_screening.images import count_searchable_images
 from basecal.accuracy.input_screening.repeated_views import repeated_views
-from basecal.accuracy.input_screening.units import impossible_units
+from basecal.accuracy.input_screening.units import count_searchable_images, impossible_units
 from basecal.accuracy.readings.scales import convert_units, estimate_units
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.task.task import base_transforms

@@ -9,8 +9,7 @@ import numpy as np
 from basecal.accuracy.findings.outlier_samples import agreement_findings
 from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
 from basecal.accuracy.input_check.conventions import check_conventions
-from basecal.accuracy.input_check.explaining_offsets import explaining_offsets
-from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
+from basecal.accuracy.input_check.unexplained_motion import explaining_offsets, hopeless, is_hopeless
 from basecal.accuracy.phrases.changed_frame import changed_frame
 from basecal.accuracy.stages.case import Case
 from basecal.cell import Finding

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.cross_validation.folds import FOLDS
+from basecal.accuracy.systematic_errors.place_scatter import flange_poses
 from basecal.accuracy.systematic_errors.score_tests import Linearised, Sums, score_from_sums, sums, weigh_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.effects.faces.candidates import Candidates
@@ -80,12 +81,8 @@ def _time_blocks(situation: Situation) -> IntArray:
 
 def _configuration_blocks(situation: Situation) -> IntArray:
     """Blocks along the direction in which the arms' places spread most."""
-    places = np.zeros((len(situation.samples), len(situation.robots), 3))
-    for i, robot in enumerate(situation.robots):
-        for k, group in enumerate(situation.problem.groups):
-            if group.robot_end(robot):
-                places[situation.rank(group), i] = situation.recorded_pose(k, robot).translation
-    centred = (places - places.mean(0)).reshape(len(places), 3 * len(situation.robots))
+    places = flange_poses(situation)[..., :3].reshape(len(situation.samples), -1)
+    centred = places - places.mean(0)
     along = centred @ principal_axes(centred).axes[:, 0] if places.size else np.zeros(len(places))
     blocks = np.empty(len(places), dtype=np.int64)
     blocks[np.argsort(along, kind="stable")] = _time_blocks(situation)

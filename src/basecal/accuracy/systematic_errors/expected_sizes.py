@@ -15,11 +15,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.long_axes import AXES_PRIOR, LongAxes, long_axes
-from basecal.accuracy.systematic_errors.pose_fields import PoseField, fields_prior, stated_fields
+from basecal.accuracy.systematic_errors.pose_fields import (
+    AXES_PRIOR,
+    LongAxes,
+    PoseField,
+    fields_prior,
+    long_axes,
+    stated_fields,
+)
 from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
-from basecal.accuracy.systematic_errors.sigma_mixture import posteriors_by_sigma
-from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
+from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation, situate
 from basecal.cell import Cell
 from basecal.effects import target_size
 from basecal.effects.faces.candidates import Candidates, combine_candidates
@@ -29,7 +34,7 @@ from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
-from basecal.numerics.mixtures import mixture, probabilities
+from basecal.numerics.mixtures import Gaussian, mixture, probabilities
 
 _MOST_ARMS = 2  # with fields: of more, each goes alone
 _FREE_SIGMA = 0.3  # of a unit's length about what loops say: far more than is left open
@@ -93,11 +98,11 @@ def contain_expected_sizes(
         error: The systematic error, which counts separately if it is the size of a target; None if there is none.
         offsets: Of clocks that are estimated beside the answer.
     """
-    problem = solution.noise.hold_sigmas(solution.problem)
+    situation = situate(solution, offsets=offsets)
+    problem = situation.problem
     unit_s = np.zeros(0) if offsets is None else offsets.sigma_s
     if not solution.converged or not problem.width:
         return ContainedSizes(solution, 0 * unit_s, 0 * np.outer(unit_s, unit_s))
-    situation = Situation(problem, solution.state, problem, {}, solution.noise, offsets)
     width = len(situation.null.gradient)
     moved, covariance = np.zeros(width), np.zeros((width, width))
     for known in known_sizes(cell, situation, error):
@@ -204,3 +209,35 @@ def _size_sigma(cell: Cell, groups: tuple[ViewGroup, ...], target: str) -> float
     counts = (g.measurement.counts() for g in groups if g.target == target)
     is_open = any(count.get("pixel_px", 0) or count.get("pose_m", 0) for count in counts)
     return target_size.EXPECTED.sigma if is_open else 0.0
+
+
+def posteriors_by_sigma(gradient: Array, information: Array, priors: Sequence[SigmaPrior]) -> Gaussian:
+    """The posterior of all sizes by each sigma of the first, (..., m), those of the others integrated over.
+
+    The cost of sizes s is 2 g's + s'Ps beside that of their prior. Source: docs/mathematics.md (11.4).
+
+    Args:
+        gradient: (..., q) g.
+        information: (..., q, q) P.
+        priors: Of the sigmas of all sizes in turn, (m, q1), (n, q2), ...; independent of one another.
+    """
+    prior, *others = priors
+    sigmas = prior.sigmas
+    count = sigmas.shape[1]
+    u, v = gradient[..., None, :count, None], gradient[..., None, count:, None]
+    p, across = information[..., None, :count, :count], information[..., None, :count, count:]
+    inverse = np.linalg.inv(sigmas[:, :, None] * p * sigmas[:, None, :] + np.eye(count))
+    spread = sigmas[:, :, None] * (0.5 * (inverse + inverse.mT)) * sigmas[:, None, :]
+    mean = -spread @ u
+    evidence = np.linalg.slogdet(inverse)[1] - (u.mT @ mean)[..., 0, 0]
+    if not others:
+        return Gaussian(evidence, mean[..., 0], spread)
+    back = -spread @ across
+    slope, curvature = v + back.mT @ u, information[..., None, count:, count:] + across.mT @ back
+    rest = mixture(others[0].shares, posteriors_by_sigma(slope[..., 0], curvature, others))
+    both = np.concatenate([back, np.broadcast_to(np.eye(back.shape[-1]), (*back.shape[:-2], *back.shape[-1:] * 2))], -2)
+    covariance = both @ rest.covariance @ both.mT
+    covariance[..., :count, :count] += spread
+    means = (both @ rest.mean[..., None])[..., 0]
+    means[..., :count] += mean[..., 0]
+    return Gaussian(rest.evidence + evidence, means, covariance)

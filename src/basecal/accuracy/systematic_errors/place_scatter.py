@@ -8,6 +8,7 @@ Source: analysis of variance, Fisher 1925; its freedoms, Satterthwaite 1946; doc
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -69,15 +70,15 @@ def _place_splits(situation: Situation, name: str) -> BoolArray:
     """Whether samples are beyond each of some planes across the poses of all flanges, (samples, splits)."""
     groups = situation.groups
     seen = np.unique(np.concatenate([situation.rank(g) for k, g in enumerate(groups) if situation.depends(k, name)]))
-    poses = _flange_poses(situation)
+    poses = flange_poses(situation).reshape(len(situation.samples), -1)
     centred = poses - poses[seen].mean(0)
     axes = principal_axes(centred[seen])
     along = centred @ axes.axes[:, : min(axes.dimension, _MOST_AXES)]
     return np.asarray((along[:, None] > np.quantile(along[seen], _SHARES, axis=0)).reshape(len(along), -1))
 
 
-def _flange_poses(situation: Situation) -> Array:
-    """Places and axes of all flanges as recorded, a row a sample, (samples, 12 robots) [m]."""
+def flange_poses(situation: Situation) -> Array:
+    """Places and axes of all flanges as recorded, (samples, robots, 12) [m]."""
     poses = np.zeros((len(situation.samples), len(situation.robots), 12))
     for i, robot in enumerate(situation.robots):
         for k, group in enumerate(situation.groups):
@@ -85,4 +86,53 @@ def _flange_poses(situation: Situation) -> Array:
                 pose = situation.recorded_pose(k, robot)
                 rows = pose.translation, LENGTH_M * pose.rotation.reshape(-1, 9)
                 poses[situation.rank(group), i] = np.concatenate(rows, axis=1)
-    return poses.reshape(len(poses), -1)
+    return poses
+
+
+COST = 0.5
+"""Among errors, one of many costs half the logarithm of their number; `benchmarks.false_alarms` judges it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Suspect:
+    """An error whose score chance hardly makes.
+
+    Attributes:
+        effect: Name of the effect that it is of.
+        candidate: It alone.
+        size: (q,) to first order.
+        freedoms: How many of its sizes the data show.
+        statistic: Its chi-square.
+        log_chance: Logarithm of the chance that any of its code has such a score.
+        screened: The same, or less where stops share no errors, whose sigmas may hold the error itself.
+        several: Logarithm of how many these are.
+        family: How many codes were tested.
+        scatter: What it has to exceed; None if that is noise alone.
+    """
+
+    effect: str
+    candidate: Candidates
+    size: Array
+    freedoms: int
+    statistic: float
+    log_chance: float
+    screened: float
+    several: float
+    family: int = 1
+    scatter: PlaceScatter | None = None
+
+    @property
+    def rank(self) -> float:
+        """Logarithm of its chance among errors of all codes, where no random effect can hold one."""
+        return self.screened + COST * self.several
+
+    def log_chance_beside_places(self, gain: float, chance: float) -> float:
+        """Logarithm of the chance of its score, or of a larger gain, beside what differs by place.
+
+        Args:
+            gain: Of minus twice the log likelihood.
+            chance: The logarithm of the chance of both beside noise.
+        """
+        if self.scatter is None:
+            return chance
+        return self.scatter.log_chance(max(gain, self.statistic), self.freedoms) + self.several

@@ -22,10 +22,11 @@ from basecal.effects.faces.candidates import Candidates, Moves
 from basecal.estimation.least_squares.normal_equations import (
     LinearisedViews,
     linearise,
+    prior_equations,
     prior_residuals,
+    sum_views,
 )
-from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement
-from basecal.estimation.least_squares.tied_equations import linearise_scene
+from basecal.estimation.least_squares.schur_complement import SchurComplement
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import scaled_spectrum, spectrum
@@ -118,7 +119,7 @@ class Linearised:
     @cached_property
     def step(self) -> Array:
         """(c,) the inverse times the gradient."""
-        return np.asarray(self.inverse @ self.gradient)
+        return self.inverse @ self.gradient
 
 
 class Sums(NamedTuple):
@@ -169,23 +170,9 @@ def weigh_views(model: Linearised, weights: Sequence[Array]) -> Linearised:
 
 def _sum_views(problem: Problem, state: State, views: tuple[LinearisedViews, ...], width: int) -> Linearised:
     """Sums over views of so many columns, random effects of unit variance behind the unknowns."""
-    gradient, hessian = np.zeros(width), np.diag(np.repeat([0.0, 1.0], [problem.width, width - problem.width]))
-    for residual, jacobian, where in prior_residuals(problem, state):
-        gradient[where] += jacobian.T @ residual
-        hessian[where, where] += jacobian.T @ jacobian
-    shared = problem.shared_stops >= 0
-    stops = SchurAccumulator(state.stop_errors[shared], width)
-    for each in views:
-        stops.add(each.shared, each.gradient, each.information, each.by_unknowns, each.columns)
-        flat = each.by_unknowns.reshape(-1, len(each.columns))
-        carried = (each.information @ each.by_unknowns).reshape(flat.shape)
-        hessian[each.columns[:, None], each.columns] += flat.T @ carried
-        gradient[each.columns] += flat.T @ each.gradient.ravel()
-    if problem.tied is not None:
-        linearise_scene(problem, problem.tied, state).add(hessian, gradient, problem, stops if shared.any() else None)
-    system = stops.solve() if shared.any() else None
-    if system is not None:
-        hessian, gradient = system.reduce(hessian, gradient)
+    gradient, hessian, unknowns = np.zeros(width), np.eye(width), slice(problem.width)
+    hessian[unknowns, unknowns], gradient[unknowns], _ = prior_equations(problem, state)
+    _, hessian, gradient, system = sum_views(problem, state, views, hessian, gradient)
     return Linearised(problem, state, views, gradient, hessian, system)
 
 

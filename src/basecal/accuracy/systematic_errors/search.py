@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.covariance.widening import solution_step
+from basecal.accuracy.covariance.widening import state_step
 from basecal.accuracy.model_comparison.nested_models import (
     DISAGREES,
     FALSE_DISCOVERIES,
@@ -23,10 +23,9 @@ from basecal.accuracy.model_comparison.nested_models import (
 )
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
-from basecal.accuracy.systematic_errors.place_scatter import place_scatter
+from basecal.accuracy.systematic_errors.place_scatter import COST, Suspect, place_scatter
 from basecal.accuracy.systematic_errors.score_tests import Linearised, log_chance_of_gain, score, sums
-from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.systematic_errors.suspect import COST, Suspect
+from basecal.accuracy.systematic_errors.situation import Situation, situate
 from basecal.effects.faces.candidates import Candidates, combine_candidates
 from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import CHANGES_IN_TIME, EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS, largest_sigma
@@ -75,7 +74,7 @@ def systematic_error(
         )
         if found is not None:
             return found
-    situation = _situation(solution, recorded_problem, stamps)
+    situation = situate(solution, recorded_problem, stamps)
     every = _suspects(situation)
     suspects = list(_confirmed_suspects(situation, _select_suspects(situation, every)))
     if solution.problem.models:
@@ -129,7 +128,7 @@ def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffec
     """
     if not solution.converged or not solution.problem.groups or solution.problem.models:
         return None
-    situation = _situation(solution, solution.problem, stamps)
+    situation = situate(solution, stamps=stamps)
     first = _confirm_first(solution, situation, _suspects(situation))
     if (first is not None and first.is_certain) or solution.noise.beside_common is None:
         return first
@@ -157,7 +156,7 @@ def _reconciling_effect(
     solution: Solution, as_stated: Solution, recorded_problem: Problem, stamps: Mapping[int, float], settings: Settings
 ) -> FoundEffect | None:
     """The error without which the residuals are as stated after all; None where none does that."""
-    situation = _situation(as_stated, recorded_problem, stamps)
+    situation = situate(as_stated, recorded_problem, stamps)
     every = _suspects(situation)
     selected = _select_suspects(situation, every)
     certain = (
@@ -177,12 +176,6 @@ def _discovery_mask(
 ) -> BoolArray:
     """Which suspects of these chances are certain, (n,), if so large a share may be false."""
     return discoveries(log_chances, max((suspect.family for suspect in suspects), default=1), share)
-
-
-def _situation(solution: Solution, recorded_problem: Problem, stamps: Mapping[int, float]) -> Situation:
-    return Situation(
-        solution.noise.hold_sigmas(solution.problem), solution.state, recorded_problem, stamps, solution.noise
-    )
 
 
 def _null_model(situation: Situation, suspect: Suspect) -> Linearised:
@@ -314,17 +307,12 @@ def _is_contained(solution: Solution, suspect: Suspect) -> bool:
     of_joints = (name for name, robots in noise.common.items() if RANDOM_EFFECTS[name].by_joints and about in robots)
     name = next(of_joints, "") if suspect.effect in ROBOT_PARAMETERS else ""
     gain = noise.plain_minus_2_log_evidence - noise.minus_2_log_evidence
-    return bool(name) and compare_evidence(name, gain).is_taken
-
-
-def timeless_situation(solution: Solution) -> Situation:
-    """A solution as effects see it, with no times and no outliers."""
-    return _situation(solution, solution.problem, {})
+    return bool(name) and compare_evidence(gain).is_taken
 
 
 def candidate_chance(solution: Solution, candidate: Candidates, size: Array, several: float) -> float:
     """Logarithm of the chance of what one of so many candidates gains, by the logarithm of their number."""
-    suspect, situation = Suspect("", candidate, size, len(size), 0.0, 0.0, 0.0, several), timeless_situation(solution)
+    suspect, situation = Suspect("", candidate, size, len(size), 0.0, 0.0, 0.0, several), situate(solution)
     return _log_chance(situation, suspect, _gain(situation, suspect, solution))
 
 
@@ -344,14 +332,14 @@ def _describe(situation: Situation, suspect: Suspect, solution: Solution, correc
     Random effects are those of the null model: the noise of single stops alone gives another size.
     """
     noise = replace(corrected_solution.noise, common=solution.noise.common, beside_common=solution.noise.beside_common)
-    corrected = _situation(replace(corrected_solution, noise=noise), situation.recorded, situation.stamps)
+    corrected = situate(replace(corrected_solution, noise=noise), situation.recorded, situation.stamps)
     again = score(_null_model(corrected, suspect), suspect.candidate, largest_sigma(suspect.effect))
     return _make_effect(
         situation,
         suspect,
         suspect.size + again.size[0],
         again.information[0],
-        solution_step(solution, corrected_solution),
+        state_step(solution.problem, solution.state, corrected_solution.state),
     )
 
 

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.null_model import null_model
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views, with_random_effects
 from basecal.effects.faces.candidates import Group, Moves
 from basecal.effects.registry import CHANGES_IN_TIME, RANDOM_EFFECTS
 from basecal.estimation.noise.estimate import NoiseEstimate
+from basecal.estimation.noise.random_effects import held_errors
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.gauges import LENGTH_M
 from basecal.estimation.problem.problem import Chain, Problem, State, chain
 from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.solve import Solution
 from basecal.estimation.view.points import is_touch
 from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics import SerialChain
+from basecal.numerics.spectral import scaled_spectrum
 
 # The root of the mean square of how far poses are off the middle of their neighbours, over half of how far these are
 # apart: 1.7 of poses in no order, near 0 on a smooth path; assumed between.
@@ -196,7 +198,7 @@ class Situation:
 
     def down_in_flange(self, k: int, robot: str) -> Array:
         """Direction of gravity in a robot's flange, which carries something in the views of a group, (n, 3)."""
-        return np.asarray(self.down @ (self._bases[robot].rotation @ self.recorded_pose(k, robot).rotation))
+        return self.down @ (self._bases[robot].rotation @ self.recorded_pose(k, robot).rotation)
 
     def transform(self, name: str) -> SE3:
         """A mount or a base."""
@@ -261,6 +263,69 @@ class Situation:
         return where, SE3(rotation[where], translation[where])
 
 
+def situate(
+    solution: Solution,
+    recorded_problem: Problem | None = None,
+    stamps: Mapping[int, float] | None = None,
+    offsets: OpenOffsets | None = None,
+) -> Situation:
+    """A solution, with its noise, as effects see it; without outliers and times where none are given."""
+    problem = solution.noise.hold_sigmas(solution.problem)
+    return Situation(problem, solution.state, recorded_problem or problem, stamps or {}, solution.noise, offsets)
+
+
 def _size(tangents: Array) -> float:
     """Root of the mean square, angles by an arm's length [m]."""
     return float(np.sqrt(np.mean(np.sum((tangents * np.repeat([1.0, LENGTH_M], 3)) ** 2, axis=1))))
+
+
+# Of the information about a random effect in its sigmas: less hardly changes what is known of it;
+# `benchmarks.false_alarms` judges it.
+_LEAST_SEEN = 1e-2
+
+
+def null_model(
+    problem: Problem, state: State, noise: NoiseEstimate, flange_jacobian: Callable[[int, str], Array]
+) -> Linearised:
+    """A problem about a state with the random effects of the noise, which has some, by their likeliest kind.
+
+    Its sigmas are those of single stops and views, estimated beside these effects. Sigmas that were estimated without
+    them absorb what stops share, and the motion by any effect under test.
+
+    Args:
+        problem: The problem, with the sigmas of `noise`.
+        state: Its optimum.
+        noise: The noise in use.
+        flange_jacobian: How views of a group move with a right tangent of a robot's flange, (n, 6, 6).
+    """
+    assert noise.beside_common is not None
+    beside = noise.beside_common.hold_sigmas(problem)
+    # Errors of stops stay the same in metres and radians.
+    errors = state.stop_errors * problem.stops.sigma / beside.stops.sigma
+    model = linearise_views(beside, replace(state, stop_errors=errors))
+    return with_random_effects(model, _independent_moves(model, _effect_moves(problem, noise.common, flange_jacobian)))
+
+
+def _effect_moves(
+    problem: Problem, common: Mapping[str, Mapping[str, Array]], flange_jacobian: Callable[[int, str], Array]
+) -> Moves:
+    """How views of each group move with one sigma of each error that stops share, (n, 6, r)."""
+    units, moves = held_errors(problem, common), []
+    for k, group in enumerate(problem.groups):
+        parts = []
+        for robot, unit in units.items():
+            end = group.robot_end(robot)
+            still = np.zeros((len(group), 6, unit.shape[-1]))
+            parts.append(still if end is None else flange_jacobian(k, robot) @ unit[end.stand])
+        moves.append(np.concatenate(parts, axis=-1) if parts else None)
+    return tuple(moves)
+
+
+def _independent_moves(model: Linearised, moves: Moves) -> Moves:
+    """Random effects turned into independent ones that the views show, as few as there are."""
+    pairs = [(views.information[:, :6, :6], m) for views, m in zip(model.views, moves, strict=True) if m is not None]
+    if not pairs:
+        return moves
+    information = sum(np.tensordot(m, h @ m, ((0, 1), (0, 1))) for h, m in pairs)
+    of = scaled_spectrum(np.asarray(information), _LEAST_SEEN)
+    return tuple(None if m is None else m @ of.vectors[:, of.held] for m in moves)

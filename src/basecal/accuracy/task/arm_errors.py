@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from basecal.accuracy.systematic_errors.expected_sizes import SizePosterior, known_sizes
-from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation
+from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation, situate
 from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, MODELS, kinematic_errors
 from basecal.cell import Cell
 from basecal.effects.faces.shared_errors import SharedTerm
@@ -51,8 +51,7 @@ class ArmErrors:
     @cached_property
     def situation(self) -> Situation:
         """The solution with its noise, to which errors are added."""
-        problem = self.solution.noise.hold_sigmas(self.solution.problem)
-        return Situation(problem, self.solution.state, problem, {}, self.solution.noise, self.offsets)
+        return situate(self.solution, offsets=self.offsets)
 
     @cached_property
     def sizes(self) -> list[SizePosterior]:

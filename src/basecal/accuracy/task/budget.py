@@ -1,4 +1,4 @@
-"""The variance at the task by source, and what halving each source brings.
+"""The variance at the task by source, noise or prior knowledge, and what halving each source brings.
 
 A covariance is homogeneous of degree one in the variances of its sources. It is therefore the sum of each variance
 times the derivative to it, C W_s C. C is the covariance, and W_s a source's information about the unknowns and the
@@ -7,13 +7,14 @@ stops' errors. Source: Euler's theorem on homogeneous functions; docs/mathematic
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.task.meeting import Meeting, make_meeting, worst_meeting
-from basecal.accuracy.task.sources import Source, error_sources, stops_source
-from basecal.accuracy.task.task import base_transforms
+from basecal.accuracy.task.meeting import Meeting, find_worst_meeting
 from basecal.cell import BudgetEntry, Calibration, Cell
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.problem import Problem, State
@@ -42,11 +43,9 @@ def calibration_budget(
     Returns:
         The largest first; None if nothing of it is known.
     """
-    known = [name for name in base_transforms(cell) if name in calibration.transforms]
-    if not known or calibration.meeting is None:
+    meeting = find_worst_meeting(cell, calibration, solution, points_m)
+    if meeting is None or calibration.meeting is None:
         return None
-    meetings = [make_meeting(cell, solution.problem, solution.state, name, points_m) for name in known]
-    meeting = worst_meeting(meetings, solution.covariance)
     added = {name: float(np.trace(meeting.weight @ matrix)) for name, matrix in widenings.items()}
     rest = SHARED_SOURCE if solution.noise.common else NOISE_SOURCE
     return budget(solution, meeting, calibration.meeting.variance_m2, added, rest)
@@ -67,10 +66,10 @@ def budget(
     problem, state, weight = solution.problem, solution.state, meeting.weight
     variances, halved = dict(additions), {name: 0.75 * variance for name, variance in additions.items()}
     own = {stops_source(robot): 3 * float(of_stop[0]) for robot, of_stop in meeting.stop_variances().items()}
-    now, shares = _variance(solution, weight, problem, state), source_variances(solution, weight)
+    now = _variance(solution, weight, problem, state)
     for source in error_sources(problem):
         at_stop = own.get(source.name, 0.0)
-        variances[source.name] = shares[source.name] + at_stop
+        variances[source.name] = source_variance(solution, weight, source) + at_stop
         halved[source.name] = now - _variance(solution, weight, *source.scaled(problem, state, 0.5)) + 0.75 * at_stop
     left = total_m2 - sum(variances.values())
     if left > _LEAST_SHARE * total_m2:
@@ -86,17 +85,12 @@ def budget(
     return tuple(_entry(name, variances[name], total_m2, halved[name]) for name in largest_first)
 
 
-def source_variances(solution: Solution, weight: Array) -> dict[str, float]:
-    """The variance by source of what a weight (p, p) makes of the covariance, at the likeliest sigmas."""
-    return {source.name: _share(solution, weight, source) for source in error_sources(solution.problem)}
-
-
 def _entry(name: str, variance: float, total: float, gain: float) -> BudgetEntry:
     rms_m, left_m = (float(np.sqrt(max(square, 0.0))) for square in (variance, total - gain))
     return BudgetEntry(name, rms_m, variance / total if total > 0 else 0.0, left_m)
 
 
-def _share(solution: Solution, weight: Array, source: Source) -> float:
+def source_variance(solution: Solution, weight: Array, source: Source) -> float:
     """The variance that comes of a source [m^2]: its derivative to the logarithm of the source's own."""
     more, less = (
         _variance(solution, weight, *source.scaled(solution.problem, solution.state, float(np.exp(step))))
@@ -108,3 +102,65 @@ def _share(solution: Solution, weight: Array, source: Source) -> float:
 def _variance(solution: Solution, weight: Array, problem: Problem, state: State) -> float:
     covariance = spectrum(linearise(problem, state).hessian).inverse * solution.noise.factor
     return float(np.trace(weight @ covariance))
+
+
+@dataclass(frozen=True)
+class Source:
+    """A source of error.
+
+    Attributes:
+        name: In words, with the name of what it is of.
+        scaled: The problem and a state with its sigma so many times as large; errors stay what they are in metres.
+    """
+
+    name: str
+    scaled: Callable[[Problem, State, float], tuple[Problem, State]]
+
+
+def error_sources(problem: Problem) -> Iterator[Source]:
+    """All sources of a problem whose sigmas are stated or estimated: views, robots' stops, priors."""
+    for camera in sorted({group.camera for group in problem.groups}):
+        yield Source(f"views of {camera}", partial(_scale_views, camera))
+    for robot in sorted(set(problem.stops.robot)):
+        yield Source(stops_source(robot), partial(_scale_stops, robot))
+    for name in problem.columns:
+        if name in problem.unknowns and problem.unknowns[name].status == "prior":
+            yield Source(f"prior of {name}", partial(_scale_prior, "unknowns", name))
+        elif name in problem.lenses and problem.lenses[name].status == "prior":
+            yield Source(f"lens of {name}", partial(_scale_prior, "lenses", name))
+    for robot, model in problem.models.items():
+        if any(sigma is not None for sigma in model.sigmas.values()):
+            yield Source(f"kinematics of {robot}", partial(_scale_kinematics, robot))
+
+
+def stops_source(robot: str) -> str:
+    """The name of the source that the stops of a robot are."""
+    return f"repeatability of {robot}"
+
+
+def _scale_views(camera: str, problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
+    groups = (
+        replace(g, measurement=g.measurement.noisier(factor)) if g.camera == camera else g for g in problem.groups
+    )
+    return problem.with_groups(groups), state
+
+
+def _scale_stops(robot: str, problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
+    mine = np.array([name == robot for name in problem.stops.robot])
+    factors = np.where(mine, factor, 1.0)[:, None]
+    stops = replace(problem.stops, sigma=problem.stops.sigma * factors)
+    return replace(problem, stops=stops), replace(state, stop_errors=state.stop_errors / factors)
+
+
+def _scale_prior(kind: str, name: str, problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
+    stated = getattr(problem, kind)
+    wider: dict[str, Any] = {kind: {**stated, name: replace(stated[name], sigma=stated[name].sigma * factor)}}
+    return replace(problem, **wider), state
+
+
+def _scale_kinematics(robot: str, problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
+    model = problem.models[robot]
+    columns = {
+        kind: of if of.sigma is None else of._replace(sigma=of.sigma * factor) for kind, of in model.columns.items()
+    }
+    return replace(problem, models={**problem.models, robot: replace(model, columns=columns)}), state

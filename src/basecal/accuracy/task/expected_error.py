@@ -11,8 +11,8 @@ import numpy as np
 from scipy.special import chndtr, chndtrix, gammainc
 
 from basecal.accuracy.residuals.evaluation import Evaluation
-from basecal.accuracy.task.task import placed_transforms
-from basecal.cell import Calibration, Cell, Tolerance
+from basecal.accuracy.task.task import place_kind, placed_transforms
+from basecal.cell import Calibration, Cell, MeetingError, Tolerance
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix
 
@@ -83,10 +83,22 @@ def check_tolerance(cell: Cell, calibration: Calibration, errors: Sequence[Expec
     return replace(found, met=found.is_within and calibration.verdict == "good")
 
 
+def pool_errors(covariances: Array, means: Array, task_m: Array) -> MeetingError:
+    """The error where flanges meet, by its normals at several places, (n, 3, 3) and (n, 3), those of a task or others.
+
+    Args:
+        covariances: [m^2].
+        means: [m].
+        task_m: (k, 3) the task [m]; (0, 3) without one.
+    """
+    variance = float(np.mean(np.trace(covariances, axis1=1, axis2=2) + np.sum(means**2, -1)))
+    return MeetingError(pooled_quantile(covariances, means), place_kind(task_m), float(np.sqrt(variance / 3)))
+
+
 def pooled_quantile(covariances: Array, means: Array) -> float:
     """The length that vectors of these normals, (n, 3, 3) and (n, 3), each as often, stay below with `QUANTILE_LEVEL`.
 
-    Each as in `_shifted_quantile`.
+    Each as in `_NonCentral`.
     """
     normals = _non_central(covariances, means)
     own = normals.quantile()
@@ -115,10 +127,6 @@ def length_quantiles(covariances: Array, means: Array | None = None) -> Array:
     """
     if means is None or not np.any(means):
         return _central_quantile(covariances)
-    return _shifted_quantile(covariances, means)
-
-
-def _shifted_quantile(covariances: Array, means: Array) -> Array:
     return _non_central(covariances, means).quantile()
 
 

@@ -1,10 +1,10 @@
-"""Errors of an arm's joints and links that are not estimated, as its stops and its poses elsewhere share them.
+"""How the flange of an arm that is sent to a point moves with its joints and links, estimated or not.
 
-Each joint offset, and each shift and rotation of a link, is an independent error. Rotations share one sigma, and shifts
-another. The recorded poses determine these sigmas, and with them the possible errors in directions that no recorded
-pose shows. For example, a mount absorbs an error that shifts its flange equally at all poses, and the answer fits as
-well. That flange is off by this error when it is sent elsewhere.
-Source: docs/mathematics.md (14.6).
+Errors that are not estimated are shared by its stops and its poses elsewhere. Each joint offset, and each shift and
+rotation of a link, is an independent error. Rotations share one sigma, and shifts another. The recorded poses determine
+these sigmas, and with them the possible errors in directions that no recorded pose shows. For example, a mount absorbs
+an error that shifts its flange equally at all poses, and the answer fits as well. That flange is off by this error when
+it is sent elsewhere. Source: docs/mathematics.md (14.6).
 """
 
 from __future__ import annotations
@@ -13,14 +13,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from basecal.accuracy.task.arms_at_points import kinematics_of_robot, reach_points, recorded_joints, to_base_axes
 from basecal.effects.faces.robot_parameter import Posture
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
 from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.errors import NotConverged
 from basecal.estimation.noise.random_effects import posture_at_stops
+from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.problem.build import recorded_joints
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.problem.robot_parameters import Kinematics
-from basecal.geometry import Array
+from basecal.estimation.problem.robot_parameters import Kinematics, column_derivative
+from basecal.geometry import SE3, Array, IntArray
+from basecal.kinematics.inverse import inverse
 
 EXPECTED_PRIOR = KINEMATICS._replace(tie=2.0)
 """Of their sigmas. What joints and links together leave of a stop is not smooth in its pose, and hardly tied."""
@@ -59,10 +62,7 @@ def moved_by_errors(
         points_in_base_m: (n, 3) where its flange is, in its base [m].
         kinds: As there.
     """
-    recorded = recorded_joints(problem, robot)
-    assert recorded is not None
-    joints = reach_points(problem, state, robot, recorded, points_in_base_m)
-    kinematics = kinematics_of_robot(problem, state, robot)
+    kinematics, joints = reach_points(problem, state, robot, points_in_base_m)
     moved = _errors(kinematics, joints, _open_kinds(problem, robot, kinds)).by_stop
     return to_base_axes(moved, kinematics.forward(joints).rotation)
 
@@ -83,3 +83,82 @@ def _errors(kinematics: Kinematics, joints: Array, names: list[str]) -> SharedEr
     return SharedErrors(
         np.concatenate([each.by_stop for each in found], -1), np.concatenate([each.is_turn for each in found])
     )
+
+
+_INVERSE_STEPS = 40  # of the inverse: a point that is out of reach has the arm's errors where it comes nearest
+
+
+def moved_by_kinematics(
+    problem: Problem, state: State, robot: str, points_in_base_m: Array
+) -> tuple[Array, IntArray] | None:
+    """Derivative of a flange at points to what is estimated of its arm.
+
+    The estimates of joints and links are not independent of that of the base. A map of the base alone would count the
+    effect of an arm's offset twice. Source: docs/mathematics.md (14.3).
+
+    Args:
+        problem: What was recorded.
+        state: What was found.
+        robot: The robot.
+        points_in_base_m: (n, 3) in its base [m].
+
+    Returns:
+        (n, 6, k) in the axes of its base [m, rad], and the k columns of the problem they belong to. None if nothing of
+        the robot is estimated.
+    """
+    model = problem.robot_model(robot)
+    if model is None or not problem.robot_ends(robot):
+        return None
+    kinematics, joints = reach_points(problem, state, robot, points_in_base_m)
+    moved = to_base_axes(column_derivative(model, kinematics, joints), kinematics.forward(joints).rotation)
+    return moved, problem.column_indices(model.widths)
+
+
+def kinematics_of_robot(problem: Problem, state: State, robot: str) -> Kinematics:
+    """Where the kinematics of a robot with a chain are, as stated unless they are estimated."""
+    model = problem.robot_model(robot)
+    return Kinematics(problem.chains[robot]) if model is None else state.kinematics(model)
+
+
+def reach_points(problem: Problem, state: State, robot: str, points_in_base_m: Array) -> tuple[Kinematics, Array]:
+    """Where an arm's kinematics are, and joints (n, joints) [rad] that bring its flange to points.
+
+    It is turned as in the recorded pose nearest to each.
+
+    Args:
+        problem: What was recorded.
+        state: What was found.
+        robot: A robot with a chain.
+        points_in_base_m: (n, 3) in its base [m].
+    """
+    kinematics, recorded = kinematics_of_robot(problem, state, robot), recorded_joints(problem, robot)
+    poses = kinematics.forward(recorded)
+    nearest = _nearest_rows(poses, points_in_base_m)
+    start = recorded[nearest]
+    as_stated = kinematics.chain.forward(start) @ kinematics.forward(start).inverse()
+    base_from_flange = as_stated @ SE3(poses.rotation[nearest], points_in_base_m)
+    try:
+        return kinematics, inverse(kinematics.chain, base_from_flange, start, iterations=_INVERSE_STEPS)
+    except NotConverged as error:
+        return kinematics, np.asarray(error.state)
+
+
+def nearest_poses(problem: Problem, robot: str, points_in_base_m: Array) -> SE3:
+    """Poses of a flange at points, (n, 3) [m], turned as the recorded pose nearest to each."""
+    poses, seen = stands(problem, robot)
+    return move_nearest(poses[np.flatnonzero(seen)], points_in_base_m)
+
+
+def move_nearest(poses: SE3, points_in_base_m: Array) -> SE3:
+    """Poses at points, (n, 3) [m], turned as the recorded pose nearest to each."""
+    return SE3(poses.rotation[_nearest_rows(poses, points_in_base_m)], points_in_base_m)
+
+
+def _nearest_rows(poses: SE3, points_in_base_m: Array) -> IntArray:
+    """Which pose is nearest to each point, (n, 3) [m]; (n,)."""
+    return np.asarray(np.linalg.norm(points_in_base_m[:, None] - poses.translation[None], axis=-1).argmin(1))
+
+
+def to_base_axes(jacobian: Array, base_from_flange: Array) -> Array:
+    """Derivatives of a flange, right tangents (n, 6, k), in the axes of its base, by its rotations there, (n, 3, 3)."""
+    return np.concatenate([base_from_flange @ jacobian[:, :3], base_from_flange @ jacobian[:, 3:]], axis=1)

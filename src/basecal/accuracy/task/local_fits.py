@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.special import chdtrc
 
+from basecal.accuracy.covariance.widening import state_step
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
 from basecal.accuracy.residuals.fit import single_view_pose
@@ -107,10 +108,8 @@ def _chance_of_noise(solution: Solution, fit: Refit, worth: Sequence[Array], nam
     )
     inverse, whole = spectrum(by_worth).inverse, solution.noise.factor * spectrum(by_all).inverse
     apart = solution.noise.factor * (inverse @ by_square @ inverse) - whole
-    columns = [problem.columns[name] for name in names]
-    steps = [(state.transforms[name].inverse() @ fit.optimum.state.transforms[name]).log() for name in names]
-    step = np.concatenate([each[: of.stop - of.start] for each, of in zip(steps, columns, strict=True)])
-    of = np.concatenate([np.arange(each.start, each.stop) for each in columns])
+    of = problem.column_indices(names)
+    step = state_step(problem, state, fit.optimum.state)[of]
     if np.all(np.diag(apart)[of] <= _EQUAL_SHARE * np.diag(whole)[of]):
         return 1.0  # all views are worth as much
     differs = spectrum(apart[np.ix_(of, of)], _EQUAL_SHARE)

@@ -13,10 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.task.arms_at_points import moved_by_kinematics
-from basecal.cell import Cell
+from basecal.accuracy.task.kinematic_errors import moved_by_kinematics
+from basecal.accuracy.task.task import placed_transforms
+from basecal.cell import Calibration, Cell
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import cross_matrix
 
@@ -55,10 +57,10 @@ class Meeting:
     @cached_property
     def moves(self) -> Moves:
         """Moves by all that was estimated, in the axes of b."""
-        own = self.problem.columns[self.transform]
+        own = self.problem.column_indices([self.transform])
         by_base = np.broadcast_to(np.eye(6), (len(self.points_m), 6, 6)).copy()
         by_base[:, :3, 3:] = -cross_matrix(self.points_m)
-        moved, columns = [by_base[:, :, : own.stop - own.start]], [np.arange(own.start, own.stop)]
+        moved, columns = [by_base[:, :, : len(own)]], [own]
         for robot, where_m in self.places_m.items():
             found = moved_by_kinematics(self.problem, self.state, robot, where_m)
             if found is not None:
@@ -71,7 +73,7 @@ class Meeting:
         if robot != self.reference:
             return flange_jacobian
         turned = self.state.transforms[self.transform].rotation.T
-        return np.asarray(-np.kron(np.eye(2), turned) @ flange_jacobian)
+        return -np.kron(np.eye(2), turned) @ flange_jacobian
 
     @cached_property
     def weight(self) -> Array:
@@ -85,7 +87,7 @@ class Meeting:
         """Mean variance of a robot's stops along an axis, of place and turn, (2,) [m^2, rad^2]; 0 of an exact one."""
         mine = np.array([name == robot for name in self.problem.stops.robot], dtype=bool)
         squares = self.problem.stops.sigma[mine] ** 2
-        return np.asarray(squares.reshape(-1, 2, 3).mean((0, 2))) if mine.any() else np.zeros(2)
+        return squares.reshape(-1, 2, 3).mean((0, 2)) if mine.any() else np.zeros(2)
 
     def mean_square_m2(self, covariance: Array) -> float:
         """Mean square of the distance [m^2], with this covariance of all columns, (p, p), and the robots' stops."""
@@ -104,7 +106,7 @@ class Meeting:
 
 def add_own(covariances: Array, own: Iterable[Array]) -> Array:
     """Covariances of what is off, (n, 6, 6), with robots' own variances along an axis, (2,) each, on top."""
-    return np.asarray(covariances + np.diag(np.repeat(sum(own, np.zeros(2)), 3)))
+    return covariances + np.diag(np.repeat(sum(own, np.zeros(2)), 3))
 
 
 def make_meeting(cell: Cell, problem: Problem, state: State, transform: str, points_m: Array) -> Meeting:
@@ -118,6 +120,15 @@ def make_meeting(cell: Cell, problem: Problem, state: State, transform: str, poi
 def worst_meeting(meetings: Iterable[Meeting], covariance: Array) -> Meeting:
     """The meeting of several with the largest error, by the covariance of all columns, (p, p)."""
     return max(meetings, key=lambda meeting: meeting.mean_square_m2(covariance))
+
+
+def find_worst_meeting(cell: Cell, calibration: Calibration, solution: Solution, task_m: Array) -> Meeting | None:
+    """The meeting with the largest error of what a calibration places, at `meeting_places`; None if that is nothing."""
+    problem, state = solution.problem, solution.state
+    known = [name for name in placed_transforms(cell) if name in calibration.transforms]
+    places = {name: meeting_places(problem, state, name, task_m) for name in known}
+    meetings = [make_meeting(cell, problem, state, name, at) for name, at in places.items()]
+    return worst_meeting(meetings, solution.covariance) if meetings else None
 
 
 def meeting_places(problem: Problem, state: State, transform: str, task_m: Array) -> Array:

@@ -13,11 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from basecal.accuracy.systematic_errors.expected_sizes import size_posterior
+from basecal.accuracy.systematic_errors.pose_fields import LongAxes, PoseField, pose_field, stated_fields, variances
+from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.task.arm_errors import ArmErrors
-from basecal.accuracy.task.field_errors import field_covariance
-from basecal.accuracy.task.kinematic_errors import moved_by_errors
+from basecal.accuracy.task.kinematic_errors import moved_by_errors, nearest_poses, to_base_axes
 from basecal.accuracy.task.meeting import Meeting, add_own
-from basecal.accuracy.task.pose_errors import POSE_EFFECTS, moved_by_pose_errors, unseen_share
+from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.joint_estimate import (
     companion_name,
@@ -25,8 +27,10 @@ from basecal.estimation.noise.joint_estimate import (
     open_robots,
 )
 from basecal.estimation.noise.laplace import SigmaPosterior, moments
+from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.problem.problem import Problem
 from basecal.estimation.solve import Solution
-from basecal.geometry import Array
+from basecal.geometry import SE3, Array
 from basecal.numerics.mixtures import Gaussian, mixture, probabilities
 
 _LEAST_SHARE = 1e-3  # of a model by its probability: a less likely one changes no digit that is shown
@@ -161,3 +165,82 @@ def _own_variance(meeting: Meeting, solution: Solution, noise: Mapping[str, Any]
     own = meeting.stop_variance(robot) if of_stop is None else of_stop.reshape(2, 3).mean(1)
     told = noise.get("robots", {}).get(robot, {})
     return np.asarray(own + sum(np.square(told[n]["sigma"]).reshape(2, 3).mean(1) for n in RANDOM_EFFECTS if n in told))
+
+
+POSE_EFFECTS = tuple(name for name, effect in RANDOM_EFFECTS.items() if effect.by_poses is not None)
+"""Effects that arms without joints may have, and are models of one error at most."""
+
+
+def moved_by_pose_errors(problem: Problem, robot: str, points_in_base_m: Array, name: str) -> Array:
+    """How the flange of a robot moves with the errors of an effect, (n, 6, k) in the axes of its base [m, rad].
+
+    At a recorded place, base and error together are known far better than either alone. Beyond recorded poses an arm
+    has errors of its own, of the same variance. Source: docs/mathematics.md (14.3).
+
+    Args:
+        problem: What was recorded.
+        robot: A robot that has some.
+        points_in_base_m: (n, 3) where its flange is, in its base [m].
+        name: One of `POSE_EFFECTS`.
+    """
+    poses = nearest_poses(problem, robot, points_in_base_m)
+    return to_base_axes(_errors_by_modes(problem, robot, poses, name).by_stop, poses.rotation)
+
+
+def unseen_share(problem: Problem, robot: str, points_in_base_m: Array, name: str) -> Array:
+    """Share of the variance of such errors at points that no recorded pose has, (n,)."""
+    errors = _errors_by_modes(problem, robot, nearest_poses(problem, robot, points_in_base_m), name)
+    known = np.sum(errors.by_stop[:, :3, ~errors.is_turn] ** 2, axis=(1, 2)) / 3
+    return np.asarray(np.maximum(1 - known, 0.0))
+
+
+def _errors_by_modes(problem: Problem, robot: str, poses: SE3, name: str) -> SharedErrors:
+    by_poses = RANDOM_EFFECTS[name].by_poses
+    assert by_poses is not None
+    recorded, seen = stands(problem, robot)
+    errors = by_poses(recorded[np.flatnonzero(seen)], poses)
+    assert errors is not None
+    return errors
+
+
+def field_covariance(meeting: Meeting, arms: ArmErrors) -> Array:
+    """Covariance of place and rotation where flanges meet, by fields of arms that record poses alone, (n, 6, 6).
+
+    Within the recorded poses the errors are known as far as the data show, with the part that the answer absorbs.
+    Beyond them, an arm has the errors of an uncalibrated arm. Source: docs/mathematics.md (14.3).
+
+    Args:
+        meeting: Who meets, and where.
+        arms: Errors of arms about what came out.
+    """
+    situation = arms.situation
+    (moved, columns), points_m = meeting.moves, meeting.places_m
+    total = np.zeros((len(moved), 6, 6))
+    for sizes in arms.sizes:
+        by_sizes = np.zeros((len(moved), 6, len(sizes.mean)))
+        for error, own in sizes.of_arms:
+            if error.robot in points_m:
+                poses = nearest_poses(situation.problem, error.robot, points_m[error.robot])
+                tangents = to_base_axes(error.flange_tangents(poses), poses.rotation)
+                by_sizes[..., own] = meeting.propagate(error.robot, tangents)
+                total += _unknown_covariance(error, poses, sizes.field_m2)
+        mixed = moved @ (sizes.by_sizes @ sizes.covariance)[columns] @ by_sizes.mT
+        total += mixed + mixed.mT + by_sizes @ sizes.covariance @ by_sizes.mT
+    stated = {field.robot for field in stated_fields(meeting.cell, situation)}
+    return total + _open_fields(situation, {r: at for r, at in points_m.items() if r not in stated})
+
+
+def _open_fields(situation: Situation, points_m: Mapping[str, Array]) -> Array | float:
+    """Errors of robots with estimated noise beyond their recorded poses: within these the noise contains them."""
+    total: Array | float = 0.0
+    for robot, points in points_m.items():
+        field = pose_field(situation, robot)
+        if field is not None and robot in situation.problem.unstated:
+            poses = nearest_poses(situation.problem, robot, points)
+            total = total + _unknown_covariance(field, poses, size_posterior(situation, [field]).field_m2)
+    return total
+
+
+def _unknown_covariance(error: PoseField | LongAxes, poses: SE3, field_m2: float) -> Array:
+    """Covariance of a flange beyond recorded poses, (n, 6, 6)."""
+    return error.unknown_share(poses)[:, None, None] * np.diag(np.repeat(variances(field_m2), 3))

@@ -99,13 +99,11 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
         state: Where.
         weights: For each group (..., n): what each view counts, its private stops' errors included; 1 where None.
     """
-    hessian, gradient, cost = priors(problem, state)
+    hessian, gradient, cost = prior_equations(problem, state)
     cost += np.sum(state.stop_errors**2, axis=(-1, -2))
-    eliminated, log_det, views = np.zeros(state.batch), np.zeros(state.batch), []
-    shared = problem.shared_stops
-    sums = SchurAccumulator(state.stop_errors[..., shared >= 0, :], problem.width) if np.any(shared >= 0) else None
+    eliminated, log_det, views, counted = np.zeros(state.batch), np.zeros(state.batch), [], []
     for number, group in enumerate(problem.groups):
-        view_costs, lost, of = _linearise_group(problem, group, state, shared)
+        view_costs, lost, of = _linearise_group(problem, group, state, problem.shared_stops)
         log_det += lost
         views.append(of)
         if weights is not None:
@@ -114,6 +112,31 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
             of = of.weigh(weights[number])
         cost += view_costs.sum(-1)
         eliminated += of.promised.sum(-1)
+        counted.append(of)
+    of_scene, hessian, gradient, system = sum_views(problem, state, counted, hessian, gradient)
+    cost += of_scene
+    if system is not None:
+        eliminated += system.promised
+        log_det += system.log_det
+    return NormalEquations(cost, gradient, hessian, eliminated, log_det, tuple(views), system)
+
+
+def sum_views(
+    problem: Problem, state: State, views: Sequence[LinearisedViews], hessian: Array, gradient: Array
+) -> tuple[Array | float, Array, Array, SchurComplement | None]:
+    """The cost of a static scene, and sums over it and views, shared stops eliminated, and these solved.
+
+    Args:
+        problem: The problem.
+        state: Where.
+        views: By group.
+        hessian: (..., c, c) of what is known beforehand, of the unknowns and of more columns behind; it changes.
+        gradient: (..., c) likewise.
+    """
+    cost: Array | float = 0.0
+    shared = problem.shared_stops >= 0
+    sums = SchurAccumulator(state.stop_errors[..., shared, :], hessian.shape[-1]) if np.any(shared) else None
+    for of in views:
         if sums is not None:
             sums.add(of.shared, of.gradient, of.information, of.by_unknowns, of.columns)
         *batch, count, rows, width = of.by_unknowns.shape
@@ -124,15 +147,12 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
         gradient[..., of.columns] += (transposed @ of.gradient.reshape(*flat.shape[:-1], 1))[..., 0]
     if problem.tied is not None:
         tied = linearise_scene(problem, problem.tied, state)
-        cost += tied.cost
+        cost = tied.cost
         tied.add(hessian, gradient, problem, sums)
     system = None if sums is None else sums.solve()
     if system is not None:
         hessian, gradient = system.reduce(hessian, gradient)
-        eliminated += system.promised
-        log_det += system.log_det
-    symmetric = 0.5 * (hessian + hessian.mT)
-    return NormalEquations(cost, gradient, symmetric, eliminated, log_det, tuple(views), system)
+    return cost, 0.5 * (hessian + hessian.mT), gradient, system
 
 
 def retract(problem: Problem, state: State, normal: NormalEquations, step: Array) -> State:
@@ -283,7 +303,7 @@ def _stop_errors(problem: Problem, state: State, normal: NormalEquations, step: 
     return errors
 
 
-def priors(problem: Problem, state: State) -> tuple[Array, Array, Array]:
+def prior_equations(problem: Problem, state: State) -> tuple[Array, Array, Array]:
     """Hessian (..., p, p), gradient (..., p) and cost (...) of the priors."""
     width = problem.width
     hessian, gradient = np.zeros((*state.batch, width, width)), np.zeros((*state.batch, width))

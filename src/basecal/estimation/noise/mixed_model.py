@@ -16,7 +16,7 @@ import numpy as np
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
-from basecal.estimation.least_squares.normal_equations import priors
+from basecal.estimation.least_squares.normal_equations import prior_equations
 from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.estimation.noise.shaped_targets import shaped_points, shaped_targets
 from basecal.estimation.noise.sigma_places import SigmaPlaces
@@ -354,7 +354,7 @@ def _set_rows(array: Array, rows: IntArray, values: Array) -> None:
 
 
 def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array, float]:
-    known, of_unknowns, total = priors(problem, state)
+    known, of_unknowns, total = prior_equations(problem, state)
     prior, gradient, cost = np.eye(layout.width), np.zeros(layout.width), float(total)
     prior[: problem.width, : problem.width], gradient[: problem.width] = known, of_unknowns
     for target, columns in layout.shapes.items():

@@ -61,14 +61,14 @@ def separate_null_space(problem: Problem, state: State, vectors: Array, scale: A
         scale: (p,) what one unit of each column is [m, rad, px].
     """
     others = [n for n in problem.columns if n not in problem.unknowns]
-    rest, of_others = _split_basis(vectors, _rows(problem, others))
-    rotating = [row for n in problem.columns if n in problem.unknowns for row in _rows(problem, [n])[3:]]
+    rest, of_others = _split_basis(vectors, problem.column_indices(others))
+    rotating = [row for n in problem.columns if n in problem.unknowns for row in problem.column_indices([n])[3:]]
     translations, rotations = _split_basis(rest, np.array(rotating, dtype=np.int64))
     found = [_other_direction(problem, of_others[:, [k]]) for k in range(of_others.shape[1])]
     for space, is_rotation in ((translations, False), (rotations, True)):
         for cluster in _clusters(problem, space):
             # A basis of the part of the space that moves the cluster.
-            rows = _rows(problem, cluster)
+            rows = problem.column_indices(cluster)
             turned = sort_by_share(space, rows)
             basis = np.zeros((len(space), int(np.sum(turned.share > _LITTLE_SHARE))))
             basis[rows] = turned.basis[rows, : basis.shape[1]] / turned.share[: basis.shape[1]]
@@ -80,12 +80,6 @@ def orthonormal_rows(rows: Array) -> Array:
     """An orthonormal basis of what some rows span, (k, n), but for what is little."""
     of = principal_axes(rows, _LITTLE_SHARE)
     return of.axes.T[: of.dimension]
-
-
-def _rows(problem: Problem, names: Sequence[str]) -> IntArray:
-    return np.array(
-        [k for n in names for k in range(problem.columns[n].start, problem.columns[n].stop)], dtype=np.int64
-    )
 
 
 def _split_basis(vectors: Array, rows: IntArray) -> tuple[Array, Array]:
@@ -159,7 +153,7 @@ def _cluster_directions(
 
 def _rotation_rows(problem: Problem, name: str, is_rotation: bool) -> IntArray:
     """Rows of an unknown's rotation, or of its translation."""
-    return _rows(problem, [name])[slice(3, 6) if is_rotation else slice(0, 3)]
+    return problem.column_indices([name])[slice(3, 6) if is_rotation else slice(0, 3)]
 
 
 def separate_twists(twists: Array) -> tuple[Array, Array]:

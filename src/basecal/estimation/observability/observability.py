@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.cell import Unknown
 from basecal.effects.registry import ROBOT_PARAMETERS
-from basecal.estimation.least_squares.normal_equations import linearise, priors
+from basecal.estimation.least_squares.normal_equations import linearise, prior_equations
 from basecal.estimation.observability.motions import null_directions
 from basecal.estimation.observability.null_space import NullDirection, separate_null_space
 from basecal.estimation.problem.problem import Problem, State
@@ -105,7 +105,7 @@ def _information_spectrum(problem: Problem, state: State, hessian: Array, least:
     """The information taken apart; what a prior says is no rounding, however much more the views say of the rest."""
     of = scaled_spectrum(_without_null_directions(problem, state, hessian), least, 1 / scale)
     scaled = of.vectors / of.scale[:, None]
-    of_priors = np.sum(scaled * (priors(problem, state)[0] @ scaled), axis=0)
+    of_priors = np.sum(scaled * (prior_equations(problem, state)[0] @ scaled), axis=0)
     return replace(of, held=of.held | ((of.values > least) & (of_priors > _PRIOR_SHARE * of.values)))
 
 

@@ -98,6 +98,18 @@ class Problem:
         where = self.columns.get(name)
         return 0 if where is None else where.stop - where.start
 
+    def fixed_factors(self, group: ViewGroup) -> tuple[SE3 | None, SE3 | None, SE3 | None]:
+        """X, Y and Z of the loops that views close, as far as they are stated as fixed."""
+        known = {None: SE3.identity()} | {name: of.mean for name, of in self.unknowns.items() if of.status == "fixed"}
+        x, z = (known.get(end.mount) for end in group.ends)
+        eye, hand = (known.get(end.base) for end in group.ends)
+        return x, None if eye is None or hand is None else eye.inverse() @ hand, z
+
+    def column_indices(self, names: Iterable[str]) -> IntArray:
+        """Columns of the unknowns of these names, one after another."""
+        places = (self.columns[name] for name in names)
+        return np.array([k for place in places for k in range(place.start, place.stop)], dtype=np.int64)
+
     @property
     def all_groups(self) -> tuple[ViewGroup, ...]:
         """The views of targets, then those of the scene."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from markupsafe import Markup
 
+from basecal.accuracy.fit_details import ViewPoses
 from basecal.accuracy.residuals.point_residuals import PointResiduals
-from basecal.accuracy.residuals.view_poses import ViewPoses
 from basecal.geometry import Array
 from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import Figure, dots, drawing, element, nice_ceiling, path, segments

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.input_screening.images import needs_search
+from basecal.accuracy.input_screening.units import needs_search
 from basecal.cell import Calibration, Cell, Recording
 from basecal.cell.files import calibration_to_dict, input_hashes, read_cell, read_recording
 from basecal.cell.results.versions import used_versions
