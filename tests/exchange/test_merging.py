@@ -31,7 +31,7 @@ def cell(folder: Path, text: str, numbers: range = range(3), stamps: float | Non
 def with_images(folder: Path, content: bytes) -> Path:
     images = folder / "recording" / "images" / "cam"
     images.mkdir(parents=True)
-    (images / "0.png").write_bytes(b"\x89PNG" + content)
+    (images / "0.png").write_bytes(b"\x89PNG\r\n\x1a\n" + content)
     append_samples(folder, [Sample(90, None, {}, (), {"cam": "recording/images/cam/0.png"})])
     return folder
 
@@ -68,7 +68,7 @@ def test_images_of_one_name_both_come_along(tmp_path: Path) -> None:
     merge_cells(parts, tmp_path / "c")
     last = read_recording(tmp_path / "c").samples[-1]
     paths = [s.images["cam"] for s in read_recording(tmp_path / "c").samples if s.images]
-    assert [(tmp_path / "c" / path).read_bytes() for path in paths] == [b"\x89PNGa", b"\x89PNGb"]
+    assert [(tmp_path / "c" / path).read_bytes() for path in paths] == [b"\x89PNG\r\n\x1a\na", b"\x89PNG\r\n\x1a\nb"]
     assert Path(paths[1]).name == f"{last.sample:06d}_0.png"
 
 

@@ -19,10 +19,8 @@ from basecal.exchange.importers.lerobot import Film, find_film, write_images
 from basecal.exchange.urdf import chain_urdf
 from basecal.kinematics import SerialChain
 
-FILM = (
-    Path(__file__).parents[1] / "data" / "film_av1.mp4"
-)  # 60 images of 64 x 48 px at 30 Hz, number k has the level 4 k
-
+FILM = Path(__file__).parents[2] / "data" / "film_av1.mp4"
+"""60 images of 64 x 48 px at 30 Hz: number k has the level 4 k."""
 
 pytest.importorskip("pyarrow")
 
@@ -72,7 +70,7 @@ def two_arms(folder: Path, arm: SerialChain, rest: int = 8) -> Path:
     for film in films:
         place = folder / "videos" / "chunk-000" / film / "episode_000000.mp4"
         place.parent.mkdir(parents=True)
-        shutil.copy(Path(__file__).parents[2] / "data" / "film_av1.mp4", place)
+        shutil.copy(FILM, place)
     return folder
 
 

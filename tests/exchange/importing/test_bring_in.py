@@ -35,7 +35,7 @@ def fine(cell: Cell, recording: Recording) -> tuple[str, ...]:
 def images(folder: Path, names: list[str]) -> Imported:
     folder.mkdir()
     for name in names:
-        (folder / name).write_bytes(b"\x89PNG" + name.encode())
+        (folder / name).write_bytes(b"\x89PNG\r\n\x1a\n" + name.encode())
     rows = tuple(Row(images={"cam": folder / name}, image=name) for name in names)
     return Imported(str(folder), "pictures", rows, {"cameras": {"cam": {"on": "left"}}})
 
@@ -124,12 +124,12 @@ def test_images_of_two_days_have_one_name(tmp_path: Path) -> None:
     add_to_cell(place, images(tmp_path / "one", ["IMG_0.png", "IMG_1.png"]), fine)
     (tmp_path / "two").mkdir()
     again = images(tmp_path / "two" / "x", ["IMG_1.png", "IMG_0.png"])
-    (tmp_path / "two" / "x" / "IMG_0.png").write_bytes(b"\x89PNGsecond")
+    (tmp_path / "two" / "x" / "IMG_0.png").write_bytes(b"\x89PNG\r\n\x1a\nsecond")
     add_to_cell(place, replace(again, is_session=True), fine)
     add_to_cell(place, poses("left", 2, names=True), fine)
     last = read_recording(place).samples[-1]
     assert last.images["cam"] == "recording/images/cam/000003_IMG_0.png"
-    assert (place / last.images["cam"]).read_bytes() == b"\x89PNGsecond"
+    assert (place / last.images["cam"]).read_bytes() == b"\x89PNG\r\n\x1a\nsecond"
     pose = last.robots["left"].base_from_flange
     assert pose is not None
     assert pose.translation[1] == 0

@@ -14,7 +14,7 @@ from basecal.exchange.importing.cell_files import place_files, scratch_folder
 @pytest.fixture
 def source(tmp_path: Path) -> Path:
     path = tmp_path / "a.png"
-    path.write_bytes(b"\x89PNG")
+    path.write_bytes(b"\x89PNG\r\n\x1a\n")
     return path
 
 
@@ -25,7 +25,7 @@ def test_files_are_copied_or_linked(tmp_path: Path, source: Path, link: bool) ->
         with place_files({"recording/images/cam/a.png": source}, tmp_path / "cell", link):
             pass
     there = tmp_path / "cell" / "recording" / "images" / "cam" / "a.png"
-    assert there.read_bytes() == b"\x89PNG"
+    assert there.read_bytes() == b"\x89PNG\r\n\x1a\n"
     assert os.path.samefile(there, source) == link
 
 
