@@ -214,8 +214,8 @@ def _tree(text: str | bytes, path: str) -> tuple[dict[str, _Joint], dict[str, El
     """The joint above each link but the root, and the elements of all links, by name.
 
     Raises:
-        DatasetError: if the text is no URDF, names stand twice, a joint names a link that is not there, a link has two
-            parents, or there is not one root.
+        DatasetError: if the text is no URDF, names stand twice, or a joint names a link that is not there. Also if a
+            link has two parents, or there is not one root.
     """
     root = _xml(text, path)
     if root.tag != "robot":

@@ -106,12 +106,12 @@ class _Goal:
         found = []
         for meeting in self.meetings:
             at = meeting.total_error(covariance, meeting.stop_variances().values())[:, :3, :3]
-            scale = np.sqrt(1 + self.beyond(count) / meeting.mean_square_m2(covariance))
+            scale = np.sqrt(1 + self.excess_m2(count) / meeting.mean_square_m2(covariance))
             found.append(scale * pooled_quantile(at, np.zeros(at.shape[:2])))
         return float(max(found))
 
-    def beyond(self, count: int) -> float:
-        """What is left with so many samples more of the variance beyond the noise [m^2]."""
+    def excess_m2(self, count: int) -> float:
+        """Variance beyond the noise that is left with so many samples more [m^2]."""
         return self.beyond_m2 * self.recorded / max(self.recorded + count, 1)
 
 
@@ -381,4 +381,4 @@ def _expected_error_m(solution: Solution, goal: _Goal, count: int) -> float | No
 def _budget(solution: Solution, goal: _Goal, count: int) -> tuple[BudgetEntry, ...]:
     meeting = worst_meeting(goal.meetings, solution.covariance)
     total_m2 = meeting.mean_square_m2(solution.covariance)
-    return budget(solution, meeting, total_m2 + goal.beyond(count), {})
+    return budget(solution, meeting, total_m2 + goal.excess_m2(count), {})

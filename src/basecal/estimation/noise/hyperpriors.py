@@ -59,27 +59,27 @@ class LogNormals:
         return np.asarray(np.linalg.solve(self.forms, self.mean), dtype=np.float64)
 
 
-def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], shared: Sequence[SharedPrior] = ()) -> LogNormals:
+def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], kinds: Sequence[SharedPrior] = ()) -> LogNormals:
     """Priors of a model's sigmas.
 
     Args:
         model: The model.
         reach_m: How far each robot's flange is from its base, root of the mean square [m].
-        shared: Of each kind of errors that stops share.
+        kinds: Of errors that stops share.
     """
     forms, places = np.eye(model.sigmas.count), model.sigmas
     rows: list[tuple[Array, float, float]] = []
     for key, at in places.views.items():
         mean, factor = _part_prior(key[1], *model.white[key])
         rows.append((forms[at], np.log(mean), factor))
-    tie = shared[0].tie if shared else TIE
+    tie = kinds[0].tie if kinds else TIE
     single = {robot: forms[at] for robot, at in places.stops.items()}
     for robot, (shift, turn) in single.items():
         rows.append((shift - turn, np.log(max(reach_m[robot], 0.1)), np.log(tie)))
     rows += _pool_robots([turn for _, turn in single.values()], ROBOT_RAD)
     for at in places.jitter.values():
         rows.append((forms[at], np.log(_JITTER_S[0]), np.log(_JITTER_S[1])))
-    for prior, of_kind in zip(shared, places.shared, strict=True):
+    for prior, of_kind in zip(kinds, places.shared, strict=True):
         rows += _common_forms(reach_m, prior, {robot: forms[at] for robot, at in of_kind.items()}, single)
     return LogNormals(
         np.array([r[0] for r in rows]).reshape(-1, places.count), *(np.array([r[i] for r in rows]) for i in (1, 2))

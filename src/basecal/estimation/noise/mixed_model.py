@@ -154,7 +154,7 @@ def mixed_model(
     problem: Problem,
     state: State,
     robots: Sequence[str],
-    shared: Sequence[Mapping[str, SharedErrors]] = (),
+    kinds: Sequence[Mapping[str, SharedErrors]] = (),
     estimates: EstimatesOf | None = None,
 ) -> MixedModel:
     """The problem about a state.
@@ -163,10 +163,10 @@ def mixed_model(
         problem: The problem; stops of `robots` have unit sigmas, so that their errors are in metres and radians.
         state: The state.
         robots: Whose sigmas are open.
-        shared: Kinds of errors that stops share, by robot.
+        kinds: Errors that stops share, by robot.
         estimates: `make_estimates` problem and state, where they are known.
     """
-    layout = _layout(problem, shared)
+    layout = _layout(problem, kinds)
     estimates = make_estimates(problem, state) if estimates is None else estimates
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, float]] = {}
@@ -181,7 +181,7 @@ def mixed_model(
         parts[SCENE, STATED] = _scene_moments(problem, problem.tied, state, layout)
     prior, gradient, cost = _prior(problem, state, layout)
     open_views = sorted(key for key in parts if key[1] != STATED)
-    sigmas = SigmaPlaces.sequential(open_views, robots, open_jitter(problem), len(shared))
+    sigmas = SigmaPlaces.sequential(open_views, robots, open_jitter(problem), len(kinds))
     scaled = _sigma_indices(problem, layout, sigmas)
     robot_of_stop = problem.stops.robot
     return MixedModel(parts, problem.width, prior, gradient, cost, sigmas, *scaled, white, layout, robot_of_stop)

@@ -347,9 +347,9 @@ def repeated_views(numbers: Sequence[int]) -> list[Finding]:
     return [Finding("duplicate-samples", "info", tuple(map(str, numbers)), what, do, why)]
 
 
-def dropped_samples(numbers: Sequence[int], why: str) -> Finding:
+def dropped_samples(numbers: Sequence[int], reason: str) -> Finding:
     """A finding about the samples, by number, whose views are not used."""
-    what = f"{len(numbers)} view(s) are not used, of sample {_list_samples(numbers)}: {why}."
+    what = f"{len(numbers)} view(s) are not used, of sample {_list_samples(numbers)}: {reason}."
     return Finding("dropped-sample", "info", tuple(map(str, numbers)), what)
 
 

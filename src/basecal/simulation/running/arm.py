@@ -166,10 +166,10 @@ class RunningArm:
     def _render(self, joints: Array, number: int) -> Array:
         """Normal numbers, one a joint, that are the same whenever the arm is sent to the same place."""
         where = np.round(joints, 9) + 0.0
-        return numbers_of(self._seed, self._name, number, where.tolist()).standard_normal(len(joints))
+        return seeded_generator(self._seed, self._name, number, where.tolist()).standard_normal(len(joints))
 
 
-def numbers_of(*words: Any) -> np.random.Generator:
+def seeded_generator(*words: Any) -> np.random.Generator:
     """Random numbers that are the same for the same words."""
     hashed = hashlib.sha256(repr(words).encode()).digest()
     return np.random.default_rng(np.frombuffer(hashed, dtype=np.uint32))

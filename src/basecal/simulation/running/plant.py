@@ -10,7 +10,7 @@ import numpy as np
 from basecal.cell import WORLD, CellTarget, Target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
-from basecal.simulation.running.arm import RunningArm, numbers_of
+from basecal.simulation.running.arm import RunningArm, seeded_generator
 from basecal.simulation.running.images import CameraView, Seen
 from basecal.simulation.running.world import World
 from basecal.simulation.surroundings.drawing import Scene, Surroundings
@@ -118,7 +118,7 @@ class Plant:
     def _render(self, camera: str, stream: int) -> np.random.Generator:
         """Random numbers of an image, the same for the same one since the arms were sent to the same place."""
         goals = [arm.goal.round(9).tolist() for arm in self._arms.values()]
-        return numbers_of(self._world.seed, camera, goals, self._shots, stream)
+        return seeded_generator(self._world.seed, camera, goals, self._shots, stream)
 
     def _arm(self, robot: str) -> RunningArm:
         if robot not in self._arms:
