@@ -470,11 +470,6 @@ MIRRORED = (
 NOTHING_TO_TEST = {
     "cell/files.py": "names of other modules",
     "accuracy/findings/evidence.py": "values without behaviour",
-    "effects/faces/effect.py": "values, which tests/effects/test_registry.py holds",
-    "effects/faces/lens_parameter.py": "values without behaviour",
-    "effects/faces/random_effect.py": "values without behaviour",
-    "effects/faces/simulated_fault.py": "values without behaviour",
-    "effects/faces/target_parameter.py": "values without behaviour",
     "acquisition/supervision/limits.py": "times, which the trials of tests/safety hold",
 }
 

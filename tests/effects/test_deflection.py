@@ -44,9 +44,11 @@ def test_joints_turn_by_the_torque_of_gravity():
     torques = gravity_torques(of.apply_gravity(six_axis(), of.Stated(down=[0.0, 1.0, 0.0])), joints)
     found = of.EFFECT.parameter.shift(six_axis(), of.Stated(down=[0.0, 7.0, 0.0]), joints, compliance)
     np.testing.assert_allclose(found, compliance * torques, rtol=1e-14)
-    one = of.shift(six_axis(), of.Stated(down=[0.0, 7.0, 0.0]), joints[2], compliance)
+    one = of.EFFECT.parameter.shift(six_axis(), of.Stated(down=[0.0, 7.0, 0.0]), joints[2], compliance)
     np.testing.assert_allclose(one, found[2], rtol=1e-14)
-    many = of.shift(six_axis(), of.Stated(down=[0.0, 7.0, 0.0]), joints, np.stack([compliance, 2 * compliance]))
+    many = of.EFFECT.parameter.shift(
+        six_axis(), of.Stated(down=[0.0, 7.0, 0.0]), joints, np.stack([compliance, 2 * compliance])
+    )
     np.testing.assert_allclose(many, np.stack([found, 2 * found]), rtol=1e-14)
 
 

@@ -214,7 +214,7 @@ def companion_name(name: str, models: Mapping[str, SigmaPosterior]) -> str:
 
 
 def _sigma_models(
-    problem: Problem, state: State, noise: NoiseEstimate, near: Mapping[str, SigmaPosterior]
+    problem: Problem, state: State, noise: NoiseEstimate, earlier: Mapping[str, SigmaPosterior]
 ) -> dict[str, SigmaPosterior]:
     """The sigmas of single stops and views alone, by "", and with each term that stops may share, by name.
 
@@ -222,7 +222,7 @@ def _sigma_models(
         problem: The problem with the most likely sigmas.
         state: Its optimum.
         noise: These sigmas, estimated jointly.
-        near: Models whose sigmas to start from; those of `noise` for the other models.
+        earlier: Models whose sigmas to start from; those of `noise` for the other models.
     """
     robots = open_robots(problem)
     with np.errstate(all="ignore"):
@@ -232,7 +232,7 @@ def _sigma_models(
         for name, effect in sorted(RANDOM_EFFECTS.items(), key=lambda each: each[1].by_times is not None):
             term = shared_term(problem, name, robots)
             if term is not None and (effect.by_times is None or has_similar_errors(models[""], term.errors)):
-                logs = near[name].logs if name in near else noise.logs
+                logs = earlier[name].logs if name in earlier else noise.logs
                 second = shared_term(problem, companion_name(name, models), robots)
                 terms = [term] if second is None else [term, second]
                 models[name] = _sigma_posterior(problem, state, robots, logs, terms, estimates)
