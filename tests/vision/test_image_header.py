@@ -60,6 +60,16 @@ def test_bytes_of_a_pixel(suffix: str, channels: int, kind: type) -> None:
     assert told.pixel_bytes == channels * np.dtype(kind).itemsize
 
 
+@pytest.mark.parametrize(("kind", "channels"), [(0, 1), (2, 3), (3, 4), (4, 4), (6, 4)])
+def test_bytes_of_a_pixel_by_the_type_of_a_png(kind: int, channels: int) -> None:
+    """Grey, colour, palette, and the two with transparency, which a decoder fills up to four."""
+    start = bytearray(cv2.imencode(".png", IMAGE)[1])
+    start[25] = kind
+    told = header(bytes(start))
+    assert told is not None
+    assert told.pixel_bytes == channels
+
+
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("orientation", [1, 3, 6, 8])
 def test_orientation(orientation: int, order: str) -> None:

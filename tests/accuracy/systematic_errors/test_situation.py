@@ -8,6 +8,7 @@ import pytest
 from tests.ends import end, problem_of, views, with_eye, with_hand
 from tests.pose_problem import pose_problem
 
+from basecal.accuracy.systematic_errors import situation as module
 from basecal.accuracy.systematic_errors.score_tests import linearise_views, score, weigh_views, with_random_effects
 from basecal.accuracy.systematic_errors.situation import Situation, _independent_moves
 from basecal.cell import Recording
@@ -278,6 +279,19 @@ def bent():
     problem, _ = build_problem(made.cell, Recording(tuple(samples)))
     plain = solve_problem(problem, made.cell, Settings(robot_noise="stated"))
     return problem, integrate_solution(with_noise(plain, SETTINGS))
+
+
+def test_errors_of_stops_are_as_long_in_the_null_model(bent, monkeypatch):
+    """In metres and radians, by whichever sigmas they are scaled."""
+    problem, solution = bent
+    linearised = []
+    linearise = module.linearise_views
+    monkeypatch.setattr(module, "linearise_views", lambda *of: linearised.append(of) or linearise(*of))
+    held = solution.noise.hold_sigmas(solution.problem)
+    assert Situation(held, solution.state, problem, {}, solution.noise).null is not None
+    beside, state = linearised[-1]
+    assert not np.allclose(beside.stops.sigma, held.stops.sigma, rtol=0.1)
+    np.testing.assert_allclose(state.stop_errors * beside.stops.sigma, solution.state.stop_errors * held.stops.sigma)
 
 
 def test_single_stops_do_not_absorb_what_stops_share(bent):

@@ -33,6 +33,8 @@ def test_one_of_several_has_what_is_its_own():
     assert Candidates("joint-offset", ("eye",) * 2, (None,) * 2, "rad", moves, (0, 3)).single(1).joint == (3,)
     for part, whole in zip(one.moves, moves, strict=True):
         np.testing.assert_array_equal(part, whole[:, [1]])
+    first = Candidates("drift", ("eye", "hand"), (None, 4), "m", moves, (2, 3)).single(0)
+    assert (first.joint, [m.shape[1] for m in first.moves]) == ((2,), [1, 1])
 
 
 def test_one_candidate_has_moves_of_one():
