@@ -23,7 +23,7 @@ MOST_VIEWS = 2000
 """Maximum number of views of a batch: larger batches are no faster and exceed the cache; see `benchmarks.robots`."""
 
 _LENS_FIELD = "camera"
-_NAMES = ("eye", "hand")  # of the ends
+_NAMES = ("eye", "hand")  # names of the two ends
 
 
 @dataclass(frozen=True, eq=False)

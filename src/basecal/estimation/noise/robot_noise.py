@@ -37,7 +37,7 @@ def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:
         sigmas: (6,) [m, rad] in flange axes, by robot.
     """
     kept = np.array([name not in sigmas for name in problem.stops.robot], dtype=bool)
-    renumbered = np.cumsum(kept) - 1  # of stops that are kept
+    renumbered = np.cumsum(kept) - 1  # new numbers of the stops that are kept
     sigma, names = [problem.stops.sigma[kept]], [n for n, k in zip(problem.stops.robot, kept, strict=True) if k]
     first: dict[str, int] = {}
     for robot in sorted(sigmas):
