@@ -133,7 +133,7 @@ def studentized_points(model: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
 
 
 def judged_by_view(measurement: Measurement) -> BoolArray:
-    """Which views, (n,), have enough points to judge each point by the rest of its view."""
+    """Mask of the views, (n,), with enough points to judge each point by the rest of its view."""
     return np.asarray(measurement.point_counts() >= _OWN_POINTS)
 
 

@@ -52,7 +52,7 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """The posterior of all unknowns, given sigmas, to second order about the model's state.
+    """Posterior of all unknowns, given sigmas, to second order about the model's state.
 
     Attributes:
         model: The model.

@@ -50,7 +50,7 @@ def best_consensus(ends: Sequence[Consensus]) -> Consensus | None:
     limit = _QUIETER * min(clear, default=np.inf)
 
     def merit(end: Consensus) -> tuple[bool, bool, int]:
-        """Whether it is within fully stated noise, whether its variance is small, and its number of residuals."""
+        """Sort key: whether it fits fully stated noise, whether its variance is small, and its number of residuals."""
         stated = is_stated(end.problem) and not end.problem.unstated and _is_within_noise(end)
         used = sum(sum(g.measurement.counts().values()) for g in end.solution.problem.groups)
         return stated, _spread(end) <= limit, used

@@ -19,7 +19,7 @@ from basecal.geometry import Array, BoolArray
 
 @dataclass(frozen=True, eq=False)
 class InlierMask:
-    """The inliers of a problem.
+    """Masks of the inliers of a problem.
 
     Attributes:
         views: Mask of inlier views, (n,), by group.

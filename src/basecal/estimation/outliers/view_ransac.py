@@ -51,7 +51,7 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class RansacViews:
-    """The consensus of points of views.
+    """Largest consensus of points in each view.
 
     Attributes:
         camera_from_target: (n,) pose of each view with the lowest truncated cost.
@@ -84,7 +84,7 @@ class _WithPrior:
         return ViewInformation(view.cost + tension, view.gradient + force, view.information + self.prior.information)
 
     def take(self, views: IntArray) -> _WithPrior:
-        """The views at these indices."""
+        """Return the views at these indices."""
         return take(self, views)
 
 
