@@ -1,1 +1,1 @@
-"""The one numerical core: derivatives, normal equations, Schur complement, Levenberg-Marquardt."""
+"""Numerical core of all solvers: derivatives, normal equations, Schur complement, Levenberg-Marquardt."""

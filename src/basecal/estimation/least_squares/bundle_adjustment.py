@@ -1,4 +1,4 @@
-"""The maximum-likelihood state downhill of a start: one state, or a batch of them at once."""
+"""Bundle adjustment: the maximum-likelihood state near a start, for one state or a batch of states."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from basecal.numerics.levenberg_marquardt import (
 )
 from basecal.numerics.sparse_hessian import SparseHessian
 
-ROUGH_SIGMAS = 1e-2  # what may be left to go where more rounds follow: a hundredth of a sigma; assumed
+ROUGH_SIGMAS = 1e-2  # [sigma] convergence tolerance if more rounds follow; assumed
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """Where an iteration ended.
+    """Result of an iteration.
 
     Attributes:
-        state: The state.
-        cost: There, after the last step.
-        converged: Whether it is an optimum.
-        iterations: Steps tried.
-        found: See `normal`.
-        sparse: The hessian before the last step, of many unknowns; else None.
+        state: The final state.
+        cost: Cost of the final state.
+        converged: Whether the state is an optimum.
+        iterations: Number of attempted steps.
+        found: Normal equations, or a function that computes them; see `normal`.
+        sparse: Hessian before the last step, for many unknowns; else None.
     """
 
     state: State
@@ -49,13 +49,13 @@ class Optimum:
 
     @cached_property
     def normal(self) -> NormalEquations:
-        """The problem as it stood before the last step, but for its cost; of many unknowns as it stands at the end."""
+        """Normal equations before the last step, with the final cost; at the final state for many unknowns."""
         return self.found() if callable(self.found) else self.found
 
 
 @dataclass(frozen=True, eq=False)
 class _Bundle:
-    """A problem as Levenberg-Marquardt knows it; see `System`."""
+    """Adapter of a problem that implements `System` for Levenberg-Marquardt."""
 
     problem: Problem
     weights: Sequence[Array] | None
@@ -76,7 +76,7 @@ class _Bundle:
 
 @dataclass(frozen=True, eq=False)
 class OptimumBatch:
-    """Where the iterations of a batch ended: (b,) of each field of `Optimum`, of the problem the hessian alone."""
+    """Results of a batch of iterations: (b,) of each field of `Optimum`, but only the Hessian of `normal`."""
 
     state: State
     cost: Array
@@ -93,15 +93,15 @@ def bundle_adjust(
     weights: Sequence[Array] | None = None,
     sigmas: float = CONVERGED_SIGMAS,
 ) -> Optimum:
-    """The optimum downhill of `state`; see `numerics.levenberg_marquardt`.
+    """Minimise the cost from a start; see `numerics.levenberg_marquardt`.
 
     Args:
         problem: The problem.
-        state: Where to start.
-        dof: Residuals less unknowns, which scales the sigmas.
-        iterations: At most.
-        weights: What each view counts, (n,) by group; 1 where None.
-        sigmas: What may be left to go.
+        state: The start.
+        dof: Residuals minus unknowns, which scales the sigmas.
+        iterations: Maximum number of steps.
+        weights: Weights of views, (n,) by group; all 1 if None.
+        sigmas: Convergence tolerance, in sigmas of the unknowns.
     """
     stop = Stop(iterations, dof, sigmas, _least_damping(problem))
     if not is_sparse(problem):
@@ -121,7 +121,7 @@ def bundle_adjust(
 
 
 def _least_damping(problem: Problem) -> float:
-    """Less where a robot's parameters have priors, which may be all that is known of them."""
+    """Minimum damping: smaller if a robot's parameters have priors, which may be the only information on them."""
     sigmas = [sigma for model in problem.models.values() for sigma in model.sigmas.values()]
     return PRIOR_DAMPING if any(sigma is not None for sigma in sigmas) else FIRST_DAMPING
 
@@ -133,21 +133,21 @@ def bundle_adjust_batch(
     iterations: int = MOST_STEPS,
     weights: Sequence[Array] | None = None,
 ) -> OptimumBatch:
-    """The optima downhill of a batch of states (b,), each alone.
+    """Minimise the cost from each state of a batch (b,), independently.
 
     Args:
-        problem: The problem, whose views may be others for each entry of the batch; see `ViewGroup`.
-        states: Where to start; see `batch_states`.
-        dof: Residuals less unknowns, a number or (b,).
-        iterations: At most.
-        weights: What each view counts, (n,) or (b, n) by group; 1 where None.
+        problem: The problem, whose views may differ between entries of the batch; see `ViewGroup`.
+        states: The starts; see `batch_states`.
+        dof: Residuals minus unknowns, a number or (b,).
+        iterations: Maximum number of steps.
+        weights: Weights of views, (n,) or (b, n) by group; all 1 if None.
     """
     optima = _optimise(problem, states, weights, Stop(iterations, dof, damping=_least_damping(problem)))
     return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
 
 
 def batch_states(problem: Problem, states: Sequence[State]) -> State:
-    """Several states of one problem as a batch."""
+    """Stack several states of one problem into a batch."""
     return concatenate([state.spread(problem, 1) for state in states])
 
 

@@ -1,6 +1,6 @@
-"""Pairs of camera and target that are equal in all but where they are, as one batch: each ties its own few unknowns.
+"""Pairs of camera and target with the same structure, batched; each pair depends on a few unknowns of its own.
 
-A cell of a hundred robots has hundreds of pairs. As a batch they are linearised at the cost of their views.
+A cell of a hundred robots has hundreds of pairs. In a batch, their linearisation has no overhead per pair.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.numerics.batch import stack
 
 MOST_VIEWS = 2000
-"""Of a batch: more gain nothing, and take memory that no cache holds; `benchmarks.robots`."""
+"""Maximum number of views of a batch: larger batches are no faster and exceed the cache; see `benchmarks.robots`."""
 
 _LENS_FIELD = "camera"
-_NAMES = ("eye", "hand")  # of the ends
+_NAMES = ("eye", "hand")  # names of the two ends
 
 
 @dataclass(frozen=True, eq=False)
 class AlikePairs:
-    """Pairs of one structure.
+    """Pairs of the same structure.
 
     Attributes:
-        problem: One group of views (b, n), whose unknowns have the names of the pair's fields.
-        groups: Which groups of the cell's problem they are, (b,).
-        names: Of each pair, the transform by the field that names it.
-        cameras: Of each pair.
-        rows: (b, n) the views in the pair's group, the first again where it has fewer.
-        weight: (b, n) 1, and 0 of views that are there again.
-        columns: (b, m) where the pair's unknowns stand among the cell's.
-        stops: (b, 2 n) the stops of eye and hand, or fewer where one of them has no noise.
+        problem: One group of views (b, n), whose unknowns are named by roles such as `eye_mount`.
+        groups: (b,) indices of the pairs' groups in the cell's problem.
+        names: Names of each pair's transforms, by role.
+        cameras: Name of each pair's camera.
+        rows: (b, n) views in the pair's group, padded with its first view.
+        weight: (b, n) 1 for views, 0 for padding.
+        columns: (b, m) columns of the pair's unknowns in the cell's problem.
+        stops: (b, 2 n) stops of eye and hand; (b, n) if only one of them has noise, (b, 0) if neither has.
     """
 
     problem: Problem
@@ -55,7 +55,7 @@ class AlikePairs:
         return tuple(self.names[0])
 
     def state(self, state: State) -> State:
-        """The pairs' own states, (b,), of the cell's."""
+        """Extract the states of the pairs, (b,), from the state of the cell."""
         transforms = {f: SE3.stack([state.transforms[names[f]] for names in self.names]) for f in self._fields}
         cameras: dict[str, Camera] = {}
         if self.cameras[0] in state.cameras:
@@ -64,20 +64,20 @@ class AlikePairs:
         return State(transforms, cameras, state.stop_errors[self.stops])
 
     def linearise(self, own: State, weights: Sequence[Array] | None) -> NormalEquations:
-        """The pairs to second order, (b,); weights of views are by the cell's groups, 1 where None."""
+        """Expand the pairs to second order, (b,); weights of views are by the cell's groups, all 1 if None."""
         weight = self.weight
         if weights is not None:
             weight = weight * np.stack([weights[g][row] for g, row in zip(self.groups, self.rows, strict=True)])
-        # Where every view is there once and counts, as without weights: this is the rule, and saves time.
+        # Without padding and with unit weights, None saves time; this is the usual case.
         return linearise(self.problem, own, None if weight.all() and np.all(weight == 1) else [weight])
 
     def stop_errors(self, own: State, model: NormalEquations, step: Array) -> Array:
-        """The errors of the pairs' stops, (b, 2 n, 6), after a step of all columns (p,)."""
+        """Errors of the pairs' stops, (b, 2 n, 6), after a step of all columns (p,)."""
         return retract(self.problem, own, model, step[self.columns]).stop_errors
 
 
 def group_pairs(problem: Problem) -> tuple[AlikePairs, ...]:
-    """The pairs of a cell by structure; no stop that several views share may have noise."""
+    """Group the pairs of a cell by structure; all stops with noise must be private."""
     by_structure: dict[Hashable, list[int]] = defaultdict(list)
     for number, group in enumerate(problem.groups):
         if len(group):
@@ -86,7 +86,7 @@ def group_pairs(problem: Problem) -> tuple[AlikePairs, ...]:
 
 
 def _parts(problem: Problem, numbers: Sequence[int]) -> Iterator[tuple[int, ...]]:
-    """Pairs of one structure in parts of at most `MOST_VIEWS`, or of one pair."""
+    """Split pairs of one structure into parts of at most `MOST_VIEWS` views, or of a single pair."""
     part: list[int] = []
     for number in numbers:
         if part and (len(part) + 1) * max(len(problem.groups[k]) for k in (*part, number)) > MOST_VIEWS:
@@ -97,11 +97,11 @@ def _parts(problem: Problem, numbers: Sequence[int]) -> Iterator[tuple[int, ...]
 
 
 def _structure(problem: Problem, group: ViewGroup) -> Hashable:
-    """The structure that the pairs of one batch share."""
+    """Key that is equal for pairs of the same structure."""
     points = getattr(group.measurement, "points_in_target", np.zeros((0, 3)))
     lens = problem.lenses.get(group.camera)
     widths = tuple((of, problem.column_width(name)) for of, name in _frames(group).items())
-    # Each stop has a sigma of its own; those of a robot are alike.
+    # Sigmas are stored for each stop; all stops of a robot have the same.
     sigmas = tuple(problem.stops.sigma[end.stop[0]].tobytes() if end.has_noise else b"" for end in group.ends)
     still = tuple(end.robot is None for end in group.ends)
     of_lens = (lens is not None, problem.column_width(group.camera))
@@ -109,7 +109,7 @@ def _structure(problem: Problem, group: ViewGroup) -> Hashable:
 
 
 def _frames(group: ViewGroup) -> dict[str, str]:
-    """The transforms of a group by their names in pairs."""
+    """Names of a group's transforms, by their role in a pair."""
     named = {}
     for name, end in zip(_NAMES, group.ends, strict=True):
         named[f"{name}_mount"] = end.mount
@@ -150,7 +150,7 @@ def _join_pairs(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
 
 
 def _merge_groups(groups: Sequence[ViewGroup]) -> ViewGroup:
-    """The views of pairs as one group (b, n), the stops as all its entries number them."""
+    """Merge the views of pairs into one group (b, n), with the same stop numbers for all pairs."""
     stops = _stops_in_turn(groups[0])
     eye, hand = (_one_end(name, [group.ends[k] for group in groups], stops[k]) for k, name in enumerate(_NAMES))
     sample, measurement = np.stack([g.sample for g in groups]), stack([g.measurement for g in groups])
@@ -158,7 +158,7 @@ def _merge_groups(groups: Sequence[ViewGroup]) -> ViewGroup:
 
 
 def _stops_in_turn(group: ViewGroup) -> list[IntArray]:
-    """Stops of both ends, (n,): each view's own stop, those of the hand after those of the eye; -1 without noise."""
+    """Stop numbers of both ends, (n,) each: one for each view, first the eye's, then the hand's; -1 without noise."""
     stops, count = [], 0
     for end in group.ends:
         stops.append(np.arange(count, count + len(group)) if end.has_noise else end.stop)
@@ -167,7 +167,7 @@ def _stops_in_turn(group: ViewGroup) -> list[IntArray]:
 
 
 def _one_end(name: str, ends: Sequence[End], stop: IntArray) -> End:
-    """One end of pairs, (b, n)."""
+    """Merge one end of several pairs, (b, n)."""
     base = None if ends[0].base is None else f"{name}_base"
     poses = SE3.stack([end.base_from_flange for end in ends])
     return replace(ends[0], mount=f"{name}_mount", base=base, base_from_flange=poses, stop=stop, joints=None)

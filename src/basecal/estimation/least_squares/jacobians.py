@@ -1,6 +1,7 @@
-"""How `camera_from_target` moves with each unknown: every one through an adjoint.
+"""Derivatives of `camera_from_target` with respect to each unknown, by adjoints.
 
-All are right tangents: `camera_from_target @ SE3.exp(D @ xi)` where an unknown is perturbed on its right by `xi`.
+All tangents are right tangents: if an unknown is perturbed on its right by `xi`, the view becomes
+`camera_from_target @ SE3.exp(D @ xi)`.
 Source: docs/mathematics.md (3.1)-(3.3).
 """
 
@@ -18,17 +19,17 @@ from basecal.geometry.se3_jacobians import right_jacobian
 def unknown_jacobian(
     problem: Problem, group: ViewGroup, links: Chain, state: State, rows: int
 ) -> tuple[Array, IntArray]:
-    """Derivative of views to the unknowns of their group.
+    """Derivative of views with respect to the unknowns of their group.
 
     Args:
         problem: The problem.
-        group: Its views, n of them.
-        links: The factors of their `camera_from_target`.
-        state: Where.
-        rows: 6, or 6 + k with the lens's k parameters.
+        group: A group of n views.
+        links: The factors of the views' `camera_from_target`.
+        state: The state, or a batch of states.
+        rows: 6, or 6 + k with the k parameters of the lens.
 
     Returns:
-        (..., n, rows, m), and the m columns of the problem they belong to.
+        The derivative, (..., n, rows, m), and its columns in the problem, (m,).
     """
     parts = links.frames(group)
     present = [(name, sign, link) for name, sign, link in parts if name in problem.columns]
@@ -60,10 +61,10 @@ def unknown_jacobian(
 def robot_model_jacobian(
     problem: Problem, group: ViewGroup, links: Chain, state: State, rows: int
 ) -> tuple[Array, IntArray]:
-    """Derivative of views to the kinematics of the robots of their group.
+    """Derivative of views with respect to the kinematic parameters of the robots of their group.
 
     Returns:
-        (..., n, rows, m), and the m columns of the problem they belong to.
+        The derivative, (..., n, rows, m), and its columns in the problem, (m,).
     """
     shape = links.target_from_camera.shape
     blocks, columns = [np.zeros((*shape, rows, 0))], [np.zeros(0, dtype=np.int64)]
@@ -72,7 +73,7 @@ def robot_model_jacobian(
         if model is None or end.joints is None:
             continue
         flange = link.target_from_flange
-        if end.has_noise:  # the flange as modelled comes before the error of its stop
+        if end.has_noise:  # the modelled flange pose, without the error of its stop
             flange = flange @ SE3.exp(-state.stop_errors[..., end.stop, :] * problem.stops.sigma[end.stop])
         moved = link.sign * flange.adjoint() @ column_derivative(model, state.kinematics(model), end.joints)
         block = np.zeros((*shape, rows, moved.shape[-1]))
@@ -85,10 +86,10 @@ def robot_model_jacobian(
 def stop_error_jacobians(
     group: ViewGroup, links: Chain, state: State, stops: Stops, rows: int
 ) -> list[tuple[IntArray, Array]]:
-    """Derivative of views to the errors, in sigmas, of the stops they stand in.
+    """Derivative of views with respect to the errors, in sigmas, of their stops.
 
     Returns:
-        For each of the two robots with noise: the stop of each view, (n,), and the derivative, (..., n, rows, 6).
+        For each end with noise, the stop of each view, (n,), and the derivative, (..., n, rows, 6).
     """
     noisy = [(end.stop, link) for end, link in zip(group.ends, links.ends, strict=True) if end.has_noise]
     if not noisy:

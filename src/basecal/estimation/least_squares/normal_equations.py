@@ -1,9 +1,10 @@
 """Normal equations of a whole problem, with the robots' pose errors eliminated.
 
-With H, g of each view and D the derivative of its `camera_from_target` to the unknowns: H = sum D'HD, g = sum D'g.
-The errors u of the stops, in sigmas, move a view by J. A stop that only one view has is eliminated there. With S = JJ'
-this gives H' = (I + H S)^-1 H and g' = (I + H S)^-1 (g - H J u). The others keep their 6-vectors and go by the Schur
-complement. Source: docs/mathematics.md (4.1)-(4.3).
+H and g are the information and gradient of a view, D the derivative of its `camera_from_target` with respect to the
+unknowns. The sums over views are sum D'HD and sum D'g. J is the derivative of a view with respect to the stop errors
+u, in sigmas. A private stop has a single view and is eliminated in it. With S = JJ', this yields H' = (I + H S)^-1 H
+and g' = (I + H S)^-1 (g - H J u). The 6-vectors of shared stops are eliminated by the Schur complement.
+Source: docs/mathematics.md (4.1)-(4.3).
 """
 
 from __future__ import annotations
@@ -28,24 +29,24 @@ from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.numerics.batch import SHARED
 from basecal.numerics.inverse_factors import inverse_factors
 
-_ROUNDING_SCALE = 1e14  # an entry of this size rounds the identity beside it away
-_ROUNDING = 1e-15  # of such entries, which restores it
-_GAUGE_SIGMA = 1e-5  # [m, rad] of directions that nothing depends on: any other would do
-_MANY_SYSTEMS = 64  # systems whose factors together are faster than each by itself
+_ROUNDING_SCALE = 1e14  # an identity that is added to an entry of this size is lost in rounding
+_ROUNDING = 1e-15  # share of such entries that is added to keep the matrix regular
+_GAUGE_SIGMA = 1e-5  # [m, rad] prior of gauge directions, arbitrary
+_MANY_SYSTEMS = 64  # number of systems from which a batched factorisation is faster
 
 
 @dataclass(frozen=True, eq=False)
 class LinearisedViews:
-    """A group's views to second order, private stops eliminated.
+    """Second-order expansion of a group's views, with private stops eliminated.
 
     Attributes:
         gradient: (..., n, q).
         information: (..., n, q, q).
-        promised: (..., n) by how much the private stops' errors alone lower the cost.
-        by_unknowns: (..., n, q, m) derivative to the unknowns.
-        columns: (m,) of these.
-        private: Views in stops of their own.
-        shared: Views in stops that several have.
+        promised: (..., n) decrease of the cost by the optimal step of the private stops' errors alone.
+        by_unknowns: (..., n, q, m) derivative of the views with respect to the unknowns.
+        columns: (m,) columns of these unknowns in the problem.
+        private: Views at stops of a single view.
+        shared: Views at stops of several views.
     """
 
     gradient: Array
@@ -57,7 +58,7 @@ class LinearisedViews:
     shared: tuple[SharedView, ...]
 
     def weigh(self, weight: Array) -> LinearisedViews:
-        """The views as if each were seen with its information times a weight (..., n); at none it may be no number."""
+        """Scale the information of each view by its weight, (..., n); views of weight zero may be non-finite."""
         gradient, information = self.gradient * weight[..., None], self.information * weight[..., None, None]
         promised = self.promised * weight
         if not weight.all():
@@ -70,16 +71,16 @@ class LinearisedViews:
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """The problem to second order about a state, or a batch of them.
+    """Second-order expansion of the problem about a state, or about each state of a batch.
 
     Attributes:
-        cost: (...) sum of squared residuals over sigmas, those of priors and of stop errors included.
-        gradient: (..., p) half the derivative of the cost, the stop errors at their best.
-        hessian: (..., p, p) half the second derivative, likewise.
-        eliminated_cost: (...) by how much the stop errors alone lower the cost, brought to their best.
+        cost: (...) sum of squared residuals in sigmas, including priors and stop errors.
+        gradient: (..., p) half the derivative of the cost, with optimal stop errors.
+        hessian: (..., p, p) half the second derivative of the cost, with optimal stop errors.
+        eliminated_cost: (...) decrease of the cost by the optimal step of the stop errors alone.
         stop_log_det: (...) log determinant of the information of the eliminated stop errors.
-        views: What `retract` needs, by group.
-        system: The shared stops, solved; None without any.
+        views: Linearised views by group, for `retract`.
+        system: Schur complement of the shared stops; None if there are none.
     """
 
     cost: Array
@@ -92,12 +93,12 @@ class NormalEquations:
 
 
 def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = None) -> NormalEquations:
-    """The problem to second order at `state`; its cost is infinite if a seen point lies behind its camera.
+    """Expand the problem to second order at a state; the cost is infinite if a visible point is behind its camera.
 
     Args:
         problem: The problem.
-        state: Where.
-        weights: For each group (..., n): what each view counts, its private stops' errors included; 1 where None.
+        state: The state, or a batch of states.
+        weights: Weights of views and of their private stops' errors, (..., n) by group; all 1 if None.
     """
     hessian, gradient, cost = prior_equations(problem, state)
     cost += np.sum(state.stop_errors**2, axis=(-1, -2))
@@ -124,14 +125,18 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
 def sum_views(
     problem: Problem, state: State, views: Sequence[LinearisedViews], hessian: Array, gradient: Array
 ) -> tuple[Array | float, Array, Array, SchurComplement | None]:
-    """The cost of a static scene, and sums over it and views, shared stops eliminated, and these solved.
+    """Sum the normal equations over views and the static scene, and eliminate the shared stops.
 
     Args:
         problem: The problem.
-        state: Where.
-        views: By group.
-        hessian: (..., c, c) of what is known beforehand, of the unknowns and of more columns behind; it changes.
-        gradient: (..., c) likewise.
+        state: The state, or a batch of states.
+        views: Linearised views, by group.
+        hessian: (..., c, c) of the priors; the unknowns are the first columns; modified in place.
+        gradient: (..., c) of the priors; modified in place.
+
+    Returns:
+        Cost of the static scene; Hessian, (..., c, c); gradient, (..., c); Schur complement of the shared stops, None
+        if there are none.
     """
     cost: Array | float = 0.0
     shared = problem.shared_stops >= 0
@@ -156,7 +161,7 @@ def sum_views(
 
 
 def retract(problem: Problem, state: State, normal: NormalEquations, step: Array) -> State:
-    """The state after a step of the unknowns, (..., p), with the stop errors that are best to first order then."""
+    """Return the state after a step of the unknowns, (..., p), with the stop errors optimal to first order."""
     columns = problem.columns
     names = [name for name in columns if name in state.transforms]
     tangents = np.zeros((len(names), *state.batch, 6))
@@ -178,9 +183,9 @@ def retract(problem: Problem, state: State, normal: NormalEquations, step: Array
 
 
 def retract_lens(camera: Camera, step: Array) -> Camera:
-    """A lens after a step of its parameters, (..., 4 + k), the focal lengths at least a fifth of what they were.
+    """Return a lens after a step of its parameters, (..., 4 + k); focal lengths keep at least a fifth of their value.
 
-    Where a step is not finite the lens stays: the rest of the state shows that the step is not finite.
+    Parameters with a non-finite step stay unchanged: the rest of the state reveals such a step.
     """
     parameters = np.where(np.isfinite(step), camera.parameters + step, camera.parameters)
     parameters[..., :2] = np.maximum(parameters[..., :2], 0.2 * camera.focal)
@@ -188,7 +193,7 @@ def retract_lens(camera: Camera, step: Array) -> Camera:
 
 
 def _private_cost(views: LinearisedViews, state: State, weight: Array) -> Array:
-    """The change of the cost of private stops' errors by weights (..., n), (...)."""
+    """Change of the cost of the private stops' errors due to weights of views (..., n), (...)."""
     total = np.zeros(state.batch)
     for of in views.private:
         squares = np.sum(state.stop_errors[..., of.stop, :] ** 2, axis=-1)
@@ -229,7 +234,7 @@ class _Marginal(NamedTuple):
     Attributes:
         gradient: (..., n, q).
         information: (..., n, q, q).
-        promised: (..., n) by how much these stops' errors alone lower the cost.
+        promised: (..., n) decrease of the cost by the optimal step of these stops' errors alone.
         log_det: (...) log determinant of I + J'HJ.
     """
 
@@ -240,10 +245,10 @@ class _Marginal(NamedTuple):
 
 
 def _marginalise(gradient: Array, information: Array, stop_views: tuple[SharedView, ...], errors: Array) -> _Marginal:
-    """Views with their private stops eliminated.
+    """Eliminate the private stops of views.
 
-    (I + H S)^-1 H == H - H J (I + J'HJ)^-1 J'H, whose inner matrix is positive definite however large H is. With the
-    errors' own gradient f = u + J'g they lower the cost by f' (I + J'HJ)^-1 f, and g' == g - H J (I + J'HJ)^-1 f.
+    (I + H S)^-1 H == H - H J (I + J'HJ)^-1 J'H, whose inner matrix is positive definite for any H. With the gradient
+    f = u + J'g of the errors, the cost decreases by f' (I + J'HJ)^-1 f, and g' == g - H J (I + J'HJ)^-1 f.
     """
     if not any(len(of.view) for of in stop_views):
         return _Marginal(gradient, information, np.zeros(gradient.shape[:-1]), np.zeros(gradient.shape[:-2]))
@@ -257,8 +262,8 @@ def _marginalise(gradient: Array, information: Array, stop_views: tuple[SharedVi
     inner = transposed @ carried
     diagonal = np.einsum("...ii->...i", inner)  # a view
     diagonal += 1.0
-    # Where a lens's polynomial runs away the identity is lost in rounding: as much again as rounding keeps it regular.
-    # No entry of a positive definite matrix is larger than the largest of its diagonal.
+    # If a lens's polynomial diverges, the identity is lost in rounding; a multiple of it keeps the matrix regular.
+    # The largest entry of a positive definite matrix is on its diagonal.
     size = diagonal.max(-1)
     if not size.max() <= _ROUNDING_SCALE:
         diagonal += np.where(size > _ROUNDING_SCALE, _ROUNDING * size, 0.0)[..., None]
@@ -274,13 +279,13 @@ def _marginalise(gradient: Array, information: Array, stop_views: tuple[SharedVi
 
 
 def _solve_systems(inner: Array, right: Array) -> tuple[Array, Array]:
-    """The solution of positive definite systems, (..., n, k, m), and their log determinants summed over n, (...)."""
+    """Solutions of positive definite systems, (..., n, k, m), and their log determinants summed over n, (...)."""
     if inner.size // inner.shape[-1] ** 2 >= _MANY_SYSTEMS:
         try:
             root, log_det = inverse_factors(inner)
             return root.mT @ (root @ right), np.asarray(log_det.sum(-1))
         except np.linalg.LinAlgError:
-            pass  # beyond what a factor holds, such as where a lens's polynomial runs away
+            pass  # too ill-conditioned to factorise, for example if a lens's polynomial diverges
     return np.asarray(np.linalg.solve(inner, right)), np.asarray(np.linalg.slogdet(inner)[1].sum(-1))
 
 
@@ -317,7 +322,7 @@ def prior_equations(problem: Problem, state: State) -> tuple[Array, Array, Array
 
 
 def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
-    """Residual of each prior in sigmas, the derivative to its columns, and these."""
+    """Residual of each prior, in sigmas, its derivative with respect to its columns, and these columns."""
     out = []
     for name, where in problem.columns.items():
         if name in problem.unknowns:
@@ -338,7 +343,7 @@ def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, 
 
 
 def prior_residual(unknown: Unknown, value: SE3, width: int = 6) -> tuple[Array, Array]:
-    """Residual (..., width) of a transform with a prior, in sigmas, and its derivative to the transform's columns."""
+    """Residual (..., width) of a transform's prior, in sigmas, and its derivative with respect to its columns."""
     assert unknown.mean is not None
     assert unknown.sigma is not None
     error = (unknown.mean.inverse() @ value).log()
@@ -347,7 +352,7 @@ def prior_residual(unknown: Unknown, value: SE3, width: int = 6) -> tuple[Array,
 
 
 def _lens_priors(camera: Camera, rows: slice) -> list[tuple[Array, Array, slice]]:
-    """Priors of the terms of a lens of which nothing is stated, as real lenses have them."""
+    """Priors of the distortion terms of an unstated lens, from the spread of real lenses."""
     sigmas = camera.term_sigmas
     held = np.flatnonzero(np.isfinite(sigmas))
     if not len(held):

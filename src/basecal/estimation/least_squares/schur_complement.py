@@ -1,4 +1,4 @@
-"""Elimination of the stops that several views share, by the Schur complement."""
+"""Elimination of the errors of shared stops by the Schur complement."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ import scipy  # its parts are loaded when they are first used
 from basecal.geometry import Array, IntArray
 from basecal.numerics.batch import SHARED
 
-_MOST_INVERTED = 400  # stops whose joint covariance is inverted as a whole: 2,400 columns, 46 MB; assumed
+_MOST_INVERTED = 400  # maximum number of stops with a full joint covariance: 2,400 columns, 46 MB; assumed
 
 
 @dataclass(frozen=True, eq=False)
 class SharedView:
-    """Views that stand in shared stops of one robot.
+    """Views of a group at shared, or private, stops of one robot.
 
     Attributes:
         view: (n,) rows in the group.
-        stop: (n,) number among the shared stops.
-        by_error: (..., n, q, 6) derivative of the views to the errors.
+        stop: (n,) numbers among the shared stops; of private stops, among all stops.
+        by_error: (..., n, q, 6) derivative of the views with respect to the errors.
     """
 
     view: IntArray = field(metadata=SHARED)
@@ -32,15 +32,15 @@ class SharedView:
 
 @dataclass(frozen=True, eq=False)
 class SchurComplement:
-    """The shared stops' errors, to be solved for given the unknowns' step.
+    """Schur complement of the errors of k shared stops.
 
     Attributes:
-        by_unknowns: (..., k, 6, p) mixed second derivative.
-        solution: (..., 6 k, p + 1): the inverse applied to `unknown_jacobian` and, last, to the gradient.
-        promised: (...) by how much the errors alone lower the cost.
+        by_unknowns: (..., k, 6, p) mixed second derivative with respect to errors and unknowns.
+        solution: (..., 6 k, p + 1) inverse of the errors' information times `by_unknowns` and, last, the gradient.
+        promised: (...) decrease of the cost by the optimal step of the errors alone.
         log_det: (...) log determinant of the errors' information.
         precision: (..., k, 6, 6) diagonal blocks of the errors' information.
-        factor: That information, factorised; None if it has no other blocks, and of a batch.
+        factor: Factorisation of the errors' information; None if it is block-diagonal, and for a batch.
     """
 
     by_unknowns: Array
@@ -51,9 +51,9 @@ class SchurComplement:
     factor: scipy.sparse.linalg.SuperLU | None
 
     def covariance(self, first: IntArray, second: IntArray) -> Array:
-        """Blocks (n, 6, 6) of the errors' covariance, the unknowns known, at pairs of stops (n,)."""
+        """Blocks (n, 6, 6) of the errors' covariance, given the unknowns, at pairs of stops (n,)."""
         if self.factor is None or len(self.precision) > _MOST_INVERTED:
-            # Of many stops that views tie together, what these say of one another is left out: each seems better known.
+            # Off-diagonal blocks of many stops are neglected, which underestimates their covariance.
             inverse = np.linalg.inv(self.precision)
             return np.where((first == second)[:, None, None], inverse[first], 0.0)
         blocks = self._inverse[first, :, second]
@@ -67,23 +67,20 @@ class SchurComplement:
         return inverse
 
     def reduce(self, hessian: Array, gradient: Array) -> tuple[Array, Array]:
-        """The unknowns' normal equations with the errors eliminated."""
+        """Eliminate the errors from the unknowns' normal equations."""
         shape = self.solution.shape
         transposed = np.swapaxes(self.by_unknowns.reshape(*shape[:-1], shape[-1] - 1), -1, -2)
         reduced = transposed @ self.solution
         return hessian - reduced[..., :-1], gradient - reduced[..., -1]
 
     def step(self, unknowns_step: Array) -> Array:
-        """The errors' best step, (..., k, 6), given that of the unknowns, (..., p)."""
+        """Optimal step of the errors, (..., k, 6), given the step of the unknowns, (..., p)."""
         step = -(self.solution[..., :-1] @ unknowns_step[..., None])[..., 0] - self.solution[..., -1]
         return step.reshape(*step.shape[:-1], step.shape[-1] // 6, 6)
 
 
 class SchurAccumulator:
-    """Sums over views of what is known of shared stops' errors.
-
-    A builder and no noun: it lives inside one linearisation.
-    """
+    """Accumulator of the shared stops' normal equations over views, used within one linearisation."""
 
     def __init__(self, errors: Array, width: int) -> None:
         self.diagonal = np.broadcast_to(np.eye(6), (*errors.shape, 6)).copy()
@@ -121,7 +118,7 @@ class SchurAccumulator:
             self._add_pairs(shared_views[0], shared_views[1], information)
 
     def add_scene(self, stop: IntArray, gradient: Array, by_unknowns: Array, information: Array) -> None:
-        """Add what ties k stops to one another: gradient (..., 6 k), (..., 6 k, p) and information (..., 6 k, 6 k)."""
+        """Add a scene that links k stops: gradient (..., 6 k), mixed (..., 6 k, p) and information (..., 6 k, 6 k)."""
         k = len(stop)
         self.gradient[..., stop, :] += gradient.reshape(*gradient.shape[:-1], k, 6)
         self.by_unknowns[..., stop, :, : by_unknowns.shape[-1]] += by_unknowns.reshape(*gradient.shape[:-1], k, 6, -1)
@@ -140,11 +137,11 @@ class SchurAccumulator:
         self.pairs.append((eye.stop[a], hand.stop[b], block))
 
     def solve(self) -> SchurComplement:
-        """Eliminate them."""
+        """Solve for the errors."""
         *batch, k, _, width = self.by_unknowns.shape
         right = np.concatenate([self.by_unknowns, self.gradient[..., None]], -1)
         if not self.pairs:
-            # Many small systems with many right sides: by their inverses it takes a fifth of the time.
+            # With many small systems and many right-hand sides, explicit inverses take a fifth of the time.
             solution = (np.linalg.inv(self.diagonal) @ right).reshape(*batch, 6 * k, width + 1)
             log_det = np.asarray(np.linalg.slogdet(self.diagonal)[1].sum(-1))
             return SchurComplement(
@@ -157,20 +154,20 @@ class SchurAccumulator:
                 factor = scipy.sparse.linalg.splu(
                     self._matrix(entry), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
                 )
-            except RuntimeError as error:  # SciPy's own word for what NumPy calls a LinAlgError
-                raise np.linalg.LinAlgError("the stops that views share have no solution") from error
+            except RuntimeError as error:  # SciPy raises it for a singular matrix; NumPy raises LinAlgError
+                raise np.linalg.LinAlgError("the normal equations of the shared stops are singular") from error
             solution[entry] = factor.solve(right[entry])
             log_det[entry] = np.log(np.abs(factor.U.diagonal())).sum()
         of_solution = solution, self._promised_decrease(solution), log_det
         return SchurComplement(self.by_unknowns, *of_solution, self.diagonal, None if batch else factor)
 
     def _promised_decrease(self, solution: Array) -> Array:
-        """Decrease of the cost by the errors alone, (...)."""
+        """Decrease of the cost by the optimal step of the errors alone, (...)."""
         flat = self.gradient.reshape(*self.gradient.shape[:-2], -1)
         return np.asarray(np.sum(flat * solution[..., -1], -1))
 
     def _matrix(self, entry: tuple[int, ...]) -> scipy.sparse.csc_array:
-        """The errors' information of one entry of the batch."""
+        """Information of the errors for one entry of the batch."""
         k = self.diagonal.shape[-3]
         pairs = [(a, b, block[entry]) for a, b, block in self.pairs]
         row = [np.arange(k), *(a for a, _, _ in pairs), *(b for _, b, _ in pairs)]
@@ -184,7 +181,7 @@ class SchurAccumulator:
 
 
 def _sum_rows(summing: scipy.sparse.csr_array, rows: Array, axes: int) -> Array:
-    """Sums over rows (..., n, *), with so many axes behind n."""
+    """Sums over rows (..., n, *), with the given number of axes after n."""
     first = np.moveaxis(rows, -1 - axes, 0)
     flat: Array = summing @ first.reshape(len(first), -1)
     return np.moveaxis(flat.reshape(len(flat), *first.shape[1:]), 0, -1 - axes)

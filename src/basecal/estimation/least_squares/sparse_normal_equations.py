@@ -1,7 +1,7 @@
-"""Normal equations of a cell of many robots, sparse by the graph of who sees whom.
+"""Sparse normal equations of a cell of many robots.
 
-Each pair of camera and target ties at most two mounts, two bases and a lens. For a hundred robots, a hundredth of the
-matrix is not zero, and hardly more of its factors.
+Each pair of camera and target couples at most two mounts, two bases and a lens. For a hundred robots, 1 % of the matrix
+is non-zero, with little fill-in in its factors.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from basecal.numerics.levenberg_marquardt import Optima, Stop, levenberg_marquar
 from basecal.numerics.sparse_hessian import SparseHessian
 
 MANY_COLUMNS = 300
-"""From so many unknowns on the sparse way is faster: benchmarks.robots."""
+"""Number of unknowns from which the sparse solver is faster; see `benchmarks.robots`."""
 
 
 def is_sparse(problem: Problem) -> bool:
-    """Whether a problem has many unknowns, of which each view moves few and shares no error with another view."""
+    """Whether a problem has many unknowns, few of which affect each view, and views without shared errors."""
     if problem.width < MANY_COLUMNS or problem.models or problem.jitter_s or problem.tied is not None:
         return False
     return not np.any(problem.shared_stops >= 0)
@@ -33,7 +33,7 @@ def is_sparse(problem: Problem) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class SparseNormalEquations:
-    """A problem to second order about a state, as a batch of one; see `NormalEquations`."""
+    """Second-order expansion of a problem about a state, as a batch of one; see `NormalEquations`."""
 
     cost: Array
     gradient: Array
@@ -45,7 +45,7 @@ class SparseNormalEquations:
 
 @dataclass(frozen=True, eq=False)
 class SparseBundle:
-    """A problem as Levenberg-Marquardt knows it; see `numerics.levenberg_marquardt.System`."""
+    """Adapter of a problem that implements `numerics.levenberg_marquardt.System`."""
 
     problem: Problem
     pairs: tuple[AlikePairs, ...]
@@ -91,12 +91,12 @@ class SparseBundle:
 def sparse_adjust(
     problem: Problem, state: State, stop: Stop, weights: Sequence[Array] | None = None
 ) -> Optima[State, SparseNormalEquations]:
-    """The optimum downhill of a state, a batch of one; see `bundle_adjust`."""
+    """Minimise the cost from a state, as a batch of one; see `bundle_adjust`."""
     return levenberg_marquardt(sparse_bundle(problem, weights), state.spread(problem, 1), stop)
 
 
 def sparse_bundle(problem: Problem, weights: Sequence[Array] | None = None) -> SparseBundle:
-    """A problem for which `is_sparse` holds."""
+    """Return the adapter of a problem for which `is_sparse` holds."""
     return SparseBundle(problem, group_pairs(problem), weights)
 
 

@@ -1,8 +1,9 @@
-"""How far each view, each shared stop and each point is from what all else predicts.
+"""Squared deviations of views, shared stops and points from the prediction of all other data.
 
-g and H are the gradient and information of a view, with its private stops eliminated. P is the covariance that the
-unknowns give to its tangent. d^2 is the squared deviation from all other views. It is g'(H - H P H)^+ g if the view is
-part of the fit, and g'(H + H P H)^+ g if not. It is chi-square with rank(H) degrees of freedom if the noise is true.
+g and H are the gradient and information of a view, with its private stops eliminated. P is the covariance of its
+tangent due to the unknowns. d^2 is the squared deviation from all other views. It is g'(H - H P H)^+ g if the view is
+part of the fit, and g'(H + H P H)^+ g if not. If the stated noise is true, d^2 is chi-square with rank(H) degrees of
+freedom.
 Source: Cook & Weisberg 1982 (studentised residuals); docs/mathematics.md (8.1), (8.2).
 """
 
@@ -22,7 +23,7 @@ from basecal.estimation.view.target_points import PointJacobians, SeenPoints, po
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.spectral import VIEW_ROUNDING, inverse_beside_identity, scaled_spectrum, spectrum
 
-_LEAST_GAIN_SHARE = 1e-9  # share of a stop's own variance that the views take away, below which it is rounding
+_LEAST_GAIN_SHARE = 1e-9  # smallest relative reduction of a stop's variance by the views that is not rounding
 _ALONE_LEVERAGE = 1.0 - 1e-4
 _OWN_POINTS = 12
 _LEAST_VARIANCE_SHARE = 1e-3
@@ -30,7 +31,7 @@ _LEAST_VARIANCE_SHARE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class MahalanobisSquared:
-    """Squared deviations with their freedoms; NaN and 0 where all else predicts nothing."""
+    """Squared deviations with their degrees of freedom; NaN and 0 if the other data predict nothing."""
 
     value: Array
     freedoms: IntArray
@@ -38,14 +39,14 @@ class MahalanobisSquared:
 
 @dataclass(frozen=True, eq=False)
 class LeaveOneOut:
-    """A problem to second order about a state, with the covariance of everything that views share.
+    """Second-order expansion of a problem about a state, with the covariance of the views' predictions.
 
     Attributes:
         problem: The problem.
         state: The state.
-        weights: By group, (n,): 1 for views that are part of the fit, else 0.
-        normal: The problem about the state.
-        spread: By group, (n, q, q): covariance that unknowns and shared stops give to each view's tangent.
+        weights: (n,) 1 for views that are part of the fit, else 0; by group.
+        normal: Normal equations about the state.
+        spread: (n, q, q) covariance of each view's tangent due to unknowns and shared stops; by group.
     """
 
     problem: Problem
@@ -56,7 +57,7 @@ class LeaveOneOut:
 
 
 def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> LeaveOneOut:
-    """The posterior of a state by the views whose weight is 1."""
+    """Expand a problem about a state that was fitted to the views of weight 1."""
     normal = linearise(problem, state, weights)
     covariance = spectrum(normal.hessian).inverse
     spread = tuple(_unknown_spread(normal, covariance, k) for k in range(len(problem.groups)))
@@ -64,11 +65,11 @@ def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> L
 
 
 def studentize_views(problem: Problem, state: State) -> tuple[MahalanobisSquared, ...]:
-    """Distance of each view from the state, (..., n), by group, as if that were exact; infinite behind its camera.
+    """Squared deviation of each view from a state assumed exact, (..., n), by group; infinite behind the camera.
 
     Args:
         problem: The problem.
-        state: The state, or a batch of them.
+        state: The state, or a batch of states.
     """
     normal = linearise(problem, state)
     return tuple(_misfits(g, of, state, problem) for g, of in zip(problem.groups, normal.views, strict=True))
@@ -88,7 +89,7 @@ def _misfits(group: ViewGroup, views: LinearisedViews, state: State, problem: Pr
 
 
 def studentized_views(model: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
-    """Distance of each view from the prediction of the others, (n,), by group."""
+    """Squared deviation of each view from the prediction of the others, (n,), by group."""
     return tuple(_view_squares(model, k) for k in range(len(model.problem.groups)))
 
 
@@ -99,13 +100,13 @@ def _view_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
     leverage = information.root.mT @ model.spread[k] @ information.root
     sign = np.where(weight > 0, -1.0, 1.0)[:, None, None]
     left = scaled_spectrum(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _ALONE_LEVERAGE)
-    # Directions in which the view has no information stand as zeros with a share of nothing.
+    # Directions without information have whitened gradient zero and leverage zero.
     freedoms = np.maximum(information.rank - np.count_nonzero(~left.held, axis=-1), 0)
     return MahalanobisSquared(np.where(freedoms > 0, left.squared_mahalanobis(whitened), np.nan), freedoms)
 
 
 def studentized_stops(model: LeaveOneOut) -> MahalanobisSquared:
-    """(k,): how far the errors of the problem's stops that several views share are from what was stated of them."""
+    """Squared deviation of the errors of shared stops from their stated noise, (k,); NaN for private stops."""
     count = len(model.problem.stops)
     value, freedoms = np.full(count, np.nan), np.zeros(count, dtype=np.int64)
     system = model.normal.system
@@ -122,16 +123,17 @@ def studentized_stops(model: LeaveOneOut) -> MahalanobisSquared:
 
 
 def studentized_points(model: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
-    """Distance of each point from the prediction of all others, (n, p), by group.
+    """Squared deviation of each point from the prediction of all other points, (n, p), by group.
 
-    Of a view with many points all else is the rest of the view; with few it is the state, too. Points that were not
-    seen, views without points, and views of a single point, which are judged whole, have no freedoms.
+    In a view with many points, the prediction uses the other points of the view alone. With few points, it uses the
+    state as well. Missing points, views without points and views of a single point, which `studentized_views` judges,
+    have no degrees of freedom.
     """
     return tuple(_point_squares(model, k) for k in range(len(model.problem.groups)))
 
 
 def judged_by_view(measurement: Measurement) -> BoolArray:
-    """Which views, (n,), have so many points that each is judged by the rest of its view."""
+    """Mask of the views, (n,), with enough points to judge each point by the rest of its view."""
     return np.asarray(measurement.point_counts() >= _OWN_POINTS)
 
 
@@ -156,7 +158,7 @@ def _point_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
 
 
 def _own_view_distances(rows: PointJacobians) -> MahalanobisSquared:
-    """Each point against its view's own pose, to first order."""
+    """Squared deviation of each point from the pose fitted to its view alone, to first order."""
     jacobian = rows.jacobian[..., :6]
     n, p, d, _ = jacobian.shape
     flat = jacobian.reshape(n, p * d, 6)
@@ -167,7 +169,7 @@ def _own_view_distances(rows: PointJacobians) -> MahalanobisSquared:
 
 
 def _studentize(residual: Array, jacobian: Array, covariance: Array, visible: BoolArray) -> MahalanobisSquared:
-    """Residuals (n, p, d) whitened by what is left of the noise about a fitted tangent of covariance (n, q, q)."""
+    """Squared Mahalanobis norms of residuals (n, p, d) about a fitted tangent of covariance (n, q, q)."""
     n, p, d, q = jacobian.shape
     carried = (jacobian.reshape(n, p * d, q) @ covariance).reshape(jacobian.shape)
     left = np.eye(d) - np.einsum("npiq,npjq->npij", carried, jacobian)
@@ -181,7 +183,7 @@ def _studentize(residual: Array, jacobian: Array, covariance: Array, visible: Bo
 
 
 def _pair_distances(residual: Array, matrix: Array) -> tuple[Array, BoolArray]:
-    """Distances r' M^-1 r of pairs r, and whether M is clear of zero; written out, since small systems are slow."""
+    """Squared norms r' M^-1 r of 2-vectors r, and whether M is regular; written out, since small solves are slow."""
     a, b, c = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
     x, y = residual[..., 0], residual[..., 1]
     determinant = a * c - b * b
@@ -190,7 +192,7 @@ def _pair_distances(residual: Array, matrix: Array) -> tuple[Array, BoolArray]:
 
 
 def _posterior(model: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
-    """Covariance of each view's tangent given everything, its private stops' errors too, (n, q, q)."""
+    """Posterior covariance of each view's tangent, including its private stops' errors, (n, q, q)."""
     spread = model.spread[k] * (model.weights[k] > 0)[:, None, None]
     private = model.normal.views[k].private
     n, p, d, q = rows.jacobian.shape
@@ -221,7 +223,7 @@ def _unknown_spread(normal: NormalEquations, covariance: Array, k: int) -> Array
 
 
 def _stop_spread(normal: NormalEquations, k: int) -> Array:
-    """Covariance that the shared stops' errors add, the unknowns known, (n, q, q)."""
+    """Covariance of the views' tangents due to shared stops, given the unknowns, (n, q, q)."""
     of, system = normal.views[k], normal.system
     assert system is not None
     n, q = of.gradient.shape

@@ -1,4 +1,4 @@
-"""Views that a scene's points tie together, to second order about a state; see `TiedViews`."""
+"""Second-order expansion of views of a static scene, which its points couple; see `TiedViews`."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from basecal.geometry.se3_jacobians import right_jacobian_inverse
 
 @dataclass(frozen=True, eq=False)
 class TiedEquations:
-    """Tied views about a state, or a batch of them.
+    """Second-order expansion of the scene's views about a state, or about each state of a batch.
 
     Attributes:
         cost: (...).
-        gradient: (..., q) to their own columns.
+        gradient: (..., q) with respect to the columns of `TiedViews`.
         information: (q, q).
-        by_unknowns: (..., q, p) derivative of these columns to the unknowns.
-        by_errors: (..., q, 6 k) likewise to the errors, in sigmas, of their k stops.
+        by_unknowns: (..., q, p) derivative of these columns with respect to the unknowns.
+        by_errors: (..., q, 6 k) derivative of these columns with respect to the errors, in sigmas, of the k stops.
     """
 
     cost: Array
@@ -34,7 +34,7 @@ class TiedEquations:
     by_errors: Array
 
     def add(self, hessian: Array, gradient: Array, problem: Problem, sums: SchurAccumulator | None) -> None:
-        """Add them to sums over other views, whose first columns are the unknowns."""
+        """Add the scene to sums over other views, whose first columns are the unknowns."""
         assert problem.tied is not None
         carried, width = self.information @ self.by_unknowns, problem.width
         hessian[..., :width, :width] += self.by_unknowns.mT @ carried
@@ -49,7 +49,7 @@ class TiedEquations:
 
 
 def linearise_scene(problem: Problem, scene: TiedViews, state: State) -> TiedEquations:
-    """The tied views of a problem about a state."""
+    """Expand the scene's views of a problem about a state."""
     parts, first = [], 0
     for group in scene.groups:
         reference = scene.camera_from_world[first : first + len(group)]
@@ -73,7 +73,7 @@ _AXES = (0, -1), (1, -2), (2, -2)
 def _linearise_group(
     problem: Problem, scene: TiedViews, group: ViewGroup, reference: SE3, state: State
 ) -> tuple[Array, Array, Array]:
-    """Tangents from the reference (..., 6 n), derivatives to unknowns (..., 6 n, p) and to errors (..., 6 n, 6 k)."""
+    """Tangents from the reference (..., 6 n), derivatives in unknowns (..., 6 n, p) and errors (..., 6 n, 6 k)."""
     links, n = chain(group, state, problem.stops), len(group)
     offset = (reference.inverse() @ links.camera_from_target).log()
     turn = right_jacobian_inverse(offset)

@@ -1,9 +1,9 @@
-"""Unstated sigmas, estimated from the residuals.
+"""Estimation of unstated sigmas from the residuals.
 
-If no other sigma is stated, they have one common factor: cost / dof. If priors or robots' noise are stated too, each
-sigma is the fixed point of sigma^2 = (sum of squares) / (n - gamma). gamma is the number of unknowns that its residuals
-determine: the derivative of the posterior's log determinant to the log of its weight. Source: MacKay 1992;
-docs/mathematics.md (5.1).
+A single unstated sigma without any stated ones follows from cost / dof. If other sigmas, priors or robots' noise are
+present, each sigma is the fixed point of sigma^2 = (sum of squares) / (n - gamma). gamma is the number of unknowns that
+its residuals determine: the derivative of the posterior's log determinant with respect to the log of its weight.
+Source: MacKay 1992; docs/mathematics.md (5.1).
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ if TYPE_CHECKING:
     from basecal.estimation.noise.laplace import SigmaPosterior
 
 CONTRADICTED = 1.5
-"""Residuals over their sigmas beyond which one or the other is wrong; `benchmarks.outliers` judges it."""
+"""Ratio of residuals to their sigmas beyond which one of them is wrong; validated by `benchmarks.outliers`."""
 
 PLAUSIBLE_SIGMAS = 4.0
-"""Residuals over their sigmas that sigmas alone may explain: people state them too small, but not by more; assumed."""
+"""Largest ratio of residuals to their sigmas that underestimated sigmas alone may cause; assumed."""
 
 PLAUSIBLE_PX = 3.0
-"""[px] rms of residuals that a detector may leave, far beyond the detectors of docs/benchmarks.md."""
+"""Largest plausible rms residual of a detector [px], far above the detectors of docs/benchmarks.md."""
 
 PLAUSIBLE_TOUCH_M = 3e-3
-"""[m] per axis that touches may scatter, far beyond people who lead a tip to a mark, and sockets; assumed."""
+"""Largest plausible scatter of touches per axis [m], far above tips guided by hand and sockets; assumed."""
 
 UNSUSPECTED_PX = 1.0
-"""[px] of noise in which neither outliers nor a wrong lens hide; `benchmarks.outliers` judges it."""
+"""Pixel noise too small to hide outliers or a wrong lens [px]; validated by `benchmarks.outliers`."""
 
 ROUNDING = 1e-9
-"""[m, rad, px] below which numbers of metres are rounding: files have nine digits, computations fifteen."""
+"""Rounding error of values of the order of metres [m, rad, px]: files have nine digits, computations fifteen."""
 
-_FIXED_POINT_ROUNDS = 40  # of the fixed point, which gains a digit in two or three
-# [1] relative change of a variance that ends the rounds: ten thousand residuals tell it to a hundredth.
+_FIXED_POINT_ROUNDS = 40  # maximum number of iterations, which gain a digit in two or three
+# Relative change of a variance at which the iteration ends: ten thousand residuals determine it to 1 %.
 _SETTLED_CHANGE = 1e-3
-_LOG_STEP = 1e-3  # of the difference that gives a slope: rounding and bend are a millionth each
+_LOG_STEP = 1e-3  # step of the central difference: its rounding and truncation errors are about 1e-6 each
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,24 +55,23 @@ class NoiseEstimate:
     """Sigmas in use for unstated noise.
 
     Attributes:
-        noise: The sigmas.
-        factor: What the information's inverse is multiplied by.
+        noise: Sigmas of views.
+        factor: Factor of the inverse information in the covariance.
         estimated: Fields of `noise` that were estimated.
-        settled: Whether the estimation came to rest.
-        robots: Estimated sigmas of robots without stated ones, (6,) [m, rad], by name.
-        cameras: Sigmas by camera; those of `noise` where none is named.
-        common: Sigmas of errors that robots' stops share, of shifts and rotations, (2,), by term and robot; of the
-            likely term.
-        covariance: (p, p) of all columns, the sigmas integrated over; None where it is the information's inverse.
-        minus_2_log_evidence: Minus twice the log of the evidence, the sigmas integrated over, but for a constant.
-        plain_minus_2_log_evidence: The same of the model without shared terms.
-        shapes: Of targets whose shape was estimated: its coefficients, (k,), and their covariance, (k, k).
-        logs: (k,) logarithms of the sigmas that were estimated jointly; None of others.
-        models: If sigmas were integrated over: those of single stops and views alone, by "", and those with each term
-            that stops may share, by name.
-        robot_variances: Of robots in `robots`, the mean over all that their sigmas may be of their squares, (6,).
-        jitter_s: Of stamps of cameras without stated jitter [s].
-        beside_common: The sigmas of single stops and of views beside those in `common`; None without any.
+        settled: Whether the estimation converged.
+        robots: Estimated sigmas of robots with unstated noise, (6,) [m, rad], by name.
+        cameras: Sigmas by camera; cameras without an entry have those of `noise`.
+        common: Sigmas of shared errors of the likeliest model, (2,) [m, rad], by effect and robot.
+        covariance: (p, p) covariance of all columns, integrated over the sigmas; None if it is the inverse information.
+        minus_2_log_evidence: Minus twice the log of the evidence, integrated over the sigmas, up to a constant.
+        plain_minus_2_log_evidence: Minus twice the log of the evidence of the model without shared errors.
+        shapes: Coefficients, (k,), and their covariance, (k, k), of targets with an estimated shape, by name.
+        logs: (k,) logarithms of jointly estimated sigmas; None otherwise.
+        models: Posteriors of the sigmas by model, if they were integrated over: "" without shared errors, and one for
+            each shared effect by its name.
+        robot_variances: Posterior mean of the squared sigmas of each robot in `robots`, (6,) [m^2, rad^2].
+        jitter_s: Estimated timing jitter of cameras with unstated jitter [s], by name.
+        beside_common: Sigmas of single stops and of views in the model with `common`; None without shared errors.
     """
 
     noise: Noise
@@ -93,11 +92,11 @@ class NoiseEstimate:
     beside_common: NoiseEstimate | None = None
 
     def hold_sigmas(self, problem: Problem) -> Problem:
-        """The problem with these sigmas, held, and targets shaped so."""
+        """Return the problem with these sigmas and target shapes, held fixed in later estimations."""
         return replace(self.apply(problem), held=True)
 
     def apply(self, problem: Problem) -> Problem:
-        """The problem with these sigmas, which may be estimated again, and targets shaped so."""
+        """Return the problem with these sigmas and target shapes; the sigmas may be estimated again."""
         problem = reshape_targets(problem, {name: shape for name, (shape, _) in self.shapes.items()})
         groups = (g.with_noise(self.cameras.get(g.camera, self.noise)) for g in problem.groups)
         noisy = with_robot_noise(problem.with_groups(groups), self.robots)
@@ -105,7 +104,7 @@ class NoiseEstimate:
 
 
 def residual_counts(problem: Problem) -> dict[str, int]:
-    """Scalar residuals by the field of `Noise` that is their sigma, and `stated`."""
+    """Number of scalar residuals by the field of `Noise` with their sigma, or `stated`."""
     total: dict[str, int] = {}
     for group in problem.groups:
         for key, count in group.measurement.counts().items():
@@ -116,7 +115,7 @@ def residual_counts(problem: Problem) -> dict[str, int]:
 
 
 def degrees_of_freedom(problem: Problem) -> int:
-    """Scalar residuals, priors among them, less unknowns."""
+    """Number of scalar residuals, including priors, minus the number of unknowns."""
     status = _statuses(problem)
     priors = sum(problem.column_width(name) for name in problem.columns if status[name] == "prior")
     held = sum(
@@ -132,7 +131,7 @@ def _statuses(problem: Problem) -> dict[str, str]:
 
 
 def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Problem, Optimum, NoiseEstimate]:
-    """The problem and its optimum with unstated sigmas estimated, and these sigmas."""
+    """Estimate the unstated sigmas; return the problem with them, its optimum, and the sigmas."""
     if problem.held:
         return problem, end, NoiseEstimate(Noise(), 1.0, (), True)
     counts = residual_counts(problem)
@@ -160,7 +159,7 @@ def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Pro
 
 
 def _ratio(problem: Problem, end: Optimum, noise: Noise, field: str, count: int) -> float:
-    """New over old variance of one field."""
+    """Ratio of the new to the old variance of one field."""
     squares = 0.0
     for group in problem.groups:
         predicted = end.state.camera_from_target(group, problem.stops)

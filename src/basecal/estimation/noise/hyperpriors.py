@@ -1,13 +1,13 @@
-"""Priors of sigmas: log-normal, about those of devices of their kind, and wide.
+"""Priors of sigmas: wide log-normal distributions about values of typical devices.
 
 Points in images: detectors find corners to 0.02 to 0.3 px (Geiger et al. 2012, Duda & Frese 2018). The error that all
-points of a view of a board share is 1.1 to 5 times their scatter, on recordings of six real rigs.
+points of a view of a board share is 1.1 to 5 times their scatter, in recordings of six real rigs.
 Arms: repeatability by ISO 9283 is 0.01 to 0.1 mm. ABB IRB 120 has 0.01 mm, UR3e and UR5e 0.03 mm, Motoman MA1400
-0.08 mm, KUKA LBR iiwa and Franka 0.1 mm. Accuracy without calibration is 0.5 to 2 mm (Nubiola & Bonev 2013): at a reach
-of 0.6 m 0.02 to 3 mrad. Errors of joints are angles, so that those of a place are as large as its distance from the
-base makes them. Errors that stops share are expected in proportion to those of single stops, term by term.
-Stamps: cameras that are triggered and stamped by their own clock jitter by microseconds. Those stamped on arrival at a
-computer jitter by 0.1 to 5 ms (Furgale et al. 2013 and the drivers of ROS).
+0.08 mm, KUKA LBR iiwa and Franka 0.1 mm. Accuracy without calibration is 0.5 to 2 mm (Nubiola & Bonev 2013). At a reach
+of 0.6 m, the range is 0.02 to 3 mrad. Joint errors are angles, so position errors grow with the distance from the base.
+Shared errors are expected in proportion to the errors of single stops, separately for each effect.
+Time stamps: images triggered and stamped by the camera's own clock have microseconds of jitter. Images stamped on
+arrival at a computer have 0.1 to 5 ms (Furgale et al. 2013 and the drivers of ROS).
 """
 
 from __future__ import annotations
@@ -21,41 +21,41 @@ from basecal.effects.faces.shared_errors import TIE, SharedPrior
 from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.geometry import Array
 
-# Mean and factor of one standard deviation, by field of `Noise`, where the points of views do not show their scatter.
+# Mean and factor of one standard deviation, by field of `Noise`, if the scatter of points within views is unknown.
 _BY_ITSELF = {"pixel_px": (0.2, 5.0), "pose_m": (1e-3, 5.0), "pose_rad": (2e-3, 5.0), "point_m": (1e-3, 5.0)}
 _BY_ITSELF |= {"touch_m": (2e-4, 4.0), "grip_rad": (1e-3, 4.0)}
-# What a view gets wrong over what its points scatter: the middle of 1.1 to 5, and the factor that spans them.
+# Error of a view relative to the scatter of its points: the middle of 1.1 to 5, and a factor that covers this range.
 _OVER_SCATTER = (2.0, 3.0)
-_ENOUGH_SCATTER = 20  # freedoms that tell a sigma to a sixth, which is little beside that factor
-# Nothing measures a point better than to a thousandth of a pixel; only made-up data do.
+_ENOUGH_SCATTER = 20  # degrees of freedom that determine a sigma to a sixth, which is small relative to that factor
+# Smallest scatter relative to the mean above, 0.001 px: only synthetic data have less.
 _LEAST_SCATTER = 5e-3
-ROBOT_RAD = (3e-4, 4.0)  # [rad] the middle of 0.02 to 3 mrad, and the factor of a standard deviation that spans them
-_ROBOTS_APART = 2.0  # factor between the robots of one cell, which are mostly of one make
-_JITTER_S = (2e-4, 5.0)  # [s] the middle of them, and the factor of a standard deviation
+ROBOT_RAD = (3e-4, 4.0)  # [rad] the middle of 0.02 to 3 mrad, and the factor of one standard deviation
+_ROBOTS_APART = 2.0  # factor of one standard deviation between the robots of a cell, mostly of the same type
+_JITTER_S = (2e-4, 5.0)  # [s] mean, and the factor of one standard deviation
 
 
 @dataclass(frozen=True, eq=False)
 class LogNormals:
-    """Independent normals of linear forms of the logarithms: `forms` (r, k), `mean` (r,), `sigma` (r,)."""
+    """Independent normal priors of linear combinations of logarithms: `forms` (r, k), `mean` (r,), `sigma` (r,)."""
 
     forms: Array
     mean: Array
     sigma: Array
 
     def value(self, logs: Array) -> tuple[float, Array]:
-        """Minus twice the log density but for that of the forms' determinant, and its slope, (k,)."""
+        """Minus twice the log density, without the determinant of the forms, and its gradient, (k,)."""
         z = np.asarray((self.forms @ logs - self.mean) / self.sigma, dtype=np.float64)
         return float(z @ z + np.log(2 * np.pi * self.sigma**2).sum()), 2 * self.forms.T @ (z / self.sigma)
 
     @property
     def curvature(self) -> Array:
-        """(k, k) second derivative of `value`, everywhere."""
+        """Second derivative of `value`, which is constant, (k, k)."""
         scaled = self.forms / self.sigma[:, None]
         return np.asarray(2 * scaled.T @ scaled, dtype=np.float64)
 
     @property
     def start(self) -> Array:
-        """The logarithms expected beforehand, (k,)."""
+        """Prior means of the logarithms, (k,)."""
         return np.asarray(np.linalg.solve(self.forms, self.mean), dtype=np.float64)
 
 
@@ -64,8 +64,8 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], kinds: Sequence
 
     Args:
         model: The model.
-        reach_m: How far each robot's flange is from its base, root of the mean square [m].
-        kinds: Of errors that stops share.
+        reach_m: Distance of each robot's flange from its base, root mean square [m].
+        kinds: Priors of each kind of shared errors.
     """
     forms, places = np.eye(model.sigmas.count), model.sigmas
     rows: list[tuple[Array, float, float]] = []
@@ -89,7 +89,14 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], kinds: Sequence
 def _common_forms(
     reach_m: Mapping[str, float], common: SharedPrior, shared_logs: Mapping[str, Array], single: Mapping[str, Array]
 ) -> list[tuple[Array, float, float]]:
-    """Forms (2, k) of shift and turn of the shared sigmas, by robot, and those of its single stops."""
+    """Prior rows of shared sigmas: translation relative to rotation, and rotation, absolute or relative to stops.
+
+    Args:
+        reach_m: Distance of each robot's flange from its base, root mean square [m].
+        common: Prior of the shared errors.
+        shared_logs: Forms of the logarithms of shared translation and rotation, (2, k), by robot.
+        single: Forms of the logarithms of the robots' single stops, (2, k), by robot.
+    """
     rows = []
     lever_m, factor = common.lever
     for robot, (shift, turn) in shared_logs.items():
@@ -102,7 +109,7 @@ def _common_forms(
 
 
 def _part_prior(field: str, squares: float, freedoms: float) -> tuple[float, float]:
-    """Mean, and sigma of the logarithm: by the scatter of points about their view's own pose, where it shows."""
+    """Prior mean of a sigma, and sigma of its logarithm: from the scatter of points within views, if it is known."""
     if freedoms < _ENOUGH_SCATTER:
         mean, factor = _BY_ITSELF[field]
         return mean, float(np.log(factor))
@@ -112,7 +119,7 @@ def _part_prior(field: str, squares: float, freedoms: float) -> tuple[float, flo
 
 
 def _pool_robots(forms: Sequence[Array], sigma: tuple[float, float]) -> list[tuple[Array, float, float]]:
-    """Robots of one cell are more similar than any two: a common part, and one of each."""
+    """Prior rows that couple the robots of a cell: a common part of the logarithm, and a part of each robot."""
     n = len(forms)
     if not n:
         return []

@@ -1,9 +1,9 @@
-"""Unstated sigmas, estimated jointly: of views, of robots' stops, and of errors that a robot's stops share.
+"""Joint estimation of unstated sigmas: of views, of robots' stops, and of errors that a robot's stops share.
 
-The optimum at some sigmas, the most likely sigmas about it, and again until they rest. Each term that stops may share
-is a model beside the first: all count by prior and evidence in how well the answer is known. The answer itself is that
-of the first, which predicts as well and lets no such term take up what belongs to a mount.
-Source: docs/mathematics.md (5.2), (5.3).
+The estimation alternates between the optimum at given sigmas and the most likely sigmas about it, until both converge.
+Each kind of shared errors defines an alternative to the plain model without shared errors. The covariance is averaged
+over all models, weighted by prior and evidence. The state is that of the plain model. It predicts as well, and no
+shared error can absorb a part of a mount. Source: docs/mathematics.md (5.2), (5.3).
 """
 
 from __future__ import annotations
@@ -41,17 +41,17 @@ from basecal.geometry import Array
 from basecal.numerics.levenberg_marquardt import CONVERGED_SIGMAS
 from basecal.numerics.mixtures import probabilities
 
-_ALTERNATIONS = 6  # of sigmas and optimum in turn: two or three do
-_SETTLED_CHANGE = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
-# Of a group: so many tell a sigma to two in a hundred, a step away from that of all; a search that begins far away is
-# mostly waiting among so many, and goes by fewer first.
+_ALTERNATIONS = 6  # maximum number of alternations of sigmas and optimum: two or three suffice
+_SETTLED_CHANGE = 0.02  # tolerance of logarithms, and of shapes in sigmas: the precision of 1000 degrees of freedom
+# Views per group that determine a sigma to 2 %, one step from the estimate of all views. A search from a distant start
+# is slow with so many views, and uses fewer first.
 MANY_VIEWS = 2000
 _SOME_VIEWS = (500, MANY_VIEWS)
-_NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a few of any arm's
+_NOMINAL = (5e-4, 1e-3)  # [m, rad] robot noise at the first optimum: within a small factor of any arm's
 
 
 def open_robots(problem: Problem) -> list[str]:
-    """Robots that state no noise and were seen."""
+    """Names of the robots with unstated noise and with views."""
     return sorted(name for name in problem.unstated if count_stops(problem, name))
 
 
@@ -62,16 +62,19 @@ def estimate_jointly(
     guess: NoiseEstimate | None = None,
     step: Callable[[int, int], None] | None = None,
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
-    """The problem with the most likely unstated sigmas, its optimum, and these sigmas.
+    """Estimate all unstated sigmas of a problem jointly.
 
     Args:
         problem: The problem.
-        start: Where to start.
-        iterations: Steps of a descent, at most.
-        guess: What was estimated of nearly the same views, to start from.
-        step: Called with the neighbourhoods of robots that are done, and all, where it goes by these.
+        start: The start.
+        iterations: Maximum number of steps of each descent.
+        guess: Estimate from nearly the same views, to start from.
+        step: Progress callback for neighbourhoods of robots; receives the number done and the total.
+
+    Returns:
+        The problem with the most likely sigmas, its optimum, and the sigmas.
     """
-    # States far from any optimum meet points at the camera's centre: infinities there are no error of the user's.
+    # Far from an optimum, points may lie at the camera's centre; the infinities there are expected.
     with np.errstate(all="ignore"):
         if goes_by_neighbourhoods(problem) and not open_jitter(problem) and _is_open(problem):
             return _estimate_neighbourhoods(problem, start, iterations, step or (lambda done, total: None))
@@ -79,7 +82,7 @@ def estimate_jointly(
 
 
 def _is_open(problem: Problem) -> bool:
-    """Whether some sigma is stated by nobody."""
+    """Whether some sigma is unstated."""
     robots_or_times = open_robots(problem) or open_jitter(problem)
     return bool(robots_or_times) or any(n for name, n in residual_counts(problem).items() if name != STATED)
 
@@ -87,7 +90,7 @@ def _is_open(problem: Problem) -> bool:
 def _estimate_neighbourhoods(
     problem: Problem, start: State, iterations: int, step: Callable[[int, int], None]
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
-    """As `estimate_jointly`, the sigmas of each robot and its camera by the views that these take part in."""
+    """Estimate the sigmas of each robot and its camera from its neighbourhood alone; see `estimate_jointly`."""
     parts = {part.robot: part for part in neighbourhoods(problem, start)}
     found = {}
     for done, (robot, part) in enumerate(parts.items()):
@@ -106,7 +109,7 @@ def _estimate_sigmas(
     if not _is_open(problem):
         return estimate_noise(problem, bundle_adjust(problem, start, dof, iterations), iterations)
     if guess is None or guess.logs is None:
-        nominal = problem.with_noise(Noise())  # what exact arms leave to views may be no noise at all
+        nominal = problem.with_noise(Noise())  # residuals under exact robots may not be noise of views
         used, logs = with_robot_noise(nominal, dict.fromkeys(robots, np.repeat(_NOMINAL, 3))), None
         start = _clear_open_errors(problem, used, start, robots)
     else:
@@ -132,7 +135,7 @@ def _estimate_sigmas(
 def _extend_estimate(
     problem: Problem, start: State, iterations: int, logs: Array
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
-    """As `estimate_jointly`, where the sigmas of some of the views are known: those of all are a step away."""
+    """Estimate the sigmas of all views from those of some views, one step away; see `estimate_jointly`."""
     dof = degrees_of_freedom(problem)
     end = bundle_adjust(problem, without_errors(problem, start), dof, iterations, sigmas=ROUGH_SIGMAS)
     plain = _sigma_posterior(problem, end.state, open_robots(problem), logs)
@@ -141,9 +144,9 @@ def _extend_estimate(
 
 
 def _clear_open_errors(problem: Problem, nominal: Problem, state: State, robots: Sequence[str]) -> State:
-    """The state with the stops of `nominal`: no errors of `robots`, and those of other robots as they were.
+    """Adapt a state to the stops of `nominal`: zero errors for `robots`, unchanged errors for other robots.
 
-    A descent from no errors at all takes many steps if views say more than poses do.
+    A descent from zero errors takes many steps if views are more precise than robot poses.
     """
     kept = ~np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
     errors = np.zeros((len(nominal.stops), 6))
@@ -153,7 +156,7 @@ def _clear_open_errors(problem: Problem, nominal: Problem, state: State, robots:
 
 
 def _has_settled_shapes(posterior: SigmaPosterior) -> bool:
-    """Whether shapes are where the model was made about."""
+    """Whether the estimated shapes agree with those that the model was expanded about."""
     off = [np.abs(posterior.columns.mean[rows]).max() for rows in posterior.model.layout.shapes.values()]
     return max(off, default=0.0) < _SETTLED_CHANGE
 
@@ -161,14 +164,14 @@ def _has_settled_shapes(posterior: SigmaPosterior) -> bool:
 def integrate_sigmas(
     problem: Problem, state: State, noise: NoiseEstimate, is_quick: bool = False, guess: NoiseEstimate | None = None
 ) -> NoiseEstimate:
-    """The joint estimate, with the covariance over all values of the sigmas, and all shared terms.
+    """Add the covariance integrated over the sigmas and over all models of shared errors to a joint estimate.
 
     Args:
         problem: The problem with the most likely sigmas.
-        state: Its optimum.
-        noise: These sigmas.
-        is_quick: Whether a covariance that is good to a tenth will do.
-        guess: The integrated sigmas of nearly the same views, to start from.
+        state: The optimum of the problem.
+        noise: The most likely sigmas.
+        is_quick: Whether a covariance with an error of 10 % suffices.
+        guess: Integrated estimate from nearly the same views, to start from.
     """
     if noise.logs is None:
         return noise
@@ -189,9 +192,10 @@ def integrate_sigmas(
 
 
 def model_priors(names: Sequence[str]) -> Array:
-    """Probabilities of models before the data, (n,): without shared errors, "", in one case of two, others equally.
+    """Prior probabilities of models, (n,): one half for the plain model, "", and equal shares of the rest for others.
 
-    Without such errors none is, where every arm has some of an effect. Source: Jeffreys, Theory of Probability, 1961.
+    The plain model has probability zero if one of the effects is certain to occur in every arm.
+    Source: Jeffreys, Theory of Probability, 1961.
     """
     others = [name for name in names if name]
     is_certain = any(RANDOM_EFFECTS[name].is_certain for name in others)
@@ -205,7 +209,7 @@ def _likeliest(models: Mapping[str, SigmaPosterior]) -> str:
 
 
 def companion_name(name: str, models: Mapping[str, SigmaPosterior]) -> str:
-    """The effect beside that of a model: beside that of motion the likeliest other, and "" where that is none."""
+    """Name of a model's second effect: for an effect of motion the likeliest other one, which may be ""; else ""."""
     if not name or RANDOM_EFFECTS[name].by_times is None:
         return ""
     others = [other for other in models if other != name]
@@ -216,19 +220,19 @@ def companion_name(name: str, models: Mapping[str, SigmaPosterior]) -> str:
 def _sigma_models(
     problem: Problem, state: State, noise: NoiseEstimate, earlier: Mapping[str, SigmaPosterior]
 ) -> dict[str, SigmaPosterior]:
-    """The sigmas of single stops and views alone, by "", and with each term that stops may share, by name.
+    """Posteriors of the sigmas of all models, by name: the plain model, "", and one for each shared effect.
 
     Args:
         problem: The problem with the most likely sigmas.
-        state: Its optimum.
-        noise: These sigmas, estimated jointly.
-        earlier: Models whose sigmas to start from; those of `noise` for the other models.
+        state: The optimum of the problem.
+        noise: The most likely sigmas, estimated jointly.
+        earlier: Models whose sigmas are start values; other models start from those of `noise`.
     """
     robots = open_robots(problem)
     with np.errstate(all="ignore"):
         estimates = make_estimates(*_unit_problem(problem, state, robots))
         models = {"": _sigma_posterior(problem, state, robots, noise.logs, estimates=estimates)}
-        # That of motion is the last, since it has the likeliest other beside it.
+        # Effects of motion are last, since they are combined with the likeliest other effect.
         for name, effect in sorted(RANDOM_EFFECTS.items(), key=lambda each: each[1].by_times is not None):
             term = shared_term(problem, name, robots)
             if term is not None and (effect.by_times is None or has_similar_errors(models[""], term.errors)):
@@ -242,13 +246,13 @@ def _sigma_models(
 def model_sigmas(
     problem: Problem, state: State, noise: NoiseEstimate, terms: Sequence[SharedTerm] = ()
 ) -> SigmaPosterior:
-    """The sigmas of a model, which may have more shared errors.
+    """Posterior of the sigmas of a model with the given shared errors.
 
     Args:
         problem: The problem with the most likely sigmas.
-        state: Its optimum.
-        noise: These sigmas, estimated jointly.
-        terms: Kinds of errors that stops of some of `open_robots` share, two at most.
+        state: The optimum of the problem.
+        noise: The most likely sigmas, estimated jointly.
+        terms: Shared errors of some of `open_robots`, of at most two kinds.
     """
     with np.errstate(all="ignore"):
         return _sigma_posterior(problem, state, open_robots(problem), noise.logs, terms)
@@ -262,8 +266,8 @@ def _readjust(
     iterations: int,
     sigmas: float = CONVERGED_SIGMAS,
 ) -> tuple[Problem, Optimum]:
-    """The problem with the most likely sigmas, and its optimum near the last."""
-    # Errors of stops stay the same in metres and radians.
+    """Update the problem with the most likely sigmas, and find its optimum from the last one."""
+    # Errors of stops stay unchanged in metres and radians.
     robots = list(posterior.model.sigmas.stops)
     physical = end.state.stop_errors * _units(problem, robots)
     problem = _estimate(posterior, problem).apply(problem)
@@ -279,10 +283,10 @@ def _sigma_posterior(
     terms: Sequence[SharedTerm] = (),
     estimates: EstimatesOf | None = None,
 ) -> SigmaPosterior:
-    """The sigmas about a state, looked for from `logs`; also of shared errors of stops, of two kinds at most.
+    """Posterior of the sigmas about a state, searched from `logs`, with shared errors of at most two kinds.
 
-    Where nothing near them is known, those of some of the views come first. What all views say is given as `estimates`
-    where it is known.
+    Without start values or with shared errors, the search uses a subset of the views first. `estimates` may pass the
+    result of `make_estimates` for all views.
     """
     unit, physical = _unit_problem(base_problem, state, robots)
     reach_m = {name: _reach(base_problem, name) for name in robots}
@@ -290,7 +294,7 @@ def _sigma_posterior(
     def find_mode(
         problem: Problem, state: State, start: Array | None, estimates: EstimatesOf | None = None
     ) -> SigmaPosterior:
-        """The mode of a problem's views."""
+        """Find the posterior's mode from the views of a problem."""
         model = mixed_model(problem, state, robots, [each.errors for each in terms], estimates)
         return sigma_posterior(model, hyperpriors(model, reach_m, [each.prior for each in terms]), start)
 
@@ -302,25 +306,25 @@ def _sigma_posterior(
 
 
 def _unit_problem(problem: Problem, state: State, robots: Sequence[str]) -> tuple[Problem, State]:
-    """The problem with unit sigmas of these robots' stops, and the state with their errors in metres and radians."""
+    """Return the problem with unit sigmas for the robots' stops, and the state with their errors in [m, rad]."""
     unit = with_robot_noise(problem, {name: np.ones(6) for name in robots})
     return unit, replace(state, stop_errors=state.stop_errors * _units(problem, robots))
 
 
 def _units(problem: Problem, robots: Sequence[str]) -> Array:
-    """Factors from errors of stops to metres and radians if the robot's sigma is open, (k, 6); 1 elsewhere."""
+    """Factors from sigmas to metres and radians for errors of these robots' stops, (k, 6); 1 for other robots."""
     mine = np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
     return np.where(mine[:, None], problem.stops.sigma, 1.0)
 
 
 def _reach(problem: Problem, robot: str) -> float:
-    """How far a robot's flange is from its base, root of the mean square over stops [m]."""
+    """Distance of a robot's flange from its base, root mean square over stops [m]."""
     poses, seen = stands(problem, robot)
     return float(np.sqrt(np.mean(np.sum(poses.translation[seen] ** 2, -1))))
 
 
 def _shared_sigmas(posterior: SigmaPosterior) -> list[dict[str, Array]]:
-    """The most likely sigmas of each kind of errors that stops share, (2,) [m, rad], by robot."""
+    """Most likely sigmas of each kind of shared errors, (2,) [m, rad], by robot."""
     model = posterior.model
     return [
         {robot: np.exp(posterior.logs[at]) for robot, at in places.items() if robot in robots}
@@ -329,16 +333,16 @@ def _shared_sigmas(posterior: SigmaPosterior) -> list[dict[str, Array]]:
 
 
 def _final_estimate(posterior: SigmaPosterior, problem: Problem, is_settled: bool) -> NoiseEstimate:
-    """The most likely sigmas, and the shapes that the problem has."""
+    """Return the most likely sigmas, with the shapes of the problem."""
     found = _estimate(posterior, problem)
     shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in found.shapes.items()}
     return replace(found, settled=is_settled, shapes=shapes)
 
 
 def _estimate(posterior: SigmaPosterior, problem: Problem) -> NoiseEstimate:
-    """The most likely sigmas, and shapes that add to those of the problem."""
+    """Return the most likely sigmas, and the problem's shapes with their estimated corrections."""
     model, values, places = posterior.model, np.exp(posterior.logs), posterior.model.sigmas
-    # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
+    # Root mean squares of the log-normal sigmas: the most likely ones are too small to predict future errors.
     raised = np.exp(posterior.logs + np.diag(posterior.covariance))
     cameras: dict[str, Noise] = {}
     for (camera, name), at in places.views.items():

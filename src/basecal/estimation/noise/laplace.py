@@ -1,10 +1,10 @@
-"""The most likely sigmas of a model, how well they are known, and what that leaves unknown of everything else.
+"""Posterior of the sigmas of a model by Laplace's approximation, and covariances integrated over it.
 
-Sigmas that the data hardly determine are integrated over, not fixed. Nodes are placed about the most likely ones, by a
-cubature of Laplace's normal approximation. Weighted by their likelihoods, they give the mean of the covariances and the
-spread of the means. With few views, variances have tails that so few nodes do not reach. Nodes are then drawn more
-widely than the approximation, with importance weights. Source: Tierney & Kadane 1986; Arasaratnam & Haykin 2009
-(nodes); Kloek & van Dijk 1978 (importance sampling); Rue, Martino & Chopin 2009.
+Sigmas that the data hardly determine are integrated over, not fixed. Nodes are placed about the mode by a cubature of
+Laplace's normal approximation. Weighted by their likelihoods, they yield the mean of the covariances and the spread of
+the means. With few views, variances have tails that the few nodes of a cubature miss. Nodes are then sampled from a
+distribution wider than the approximation, with importance weights. Source: Tierney & Kadane 1986; Arasaratnam & Haykin
+2009 (nodes); Kloek & van Dijk 1978 (importance sampling); Rue, Martino & Chopin 2009.
 """
 
 from __future__ import annotations
@@ -24,45 +24,45 @@ from basecal.numerics.batch import take
 from basecal.numerics.mixtures import probabilities
 from basecal.numerics.spectral import floored_spectrum, scaled_spectrum, spectrum
 
-# Newton's steps, at most, and how often one that leads uphill is halved.
+# Maximum number of Newton steps, and of halvings of a step that increases the value.
 _NEWTON_STEPS, _HALVINGS = 50, 12
-# So many steps tell of the curvature: older ones were elsewhere.
+# Number of recent steps that correct the curvature: older ones are too far away.
 _REMEMBERED = 2
-# The longest step of a logarithm: what is quadratic in it is so over a few times.
+# Largest step of a logarithm: the value is nearly quadratic only over a change of the sigma by a small factor.
 _LONGEST = 1.0
-# What a last step gains of minus twice the log likelihood: three thousandths of what one standard deviation changes.
+# Decrease of minus twice the log likelihood at which the search ends: one standard deviation changes it by 1.
 _SETTLED_STEP = 3e-3
-# Of a logarithm's standard deviation, up to which the nodes hold the mean of its variances to 7 %, cosh 1 for exp 1/2.
+# Standard deviation of a logarithm up to which the cubature's mean variance is within 7 %: cosh 1 in place of exp 1/2.
 _NEARLY_NORMAL = 0.5
-# Likewise, up to which they count as known: a covariance grows by no more than five thousandths by their spread.
+# Standard deviation of a logarithm up to which its sigma counts as known: its spread adds at most 0.5 % of covariance.
 _KNOWN_SIGMA = 0.05
-# Likewise for the quick integral: by a tenth.
+# The same limit for the quick integral: its spread adds about 10 %.
 _NEARLY_KNOWN = 0.25
-# Of blocks of stops: of more, a sigma that is not known so well is of what hardly moves the answer.
+# Maximum number of blocks for sampled nodes: with more, a poorly known sigma hardly affects the answer.
 _FEW_STOPS = 40
-# Of drawn nodes: half their number, freedoms of Student's t, and how much wider it is than the approximation.
+# Sampled nodes: half their number, degrees of freedom of Student's t, and its scale relative to the approximation.
 _PAIRS, _TAILS, _WIDER = 64, 5.0, 1.2
-_SEED = 20240422  # any other would do
-_LEAST_SHARE = 1e-6  # of a model: with a smaller one a hundred times the covariance adds a ten-thousandth
-_LIKELY_SHARE = 0.1  # of a model, for the quick integral: less likely ones change a sigma by some hundredths
-_LEAST_CURVATURE = 0.1  # of a logarithm no prior leaves so wide, a factor of 20: keeps saddles from endless steps
-_MOST_OFF = float(np.log(400.0))  # how far a sigma is looked for from what is expected: any device's is within
-_LEAST_OF_VIEWS = float(np.log(20.0))  # how far below that those of views: less is rounding of made-up data
-_PARALLEL = 1e-8  # cosine of step and correction: below it the pair says nothing of the curvature along the step
-_LEAST_LEFT = 0.2  # of the curvature along a correction that lowers it: less makes steps too long
-_REGULAR = 1e-300  # what is regular already is not changed by it
+_SEED = 20240422  # arbitrary
+_LEAST_SHARE = 1e-6  # smallest probability of a model: at it, a hundred times the covariance would add 0.01 %
+_LIKELY_SHARE = 0.1  # smallest probability of a model in the quick integral: less likely ones change sigmas by some %
+_LEAST_CURVATURE = 0.1  # in a logarithm: a factor of about 20, wider than any prior; avoids endless steps at saddles
+_MOST_OFF = float(np.log(400.0))  # search range of a logarithm about its expected value, wide enough for any device
+_LEAST_OF_VIEWS = float(np.log(20.0))  # search range below it for views: smaller sigmas are rounding of synthetic data
+_PARALLEL = 1e-8  # cosine of step and correction below which the pair has no information on the curvature
+_LEAST_LEFT = 0.2  # smallest share of the curvature that a correction may leave: a smaller one makes steps too long
+_REGULAR = 1e-300  # floor of eigenvalues that leaves a regular matrix unchanged
 
 
 @dataclass(frozen=True, eq=False)
 class SigmaPosterior:
-    """The sigmas of a model, given the data.
+    """Posterior of the sigmas of a model, given the data.
 
     Attributes:
         model: The model.
-        prior: What was known beforehand.
-        logs: (k,) the most likely logarithms.
-        covariance: (k, k) of the logarithms.
-        minus_2_log_evidence: Minus twice the log of the evidence for the model, but for a constant that models share.
+        prior: Prior of the logarithms of the sigmas.
+        logs: (k,) most likely logarithms.
+        covariance: (k, k) covariance of the logarithms.
+        minus_2_log_evidence: Minus twice the log of the evidence for the model, up to a constant that models share.
     """
 
     model: MixedModel
@@ -73,22 +73,22 @@ class SigmaPosterior:
 
     @cached_property
     def columns(self) -> Columns:
-        """Posterior of the columns at these sigmas, kept since it is used repeatedly."""
+        """Posterior of all columns at the most likely sigmas, cached since it is used repeatedly."""
         return take(solve_columns(node_equations(self.model, self.logs[None]), np.arange(len(self.model.prior))), 0)
 
     @cached_property
     def nodes(self) -> _Nodes:
-        """Nodes of the sigmas, kept for all columns that are requested."""
+        """Nodes of the sigmas, cached for all requested columns."""
         return _Nodes.place(self)
 
 
 def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = None) -> SigmaPosterior:
-    """The most likely sigmas of a model, and how well they are known, by the curvature there.
+    """Find the most likely sigmas of a model, and their covariance from the curvature at the mode.
 
     Args:
         model: The model.
-        prior: What is known beforehand.
-        start: (j,) the first logarithms where they may be; those expected beforehand in place of others that it lacks.
+        prior: Prior of the logarithms of the sigmas.
+        start: (j,) start values of the first logarithms; the others start at the prior's.
     """
     count = len(prior.start)
     logs = prior.start if start is None else np.append(start[:count], prior.start[len(start) :])
@@ -99,7 +99,7 @@ def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = 
 
 
 def _find_mode(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Array, _Surface]:
-    """The most likely logarithms, (k,), by Newton's steps downhill, by the average information."""
+    """Find the most likely logarithms, (k,), by Newton steps with the average information as curvature."""
     least, most = _bounds(model, prior)
     logs = np.clip(start, least, most)
     here = _Surface.evaluate(model, prior, logs)
@@ -124,7 +124,7 @@ def _find_mode(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Arra
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """Minus twice the log of what the sigmas' density is proportional to, its slope (k,) and curvature (k, k)."""
+    """Minus twice the log of the unnormalised density of the sigmas, its gradient (k,) and curvature (k, k)."""
 
     value: float
     slope: Array
@@ -138,16 +138,16 @@ class _Surface:
 
 
 def _bounded_step(here: _Surface, logs: Array, least: Array, upper: Array, secants: Sequence[Secant]) -> Array:
-    """Newton's step of those logarithms that no bound holds, (k,)."""
+    """Newton step, (k,), zero for logarithms at an active bound."""
     held = ((logs <= least) & (here.slope > 0)) | ((logs >= upper) & (here.slope < 0))
-    # A variance's own second derivative adds twice the slope, which at the mode is none: walls are exponential.
+    # The value rises exponentially in a logarithm: twice the gradient, zero at the mode, is added to the curvature.
     curvature = correct_curvature(here.curvature + np.diag(2 * np.maximum(here.slope, 0.0)), secants)
     inverse = floored_spectrum(np.where(held[:, None] | held, 0.0, curvature), _LEAST_CURVATURE).inverse
     return np.asarray(-inverse @ np.where(held, 0.0, here.slope))
 
 
 def _bounds(model: MixedModel, prior: LogNormals) -> tuple[Array, Array]:
-    """Between what logarithms sigmas are looked for: far better than their points scatter, views leave but rounding."""
+    """Bounds of the search, (k,) each: sigmas of views far below the scatter of their points are rounding errors."""
     down = np.where(model.sigmas.is_of_views, _LEAST_OF_VIEWS, _MOST_OFF)
     return prior.start - down, prior.start + _MOST_OFF
 
@@ -155,10 +155,13 @@ def _bounds(model: MixedModel, prior: LogNormals) -> tuple[Array, Array]:
 def integrated_covariance(
     models: Sequence[SigmaPosterior], prior: Array, model: Array, is_quick: bool = False
 ) -> Array:
-    """Covariance of the unknowns about `model`, (p,) from the models' common state, their sigmas and models integrated.
+    """Covariance of the unknowns, (p, p), averaged over models and integrated over their sigmas.
 
-    Models count by their prior probabilities, (n,), and their evidence. The quick integral uses the nodes of the
-    cubature alone, and the likely models.
+    Args:
+        models: Posteriors of the sigmas of n models about one state.
+        prior: (n,) prior probabilities of the models, which are weighted by their evidence.
+        model: (p,) step from the state to the point about which second moments are taken.
+        is_quick: Whether to use only nodes of the cubature and likely models.
     """
     shares = probabilities(prior, -np.array([of.minus_2_log_evidence for of in models]))
     shares = np.where(shares > (_LIKELY_SHARE if is_quick else _LEAST_SHARE), shares, 0.0)
@@ -174,12 +177,12 @@ def moments(posterior: SigmaPosterior, columns: IntArray) -> tuple[Array, Array,
     """Posterior mean and covariance of columns, over the posterior of the sigmas.
 
     Args:
-        posterior: The sigmas of a model.
-        columns: (c,) some of its columns.
+        posterior: Posterior of the sigmas of a model.
+        columns: (c,) indices of columns.
 
     Returns:
         Mean, (c,), and covariance, (c, c), of the columns' values about the model's state, in metres and radians.
-        Means of the squares of the sigmas, (k,).
+        Means of the squared sigmas, (k,).
     """
     weights, nodes, known = _weighed_nodes(posterior, columns)
     sigmas = scales(nodes, posterior.model.of_columns[columns])
@@ -190,14 +193,14 @@ def moments(posterior: SigmaPosterior, columns: IntArray) -> tuple[Array, Array,
 
 
 def _second_moments(weights: Array, means: Array, covariances: Array) -> Array:
-    """Second moments about zero, (c, c), of normals with weights (n,), means (n, c) and covariances (n, c, c)."""
+    """Second moments about zero, (c, c), of a mixture of normals: weights (n,), means (n, c), covariances (n, c, c)."""
     return np.asarray(np.tensordot(weights, covariances, 1) + (weights * means.T) @ means)
 
 
 def _weighed_nodes(
     posterior: SigmaPosterior, columns: IntArray, is_quick: bool = False
 ) -> tuple[Array, Array, Columns]:
-    """Nodes of the sigmas that stand for their distribution, and estimates of some columns at each.
+    """Weighted nodes that represent the posterior of the sigmas, and the posterior of some columns at each.
 
     Returns:
         Weights, (n,), that add up to 1; logarithms of the sigmas, (n, k); and the columns.
@@ -207,7 +210,7 @@ def _weighed_nodes(
     values = known.value + np.array([posterior.prior.value(node)[0] for node in nodes.logs])
     values = np.where(np.isfinite(values), values, np.inf) - nodes.drawn
     weights = np.exp(-0.5 * (values - values.min()))
-    counts = weights > 0  # others may hold what is no number
+    counts = weights > 0  # other nodes may be non-finite
     return weights[counts] / weights.sum(), nodes.logs[counts], take(known, counts)
 
 
@@ -216,8 +219,8 @@ class _Nodes(NamedTuple):
 
     Attributes:
         logs: (n, k) logarithms.
-        drawn: (n,) minus twice the log of their density but for a constant.
-        equations: Of the columns at each.
+        drawn: (n,) minus twice the log of the density they are sampled from, up to a constant.
+        equations: Equations of the columns at the nodes.
     """
 
     logs: Array
@@ -226,7 +229,7 @@ class _Nodes(NamedTuple):
 
     @classmethod
     def place(cls, posterior: SigmaPosterior, is_quick: bool = False) -> _Nodes:
-        """Nodes of a posterior: the most likely one where sigmas are known, drawn ones where they are hardly so."""
+        """Place nodes: the mode if all sigmas are well known, samples if some are poorly known, else a cubature."""
         variances, model = np.diag(posterior.covariance), posterior.model
         if np.sqrt(variances).max(initial=0.0) < (_NEARLY_KNOWN if is_quick else _KNOWN_SIGMA):
             logs, drawn = posterior.logs[None], np.zeros(1)
@@ -238,9 +241,9 @@ class _Nodes(NamedTuple):
 
 
 def _cubature(posterior: SigmaPosterior, is_quick: bool = False) -> tuple[Array, Array]:
-    """Nodes, (2 r, k), and minus twice the log of their density but for a constant, (2 r,).
+    """Nodes of a cubature, (2 r, k), and minus twice the log of their density up to a constant, (2 r,).
 
-    They are along all directions of the logarithms, quickly along those that are not nearly known.
+    The nodes lie along all directions of the logarithms; the quick integral omits directions that are nearly known.
     """
     root = _root(posterior.covariance)
     if is_quick:
@@ -251,7 +254,7 @@ def _cubature(posterior: SigmaPosterior, is_quick: bool = False) -> tuple[Array,
 
 
 def _draw_nodes(posterior: SigmaPosterior) -> tuple[Array, Array]:
-    """Nodes drawn by Student's t about the most likely sigmas, in pairs to either side, always equal."""
+    """Sample nodes from Student's t about the mode, in antithetic pairs, with a fixed seed; see `_cubature`."""
     rng, k = np.random.default_rng(_SEED), len(posterior.logs)
     normal = rng.standard_normal((_PAIRS, k))
     steps = normal * np.sqrt(_TAILS / rng.chisquare(_TAILS, _PAIRS))[:, None]
@@ -262,10 +265,10 @@ def _draw_nodes(posterior: SigmaPosterior) -> tuple[Array, Array]:
 
 
 def _root(covariance: Array) -> Array:
-    """A matrix whose rows' outer products add up to a covariance, (k, k).
+    """Matrix R with R'R equal to a covariance, (k, k).
 
-    If residuals are zero to the last bit, the variances of the sigmas differ so much that rounding makes the covariance
-    indefinite. The root is then taken by eigenvalues, without those that are rounding.
+    If all residuals are exactly zero, the variances of the sigmas differ so much that rounding makes the covariance
+    indefinite. The root is then computed from the eigenvalues above the rounding error.
     """
     try:
         return np.asarray(np.linalg.cholesky(covariance).T)
@@ -274,19 +277,19 @@ def _root(covariance: Array) -> Array:
 
 
 class Secant(NamedTuple):
-    """A step, (k,), and the change of the slope over it, (k,)."""
+    """A step, (k,), and the change of the gradient over it, (k,)."""
 
     step: Array
     change: Array
 
 
 def correct_curvature(curvature: Array, secants: Sequence[Secant]) -> Array:
-    """The curvature, (k, k) positive definite, that has the slope change as it did, as far as it stays regular.
+    """Correct a positive definite curvature, (k, k), to reproduce observed gradient changes, if it stays regular.
 
-    The average information equals the observed one to within the scatter of the data. If errors of two robots have
-    nearly the same effect, it is off by up to a factor of two. Steps by it alone then oscillate. Each pair of a step
-    and of the change of the slope over it is a symmetric correction of rank one.
-    Source: Broyden 1967; Conn, Gould & Toint 1991 (when to leave one out).
+    The average information equals the observed information to within the scatter of the data. If errors of two robots
+    have nearly the same effect, it is wrong by up to a factor of two. Newton steps with it alone then oscillate. Each
+    pair of a step and of the change of the gradient over it defines a symmetric correction of rank one.
+    Source: Broyden 1967; Conn, Gould & Toint 1991 (when to skip a correction).
     """
     for step, change in secants:
         off = change - curvature @ step

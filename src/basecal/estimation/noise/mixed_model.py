@@ -1,9 +1,10 @@
-"""A problem to second order about a state, as a linear mixed model whose variances are open.
+"""Linear mixed model of a problem: its second-order expansion about a state, with unstated variances.
 
-Of each view and each sigma there is a cost, a gradient and an information about `camera_from_target` and the lens. The
-unknowns move these through their adjoints, the errors of stops through theirs. The sigmas therefore need only sums over
-views, whose size does not grow with the number of points. Stops that views tie to few others stand with these in a
-block; those that tie many together stand among the unknowns. Source: Harville 1977; docs/mathematics.md (5.2).
+Each view has one cost, gradient and information matrix per sigma, with respect to `camera_from_target` and the lens.
+Adjoints relate them to the unknowns and to the errors of stops. The estimation of sigmas therefore needs only sums over
+views, whose size does not grow with the number of points. Stops that views link to few others form a block with these.
+The columns are the unknowns, the errors of stops linked to many others, shared errors, and shapes of targets.
+Source: Harville 1977; docs/mathematics.md (5.2).
 """
 
 from __future__ import annotations
@@ -26,23 +27,23 @@ from basecal.estimation.problem.tied_views import SCENE, TiedViews
 from basecal.geometry import Array, IntArray
 from basecal.numerics.tied_blocks import tied_blocks
 
-# So many stops stand in one block: two arms that each came to a place twice.
+# Maximum number of stops in a block: two arms that each visited one place twice.
 _MOST_TIED = 4
-_AT_ONCE = 131_072  # numbers of an array over blocks: a megabyte stays near the processor, which memory keeps waiting
+_AT_ONCE = 131_072  # numbers of an array over blocks that are processed at a time: 1 MB fits into the processor's cache
 
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Sums over views of the terms of one sigma, at unit sigmas.
+    """Sums over views of the terms that one sigma scales, at unit sigma.
 
     Attributes:
-        count: How many freedoms.
-        cost: At the state, without errors of stops.
-        fixed: (m,) gradient to the columns.
-        errors: (b, q) gradient to the blocks of errors.
-        fixed_fixed: (m, m) information.
-        errors_fixed: (b, q, m) likewise.
-        errors_errors: (b, q, q) likewise.
+        count: Degrees of freedom.
+        cost: Cost at the state, with zero errors of stops.
+        fixed: (m,) gradient with respect to the columns.
+        errors: (b, q) gradient with respect to the errors in blocks.
+        fixed_fixed: (m, m) information of the columns.
+        errors_fixed: (b, q, m) information of errors and columns.
+        errors_errors: (b, q, q) information of the errors of each block.
     """
 
     count: float
@@ -59,18 +60,18 @@ class Moments:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where what is no unknown of the problem stands.
+    """Positions of the random effects of a mixed model in its blocks and columns.
 
     Attributes:
-        block: By stop the block that its error stands in; -1 elsewhere.
-        row: Likewise its first row there.
-        column: By stop the first column of its error, if it is among the columns; else -1.
-        blocks: How many blocks.
-        rows: Rows of each.
-        width: How many columns.
-        shared: Of each kind of errors that stops share, by robot their first column, and the effect.
-        shapes: By target the columns of its shape.
-        jitter_rows: By group, of each view the block and the row there of its stamp's jitter, (n,) each; -1 for none.
+        block: (k,) block of each stop's error; -1 if it is among the columns.
+        row: (k,) first row of each stop's error in its block; -1 if it is among the columns.
+        column: (k,) first column of each stop's error; -1 if it is in a block.
+        blocks: Number of blocks.
+        rows: Number of rows of each block.
+        width: Number of columns.
+        shared: For each kind of shared errors, their first column and the errors, by robot.
+        shapes: Columns of the shape of each target, by name.
+        jitter_rows: Block, and row in it, of the timing jitter of each view, (n,) each, by group; -1 without jitter.
     """
 
     block: IntArray
@@ -84,27 +85,28 @@ class Layout:
     jitter_rows: tuple[tuple[IntArray, IntArray], ...]
 
     def shared_columns(self, robot: str) -> Iterator[tuple[slice, Array]]:
-        """Columns of the errors that a robot's stops share, and how its flange moves with them, (stops, 6, k)."""
+        """Yield the columns of a robot's shared errors and the derivative of its flange poses, (stops, 6, k)."""
         for at, errors in (of[robot] for of in self.shared if robot in of):
             yield slice(at, at + len(errors.is_turn)), errors.by_stop
 
 
 @dataclass(frozen=True, eq=False)
 class MixedModel:
-    """A problem about a state.
+    """Second-order model of a problem about a state.
 
     Attributes:
-        parts: What goes by each open sigma, by camera and field of `Noise`; `STATED` as the camera's name where stated.
-        width: How many columns are unknowns of the problem; the others are errors of stops and of terms.
-        prior: (m, m) information known beforehand, that of errors at unit sigmas.
-        prior_gradient: (m,) its gradient.
-        prior_cost: Its cost.
-        sigmas: Where the open sigmas stand among their logarithms.
-        of_columns: (m,) which of the logarithms scales a column; -1 for none.
-        of_errors: (b, q) likewise of errors in blocks.
-        white: Sum of squares of points about their view's own estimate at unit sigma, and its freedoms, as `parts`.
-        layout: Where the errors of stops stand.
-        robot_of_stop: The robot of each stop.
+        parts: Moments by camera and the field of `Noise` that scales them; the field is `STATED` for stated sigmas.
+        width: Number of columns that are unknowns of the problem; the others are random effects.
+        prior: (m, m) prior information of the columns, the identity for random effects.
+        prior_gradient: (m,) gradient of the prior.
+        prior_cost: Cost of the prior.
+        sigmas: Indices of the unstated sigmas in the vector of their logarithms.
+        of_columns: (m,) index of the sigma that scales each column; -1 for none.
+        of_errors: (b, q) index of the sigma that scales each error in blocks; -1 for none.
+        white: Sum of squared residuals of points about their view's own estimate, at unit sigma, and its degrees of
+            freedom, by the keys of `parts`.
+        layout: Positions of the random effects.
+        robot_of_stop: Name of the robot of each stop.
     """
 
     parts: Mapping[tuple[str, str], Moments]
@@ -120,7 +122,7 @@ class MixedModel:
     robot_of_stop: tuple[str, ...]
 
     def stop_errors(self, errors: Array, columns: Array) -> Array:
-        """Errors of every stop, (k, 6), from those in blocks, (b, q), and the columns' values, (m,)."""
+        """Errors of every stop, (k, 6), from the errors in blocks, (b, q), and the values of the columns, (m,)."""
         of, count = self.layout, len(self.robot_of_stop)
         out = np.zeros((count, 6))
         for stop in range(count):
@@ -136,11 +138,11 @@ class MixedModel:
 
 
 EstimatesOf = Sequence[Mapping[str, ViewEstimates]]
-"""By group what its views say, as `view_estimates` gives it."""
+"""Results of `view_estimates`, by group."""
 
 
 def make_estimates(problem: Problem, state: State) -> EstimatesOf:
-    """Estimates of a state's views, for all models of that state, whatever errors stops share in them."""
+    """Estimate each view alone; the result serves all models of a state, whatever their shared errors."""
     shaped = shaped_targets(problem)
     return [
         view_estimates(
@@ -157,14 +159,14 @@ def mixed_model(
     kinds: Sequence[Mapping[str, SharedErrors]] = (),
     estimates: EstimatesOf | None = None,
 ) -> MixedModel:
-    """The problem about a state.
+    """Return the mixed model of a problem about a state.
 
     Args:
         problem: The problem; stops of `robots` have unit sigmas, so that their errors are in metres and radians.
         state: The state.
-        robots: Whose sigmas are open.
-        kinds: Errors that stops share, by robot.
-        estimates: `make_estimates` problem and state, where they are known.
+        robots: Robots whose sigmas are to be estimated.
+        kinds: Shared errors by robot, one mapping for each kind.
+        estimates: Result of `make_estimates` for the problem and the state; None to compute it.
     """
     layout = _layout(problem, kinds)
     estimates = make_estimates(problem, state) if estimates is None else estimates
@@ -188,7 +190,7 @@ def mixed_model(
 
 
 def open_jitter(problem: Problem) -> tuple[str, ...]:
-    """Cameras whose stamps' jitter is open, of those with views that move."""
+    """Cameras with moving views whose timing jitter is to be estimated."""
     moving = {g.camera for g in problem.groups if g.motion is not None and len(g)}
     return tuple(sorted(problem.open_jitter & moving))
 
@@ -222,9 +224,12 @@ def _layout(problem: Problem, kinds: Sequence[Mapping[str, SharedErrors]]) -> La
 def _jitter_layout(
     problem: Problem, block: IntArray, blocks: int, rows: int
 ) -> tuple[tuple[tuple[IntArray, IntArray], ...], int, int]:
-    """Where the jitter of each view stands: a row after those of stops in their block, or a block of its own.
+    """Place the timing jitter of each view: in the last row of its stops' block, or in a block of its own.
 
-    Views in motion hardly share a stop: the row is that of the first in a block.
+    Views in motion rarely share a stop. If several views share a block, only the first has a jitter row.
+
+    Returns:
+        `Layout.jitter_rows`, the number of blocks, and the number of rows added to each.
     """
     found, taken = [], set[int]()
     for group in problem.groups:
@@ -248,7 +253,7 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     links = chain(group, state, problem.stops)
     by_shape = layout.shapes.get(group.target) if len(shaped_points(group)) else None
     n, rows = view.gradient.shape
-    rows -= 0 if by_shape is None else by_shape.stop - by_shape.start  # what is left is of pose and lens
+    rows -= 0 if by_shape is None else by_shape.stop - by_shape.start  # rows of pose and lens
     fixed = np.zeros((n, rows, layout.width))
     of_unknowns, columns = unknown_jacobian(problem, group, links, state, rows)
     fixed[:, :, columns] = of_unknowns
@@ -271,7 +276,7 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
 
 
 def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Layout) -> Moments:
-    """Moments of the scene, whose stops are all among the columns."""
+    """Moments of the static scene; the errors of its stops are all among the columns."""
     about = linearise_scene(problem, scene, state)
     fixed = np.zeros((len(about.gradient), layout.width))
     fixed[:, : problem.width] = about.by_unknowns
@@ -292,7 +297,7 @@ def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Lay
 
 
 def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int, layout: Layout) -> None:
-    """Put what jitter moves views by into its row: by a second where it is open, else by its sigma."""
+    """Write the derivative of views with respect to timing jitter: per second if it is unstated, else per sigma."""
     group, (own, row) = problem.groups[number], layout.jitter_rows[number]
     here = np.flatnonzero(own >= 0)
     if len(here):
@@ -305,7 +310,7 @@ def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int,
 def _place(
     fixed_effects: Array, errors: Array, block: IntArray, stop: IntArray, by_error: Array, layout: Layout
 ) -> None:
-    """Put a robot's derivative into its columns, or its rows of the views' blocks."""
+    """Add the derivative with respect to a robot's stop errors to the columns, or to rows of the views' blocks."""
     for row in range(0, layout.rows - 5, 6):
         here = np.flatnonzero((layout.block[stop] >= 0) & (layout.row[stop] == row))
         errors[here, :, row : row + 6] += by_error[here]
@@ -318,7 +323,7 @@ def _place(
 def _sum_views(
     view: ViewEstimates, fixed_effects: Array, errors: Array, block: IntArray, layout: Layout, by_shape: slice | None
 ) -> Moments:
-    """Sums over views; what they are of a shape's own columns is taken as it is, which are many."""
+    """Sum the moments of views; the many columns of a shape are copied, since their Jacobian is the identity."""
     n, rows, _ = fixed_effects.shape
     gradient, information = view.gradient[:, :rows], view.information[:, :rows, :rows]
     carried = information @ fixed_effects
@@ -343,13 +348,13 @@ def _sum_views(
 
 
 def chunks(blocks: int, rows: int, columns: int, at_once: int = _AT_ONCE) -> list[slice]:
-    """Blocks of so many rows and columns, as many at a time as hold so many numbers."""
+    """Slices over blocks of the given rows and columns, each with at most `at_once` numbers or a single block."""
     size = max(1, at_once // max(1, rows * columns))
     return [slice(first, first + size) for first in range(0, blocks, size)]
 
 
 def _set_rows(array: Array, rows: IntArray, values: Array) -> None:
-    """As `np.add.at`, which takes ten times as long, to zeros of which no row stands twice among `rows`."""
+    """Set distinct rows of an array of zeros; ten times as fast as `np.add.at`."""
     array[rows] = values
 
 
@@ -365,7 +370,7 @@ def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array
 
 
 def _sigma_indices(problem: Problem, layout: Layout, sigmas: SigmaPlaces) -> tuple[IntArray, IntArray]:
-    """See `MixedModel`: of each column and each error its sigma."""
+    """Indices of the sigmas of columns and of errors in blocks; see `MixedModel`."""
     column = np.full(layout.width, -1, dtype=np.int64)
     error = np.full((layout.blocks, layout.rows), -1, dtype=np.int64)
     first = {robot: place.start for robot, place in sigmas.stops.items()}

@@ -1,7 +1,7 @@
-"""A cell of many robots as the neighbourhoods of each: it, and all that sees it or that it sees.
+"""Neighbourhoods of robots in a large cell: a robot and all devices that share views with it.
 
-What its own views say of a robot's noise, and of its camera's, is nearly all that there is to know of these. All
-together they take matrices that grow with the square of the robots.
+The views of a robot contain nearly all information on its noise and on its camera's noise. Matrices of the whole cell
+grow with the square of the number of robots.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from basecal.estimation.problem.problem import Problem, State, sequential_column
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 
-# Of each camera and target: a robot is in several, whose freedoms tell a sigma to a few in a hundred; assumed.
+# Maximum number of views of each pair of camera and target: the pairs of a robot determine a sigma to a few %; assumed.
 _MOST_VIEWS = 200
 
 
 @dataclass(frozen=True, eq=False)
 class Neighbourhood:
-    """A robot and what it shares views with.
+    """A robot and the devices that share views with it.
 
     Attributes:
-        robot: Its name.
-        problem: Its views alone, its base held.
-        state: The state of them.
-        cameras: Those whose noise is reported here.
-        targets: Those whose shape is.
+        robot: Name of the robot.
+        problem: Problem with the robot's views alone and its base fixed.
+        state: The state for these views.
+        cameras: Cameras whose noise is reported here.
+        targets: Targets whose shape is reported here.
     """
 
     robot: str
@@ -42,17 +42,20 @@ class Neighbourhood:
 
 
 def goes_by_neighbourhoods(problem: Problem) -> bool:
-    """Whether a problem has so many unknowns that sigmas are estimated by neighbourhoods."""
+    """Whether a problem has enough unknowns and robots to estimate its sigmas by neighbourhoods."""
     return problem.width >= MANY_COLUMNS and not problem.models and len(problem.robots) > 1
 
 
 def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
-    """The neighbourhood of each robot; a camera or target is in its carrier's, or in the first that shares a view."""
+    """Yield each robot's neighbourhood; a camera or target is reported by its carrier, or by a robot that shares views.
+
+    The reporting robot of a static camera or target is that of its first group of views.
+    """
     carrier = {group.camera: group.eye.robot or group.hand.robot for group in reversed(problem.groups)}
     holder = {group.target: group.hand.robot or group.eye.robot for group in reversed(problem.groups)}
     for robot in problem.robots:
         few, own = some_views(problem.with_groups(g for g in problem.groups if g.robot_end(robot)), state, _MOST_VIEWS)
-        base = next((end.base for end in few.robot_ends(robot)), None)  # None of the reference
+        base = next((end.base for end in few.robot_ends(robot)), None)  # None for the reference
         yield Neighbourhood(
             robot,
             replace(few, columns=_columns(few, base)),
@@ -63,10 +66,10 @@ def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
 
 
 def merge_estimates(estimates: Mapping[str, NoiseEstimate], parts: Mapping[str, Neighbourhood]) -> NoiseEstimate:
-    """The sigmas of all, of each from where it is reported.
+    """Merge the estimates of all neighbourhoods; each sigma and shape is taken from the neighbourhood that reports it.
 
-    A robot's is the root of the mean of its square over all values that it may have. With few views, the likeliest
-    value would make the answer look too certain.
+    A robot's sigma is its posterior root mean square. With few views, the most likely value would make the result look
+    too certain.
     """
     variances = {robot: of.robot_variances[robot] for robot, of in estimates.items() if robot in of.robot_variances}
     cameras: dict[str, Noise] = {}
@@ -89,7 +92,7 @@ def merge_estimates(estimates: Mapping[str, NoiseEstimate], parts: Mapping[str, 
 
 
 def _columns(problem: Problem, held_base: str | None) -> dict[str, slice]:
-    """The columns of what the problem's views depend on, without those of one base."""
+    """Columns of the unknowns that the problem's views depend on, without those of one base."""
     named: set[str | None] = set()
     for group in problem.groups:
         named |= {*group.frames, group.camera}

@@ -18,12 +18,12 @@ from basecal.estimation.problem.problem import Problem
 from basecal.geometry import Array
 
 FEWEST_STOPS = 4
-"""Fewer stops show nothing of what changes with the pose; assumed."""
-_SUGGESTED = 2.0  # standard deviations, above which a model is tried: a normal number is beyond once in 44
+"""Minimum number of stops to identify errors that change with the pose; assumed."""
+_SUGGESTED = 2.0  # score in standard deviations above which a model is tried: exceeded by chance once in 44
 
 
 def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedErrors | None:
-    """The errors that a robot's stops share by an effect; None if they show none of it, or it is an unknown."""
+    """Shared errors of a robot's stops due to an effect; None if not identifiable, or if unknowns model the effect."""
     model = problem.robot_model(robot)
     if model is not None and not model.columns.keys().isdisjoint(effect.replaced_by):
         return None
@@ -41,9 +41,9 @@ def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedE
 
 
 def shared_term(problem: Problem, name: str, robots: Sequence[str]) -> SharedTerm | None:
-    """The errors that stops share by an effect, of those of some robots that show some; None without any, or a name.
+    """Shared errors of some robots due to an effect; None if no robot has any, or if the name is empty.
 
-    No view shows whether it was the camera's arm or the target's that was off: one has the errors of both.
+    Of an effect of motion, a view cannot separate the errors of its two arms: one arm carries the errors of both.
     """
     if not name:
         return None
@@ -57,11 +57,11 @@ def shared_term(problem: Problem, name: str, robots: Sequence[str]) -> SharedTer
 
 
 def held_errors(problem: Problem, common: Mapping[str, Mapping[str, Array]]) -> dict[str, Array]:
-    """How robots' flanges move at stops with errors of known sigmas that stops share, in these, (stops, 6, k).
+    """Derivative of robots' flange poses with respect to shared errors in units of known sigmas, (stops, 6, k).
 
     Args:
-        problem: With the stops.
-        common: By effect and robot, sigmas of a shift [m] and a turn [rad].
+        problem: The problem with the stops.
+        common: Sigmas of translations [m] and rotations [rad], (2,), by effect and robot.
     """
     moves: dict[str, list[Array]] = {}
     for name, by_robot in common.items():
@@ -73,7 +73,7 @@ def held_errors(problem: Problem, common: Mapping[str, Mapping[str, Array]]) -> 
 
 
 def has_similar_errors(plain: SigmaPosterior, errors: Mapping[str, SharedErrors]) -> bool:
-    """Whether the errors of some robot's stops are more similar than by chance where they share errors."""
+    """Whether the stop errors of some robot are correlated as its shared errors predict; see `is_shared_error`."""
     stop_errors = posterior(plain.model, plain.logs).stop_errors
     robots, places = np.array(plain.model.robot_of_stop, dtype=object), plain.model.sigmas.stops
     units = {robot: np.repeat(np.exp(plain.logs[places[robot]]), 3) for robot in errors}
@@ -81,10 +81,10 @@ def has_similar_errors(plain: SigmaPosterior, errors: Mapping[str, SharedErrors]
 
 
 def is_shared_error(errors: SharedErrors, stop_errors: Array) -> bool:
-    """Whether errors of stops, (stops, 6) in sigmas, are more similar than independent ones, by a score test.
+    """Score test of independence of stop errors, (stops, 6) in sigmas, against an effect; True if it is rejected.
 
-    Products of those of all pairs, weighed by their covariance under the effect, have the sum 0 on average if signs
-    are chance. Its variance is twice the sum of the squares.
+    The score is the sum over all pairs of stops of the product of their errors, weighted by their covariance under the
+    effect. If signs are random, its mean is 0 and its variance is twice the sum of squares.
     Source: docs/mathematics.md (5.6).
     """
     moved = np.einsum("nck,nc->nk", errors.by_stop, stop_errors)
@@ -95,7 +95,7 @@ def is_shared_error(errors: SharedErrors, stop_errors: Array) -> bool:
 
 
 def passed_times(problem: Problem, robot: str) -> Array:
-    """When a robot moved through each of its stops, by number [s]; NaN of those where it stood, (stops,)."""
+    """Times at which a robot moved through each of its stops, (stops,) [s]; NaN if it stood still."""
     out = np.full(len(stands(problem, robot)[1]), np.nan)
     for end in problem.robot_ends(robot):
         if end.passed_s is not None:
@@ -104,9 +104,9 @@ def passed_times(problem: Problem, robot: str) -> Array:
 
 
 def posture_at_stops(problem: Problem, robot: str) -> Posture | None:
-    """The chain as stated at the joints of each stop, by number; None of few stops, or if not all have joints.
+    """Stated kinematic chain at the joints of each stop; None with few stops, or if some stops have no joints.
 
-    Stops at which nothing was seen, and that nothing requests, have the mean of the others' joints.
+    Stops without views are not used; they have the mean joints of the others.
     """
     chain = problem.chains.get(robot)
     if chain is None or not recorded_by_joints(problem, robot) or count_stops(problem, robot) < FEWEST_STOPS:

@@ -1,15 +1,15 @@
-"""The restricted likelihood of sigmas, its slope, and what is known of everything else at given sigmas.
+"""Restricted likelihood (REML) of sigmas, its gradient, and the posterior of all unknowns at given sigmas.
 
-y are all unknowns: columns, flat or under priors, and errors of stops, of unit variance once scaled by their sigma. M
-is their information and g their gradient at the state. Minus twice the logarithm is, but for a constant,
+The unknowns are the columns, with flat or normal priors, and the errors of stops, of unit variance in units of their
+sigma. M is their information matrix and g their gradient at the state. Up to a constant, minus twice the logarithm is
 
     sum n_f log sigma_f^2 + cost + log det M - g' M^-1 g
 
-Its slope needs no differences. A sigma is stationary if the expected sum of the squares that it scales, given all data,
-equals its degrees of freedom. Its curvature needs neither differences nor traces: the traces cancel in the mean of the
-observed and the expected one.
-Source: Patterson & Thompson 1971, Harville 1977, Dempster, Laird & Rubin 1977 (the slope), Gilmour, Thompson & Cullis
-1995 (the average information).
+The gradient needs no finite differences. A sigma is stationary if the expected sum of the squares that it scales, given
+all data, equals its degrees of freedom. The average information needs neither finite differences nor traces: the traces
+cancel in the mean of the observed and the expected information.
+Source: Patterson & Thompson 1971, Harville 1977, Dempster, Laird & Rubin 1977 (the gradient), Gilmour, Thompson &
+Cullis 1995 (the average information).
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from basecal.numerics.batch import take
 from basecal.numerics.inverse_factors import inverse_factors
 from basecal.numerics.spectral import floored_spectrum
 
-_FLOOR = 1e-11  # of the scaled information where there is none: four digits above rounding
-_ROUNDS_ONE = 1e12  # an entry of this size leaves the identity beside it four digits
-_ROUNDING = 1e-13  # of such entries, which keeps it regular
-_NODES_AT_ONCE = 2**19  # numbers of an array over nodes and blocks: four megabytes, the fastest from 2^15 to 2^21
+_FLOOR = 1e-11  # smallest eigenvalue of the scaled information: four digits above rounding
+_ROUNDS_ONE = 1e12  # an entry of this size leaves four digits of an identity that is added to it
+_ROUNDING = 1e-13  # share of such entries that is added to keep the sum regular
+_NODES_AT_ONCE = 2**19  # numbers of an array over nodes and blocks: 4 MB, the fastest size from 2^15 to 2^21
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Estimates of some columns, at nodes of the sigmas or at one.
+    """Posterior of some columns, at one node of the sigmas or at several.
 
     Attributes:
         value: (...) minus twice the log of the restricted likelihood.
-        mean: (..., c) most likely values, those of scaled columns in sigmas.
-        spread: (..., c, c) their covariance.
+        mean: (..., c) means, those of scaled columns in sigmas.
+        spread: (..., c, c) covariances.
     """
 
     value: Array
@@ -52,16 +52,16 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """The posterior of all unknowns, given sigmas, to second order about the model's state.
+    """Posterior of all unknowns, given sigmas, to second order about the model's state.
 
     Attributes:
         model: The model.
         logs: (k,) logarithms of the sigmas.
         value: Minus twice the log of the restricted likelihood.
-        mean_columns: (m,) most likely values, those of scaled columns in sigmas.
-        mean_errors: (b, q) likewise.
+        mean_columns: (m,) means of the columns, those of scaled columns in sigmas.
+        mean_errors: (b, q) means of the errors in blocks, in sigmas.
         spread: (m, m) covariance of the columns.
-        blocks: Of the errors in blocks.
+        blocks: Quantities of the elimination of the errors in blocks.
     """
 
     model: MixedModel
@@ -74,22 +74,22 @@ class Posterior:
 
     @property
     def step(self) -> Array:
-        """(p,) from the state to the most likely unknowns."""
+        """Step from the state to the posterior mean of the unknowns, (p,)."""
         return self.mean_columns[: self.model.width]
 
     @property
     def covariance(self) -> Array:
-        """(p, p) of the unknowns."""
+        """Covariance of the unknowns, (p, p)."""
         return self.spread[: self.model.width, : self.model.width]
 
     @property
     def stop_errors(self) -> Array:
-        """(k, 6) most likely errors of all stops, shared ones included, in units of the problem."""
+        """Posterior mean of the errors of all stops, shared errors included, (k, 6) in units of the problem."""
         columns = self.mean_columns * scales(self.logs, self.model.of_columns)
         return self.model.stop_errors(self.mean_errors * scales(self.logs, self.model.of_errors), columns)
 
     def slope(self) -> Array:
-        """(k,) derivative of the value to the logarithms."""
+        """Derivative of `value` with respect to the logarithms, (k,)."""
         k, keys, of = len(self.logs), tuple(self.model.sigmas.views), self.model
         only = len(self.model.parts) == 1 and not self.blocks.lost.any()
         expected, squares = self._expected_by_sums(keys) if only else self._expected_by_blocks(keys)
@@ -105,20 +105,20 @@ class Posterior:
 
     @cached_property
     def _mean_moments(self) -> dict[tuple[str, str], tuple[float, Array, Array]]:
-        """Squares of each open part at the mean, at unit sigma, and half their gradient to columns and errors."""
+        """Result of `_part_moments` for each part with an unstated sigma."""
         return {key: _part_moments(self.model.parts[key], self) for key in self.model.sigmas.views}
 
     def _squares_of_mean(self, key: tuple[str, str]) -> float:
-        """Sum of squares of a part's residuals at unit sigma at the mean, with what the columns' spread adds."""
+        """Sum of a part's squared residuals at the mean, at unit sigma, plus the share of the columns' spread."""
         x = scales(self.logs, self.model.of_columns)
         by_spread = np.sum(self.model.parts[key].fixed_fixed * x[:, None] * x * self.spread)
         return self._mean_moments[key][0] + float(by_spread)
 
     def _expected_by_sums(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
-        """As `_by_blocks` where all goes by one part, whose weight is w: by sums over all blocks, half the work.
+        """Result of `_expected_by_blocks` if there is only one part, by sums over all blocks at half the cost.
 
-        B is the part's information of errors, F that of errors and columns. I + w u B u is the inverse of `own`, and w
-        u F x its product with `back`. The squares then follow from `back` and `own` alone.
+        B is the part's information of errors, F that of errors and columns, w its weight. I + w u B u is the inverse of
+        `own`, and w u F x its product with `back`. The squares then follow from `back` and `own` alone.
         """
         k, own = len(self.logs), np.einsum("bqq->bq", self.blocks.own)
         sums = np.zeros((k + 1, *self.spread.shape))
@@ -135,7 +135,7 @@ class Posterior:
         return alone + np.tensordot(sums[:k], self.spread, 2), left * np.exp(2 * self.logs[: len(keys)])
 
     def _expected_by_blocks(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
-        """Expected squares of errors by their sigma, (k,), and of each part by the spread of the errors."""
+        """Expected squares of errors by their sigma, (k,), and contribution of the errors' spread to each part."""
         squares, of_errors = np.zeros(len(keys)), self.mean_errors**2
         x = scales(self.logs, self.model.of_columns)
         for here in chunks(len(of_errors), of_errors.shape[1], len(self.spread)):
@@ -149,12 +149,12 @@ class Posterior:
         return np.bincount(self.model.of_errors[scaled], of_errors[scaled], len(self.logs)).astype(np.float64), squares
 
     def _error_coefficients(self, here: slice) -> Array:
-        """How errors of some blocks follow from the columns in units of the model, negative, (b, q, m)."""
+        """Negative derivative of the errors of some blocks with respect to the unscaled columns, (b, q, m)."""
         scaled = self.blocks.own[here] * scales(self.logs, self.model.of_errors[here])[:, None, :]
         return np.asarray(scaled @ self.blocks.by_columns[here])
 
     def average_information(self) -> Array:
-        """(k, k) the mean of the observed and the expected second derivative of the value to the logarithms.
+        """Average information, (k, k): mean of the observed and expected Hessian of `value` in the logarithms.
 
         The mean is 4 (S - V' M^-1 V). V has a column for each sigma: the mean errors that it scales, or the gradient at
         the mean of the part that it scales. S holds their sums of squares.
@@ -179,33 +179,34 @@ class Posterior:
 
 
 def posterior(model: MixedModel, logs: Array) -> Posterior:
-    """The restricted likelihood at logarithms of sigmas, (k,), and what is known of everything else there."""
+    """Return the posterior of all unknowns at logarithms of sigmas, (k,), with the restricted likelihood."""
     b, q, m = *model.of_errors.shape, len(model.prior)
     blocks = _Blocks(np.empty((b, q)), np.empty((b, q, q)), np.empty((b, q, m)), np.zeros(b), np.empty((m, m)))
     equations = Equations(*(of[None] for of in _eliminate_errors(model, logs, blocks)))
     known = take(_solve(equations, np.arange(m)), 0)
-    # Of the errors there follow those where the columns are zero, and what these move them by.
+    # The errors are those at zero columns plus the change due to the columns' mean.
     u, at = scales(logs, model.of_errors), known.mean * scales(logs, model.of_columns)
     errors = -(blocks.alone + (blocks.own @ (u * (blocks.by_columns @ at))[..., None])[..., 0])
     return Posterior(model, logs, float(known.value), known.mean, errors, known.spread, blocks)
 
 
 def _weights(model: MixedModel, logs: Array) -> dict[tuple[str, str], Array]:
-    """Weights of each part, (...), by its sigma; 1 if that is stated."""
+    """Weight of each part, (...): the inverse square of its sigma, or 1 if the sigma is stated."""
     stated = np.ones(logs.shape[:-1])
     return dict.fromkeys(model.parts, stated) | {k: np.exp(-2 * logs[..., at]) for k, at in model.sigmas.views.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
-    """Blocks of errors.
+    """Elimination of the errors in blocks.
 
     Attributes:
-        alone: (b, q) what they are where the columns are zero, negative.
-        own: (b, q, q) their covariance, the columns known.
-        by_columns: (b, q, m) information of errors and columns, all parts by their weights.
-        lost: (b,) how much more than 1 stands beside what is said of them, where that would round 1 away.
-        explained: (m, m) what they take from the information of the columns.
+        alone: (b, q) negative mean of the errors if the columns are zero.
+        own: (b, q, q) covariance of the errors given the columns.
+        by_columns: (b, q, m) information of errors and columns, the weighted sum of all parts.
+        lost: (b,) multiple of the identity added to the errors' information if the prior's identity is lost in
+            rounding; else 0.
+        explained: (m, m) reduction of the information of the columns by the elimination.
     """
 
     alone: Array
@@ -218,25 +219,25 @@ class _Blocks:
 def node_equations(model: MixedModel, nodes: Array) -> list[Equations]:
     """Equations of the columns at nodes of the sigmas, (n, k) logarithms.
 
-    Some are taken at a time: one by one, NumPy's calls take half the time.
+    Nodes are processed in chunks, since the overhead of NumPy's calls is half the time if they are processed singly.
     """
     parts = chunks(len(nodes), model.of_errors.size, len(model.prior), _NODES_AT_ONCE)
     return [_eliminate_errors(model, nodes[here]) for here in parts]
 
 
 def solve_columns(equations: Iterable[Equations], columns: IntArray) -> Columns:
-    """The restricted likelihood at nodes of the sigmas, and what is known of some columns there, (c,)."""
+    """Solve for some columns, (c,), at all nodes of the sigmas."""
     found = [_solve(each, columns) for each in equations]
     return Columns(*(np.concatenate([getattr(of, name) for of in found]) for name in ("value", "mean", "spread")))
 
 
 class Equations(NamedTuple):
-    """Normal equations of the columns, the errors in blocks eliminated.
+    """Normal equations of the columns, with the errors in blocks eliminated.
 
     Attributes:
-        value: (...) minus twice the log of the restricted likelihood, but for what the columns add.
+        value: (...) minus twice the log of the restricted likelihood, without the contribution of the columns.
         hessian: (..., m, m).
-        information: (..., m) its diagonal before errors take theirs.
+        information: (..., m) diagonal of the Hessian before the elimination.
         gradient: (..., m).
     """
 
@@ -247,7 +248,7 @@ class Equations(NamedTuple):
 
 
 def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = None) -> Equations:
-    """Equations of the columns at logarithms of sigmas, (..., k); those of a single node, (k,), may fill `blocks`."""
+    """Equations of the columns at logarithms of sigmas, (..., k); with a single node, (k,), `blocks` may be filled."""
     weights = _weights(model, logs)
     x, u = scales(logs, model.of_columns), scales(logs, model.of_errors)
     cost, fixed, fixed_fixed = _weigh(model, weights, ("cost", "fixed", "fixed_fixed"), ...)
@@ -283,8 +284,8 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
 
 
 def _solve(equations: Equations, columns: IntArray) -> Columns:
-    """Estimates of some columns, (c,), at nodes, (n,); one floor holds directions without information at all."""
-    # Of what nothing was seen its own unit.
+    """Posterior of some columns, (c,), at nodes, (n,); a floor regularises directions without information."""
+    # Columns without information keep their unit.
     size = 1 / np.sqrt(np.where(equations.information > 0, equations.information, 1.0))
     scaled = 0.5 * (equations.hessian + equations.hessian.mT) * size[:, :, None] * size[:, None, :]
     right = np.zeros((*size.shape, len(columns) + 1))
@@ -303,23 +304,23 @@ def _solve(equations: Equations, columns: IntArray) -> Columns:
 
 
 def _rounding_loss(matrices: Array) -> Array | None:
-    """How much more of I keeps I + S regular, (...), where rounding loses I beside S; None where it loses none."""
-    size = np.einsum("...ii->...i", matrices).max(axis=-1)  # no entry is larger than the largest of these
+    """Multiple of I that keeps I + S regular, (...), if I is lost in rounding; None if no matrix needs it."""
+    size = np.einsum("...ii->...i", matrices).max(axis=-1)  # the largest entry of a positive definite matrix
     large = size > _ROUNDS_ONE
     return np.where(large, _ROUNDING * size, 0.0) if large.any() else None
 
 
 def scales(logs: Array, indices: IntArray) -> Array:
-    """Sigmas at logarithms, (..., k), by index, (*): (..., *); 1 at -1."""
+    """Sigmas, (..., *), of logarithms, (..., k), at indices, (*); 1 at index -1."""
     sigmas = np.exp(np.concatenate([logs, np.zeros((*logs.shape[:-1], 1))], axis=-1))
-    return np.asarray(sigmas[..., indices])  # -1 is the last
+    return np.asarray(sigmas[..., indices])  # -1 indexes the last
 
 
 def _weigh(model: MixedModel, weights: dict[tuple[str, str], Array], fields: tuple[str, ...], here: Any) -> list[Any]:
-    """Fields of the moments of all parts, or of some blocks of them, each part by its weights, (...)."""
+    """Weighted sums over all parts of fields of their moments, or of some blocks; weights are (...)."""
 
     def weigh_field(field: str) -> Array:
-        """A field of all parts times their weights, (...) by the shape of the field."""
+        """Weighted sum of a field, of shape (...) followed by the shape of the field."""
         total: Any = 0.0
         for key, part in model.parts.items():
             total += np.multiply.outer(weights[key], np.asarray(getattr(part, field))[here])
@@ -329,7 +330,7 @@ def _weigh(model: MixedModel, weights: dict[tuple[str, str], Array], fields: tup
 
 
 def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, spread: Array, covariance: Array) -> float:
-    """Expected contribution of the errors of some blocks, given all data."""
+    """Contribution of the spread of some blocks' errors to a part's expected sum of squares."""
     x, u = scales(posterior.logs, posterior.model.of_columns), scales(posterior.logs, posterior.model.of_errors[here])
     by_x = (spread.reshape(-1, len(x)) * x).reshape(spread.shape)
     both = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
@@ -338,7 +339,7 @@ def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, spread:
 
 
 def _part_moments(part: Moments, posterior: Posterior) -> tuple[float, Array, Array]:
-    """A part's squares at unit sigma at the mean, and half its gradient to columns, (m,), and errors, (b, q)."""
+    """A part's cost at the mean, at unit sigma, and half its gradients in columns, (m,), and errors, (b, q)."""
     x, u = scales(posterior.logs, posterior.model.of_columns), scales(posterior.logs, posterior.model.of_errors)
     at_x, at_u = posterior.mean_columns * x, posterior.mean_errors * u
     by_x = part.fixed_fixed @ at_x + at_u.ravel() @ part.errors_fixed.reshape(-1, len(x))

@@ -1,4 +1,4 @@
-"""A problem with other sigmas of its robots' recorded poses, or of some of its views, and its stops numbered anew."""
+"""Copies of a problem with other robot noise, or with some of its views, and with renumbered stops."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 
 def count_stops(problem: Problem, robot: str) -> int:
-    """How many stops a robot made, of those that a view was taken at."""
+    """Number of a robot's stops with views."""
     stands = [end.stand for end in problem.robot_ends(robot)]
     return len(np.unique(np.concatenate(stands))) if stands else 0
 
 
 def stands(problem: Problem, robot: str) -> tuple[SE3, BoolArray]:
-    """Recorded poses of a robot's flange at each of its stops, by number, and at which something was seen, (stops,)."""
+    """Recorded flange poses of all stops of a robot, (stops,), and a mask of the stops with views, (stops,)."""
     count = _highest_stand(problem, robot) + 1
     rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     seen = np.zeros(count, dtype=bool)
@@ -30,14 +30,14 @@ def stands(problem: Problem, robot: str) -> tuple[SE3, BoolArray]:
 
 
 def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:
-    """The problem with these robots' noise in place of what they had; the other robots keep theirs.
+    """Return the problem with new noise of some robots; other robots are unchanged.
 
     Args:
         problem: The problem.
-        sigmas: By robot, (6,) [m, rad] in flange axes.
+        sigmas: (6,) [m, rad] in flange axes, by robot.
     """
     kept = np.array([name not in sigmas for name in problem.stops.robot], dtype=bool)
-    renumbered = np.cumsum(kept) - 1  # of stops that are kept
+    renumbered = np.cumsum(kept) - 1  # new numbers of the stops that are kept
     sigma, names = [problem.stops.sigma[kept]], [n for n, k in zip(problem.stops.robot, kept, strict=True) if k]
     first: dict[str, int] = {}
     for robot in sorted(sigmas):
@@ -50,7 +50,7 @@ def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:
 
 
 def without_errors(problem: Problem, state: State) -> State:
-    """The state with every stop's error zero, as many as the problem has."""
+    """Return the state with zero errors for all stops of the problem."""
     return replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
 
 
@@ -60,23 +60,23 @@ def _highest_stand(problem: Problem, robot: str) -> int:
 
 
 def _renumber(end: End, rows: IntArray, first: Mapping[str, int]) -> End:
-    """An end with other rows of its stops' errors."""
+    """Return an end with renumbered rows of its stops' errors."""
     if end.robot is not None and end.robot in first:
         return replace(end, stop=end.stand + first[end.robot])
     return replace(end, stop=np.append(rows, -1)[end.stop])
 
 
 def some_views(problem: Problem, state: State, max_count: int) -> tuple[Problem, State]:
-    """The problem of at most so many views of each group, spread evenly, and of their stops alone; the state of it.
+    """Return the problem with at most `max_count` evenly spaced views of each group, and its state.
 
-    Views of the scene are left out.
+    Stops without views, and views of the static scene, are removed.
     """
     groups = [g.take(np.arange(0, len(g), -(-len(g) // max_count))) for g in problem.groups if len(g)]
     seen = np.zeros(len(problem.stops) + 1, dtype=bool)
     for group in groups:
         for end in group.ends:
             seen[end.stop] = True
-    kept = np.flatnonzero(seen[:-1])  # the last stands for views without a stop
+    kept = np.flatnonzero(seen[:-1])  # the last is for views without a stop
     row = np.full(len(seen), -1, dtype=np.int64)
     row[kept] = np.arange(len(kept))
     stops = Stops(problem.stops.sigma[kept], tuple(problem.stops.robot[k] for k in kept))
@@ -87,12 +87,12 @@ def some_views(problem: Problem, state: State, max_count: int) -> tuple[Problem,
 
 
 def recorded_subset(problem: Problem, state: State, max_count: int) -> tuple[Problem, State]:
-    """As `some_views`, with robots' places numbered as if nothing but these views had been recorded."""
+    """Return the subset of `some_views`, with the robots' stops numbered as if only these views were recorded."""
     few, state = some_views(problem, state, max_count)
     known = {r: np.unique(np.concatenate([end.stand for end in few.robot_ends(r)])) for r in few.robots}
 
     def renumber(end: End) -> End:
-        """An end whose stops are counted among those of its robot in these views."""
+        """Renumber the stops of an end among its robot's stops in these views."""
         return end if end.robot is None else replace(end, stand=np.searchsorted(known[end.robot], end.stand))
 
     taken = (group.with_ends(renumber) for group in few.groups)

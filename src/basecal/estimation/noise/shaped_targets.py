@@ -1,4 +1,4 @@
-"""Which targets of a problem have a shape that is estimated, and the problem with such shapes."""
+"""Targets of a problem whose shape is estimated, and the problem with the estimated shapes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
 
-_FEWEST_POINTS = 9  # Fewer points hardly tell a shape from a view's pose: a tag's four corners do not at all; assumed
-_MOST_IN_SPACE = 40  # points in space, which bounds the time: three unknowns each; assumed
+_FEWEST_POINTS = 9  # with fewer points, such as a tag's four corners, shape and pose are hardly separable; assumed
+_MOST_IN_SPACE = 40  # maximum number of points of a 3-D target, with three unknowns each, to bound the time; assumed
 
 
 def shaped_targets(problem: Problem) -> dict[str, int]:
-    """How many coefficients the shape has of each target of many points seen in pixels.
+    """Number of shape coefficients of each target whose shape is estimated, by name.
 
-    A board is flat if it is stated as exact, or if the sigmas of its pixels are stated.
+    Only targets with many points in images have a shape. A board is assumed exact if it is stated as exact, or if the
+    sigmas of its pixels are stated.
     """
     open_groups = (group for group in problem.groups if group.target not in problem.exact_targets)
     counts = {group.target: _coefficients(group) for group in open_groups}
@@ -38,13 +39,13 @@ def _coefficients(group: ViewGroup) -> int:
 
 
 def shaped_points(group: ViewGroup) -> Array:
-    """Points of a group's target that may have a shape of their own, (p, 3) [m]; none of a measurement without."""
+    """Points of a group's target if it is observed in pixels, (p, 3) [m]; else (0, 3)."""
     measurement = group.measurement
     return measurement.points_in_target if isinstance(measurement, PixelMeasurement) else np.zeros((0, 3))
 
 
 def reshape_targets(problem: Problem, shapes: Mapping[str, Array]) -> Problem:
-    """The problem with targets of these coefficients, (k,) in sigmas, in place of those they had."""
+    """Return the problem with the given shape coefficients of targets, (k,) in sigmas, in place of the current ones."""
     groups = []
     for group in problem.groups:
         measurement, shape = group.measurement, shapes.get(group.target)

@@ -1,4 +1,4 @@
-"""Where each open sigma of a mixed model stands among their logarithms, by what it is of."""
+"""Indices of the unstated sigmas of a mixed model in the vector of their logarithms."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from basecal.geometry import BoolArray
 
 @dataclass(frozen=True, eq=False)
 class SigmaPlaces:
-    """Places among the logarithms of sigmas.
+    """Indices in the vector of the logarithms of sigmas.
 
     Attributes:
-        views: By camera and field of `Noise`.
-        stops: By robot, the two of its single stops: of translation and rotation.
-        jitter: By camera, that of its stamps.
-        shared: Of each kind of errors that stops share, by robot, the two of these.
-        count: How many there are.
+        views: Index of each sigma of views, by camera and field of `Noise`.
+        stops: Indices of translation and rotation of single stops, by robot.
+        jitter: Index of the timing jitter, by camera.
+        shared: Indices of translation and rotation of shared errors, by robot, for each kind of shared errors.
+        count: Number of sigmas.
     """
 
     views: Mapping[tuple[str, str], int]
@@ -32,7 +32,7 @@ class SigmaPlaces:
     def sequential(
         views: Sequence[tuple[str, str]], robots: Sequence[str], cameras: Sequence[str], kinds: int
     ) -> SigmaPlaces:
-        """One after the other, of these views, robots and cameras with jitter, and so many kinds of shared errors."""
+        """Number sigmas consecutively: of views, robots, cameras with jitter, and kinds of shared errors of robots."""
         of_views = {key: number for number, key in enumerate(views)}
         of_stops, at = _pairs(robots, len(of_views))
         of_jitter = {camera: at + number for number, camera in enumerate(cameras)}
@@ -44,11 +44,11 @@ class SigmaPlaces:
 
     @property
     def is_of_views(self) -> BoolArray:
-        """Which of them are of views, (k,)."""
+        """Mask of the sigmas of views, (k,)."""
         return np.isin(np.arange(self.count), list(self.views.values()))
 
 
 def _pairs(names: Sequence[str], first: int) -> tuple[dict[str, slice], int]:
-    """Two places of each name from the first on, and the place after them."""
+    """Two consecutive indices for each name, starting at `first`, and the next free index."""
     places = {name: slice(first + 2 * k, first + 2 * k + 2) for k, name in enumerate(names)}
     return places, first + 2 * len(places)

@@ -1,8 +1,8 @@
-"""Estimates of each view alone, by the sigma that it scales with, and their degrees of freedom.
+"""Estimates from each view alone, by the sigma that scales them, and their degrees of freedom.
 
-A view of many points holds its own estimate of its pose and, where that is free, of the lens. Only this estimate
-counts. The residuals of the points about it are noise of single points. Hundreds of them say nothing about what the
-points share (blur, print, lens). The estimate of a view counts as many freedoms as its information has.
+A view of many points determines its own pose and, if the lens is free, the lens. The noise model uses only this
+estimate. The residuals of points about it are noise of single points. Even hundreds of them carry no information about
+errors that the points share (blur, print, lens). The degrees of freedom of an estimate are the rank of its information.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ class ViewEstimates:
     """Estimates of n views at unit sigma.
 
     Attributes:
-        cost: (n,) above that of their own estimates.
-        gradient: (n, q) to pose, lens, and where it is estimated the shape of the target.
-        information: (n, q, q) likewise.
-        count: Freedoms of all estimates together; a direction of which a view holds next to nothing is a part of one.
-        white: Sum of squares of points about them.
-        white_count: Its freedoms.
+        cost: (n,) cost in excess of each view's own optimum.
+        gradient: (n, q) with respect to the pose, the lens and, if it is estimated, the shape of the target.
+        information: (n, q, q) information of the same parameters.
+        count: Degrees of freedom of all estimates; a direction with almost no information counts as a fraction.
+        white: Sum of squared residuals of points about the views' own optima.
+        white_count: Degrees of freedom of `white`.
     """
 
     cost: Array
@@ -44,13 +44,13 @@ class ViewEstimates:
 def view_estimates(
     problem: Problem, group: ViewGroup, state: State, by_shape: Array | None = None
 ) -> dict[str, ViewEstimates]:
-    """Estimates of a group's views at a state, by field of `Noise` at unit sigma, and those by stated sigmas.
+    """Estimate each view of a group alone, by field of `Noise` at unit sigma, and `STATED` for stated sigmas.
 
     Args:
         problem: The problem.
-        group: Its views.
-        state: The state.
-        by_shape: How the target's points move by its shape, (p, 3, k) [m]; None if that is not estimated.
+        group: A group of views.
+        state: The state to expand about.
+        by_shape: Derivative of the target's points with respect to its shape, (p, 3, k) [m]; None if not estimated.
     """
     camera = state.cameras.get(group.camera)
     at = state.camera_from_target(group, problem.stops)
@@ -66,7 +66,7 @@ def _parts(
     measurement: Measurement, camera_from_target: SE3, camera: Camera | None, lens: bool, by_shape: Array | None
 ) -> dict[str, ViewInformation]:
     def information(noise: Noise) -> ViewInformation:
-        """The information of the views with such noise."""
+        """Linearise the views with the given noise."""
         noisy = measurement.with_noise(noise)
         if by_shape is None or not isinstance(noisy, PixelMeasurement):
             return noisy.linearise(camera_from_target, camera, lens)
@@ -86,7 +86,7 @@ def _parts(
 
 def _estimates(view: ViewInformation, total: int, by_shape: Array | None) -> ViewEstimates:
     if by_shape is not None and by_shape.shape[-1] == by_shape[..., 0].size:
-        # Where every point may be off by itself, nothing of a view is noise of single points alone.
+        # If each point may have its own error in the target, no residual is noise of single points alone.
         return ViewEstimates(*view, total, 0.0, 0)
     of = spectrum(view.information)
     counted = of.add_ridge(VIEW_ROUNDING)

@@ -1,1 +1,1 @@
-"""Views and points that do not belong to the rest."""
+"""Detection of outlying views, stops and points."""

@@ -1,6 +1,6 @@
-"""Inliers of a problem at a state: each view, shared stop and point against the prediction of all others.
+"""Inliers of a problem at a state: each view, shared stop and point is compared to the prediction of all others.
 
-`benchmarks.outliers` judges its limits.
+The thresholds are validated by `benchmarks.outliers`.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ from basecal.estimation.view.view_pose import refine_poses
 from basecal.geometry import BoolArray, Camera, IntArray
 from basecal.numerics.batch import take
 
-CHANCE_OF_VIEW = 1e-4  # that a good view is left out: one recording of a hundred views in a hundred
-CHANCE_OF_POINT = 1e-6  # that a good point is left out: there are a hundred times as many points
-_CHANCE_AMONG_OUTLIERS = 1e-3  # that a good view is left out where many are bad: near outliers are likely there
-_MANY_OUT = 0.1  # share of views beyond which outliers are common
-_LEAST_SHARE = 0.5  # of its points that a view keeps, or it is left out whole
-_LEAST_STRAYED = 0.25  # of a view's points that agree on another pose: they moved together
+CHANCE_OF_VIEW = 1e-4  # false alarm rate of a view: one per hundred recordings of a hundred views
+CHANCE_OF_POINT = 1e-6  # false alarm rate of a point: there are a hundred times as many points
+_CHANCE_AMONG_OUTLIERS = 1e-3  # false alarm rate of a view if outliers are common: small outliers are likely, too
+_MANY_OUT = 0.1  # share of outlying views beyond which outliers are common
+_LEAST_SHARE = 0.5  # minimum share of inlier points of a view; with fewer the whole view is an outlier
+_LEAST_STRAYED = 0.25  # minimum share of points at the predicted pose, unless all points agree on another pose
 _EXACT = 1e-14  # variance of a pose's rounding [m^2, rad^2]
 
 
 @dataclass(frozen=True, eq=False)
 class Classification:
-    """The inliers, and why the rest are none.
+    """Inliers of a problem, and the deviations and scales that they follow from.
 
     Attributes:
-        kept: What is used.
-        views: By group, (n,): each view's deviation from the others that are used.
-        points: By group, (n, p): each point's; NaN where it was left out before.
-        stops: (k,): each shared stop's.
-        view_scale: Of the views' deviations.
-        point_scale: Of those of points that are judged by their view.
+        kept: The inliers.
+        views: Squared deviation of each view from the other inliers, (n,), by group.
+        points: Squared deviation of each point, (n, p), by group; NaN for points that were outliers before.
+        stops: Squared deviation of each shared stop, (k,).
+        view_scale: Scale of the views' squared deviations.
+        point_scale: Scale of the squared deviations of points that are judged by the rest of their view.
     """
 
     kept: InlierMask
@@ -66,21 +66,21 @@ def is_stated(problem: Problem) -> bool:
 
 
 def view_scale(problem: Problem, squares: Sequence[MahalanobisSquared], chance: float = CHANCE_OF_VIEW) -> Scale:
-    """The scale of views' deviations."""
+    """Scale of the views' squared deviations."""
     return robust_scale(list(squares), problem.width, is_stated(problem), chance)
 
 
 def classify_inliers(problem: Problem, state: State, inliers: InlierMask) -> Classification:
-    """Inliers of a problem at a state that earlier `inliers` led to.
+    """Classify the views, stops and points of a problem at a state.
 
     Args:
-        problem: All that was seen.
+        problem: The problem with all views and points.
         state: The state.
-        inliers: What it was fitted to.
+        inliers: The inliers that the state was fitted to.
     """
     about = leave_one_out(without_points(problem, inliers.points), state, inliers.weights)
     views, stops, points = studentized_views(about), studentized_stops(about), studentized_points(about)
-    # A clean view may go more often where many are out: what is far off is likelier one more.
+    # A higher false alarm rate is accepted if outliers are common: a large deviation is then more likely an outlier.
     before = np.concatenate(inliers.views)
     chance = _CHANCE_AMONG_OUTLIERS if len(before) and before.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW
     scale = view_scale(problem, [take(s, v) for s, v in zip(views, inliers.views, strict=True)], chance)
@@ -108,7 +108,7 @@ def _point_scale(
 
 
 def _stop_mask(group: ViewGroup, bad: BoolArray) -> BoolArray:
-    """Which views stand in a stop that is not to be used."""
+    """Mask of the views at a bad stop, (n,)."""
     out = np.zeros(len(group), dtype=bool)
     for stop in (end.stop for end in group.ends):
         out |= (stop >= 0) & (bad[stop] if len(bad) else False)
@@ -116,7 +116,7 @@ def _stop_mask(group: ViewGroup, bad: BoolArray) -> BoolArray:
 
 
 def _has_enough(group: ViewGroup, points: BoolArray) -> BoolArray:
-    """Whether a view of which these points are left, (n, p), still has enough of them."""
+    """Whether enough points of each view remain, (n,), for a mask of inlier points (n, p)."""
     if not isinstance(group.measurement, SeenPoints):
         return np.ones(len(group), dtype=bool)
     seen = group.measurement.seen
@@ -127,7 +127,7 @@ def _has_enough(group: ViewGroup, points: BoolArray) -> BoolArray:
 def _readmit(
     model: LeaveOneOut, problem: Problem, inliers: InlierMask, scale: Scale, of_points: Scale, bad_stop: BoolArray
 ) -> InlierMask:
-    """Readmit the views of few points of which all but a few are where all other views predict them."""
+    """Readmit outlying views with few points if most of their points agree with the prediction of all other views."""
     views, points = list(inliers.views), list(inliers.points)
     for k, group in enumerate(problem.groups):
         measurement = group.measurement
@@ -156,14 +156,14 @@ def _readmit(
 def _agrees_with_itself(
     sparse_views: SeenPoints, agreement: RansacViews, camera: Camera | None, limit: float
 ) -> BoolArray:
-    """Whether all points of a view, (n,), agree with one another: then the view is off, not its points."""
+    """Whether all points of each view agree on one pose, (n,): the error is then of the view, not of points."""
     poses = refine_poses(sparse_views, agreement.camera_from_target, camera).camera_from_target
     alone = PointViews(sparse_views, camera).agreement(poses, limit)
     return np.asarray(alone.points.sum(1) == sparse_views.seen.sum(1))
 
 
 def _prior(model: LeaveOneOut, k: int, rows: IntArray, variance: float) -> Prior:
-    """Where views that are not part of the fit are predicted, their private stops' errors unknown."""
+    """Predicted poses of views that are not part of the fit, with unknown errors of their private stops."""
     of, group = model.normal.views[k], model.problem.groups[k]
     spread = model.spread[k].copy()
     errors = model.state.stop_errors.copy()

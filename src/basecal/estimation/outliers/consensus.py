@@ -1,6 +1,6 @@
-"""Where leaving out and taking back came to rest, whether that is an answer to go by, and which samples agree if not.
+"""Candidate solutions of the search for outliers: their choice, their acceptance, and agreeing samples without one.
 
-`benchmarks.outliers` judges its limits.
+The thresholds are validated by `benchmarks.outliers`.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array, IntArray
 
-_LEAST_KEPT = 0.5  # of the views an answer rests on: fewer may agree by chance
-_CLEAR_SHARE = 0.6  # of the views that agree convince, so that no further start is tried
-_QUIETER = 4.0  # times less variance: unstated noise spreads over all views alike
-_PLAUSIBLE_SIGMAS = 10.0  # residual of poses and points that an answer may have
+_LEAST_KEPT = 0.5  # minimum share of inlier views of a solution: fewer may agree by chance
+_CLEAR_SHARE = 0.6  # share of inlier views from which no further start is tried
+_QUIETER = 4.0  # ratio of variances that unstated noise, which is equal in all views, does not explain
+_PLAUSIBLE_SIGMAS = 10.0  # largest plausible rms residual of poses and 3-D points [sigma]
 CLEAR_GAP = 5.0
-"""Factor in sigmas between neighbours: noise leaves no such gap."""
-_LEAST_SHARE, _MOST_SHARE = 0.3, 0.8  # of the samples: a gap outside the middle is the tail of noise
-_FARTHEST = 1e15  # misfits beyond are alike [sigma]
+"""Ratio of consecutive sorted deviations, in sigmas, that noise does not cause."""
+_LEAST_SHARE, _MOST_SHARE = 0.3, 0.8  # range of samples searched for a gap: beyond it, a gap is the tail of noise
+_FARTHEST = 1e15  # [sigma] larger deviations are clipped
 
 
 @dataclass(frozen=True, eq=False)
 class Consensus:
-    """Where leaving out and taking back came to rest: all that was seen, what is used of it, its solution."""
+    """Converged inlier selection: the problem with all views, its inliers, their solution and their classification."""
 
     problem: Problem
     kept: InlierMask
@@ -41,16 +41,16 @@ class Consensus:
 
 
 def best_consensus(ends: Sequence[Consensus]) -> Consensus | None:
-    """The end that rests on most, of those whose views scatter about as little as clearly most views can.
+    """Select the candidate with most inlier residuals among those with a small variance; None without candidates.
 
-    Unstated noise spreads over all views equally; what leaves most of them with a quarter of its variance is no noise.
-    Where all noise is stated, what keeps within it goes before what does not.
+    Unstated noise is equal in all views. Deviations whose removal reduces the variance of most views to a quarter are
+    therefore outliers. If all noise is stated, candidates consistent with it come first.
     """
     clear = [_spread(e) for e in ends if _inlier_share(e) >= _CLEAR_SHARE]
     limit = _QUIETER * min(clear, default=np.inf)
 
     def merit(end: Consensus) -> tuple[bool, bool, int]:
-        """Within what was stated of all noise; as quiet as others; how many points, or poses, it rests on."""
+        """Sort key: whether it fits fully stated noise, whether its variance is small, and its number of residuals."""
         stated = is_stated(end.problem) and not end.problem.unstated and _is_within_noise(end)
         used = sum(sum(g.measurement.counts().values()) for g in end.solution.problem.groups)
         return stated, _spread(end) <= limit, used
@@ -59,19 +59,19 @@ def best_consensus(ends: Sequence[Consensus]) -> Consensus | None:
 
 
 def _spread(end: Consensus) -> float:
-    """Variance of whole views: over the stated one, or in pixels where none was stated."""
+    """Variance of whole views: relative to stated noise, or in squared pixels for unstated noise."""
     unit = 1.0 if is_stated(end.problem) else end.solution.noise.noise.pixel_px**2
     return end.judgement.view_scale.variance * unit
 
 
 def is_answer(end: Consensus, plain: Solution) -> bool:
-    """Whether an end rests on most of the views, fits, is an optimum, and sees what all views together do."""
+    """Whether a candidate uses at least half of the views, fits them, converged, and loses no observability."""
     sees = end.solution.observability.unobservable <= plain.observability.unobservable
     return sees and end.solution.converged and fits(end.solution) and _inlier_share(end) >= _LEAST_KEPT
 
 
 def fits(solution: Solution) -> bool:
-    """Whether residuals are such as the stated noise explains, or as a detector may have."""
+    """Whether the residuals are consistent with the stated noise, or plausible for a detector."""
     ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
     pixels = [g.measurement for g in solution.problem.groups if isinstance(g.measurement, PixelMeasurement)]
     weights = [m.weight[m.weight > 0] for m in pixels]
@@ -81,7 +81,7 @@ def fits(solution: Solution) -> bool:
 
 
 def implausible(plain: Solution, judgement: Classification) -> bool:
-    """Whether scales are such that gross outliers may hide in them."""
+    """Whether the scales are large enough to hide gross outliers."""
     if is_stated(plain.problem):
         return max(judgement.view_scale.variance, judgement.point_scale.variance) > CONTRADICTED**2
     if judgement.view_scale.variance > CONTRADICTED**2:
@@ -90,12 +90,12 @@ def implausible(plain: Solution, judgement: Classification) -> bool:
 
 
 def convincing(end: Consensus | None) -> TypeGuard[Consensus]:
-    """Whether so many of the views agree, within the noise that was stated or that a detector may have."""
+    """Whether most views of a candidate agree, within the stated noise or within that of a plausible detector."""
     return end is not None and _inlier_share(end) >= _CLEAR_SHARE and fits(end.solution) and _is_within_noise(end)
 
 
 def _is_within_noise(end: Consensus) -> bool:
-    """Whether whole views scatter no more than the noise in use explains."""
+    """Whether the scatter of whole views is consistent with the noise in use."""
     return end.judgement.view_scale.variance <= CONTRADICTED**2
 
 
@@ -105,10 +105,10 @@ def _inlier_share(end: Consensus) -> float:
 
 
 def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ...]:
-    """Numbers of the samples that a state explains far better than the rest, by the state that explains them best.
+    """Numbers of the samples that one state explains far better than the rest, for the state that explains them best.
 
-    Between the last of them and the first of the rest, misfits in sigmas grow by a factor of five at least. None are
-    returned if no state shows such a gap between 30 % and 80 % of the samples.
+    Between the last of these samples and the first of the rest, the deviations in sigmas grow by a factor of at least
+    five. The result is empty if no state has such a gap between 30 % and 80 % of the samples.
     """
     found: tuple[float, tuple[int, ...]] = (np.inf, ())
     numbers, row = np.unique(np.concatenate([g.sample for g in problem.groups]), return_inverse=True)
@@ -122,7 +122,7 @@ def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ..
 
 
 def _split_at_gap(numbers: IntArray, sigmas: Array) -> tuple[float, tuple[int, ...]]:
-    """The largest misfit before the first clear gap of the sorted ones, and the samples up to there."""
+    """Largest deviation before the first clear gap of the sorted deviations, and the samples up to the gap."""
     order = np.argsort(sigmas, kind="stable")
     ordered = np.clip(sigmas[order], 1.0, _FARTHEST)
     first, last = int(np.ceil(_LEAST_SHARE * len(order))), int(_MOST_SHARE * len(order))

@@ -1,4 +1,4 @@
-"""A problem without some of its views and points."""
+"""Masks of inlier views and points, and problems restricted to them."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from basecal.geometry import Array, BoolArray
 
 @dataclass(frozen=True, eq=False)
 class InlierMask:
-    """The inliers of a problem.
+    """Masks of the inliers of a problem.
 
     Attributes:
-        views: By group, (n,): whether the view is used.
-        points: By group, (n, p): whether the point is, where its view is; (n, 1) where there are no points.
+        views: Mask of inlier views, (n,), by group.
+        points: Mask of inlier points, (n, p), by group, effective in inlier views only; (n, 1) for poses.
     """
 
     views: tuple[BoolArray, ...]
     points: tuple[BoolArray, ...]
 
     def same_as(self, mask: InlierMask) -> bool:
-        """Whether both use the same."""
+        """Whether two masks are equal."""
         pairs = zip((*self.views, *self.points), (*mask.views, *mask.points), strict=True)
         return all(np.array_equal(a, b) for a, b in pairs)
 
     def intersection(self, mask: InlierMask) -> InlierMask:
-        """The inliers of both."""
+        """Inliers of both masks."""
         return InlierMask(
             tuple(a & b for a, b in zip(self.views, mask.views, strict=True)),
             tuple(a & b for a, b in zip(self.points, mask.points, strict=True)),
@@ -48,23 +48,23 @@ class InlierMask:
 
 
 def all_inliers(problem: Problem) -> InlierMask:
-    """All views and points."""
+    """Mask of all views and points of a problem."""
     shapes = [(len(g), point_count(g.measurement)) for g in problem.groups]
     return InlierMask(tuple(np.ones(n, dtype=bool) for n, _ in shapes), tuple(np.ones(s, dtype=bool) for s in shapes))
 
 
 def point_count(measurement: Measurement) -> int:
-    """How many points a view may have; 1 where poses are measured."""
+    """Maximum number of points of a view; 1 for measured poses."""
     return len(measurement.points_in_target) if isinstance(measurement, SeenPoints) else 1
 
 
 def without_points(problem: Problem, points: Sequence[BoolArray]) -> Problem:
-    """The problem as if points that are not kept had not been seen; its views are as many as before."""
+    """Return the problem with all points outside a mask marked as not seen; the views stay the same."""
     return problem.with_groups(_mask_group(g, kept) for g, kept in zip(problem.groups, points, strict=True))
 
 
 def inlier_problem(problem: Problem, inliers: InlierMask) -> Problem:
-    """The problem of what is kept alone, each view read as it stands, sigmas that none states at their defaults."""
+    """Return the problem of the inliers alone, with fixed correspondences and default values of unstated sigmas."""
     fewer = without_points(problem, inliers.points).groups
     taken = (
         replace(g, readings=()).take(np.flatnonzero(v)) for g, v in zip(fewer, inliers.views, strict=True) if v.any()
@@ -73,7 +73,7 @@ def inlier_problem(problem: Problem, inliers: InlierMask) -> Problem:
 
 
 def without_unseen_stops(problem: Problem, state: State) -> State:
-    """The state without the errors of stops in which no view of the problem stands."""
+    """Return the state with zero errors for stops without views in the problem."""
     used = np.zeros(len(problem.stops), dtype=bool)
     for group in problem.groups:
         for stop in (end.stop for end in group.ends):
@@ -82,7 +82,7 @@ def without_unseen_stops(problem: Problem, state: State) -> State:
 
 
 def select_samples(problem: Problem, numbers: ArrayLike) -> Problem:
-    """The problem of some samples alone, by their numbers."""
+    """Return the problem restricted to samples with the given numbers."""
     rows = [np.flatnonzero(np.isin(g.sample, numbers)) for g in problem.groups]
     return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
 

@@ -23,17 +23,17 @@ from basecal.geometry.rotation import lengths
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A view, or some points of one, that was left out, and how far it is from where the rest predicts it.
+    """An excluded view, or excluded points of a view, with the deviation from the prediction of the rest.
 
     Attributes:
         sample: Number of the sample.
         camera: Name of the camera.
         target: Name of the target.
-        ids: The points; empty where the whole view was left out.
-        sigmas: How far in sigmas: the view, or the worst of its points; not finite where that cannot be said.
-        off_m: Likewise [m], of a view that gives a pose alone, or of 3-D points; None of others.
-        off_rad: Likewise [rad], of a view that gives a pose alone; None of others.
-        off_px: Likewise [px], of points in pixels; infinite or NaN where they are predicted behind the camera.
+        ids: Ids of the excluded points; empty if the whole view was excluded.
+        sigmas: Deviation of the view, or of its worst point, in sigmas; not finite if it is unknown.
+        off_m: Distance [m] of views that determine a pose, and of 3-D points; else None.
+        off_rad: Angle [rad] of views that determine a pose; else None.
+        off_px: Distance [px] of image points; infinite or NaN if the prediction is behind the camera; else None.
     """
 
     sample: int
@@ -54,15 +54,15 @@ def measure_left_out_items(
     inliers: InlierMask,
     judgement: Classification,
 ) -> tuple[LeftOut, ...]:
-    """The excluded items, by sample.
+    """Describe the excluded views and points, sorted by sample.
 
     Args:
-        cell: What exists.
-        recorded_problem: The problem as it was recorded, which numbers the points.
-        problem: The same, each view read as the state predicts.
-        state: The solution's.
-        inliers: What is used.
-        judgement: How far each view is off.
+        cell: The cell.
+        recorded_problem: The problem as recorded, with the original order of points.
+        problem: The same problem with the correspondences that the state predicts.
+        state: State of the solution.
+        inliers: The inliers.
+        judgement: Deviations of all views and points.
     """
     found = []
     for k, group in enumerate(problem.groups):
@@ -104,7 +104,7 @@ def _left_out_view(group: ViewGroup, state: State, predicted_pose: SE3, view: in
 
 
 def _single_view_pose(one: ViewGroup, state: State, start: SE3) -> SE3 | None:
-    """The target's pose by a single view alone; None where it has too few points."""
+    """Pose of the target from a single view; None if it has too few points."""
     measurement = one.measurement
     if isinstance(measurement, PoseMeasurement):
         return measurement.measured_camera_from_target[0]
@@ -115,7 +115,7 @@ def _single_view_pose(one: ViewGroup, state: State, start: SE3) -> SE3 | None:
 
 
 def _left_out_points(group: ViewGroup, mask: BoolArray, ids: IntArray, distances: Array, sigma: float) -> list[LeftOut]:
-    """Descriptions of the points of a mask (n, p), by ids (n, p) and distances (n, p), in sigmas of their scatter."""
+    """Describe the points of a mask (n, p), given ids (n, p), distances (n, p) [px or m] and the scale of points."""
     found = []
     assert isinstance(group.measurement, SeenPoints)
     for sample, mine, numbers, away, weight in zip(
@@ -131,7 +131,7 @@ def _left_out_points(group: ViewGroup, mask: BoolArray, ids: IntArray, distances
 
 
 def _ids_by_view(ids: IntArray, recorded_group: ViewGroup, group: ViewGroup) -> IntArray:
-    """Ids as recorded, (n, p), which views that are read from the other end of their grid have the other way round."""
+    """Ids of each view's points, (n, p); their order is reversed in views whose grid is read with a half turn."""
     first, now = recorded_group.measurement, group.measurement
     every = np.broadcast_to(ids, (len(group), len(ids)))
     if group.half_turn is None or not isinstance(first, PixelMeasurement) or not isinstance(now, PixelMeasurement):
@@ -141,7 +141,10 @@ def _ids_by_view(ids: IntArray, recorded_group: ViewGroup, group: ViewGroup) -> 
 
 
 def _distances(measurement: SeenPoints, mask: BoolArray, predicted_pose: SE3, lens: Camera | None) -> Array:
-    """How far each point is from where the points of its view in a mask, or all else, put it, (n, p) [px or m]."""
+    """Distances of points from the prediction, (n, p) [px or m]; infinite for points that are not seen.
+
+    The prediction is the pose fitted to the points of each view in the mask, or `predicted_pose` with too few points.
+    """
     left = measurement.mask_points(mask)
     pose = (
         refine_poses(left, predicted_pose, lens).camera_from_target if (left.equations() >= 6).all() else predicted_pose

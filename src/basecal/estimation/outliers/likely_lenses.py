@@ -1,6 +1,6 @@
-"""Stated lenses that are off by more than a usual calibration, estimated with errors as large as the data show.
+"""Estimation of stated lenses whose errors are larger than those of a usual calibration.
 
-`benchmarks.rescues` judges its limits.
+The thresholds are validated by `benchmarks.rescues`.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from basecal.estimation.problem.stated_lens import is_stated, likely_sigmas
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 
-_ALTERNATIONS = 4  # of errors of lenses and noise in turn; two settle most
-_SETTLED_FACTOR = 1.2  # factor of a sigma, which changes no answer
+_ALTERNATIONS = 4  # maximum number of alternations of lens errors and noise; two usually suffice
+_SETTLED_FACTOR = 1.2  # relative change of a sigma that has no effect on the solution
 
 
 def with_likely_lenses(robust: RobustSolution, cell: Cell, settings: Settings) -> RobustSolution:
-    """The solution with the errors of stated lenses estimated, where these are larger than usual.
+    """Solve again with estimated errors of those stated lenses whose errors are larger than usual.
 
-    Its covariance is that at the most likely sigmas.
+    The covariance is conditional on the most likely sigmas.
     """
     solution = robust.solution
     for _ in range(_ALTERNATIONS):
@@ -35,7 +35,7 @@ def with_likely_lenses(robust: RobustSolution, cell: Cell, settings: Settings) -
 
 
 def _wider_lenses(solution: Solution, cell: Cell) -> dict[str, Intrinsics]:
-    """The lenses whose errors are larger than assumed so far, by camera."""
+    """Lenses with sigmas increased to match their errors, by camera; only lenses whose sigmas were too small."""
     wider = {}
     for name, used in solution.problem.lenses.items():
         if not is_stated(cell.cameras[name].intrinsics) or used.sigma is None:

@@ -1,6 +1,6 @@
-"""Noise that nobody stated and outliers, each judged by the other until they agree.
+"""Alternating estimation of unstated noise and detection of outliers.
 
-`benchmarks.outliers` judges its limits.
+The thresholds are validated by `benchmarks.outliers`.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from basecal.estimation.solve import Solution, solve_at_mode, solve_from
 from basecal.estimation.view.measurement import Noise
 
 _JUDGING_PASSES = 3
-# Of arms with errors of their own (belts, links, a loose base) up to 9 mm and 7 mrad are on record.
+# Largest plausible noise of an arm: up to 9 mm and 7 mrad are reported for faulty arms (belts, links, a loose base).
 _ARM = 1.2e-2  # [m, rad]
-_STAMP_S = 2e-2  # of computers that stamp what arrives: with more, stamps are not of the images
+_STAMP_S = 2e-2  # largest plausible jitter of stamps on arrival: with more, stamps do not belong to the images
 
 
 def with_noise(solution: Solution, settings: Settings, guess: Solution | None = None) -> Solution:
-    """A solution with the most likely unstated sigmas; unchanged if its views are not finite.
+    """Solve again with the most likely unstated sigmas; return the solution unchanged if the solve fails.
 
     Args:
         solution: The solution.
-        settings: How to solve.
-        guess: One with sigmas of nearly the same views, to start from.
+        settings: Settings of the solver.
+        guess: Solution with sigmas estimated from nearly the same views, to start from.
     """
     estimated = replace(settings, robot_noise="estimated")
     try:
@@ -40,7 +40,7 @@ def with_noise(solution: Solution, settings: Settings, guess: Solution | None = 
 
 
 def is_as_of_arms(solution: Solution) -> bool:
-    """Whether the noise of robots, and of stamps, that was estimated is such as arms and computers in order have."""
+    """Whether a solution converged with estimated noise of robots and stamps that is plausible for real devices."""
     sigmas, jitter = list(solution.noise.robots.values()), list(solution.noise.jitter_s.values())
     as_usual = all(max(s[0], s[3]) < _ARM for s in sigmas) and all(s < _STAMP_S for s in jitter)
     return solution.converged and as_usual and bool(sigmas or jitter)
@@ -49,18 +49,18 @@ def is_as_of_arms(solution: Solution) -> bool:
 def solve_with_noise(
     cell: Cell, settings: Settings, plain: Solution, noisy: Solution, exact: RobustSolution | None = None
 ) -> RobustSolution:
-    """The solution of all but the gross outliers, with the most likely unstated sigmas.
+    """Solve without gross outliers and with the most likely unstated sigmas.
 
-    Noise is estimated of all views first: outliers make it larger, yet stand out among the others. It is estimated
-    again without those that stand out, and all views are judged by it, until none changes sides. If the first noise is
-    more than arms have, what agrees as if robots were exact goes before it.
+    The noise is first estimated from all views; outliers increase it but still have the largest deviations. It is
+    estimated again without them, and all views are classified again, until the outliers no longer change. If the noise
+    from all views is implausible for arms, the inliers under exact robots are used instead.
 
     Args:
-        cell: What exists and what is known.
-        settings: How to solve.
-        plain: The solution of all views as if robots that state no noise had none.
-        noisy: That with noise estimated of all views.
-        exact: What agrees as if robots were exact; not used if the noise is such as arms have.
+        cell: The cell.
+        settings: Settings of the solver.
+        plain: Solution of all views with zero noise for robots with unstated noise.
+        noisy: Solution of all views with estimated noise.
+        exact: Solution of the inliers under exact robots, if the noise from all views is implausible; else None.
     """
     stated = replace(settings, robot_noise="stated")
     solution, before = noisy if exact is None else with_noise(exact.solution, settings), exact
@@ -74,7 +74,7 @@ def solve_with_noise(
         before = robust
         solution = with_noise(robust.solution, settings, solution)
     held = replace(solution.problem, held=True)
-    # Where no arm's noise explains the views, those that alone close the loops of exact robots say more.
+    # If plausible noise of arms does not explain the views, samples that agree under exact robots are more reliable.
     agreeing = robust.agreeing if is_as_of_arms(solution) or exact is None else robust.agreeing or exact.agreeing
     found = replace(solution, problem=held, disputed=robust.solution.disputed)
     return replace(robust, solution=found, agreeing=agreeing)
@@ -83,15 +83,15 @@ def solve_with_noise(
 def _judge(
     cell: Cell, settings: Settings, plain: Solution, solution: Solution, previous: RobustSolution | None
 ) -> RobustSolution:
-    """Items that agree by the sigmas of `solution`, searched from those found before."""
+    """Solve for the inliers under the sigmas of `solution`, starting from the previous inliers."""
     again = None if previous is None else judge_again(previous, solution, plain.problem, cell, settings)
     if again is not None:
         return again
     held = solution.noise.hold_sigmas(plain.problem)
-    if previous is None:  # the noise is that of all views, whose optimum by it is known
+    if previous is None:  # the noise was estimated from all views, and the optimum under it is known
         whole = replace(solution, problem=held, noise=NoiseEstimate(Noise(), 1.0, (), True))
     else:
-        # From a state that outliers have pulled aside steps may overflow; such steps are not taken.
+        # Steps may overflow from a state that is biased by outliers; the solver rejects such steps.
         with np.errstate(all="ignore"):
             whole = solve_from(held, solution.state, settings, plain.findings)
     return solve_robustly(held, cell, settings, replace(whole, disputed=plain.disputed))

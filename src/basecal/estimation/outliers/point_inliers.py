@@ -1,6 +1,6 @@
-"""Which points of a view agree with the rest of their view, whatever the state that outliers have pulled aside.
+"""Points that agree with the rest of their view, independent of a state that may be biased by outliers.
 
-`benchmarks.outliers` judges its limits.
+The thresholds are validated by `benchmarks.outliers`.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from basecal.estimation.view.target_points import SeenPoints
 from basecal.estimation.view.view_pose import refine_poses
 from basecal.geometry import SE3, BoolArray, IntArray
 
-_SCALE_ROUNDS = 4  # rounds of scale and inliers in turn, at most
-# Share of a view's points that agree at the fit to all of them, from which on no random subsets are drawn: of so many
-# the fit itself leaves out the others; with fewer a skewed fit widens the scale by which points agree.
+_SCALE_ROUNDS = 4  # maximum number of alternations of scale and inliers
+# Share of inliers at the fit to all points of a view from which no random subsets are sampled: with so many, the fit
+# identifies the outliers; with fewer, a biased fit increases the scale of the inliers.
 _AGREED = 0.95
 
 
 def agreeing_points(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:
-    """Points of suspect views that agree with the rest of their view, and all points of others, (n, p), by group.
+    """Points of suspect views that agree with the rest of their view, and all points of other views, (n, p), by group.
 
-    A free lens may have been distorted by wrong poses. If the points scatter accordingly, the lens of the views alone
-    is tried, too.
+    Wrong robot poses may have biased a free lens. If the scatter of the points is too large, a lens estimated from the
+    views alone is tried as well.
     """
     if not any(map(len, suspects)):
         return all_inliers(problem).points
@@ -48,13 +48,13 @@ def agreeing_points(problem: Problem, state: State, suspects: list[IntArray], ce
 
 
 def readmit_points(problem: Problem, state: State, inliers: InlierMask, scale: Scale) -> InlierMask:
-    """Readmit the points that are where the rest of their view predicts them: an earlier state left them out.
+    """Readmit points that an earlier state excluded, if they agree with the rest of their view.
 
     Args:
-        problem: All that was seen.
-        state: The state that the inliers led to.
-        inliers: What it was fitted to.
-        scale: Of the deviations of points.
+        problem: The problem with all views and points.
+        state: The state.
+        inliers: The inliers that the state was fitted to.
+        scale: Scale of the points' squared deviations.
     """
     points = list(inliers.points)
     for k, group in enumerate(problem.groups):
@@ -79,16 +79,16 @@ _Fits = Callable[[PointViews, SE3], SE3]
 
 @dataclass(frozen=True, eq=False)
 class _Hypotheses:
-    """Poses (m, n) that some views of a group, (n,), may have."""
+    """Candidate poses (m, n) of some views of a group, (n,)."""
 
     views: IntArray
     poses: SE3
 
 
 def _scale_and_points(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[float, tuple[BoolArray, ...]]:
-    """The scale of all points' squares with the lenses of a state, and the points that agree within it.
+    """Scale of the points' squared residuals with the lenses of a state, and the inlier points, (n, p), by group.
 
-    Subsets are drawn of those views alone of which the fit to all points does not explain most.
+    Random subsets of points are sampled only for views that the fit to all their points does not explain.
     """
     fits = PointViews.near_fits
     poses = [_hypotheses(g, of, problem, state, fits) for g, of in zip(problem.groups, suspects, strict=True)]
@@ -106,7 +106,7 @@ def _scale_and_points(problem: Problem, state: State, suspects: list[IntArray]) 
 
 
 def _unclear(group: ViewGroup, inliers: BoolArray, suspects: IntArray) -> IntArray:
-    """Suspect views of few points, and those of which many points do not agree."""
+    """Suspect views with few points, or with too small a share of inlier points."""
     measurement = group.measurement
     if not isinstance(measurement, SeenPoints):
         return suspects[:0]
@@ -119,10 +119,10 @@ def _unclear(group: ViewGroup, inliers: BoolArray, suspects: IntArray) -> IntArr
 def _choose_points(
     problem: Problem, state: State, poses: Sequence[Sequence[_Hypotheses]]
 ) -> tuple[Scale, tuple[BoolArray, ...]]:
-    """Scale of all points' squares and the points that agree at the best of each view's poses, until both rest."""
+    """Alternate between the scale of squared residuals and the inliers at each view's best pose, until convergence."""
     kept = list(all_inliers(problem).points)
     stated = is_stated(problem)
-    # One pixel squared in units of what is taken for a pixel's variance.
+    # Largest plausible variance of a pixel in units of the variance in use.
     seen = [g.measurement for g in problem.groups if isinstance(g.measurement, PixelMeasurement)]
     unit = float(max((of.weight.max(initial=0.0) for of in seen), default=1.0)) ** 2 * PLAUSIBLE_PX**2
     scale = Scale(1.0 if stated else unit, np.inf, np.inf, CHANCE_OF_POINT)
@@ -144,7 +144,7 @@ def _hypotheses(
     state: State,
     fits: _Fits,
 ) -> list[_Hypotheses]:
-    """Poses that some views may have; none where there are no such views."""
+    """Candidate poses of some views; empty without views of points."""
     measurement = group.measurement
     if not len(views) or not isinstance(measurement, SeenPoints):
         return []
@@ -155,7 +155,7 @@ def _hypotheses(
 def _agreeing_points(
     group: ViewGroup, hypotheses: Sequence[_Hypotheses], state: State, scale: Scale
 ) -> tuple[BoolArray, MahalanobisSquared]:
-    """Which points of a group's views, (n, p), agree with the rest of their view, and all points' squares."""
+    """Points that agree with the rest of their view, (n, p), and the squared residuals of all points."""
     measurement = group.measurement
     kept = np.ones((len(group), point_count(measurement)), dtype=bool)
     if not isinstance(measurement, SeenPoints):
@@ -166,7 +166,7 @@ def _agreeing_points(
         few = measurement.take(of.views)
         found = PointViews(few, state.cameras.get(group.camera)).largest_agreement(of.poses, limit)
         kept[of.views] = found.points | ~few.seen
-        # Of all points, not of those within the limit: a limit that is too tight must not confirm itself.
+        # Use all points, not only those within the limit, so that too tight a limit cannot confirm itself.
         squares.append(found.squares[few.seen])
     every = np.concatenate(squares)
     return kept, MahalanobisSquared(every, np.full(len(every), measurement.coordinates))

@@ -1,11 +1,11 @@
-"""The scale of squared deviations of which some are gross, and the limit beyond which one is.
+"""Robust scale of squared deviations in the presence of outliers, and the limit of inliers.
 
-The scale is the median of d^2 over its chi-square's median, taken again over what lies within the limit until that
-settles. Stated sigmas are used as they are if the bulk of the deviations is consistent with them, and are never made
-smaller. Unstated noise spreads unevenly over a view's directions, so that six freedoms may scatter like two. Their
-effective number follows from the median over the lower quintile, which few outliers reach. A few squares do not
-determine it: the limit is integrated over it, weighted by its likelihood given those within. Source:
-docs/mathematics.md (8.3).
+The scale is the median of d^2 over the median of its chi-square distribution, repeated over the deviations within the
+limit until convergence. Stated sigmas are unchanged if most deviations are consistent with them, and are never reduced.
+Unstated noise differs between the directions of a view, so six degrees of freedom may scatter like two. The effective
+number follows from the ratio of the median to the lower quintile, which few outliers affect. A few deviations do not
+determine it: the limit is averaged over it, weighted by its likelihood given the inliers.
+Source: docs/mathematics.md (8.3).
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from basecal.estimation.noise.estimate import CONTRADICTED
 from basecal.geometry import Array, BoolArray, IntArray
 
 _SCALE_ROUNDS = 10
-_CHANCE_OF_SUSPECT = 1e-2  # that a good item is judged once more, by the noise of all others
-# The median uses as much of a sample's information as 0.4 of it would by its mean.
+_CHANCE_OF_SUSPECT = 1e-2  # rate of inliers that are tested again with the noise of all others
+# Efficiency of the median relative to the mean.
 _EFFICIENCY = 0.4
 _SHAPES = np.linspace(1.0, 15.0, 57)
 _RATIOS = chdtri(_SHAPES, 0.5) / chdtri(_SHAPES, 0.8)
-_LIKELY_SHAPES = 11  # of which the likelihood is taken, from one to all freedoms
-_HALVINGS = 12  # of the interval that holds a limit: to a thousandth of it
+_LIKELY_SHAPES = 11  # number of effective degrees of freedom with a likelihood, from one to the nominal number
+_HALVINGS = 12  # bisection steps of a limit: to less than a thousandth of the interval
 
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """Variance of what was taken for 1, and how many squares it rests on.
+    """Scale of squared deviations, with the distribution of inliers.
 
     Attributes:
-        variance: The scale of squared deviations.
-        freedoms: Of the estimate; infinite if it was stated.
-        shape: As how many freedoms squares scatter, where these are more; several, (k,), if that is not known.
-        chance: How often a clean deviation may be taken for a gross one.
-        weight: Of each shape, (k,); their sum is 1.
+        variance: Scale of the squared deviations.
+        freedoms: Degrees of freedom of the estimated scale; infinite if the noise was stated.
+        shape: Upper bound of the effective degrees of freedom of a deviation; several, (k,), if it is uncertain.
+        chance: False alarm rate of an inlier.
+        weight: Weight of each shape, (k,), with sum 1.
     """
 
     variance: float
@@ -48,11 +48,11 @@ class Scale:
     weight: float | Array = 1.0
 
     def suspect_scale(self) -> Scale:
-        """A copy for items to be judged once more: exceeded more often, its shape not estimated from few squares."""
+        """Copy with a higher false alarm rate and nominal degrees of freedom, for items that are to be tested again."""
         return replace(self, chance=_CHANCE_OF_SUSPECT, shape=np.inf, weight=1.0)
 
     def limit(self, freedoms: IntArray) -> Array:
-        """The squared deviation of so many freedoms that a clean one exceeds by this chance."""
+        """Limits of squared deviations, by their degrees of freedom, that inliers exceed with probability `chance`."""
         counts = np.bincount(freedoms.ravel(), minlength=1)
         table, kinds = np.full(len(counts), np.inf), np.flatnonzero(counts[1:]) + 1
         shared = np.isfinite(self.freedoms)
@@ -61,7 +61,7 @@ class Scale:
         return limits
 
     def _shared_limits(self, freedoms: IntArray) -> Array:
-        """Limits of a scale that was estimated, (n,): the chances of all shapes together are that of the scale."""
+        """Limits with an estimated scale, (n,): the weighted tail probability of all shapes equals `chance`."""
         alike = np.minimum(freedoms[:, None], np.atleast_1d(self.shape))
         of_scale = max(self.freedoms, 1.0)
         over_median = alike * fdtri(alike, of_scale, 1 - self.chance) / chdtri(alike, 0.5)
@@ -75,17 +75,17 @@ class Scale:
         return limits
 
     def gross_mask(self, squares: MahalanobisSquared) -> BoolArray:
-        """Which deviations are gross; those that nothing checks are not."""
+        """Mask of gross deviations; deviations without degrees of freedom are never gross."""
         return np.nan_to_num(squares.value, nan=0.0) > self.limit(squares.freedoms)
 
 
 def robust_scale(squares: list[MahalanobisSquared], unknowns: int, is_stated: bool, chance: float) -> Scale:
-    """The scale of squared deviations.
+    """Estimate the scale of squared deviations robustly.
 
     Args:
-        squares: The deviations, in any grouping.
-        unknowns: How many unknowns were fitted to them.
-        is_stated: Whether their sigmas were.
+        squares: The squared deviations, in any grouping.
+        unknowns: Number of unknowns that were fitted to the data.
+        is_stated: Whether all sigmas are stated.
         chance: See `Scale`.
     """
     value = np.concatenate([s.value.ravel() for s in squares]) if squares else np.zeros(0)
@@ -116,10 +116,13 @@ def robust_scale(squares: list[MahalanobisSquared], unknowns: int, is_stated: bo
 
 
 def _likely_shapes(value: Array, freedoms: IntArray) -> tuple[Array, Array]:
-    """As how many freedoms squares (n,) may scatter, (k,), and the likelihood of each, their variance integrated."""
+    """Effective degrees of freedom of squared deviations (n,), (k,), and normalised likelihoods, (k,).
+
+    The unknown scale is integrated out.
+    """
     shapes = np.linspace(1.0, freedoms.max(), _LIKELY_SHAPES)
     half = np.minimum(np.arange(freedoms.max() + 1)[:, None], shapes) / 2
-    half[0] = 0.5  # no square has no freedoms
+    half[0] = 0.5  # unused: each deviation has at least one degree of freedom
     mean = np.maximum(value / freedoms, 1e-300)
     counts, sums, logs = (np.bincount(freedoms, by)[:, None] for by in (np.ones(len(mean)), mean, np.log(mean)))
     total = (counts * half).sum(0)

@@ -1,8 +1,9 @@
-"""The solution of what agrees, and what does not, each with its reason.
+"""Robust solution without outliers, and a description of each outlier.
 
-The plain solution first: where nothing in it is beyond chance, that is the answer. Else points that the rest of their
-view contradicts are left out. Subsets of the samples find the state of most views. All others predict each view and
-each point, which are left out and taken back until none changes sides. Source: docs/mathematics.md, "Outliers".
+The plain solution of all data is the result if it has no significant deviations. Otherwise, points that contradict the
+rest of their view are excluded first. Subsets of the samples yield starts near the state of most views. From each
+start, views and points are excluded or readmitted by the prediction of all others, until the inliers no longer change.
+Source: docs/mathematics.md, "Outliers".
 """
 
 from __future__ import annotations
@@ -46,22 +47,22 @@ from basecal.estimation.solve import Solution, solve_from, solve_problem
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 
-_SELECTION_ROUNDS = 12  # of leaving out and taking back, at most
-_FREE_ROUNDS = 6  # after these nothing is taken back: no circle
+_SELECTION_ROUNDS = 12  # maximum number of rounds of selection
+_FREE_ROUNDS = 6  # rounds with readmission; none afterwards, to avoid cycles
 
 
 @dataclass(frozen=True, eq=False)
 class RobustSolution:
-    """The solution of what agrees.
+    """Solution without outliers.
 
     Attributes:
-        solution: Of the problem without the outliers.
-        outliers: What was left out, by sample.
-        left_out: The views that were left out whole, as a problem of their own at the same state.
-        samples: How many samples were seen.
-        points: How many points are used.
-        agreeing: Numbers of the samples that alone agree with one another, where they are too few to go by.
-        consensus: Where the search for outliers came to rest; None where nothing was left out.
+        solution: Solution of the problem without the outliers.
+        outliers: Excluded views and points, sorted by sample.
+        left_out: Problem of the views that were excluded as a whole.
+        samples: Number of samples, outliers included.
+        points: Number of points in use.
+        agreeing: Numbers of samples that agree with one another, if they are too few for a solution; else empty.
+        consensus: Result of the search for outliers; None if nothing was excluded.
     """
 
     solution: Solution
@@ -76,19 +77,19 @@ class RobustSolution:
 def solve_robustly(
     problem: Problem, cell: Cell, settings: Settings = STATED, plain: Solution | None = None
 ) -> RobustSolution:
-    """The solution of all views and points but the gross outliers, and these.
+    """Detect gross outliers and solve without them.
 
-    Where there are none it is that of `solve_problem`. Where fewer than half of the samples agree it is that, too:
-    then no part of the data is known to be the right one.
+    The solution is that of `solve_problem` if there are no outliers. It is the same if fewer than half of the views
+    agree, since it is then unknown which views are correct.
 
     Args:
-        problem: What was seen.
-        cell: What exists and what is known.
-        settings: How to solve.
-        plain: The solution of all views and points, where it is known already.
+        problem: The problem with all views and points.
+        cell: The cell.
+        settings: Settings of the solver.
+        plain: Solution of all views and points; None to compute it.
 
     Raises:
-        NotObservable: if nothing was seen that could be solved for.
+        NotObservable: if no view constrains the unknowns.
         InputError: if the cell contradicts the recording.
     """
     plain = plain or solve_problem(problem, cell, settings)
@@ -96,7 +97,7 @@ def solve_robustly(
     judgement = classify_inliers(plain.problem, plain.state, whole)
     agreeing: tuple[int, ...] = ()
     if not judgement.kept.same_as(whole) or implausible(plain, judgement):
-        # States far from the truth meet points at the camera's centre; what overflows there is left out by its cost.
+        # Far from the true state, points may lie at the camera's centre; the infinite cost rules such states out.
         with np.errstate(all="ignore"):
             ends, states = _find_candidates(plain, whole, judgement, cell, settings)
         best = best_consensus([e for e in ends if is_answer(e, plain)])
@@ -110,14 +111,14 @@ def solve_robustly(
 def judge_again(
     previous: RobustSolution, noisy: Solution, recorded_problem: Problem, cell: Cell, settings: Settings = STATED
 ) -> RobustSolution | None:
-    """The views and points judged anew by other sigmas; None if that leads to no answer.
+    """Detect outliers again with other sigmas, starting from previous inliers; None if no solution is accepted.
 
     Args:
-        previous: What was left out so far.
-        noisy: The solution of what is left, with the sigmas to judge by, which are held.
-        recorded_problem: All that was seen, as it was recorded.
-        cell: What exists and what is known.
-        settings: How to solve.
+        previous: Previous robust solution.
+        noisy: Solution of the previous inliers, with the sigmas to use, which are held fixed.
+        recorded_problem: The problem with all views and points, as recorded.
+        cell: The cell.
+        settings: Settings of the solver.
     """
     rest = previous.consensus
     if rest is None:
@@ -132,16 +133,16 @@ def judge_again(
 def leave_out_suspects(
     robust: RobustSolution, recorded_problem: Problem, cell: Cell, settings: Settings = STATED
 ) -> RobustSolution | None:
-    """Leave out views that stand out, though none is gross; None if none does or no answer is left.
+    """Exclude suspect views, whose deviations are large but not gross; None without any, or if no solution is accepted.
 
-    A gross view enlarges the noise that is estimated with it, and hides behind it. The views that stand out are to be
-    judged once more, by the noise of all others.
+    A gross outlier increases the estimated noise and may thus be masked by it. Suspect views are therefore to be tested
+    again with the noise of all others.
 
     Args:
-        robust: The solution of all views.
-        recorded_problem: All that was seen, as it was recorded.
-        cell: What exists and what is known.
-        settings: How to solve.
+        robust: Solution of all views.
+        recorded_problem: The problem with all views and points, as recorded.
+        cell: The cell.
+        settings: Settings of the solver.
     """
     problem, state = robust.solution.problem, robust.solution.state
     every = all_inliers(problem)
@@ -162,7 +163,7 @@ def leave_out_suspects(
 def _find_candidates(
     plain: Solution, full_mask: InlierMask, judgement: Classification, cell: Cell, settings: Settings
 ) -> tuple[list[Consensus], list[State]]:
-    """Where the plain state leads and, where that does not convince, where subsets of the samples do; these states."""
+    """Candidates from the plain state and, if it is not convincing, from subsets of samples; the latter's states."""
     full, kept, state = _drop_contradicted_points(plain, full_mask, judgement, cell, settings)
     ends = [_find_consensus(full, kept, state, settings)]
     states: list[State] = []
@@ -189,11 +190,11 @@ def _cost(full: Problem, inliers: InlierMask, state: State) -> float:
 def _drop_contradicted_points(
     plain: Solution, full_mask: InlierMask, judgement: Classification, cell: Cell, settings: Settings
 ) -> tuple[Problem, InlierMask, State]:
-    """Without the points that the rest of their view contradicts, and solved again where there are any.
+    """Exclude points that contradict the rest of their view, and solve again if there are any.
 
-    Where what is left has no solution, the state was wrong that called them contradicted.
+    If the remaining points have no solution, all points are kept: the state that they were tested at was wrong.
     """
-    suspects = []  # views of many points of which some are not where the others put them
+    suspects = []  # views with enough points, some of which contradict the others
     for group, points in zip(plain.problem.groups, judgement.points, strict=True):
         beyond = judgement.point_scale.gross_mask(points).any(-1) | implausible(plain, judgement)
         suspects.append(np.flatnonzero(judged_by_view(group.measurement) & beyond))
@@ -213,7 +214,7 @@ def _drop_contradicted_points(
 
 
 def _find_consensus(full: Problem, inliers: InlierMask, state: State, settings: Settings) -> Consensus | None:
-    """Descend from a state until no view or point changes sides; None if that is no answer."""
+    """Alternate between solution and classification until the inliers no longer change; None without a solution."""
     full, inliers = _reread_views(full, inliers, state)
     masked = without_points(full, inliers.points)
     try:
@@ -237,7 +238,7 @@ def _find_consensus(full: Problem, inliers: InlierMask, state: State, settings: 
         full, inliers = _reread_views(full.with_noise(solution.noise.noise), inliers, solution.state)
         state = solution.state
         judgement = classify_inliers(full, state, inliers)
-        # What was kept before comes again: a view goes and is taken back in turns, and is left out.
+        # A repeated selection means a cycle; views are then only excluded.
         free &= k < _FREE_ROUNDS and not any(map(judgement.kept.same_as, before))
         now = judgement.kept if free else judgement.kept.intersection(inliers)
         if free and now.same_as(inliers):
@@ -255,7 +256,7 @@ def _is_overdetermined(problem: Problem) -> bool:
 
 
 def _reread_views(full: Problem, inliers: InlierMask, state: State) -> tuple[Problem, InlierMask]:
-    """Every view read as the state predicts best; of a grid read from its other end the points change places, too."""
+    """Choose the correspondence of each view that the state predicts best, and reorder the point masks accordingly."""
     after, changed = choose_correspondence(full, state)
     if not changed:
         return full, inliers

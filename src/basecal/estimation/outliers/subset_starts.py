@@ -1,7 +1,7 @@
-"""States from some of the samples alone: blocks that follow one another, and random ones; of a light, from all starts.
+"""States from subsets of the samples: consecutive blocks and random subsets; for a single LED, from all its starts.
 
-What a bumped arm spoils it spoils from then on; what a detector spoils is anywhere. Each state is drawn on to the views
-that it explains best. Source: Fischler & Bolles 1981; Rousseeuw & Van Driessen 1999 (concentration).
+A bumped arm affects all later samples, a detector error any sample. Each state is refitted to the views that it
+explains best. Source: Fischler & Bolles 1981; Rousseeuw & Van Driessen 1999 (concentration).
 """
 
 from __future__ import annotations
@@ -24,39 +24,39 @@ from basecal.estimation.start.first_state import first_states, lenses, light_sta
 from basecal.geometry import Camera, IntArray
 from basecal.numerics.batch import take
 
-_BLOCKS = (2, 3)  # halves and thirds: what is bumped stays so
-_DRAWS = 24  # random subsets: of four samples each, one is clean with 99 % where a third of the samples is bad
-# So many subsets side by side: more may be in vain where one of the first convinces.
+_BLOCKS = (2, 3)  # halves and thirds, since a bump affects all later samples
+_DRAWS = 24  # random subsets: with four samples each and a third of bad samples, one is clean with 99 % probability
+# Number of subsets that are processed as a batch: one of the first may already be convincing.
 _AT_ONCE = 8
-_LIGHT_STARTS = 40  # starts of a light among reflections; judged by benchmarks.outliers
-_SPARE = 1.3  # samples over those that could hold every unknown
-_CONCENTRATIONS = 3  # rounds, as in Rousseeuw & Van Driessen: further ones go on with the best alone
-_CONCENTRATED = 0.5  # of the views draw the state: most of them are good
-_DESCENT_STEPS = 30  # of a descent from a start
-_FARTHEST = 1e30  # squares beyond are alike
-_FEW_STEPS = 4  # steps between two choices of views
-_SEED = 20240301  # any other would do
+_LIGHT_STARTS = 40  # starts of an LED among reflections; validated by benchmarks.outliers
+_SPARE = 1.3  # ratio of the size of a subset to the number of samples that could determine every unknown
+_CONCENTRATIONS = 3  # rounds of concentration; Rousseeuw & Van Driessen continue with the best states alone
+_CONCENTRATED = 0.5  # share of views in a concentration: at least half are inliers
+_DESCENT_STEPS = 30  # maximum number of steps of a descent from a start
+_FARTHEST = 1e30  # larger squared deviations are clipped
+_FEW_STEPS = 4  # steps between two selections of views
+_SEED = 20240301  # arbitrary
 
 T = TypeVar("T")
 
 
 def subset_states(problem: Problem, cell: Cell, first: State) -> Iterator[State]:
-    """States that some samples alone lead to, after that which `first` leads to, as many as are worth their time."""
+    """Yield states from `first`, from the starts of a single LED, and from subsets of the samples, in this order."""
     problem = _with_lenses(problem, lenses(problem, cell))
     yield from _side_by_side(lambda states: _concentrate(problem, states), [first])
     yield from light_states(problem, cell, _LIGHT_STARTS)
     numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
     subsets = _subsets(problem, numbers)
-    # Each is fitted to its own samples and drawn on to the views that fit best.
+    # Each is fitted to its own samples and then refitted to the views that it explains best.
     while few := list(islice(subsets, _AT_ONCE)):
         fitted = _side_by_side(lambda some: _fit_subsets(problem, some), _start_subsets(problem, cell, few))
         yield from _side_by_side(lambda states: _concentrate(problem, states), fitted)
 
 
 def score(problem: Problem, state: State, uses_stated_noise: bool) -> float:
-    """How badly a state explains the views, whatever a few of them say: less is better.
+    """Robust cost of a state over all views; lower is better.
 
-    The Cauchy likelihood with its own scale, which is at least one where sigmas are stated.
+    It is the negative log of a Cauchy likelihood with an optimised scale, which is at least one for stated sigmas.
     """
     every = studentize_views(problem, state)
     value = np.minimum(np.concatenate([s.value for s in every]), _FARTHEST)
@@ -70,7 +70,7 @@ def score(problem: Problem, state: State, uses_stated_noise: bool) -> float:
 
 
 def _with_lenses(problem: Problem, cameras: Mapping[str, Camera]) -> Problem:
-    """The problem with every lens known: few samples would rather bend it than give up a wrong pose."""
+    """Return the problem with fixed lenses: with few samples, a free lens would absorb the error of a wrong pose."""
     known = {name: Intrinsics("fixed", camera) for name, camera in cameras.items()}
     widths = {name: problem.column_width(name) for name in problem.columns if name not in known}
     return replace(problem, lenses=known, columns=sequential_columns(widths))
@@ -86,7 +86,7 @@ def _subsets(problem: Problem, numbers: IntArray) -> Iterator[IntArray]:
 
 
 def _size(problem: Problem, numbers: IntArray) -> int:
-    """The fewest samples that could hold every unknown, and some to spare."""
+    """Number of samples of a random subset: enough to determine every unknown, with a reserve."""
     equations = sum(int(g.measurement.equations().sum()) for g in problem.groups)
     needed = _SPARE * problem.width / max(equations / len(numbers), 1e-9)
     return int(min(max(np.ceil(needed), 3), len(numbers)))
@@ -94,7 +94,7 @@ def _size(problem: Problem, numbers: IntArray) -> int:
 
 @dataclass(frozen=True, eq=False)
 class _Subset:
-    """Some samples, by number; their residuals less unknowns; and the state that they start from."""
+    """Numbers of some samples, their degrees of freedom, and their start."""
 
     numbers: IntArray
     dof: int
@@ -102,7 +102,7 @@ class _Subset:
 
 
 def _side_by_side(work: Callable[[Sequence[T]], list[State]], items: Sequence[T]) -> list[State]:
-    """Process items as one batch; if the solve fails for some of them, each of the others alone."""
+    """Process items as one batch; if the solve fails, split the batch and drop the items that fail."""
     if not items:
         return []
     try:
@@ -113,7 +113,7 @@ def _side_by_side(work: Callable[[Sequence[T]], list[State]], items: Sequence[T]
 
 
 def _start_subsets(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) -> list[_Subset]:
-    """The subsets that determine every unknown and for which a start is found."""
+    """Find starts of subsets; drop subsets with too few residuals or without a start."""
     parts = [(few, select_samples(problem, few)) for few in numbers]
     parts = [(few, part) for few, part in parts if part.groups and degrees_of_freedom(part) >= 0]
     starts = first_states([part for _, part in parts], cell, thorough=False)
@@ -125,7 +125,7 @@ def _start_subsets(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) ->
 
 
 def _fit_subsets(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
-    """Each start fitted to its own samples, all side by side; those without an end are left out."""
+    """Fit each start to its own samples, as one batch; drop fits whose cost is not finite."""
     inside = [np.stack([np.isin(g.sample, subset.numbers) for subset in subsets]) for g in problem.groups]
     states = batch_states(problem, [subset.start for subset in subsets])
     problem, _ = choose_correspondence(problem, states)
@@ -135,7 +135,7 @@ def _fit_subsets(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
 
 
 def _concentrate(problem: Problem, states: Sequence[State]) -> list[State]:
-    """Drawn on to the views that fit best, all side by side."""
+    """Refit states repeatedly to the half of the views that each explains best, as one batch."""
     drawn = batch_states(problem, states)
     for _ in range(_CONCENTRATIONS):
         read, _ = choose_correspondence(problem, drawn)

@@ -1,8 +1,7 @@
-"""Which points of a view agree with one another, and with where the view should be.
+"""Points of views that agree with one another, and with a prior of the view's pose.
 
-Each view is fitted to subsets of its points, alone or with a prior of its pose, all views and subsets side by side. The
-fit that explains most is taken: the one with the least sum of squares, where squares beyond the limit count as the
-limit.
+Each view is fitted to subsets of its points, with or without a prior of its pose; all views and subsets form one batch.
+The best fit has the lowest truncated cost: the sum of squared residuals, each limited to the threshold of inliers.
 Source: Fischler & Bolles 1981, Torr & Zisserman 2000 (the truncated cost).
 """
 
@@ -23,28 +22,28 @@ from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.numerics.batch import choose_entries, concatenate, take
 from basecal.numerics.spectral import dimension
 
-# Of many points, so many random subsets of so few: with a third of the points wrong one in eight is clean.
+# Number and size of random subsets of many points: with a third of outliers, one in eight subsets is clean.
 _DRAWS = 40
 _DRAWN = 5
 FEW_POINTS = 8
-_MOST_LEFT_OUT = 2  # of so few: with three out four corners or five are left, which agree with anything
-_FIT_ROUNDS = 10  # of fitting to the points that agree: three or four do
-_FIRST_STEPS = 4  # of a pose from a subset, enough to rank it
-_FIT_STEPS = 6  # of one from the points that agree, which starts near
-_SEED = 20240229  # any other would do
-# So many points at once: arrays of a few megabytes.
+_MOST_LEFT_OUT = 2  # maximum number of outliers among few points: with three, the remaining ones may agree by chance
+_FIT_ROUNDS = 10  # maximum number of fits to the inliers: three or four suffice
+_FIRST_STEPS = 4  # steps of a pose from a subset, enough to rank it
+_FIT_STEPS = 6  # steps of a pose from the inliers, which starts near the optimum
+_SEED = 20240229  # arbitrary
+# Number of points that are processed at a time, in arrays of a few MB.
 _CHUNK_POINTS = 50_000
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Where views should be: poses (n,) and the information of their right tangents, (n, 6, 6)."""
+    """Normal prior of the poses of views: mean (n,) and information of their right tangents, (n, 6, 6)."""
 
     camera_from_target: SE3
     information: Array
 
     def tension(self, camera_from_target: SE3) -> tuple[Array, Array]:
-        """Squared distances in sigmas, (n,), and half their derivatives, (n, 6)."""
+        """Squared deviations of poses from the prior, in sigmas, (n,), and half their derivatives, (n, 6)."""
         error = (self.camera_from_target.inverse() @ camera_from_target).log()
         force = (self.information @ error[..., None])[..., 0]
         return np.einsum("ni,ni->n", error, force), force
@@ -52,13 +51,13 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class RansacViews:
-    """The consensus of points of views.
+    """Largest consensus of points in each view.
 
     Attributes:
-        camera_from_target: (n,) the pose that explains most of each view.
-        points: (n, p) points within the limit of it.
-        squares: (n, p) squared residuals over sigma; infinite behind the camera, 0 where not seen.
-        cost: (n,) truncated sum of squares, that of the prior included.
+        camera_from_target: (n,) pose of each view with the lowest truncated cost.
+        points: (n, p) mask of inliers of this pose.
+        squares: (n, p) squared residuals in sigmas; infinite behind the camera, 0 for points that are not seen.
+        cost: (n,) truncated sum of squares, including the prior.
     """
 
     camera_from_target: SE3
@@ -67,36 +66,36 @@ class RansacViews:
     cost: Array
 
     def cheaper(self, rival: RansacViews) -> RansacViews:
-        """The cheaper of two consensuses of each view; this one if they are equal."""
+        """For each view, the consensus with the lower cost; this one if the costs are equal."""
         return choose_entries(rival.cost < self.cost, rival, self)
 
 
 @dataclass(frozen=True, eq=False)
 class _WithPrior:
-    """Views that are drawn to their priors, as a `Measurement` for one fit."""
+    """Views with priors of their poses; implements the part of `Measurement` that a fit needs."""
 
     measurement: Measurement
     prior: Prior
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
-        """The linearised views, with their priors; see `Measurement`."""
+        """Linearise the views and their priors; see `Measurement`."""
         view = self.measurement.linearise(camera_from_target, camera, lens)
         tension, force = self.prior.tension(camera_from_target)
         return ViewInformation(view.cost + tension, view.gradient + force, view.information + self.prior.information)
 
     def take(self, views: IntArray) -> _WithPrior:
-        """The views at these indices."""
+        """Return the views at these indices."""
         return take(self, views)
 
 
 @dataclass(frozen=True, eq=False)
 class PointViews:
-    """Views by one camera, (n,), and where they should be.
+    """Views of one camera, (n,), with an optional prior of their poses.
 
     Attributes:
         measurement: The views.
         camera: The lens; None for points in 3-D.
-        prior: Where they should be.
+        prior: Prior of the views' poses; None without one.
     """
 
     measurement: SeenPoints
@@ -104,15 +103,15 @@ class PointViews:
     prior: Prior | None = None
 
     def fit(self, start: SE3, points: BoolArray, steps: int) -> SE3:
-        """Poses fitted to some of the points, (n, p), and to the prior, (n,)."""
+        """Fit poses, (n,), to a mask of points (n, p) and to the prior."""
         few = self.measurement.mask_points(points)
         return refine_poses(
             few if self.prior is None else _WithPrior(few, self.prior), start, self.camera, steps
         ).camera_from_target
 
     def agreement(self, pose: SE3, limit: float) -> RansacViews:
-        """The agreement of points, of squared residuals over sigma up to a limit, with poses, (n,)."""
-        # Squared residuals over sigma, (n, p); infinite where a point cannot be seen, 0 where it was not.
+        """Consensus of points with poses, (n,); the limit of inliers is a squared residual in sigmas."""
+        # Squared residuals in sigmas, (n, p); infinite behind the camera, 0 for points that are not seen.
         of = self.measurement
         off = of.residuals(pose, self.camera)
         squares = np.sum(off**2, -1) * of.weight**2
@@ -123,12 +122,12 @@ class PointViews:
         return RansacViews(pose, of.seen & (squares <= limit), squares, cost)
 
     def near_fits(self, start: SE3) -> SE3:
-        """Poses that each view may have, (2, n): `start`, and from there fitted to all points."""
+        """Candidate poses of each view, (2, n): `start`, and the fit to all points from there."""
         fitted = self.fit(start, self.measurement.seen, _FIRST_STEPS)
         return _reshape_poses(concatenate([start, fitted]), (2, len(start)))
 
     def subset_fits(self, guess: SE3) -> SE3:
-        """Poses that each view may have, (m, n): `near_fits`, and from there fitted to subsets of the points."""
+        """Candidate poses of each view, (m, n): `near_fits`, and fits to subsets of the points."""
         measurement, found = self.measurement, [_reshape_poses(self.near_fits(guess), (-1,))]
         subsets = _subsets(measurement.seen)
         for which in _chunks(*subsets.shape):
@@ -142,9 +141,10 @@ class PointViews:
         return _reshape_poses(concatenate(found), (-1, len(guess)))
 
     def largest_agreement(self, poses: SE3, limit: float) -> RansacViews:
-        """The pose of each view, of those it may have, (m, n), that explains most, fitted to the points that agree.
+        """Select each view's best candidate pose, (m, n), and refit it to its inliers until convergence.
 
-        The first of them is fitted so, too; see `agreement` for the limit.
+        The first candidate is refitted as well, and the result with the lower cost is returned; see `agreement` for
+        the limit.
         """
         m, n = poses.translation.shape[:2]
         costs = []
@@ -157,7 +157,7 @@ class PointViews:
         return take(both, slice(0, n)).cheaper(take(both, slice(n, None)))
 
     def _settle(self, pose: SE3, limit: float) -> RansacViews:
-        """Fitted to the points that agree, and judged again, each view until none of its points changes sides."""
+        """Alternate between the fit to the inliers and their selection, for each view until its inliers are stable."""
         found = self.agreement(pose, limit)
         moving, source = np.arange(len(pose)), np.arange(len(pose))
         for _ in range(_FIT_ROUNDS):
@@ -173,7 +173,7 @@ class PointViews:
 
 
 def _subsets(is_visible: BoolArray) -> BoolArray:
-    """Subsets of each view's points (n, p): all but one or two of a few, random ones of many, (m, n, p)."""
+    """Subsets of each view's points (n, p) as masks, (m, n, p): random ones, or all but one or two of few points."""
     n, p = is_visible.shape
     if p <= FEW_POINTS:
         counts = range(1, min(_MOST_LEFT_OUT, p - 1) + 1)
@@ -186,7 +186,7 @@ def _subsets(is_visible: BoolArray) -> BoolArray:
 
 
 def _closed_form(measurement: PixelMeasurement, subsets: BoolArray, camera: Camera | None, start: SE3) -> SE3:
-    """Poses by the closed form from some points of the views, taken several times, (k n, p); else `start`."""
+    """Closed-form poses, (k n,), from k subsets of points of each view, (k n, p); `start` if there is none."""
     assert camera is not None
     bearings, valid = camera.undistort(measurement.pixels)
     rows = _every_view(len(start), len(subsets) // len(start))
@@ -201,13 +201,13 @@ def _closed_form(measurement: PixelMeasurement, subsets: BoolArray, camera: Came
 
 
 def _chunks(count: int, views: int, points: int) -> Iterator[slice]:
-    """Slices of so many hypotheses of views of points, each small enough for memory."""
+    """Slices over hypotheses, small enough for the arrays of their views and points to fit into memory."""
     size = max(1, _CHUNK_POINTS // max(views * points, 1))
     return (slice(at, min(at + size, count)) for at in range(0, count, size))
 
 
 def _every_view(views: int, times: int) -> IntArray:
-    """Rows of all views, several times over."""
+    """Rows of all views, repeated the given number of times."""
     return np.tile(np.arange(views, dtype=np.int64), times)
 
 

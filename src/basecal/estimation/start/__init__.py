@@ -1,1 +1,1 @@
-"""A first value for every unknown, without a guess."""
+"""Start values of all unknowns, without an initial guess."""

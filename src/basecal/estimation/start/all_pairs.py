@@ -1,8 +1,8 @@
-"""Many bases and what their robots carry, placed by all pairs of camera and target at once.
+"""Start values of many robot bases and mounts from all pairs of camera and target.
 
-One after another they drift: what the last pairs of a long ring see may lie behind their cameras then. Here each pair
-is refined alone, all of them side by side; bases are placed by the fewest of them.
-`benchmarks.ring` judges its limits.
+Placed one after another, bases accumulate errors: targets of the last pairs in a long ring may then lie behind their
+cameras. Here each pair is refined alone, in one batch. The shortest chains of pairs then place the bases.
+The thresholds are validated by `benchmarks.ring`.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from basecal.estimation.start.refinement import Refinement, refine_jointly
 from basecal.estimation.start.rotation_search import rotation_angle, settled_rotations
 from basecal.geometry import SE3
 
-_LONG_RING_BASES = 8  # bases: of fewer none drifts farther than a descent mends
-_WRONG_RATIO = 4.0  # over the median of pairs: noise does not make one fit so badly
+_LONG_RING_BASES = 8  # minimum number of bases: with fewer, a descent corrects the accumulated errors
+_WRONG_RATIO = 4.0  # ratio of a pair's error to the median of all pairs that noise does not cause
 
 
 def placed_by_pairs(
     problem: Problem, sights: Sequence[PairViews], transforms: Mapping[str, SE3], known_names: Collection[str]
 ) -> dict[str, SE3]:
-    """Free bases and mounts where all pairs have them; nothing if bases are few, or some of them are known.
+    """Place free bases and mounts by all pairs; empty with few bases, or if some of them are known.
 
     Args:
         problem: The problem.
-        sights: Its pairs.
-        transforms: Where everything is about.
-        known_names: Names of what is known and stays.
+        sights: The pairs of the problem.
+        transforms: Approximate values of all transforms.
+        known_names: Names of the transforms that are known and stay unchanged.
     """
     bases = {end.base for s in sights for end in s.group.ends if end.base is not None}
     if len(bases) < _LONG_RING_BASES or bases & set(known_names):
@@ -42,7 +42,7 @@ def placed_by_pairs(
     triples = refine_jointly(_restart_pairs([_make_refinement(problem, s, transforms, known_names) for s in seen]))
     misfit = np.array([_misfit(sight, triple) for sight, triple in zip(seen, triples, strict=True)])
     mounts, relations = dict[str, SE3](), dict[tuple[str | None, str | None], SE3]()
-    for k in np.argsort(-misfit):  # the best last, and so kept
+    for k in np.argsort(-misfit):  # the best last, so that it overwrites the others
         eye, hand = seen[k].group.ends
         mounts[eye.mount], between, mounts[hand.mount] = triples[k]
         if misfit[k] <= _WRONG_RATIO * np.median(misfit):
@@ -65,7 +65,7 @@ def _make_refinement(
 
 
 def _restart_pairs(wishes: Sequence[Refinement]) -> list[Refinement]:
-    """Restart from where a pair's own samples lead: if the chain drifted, a descent alone would go astray."""
+    """Restart pairs from rotations of their own samples: accumulated errors would lead a descent to a wrong optimum."""
     settled = list(wishes)
     for unknown in {wish.loop.unknown for wish in wishes}:
         numbers = [k for k, wish in enumerate(wishes) if wish.loop.unknown == unknown]
@@ -78,7 +78,7 @@ def _restart_pairs(wishes: Sequence[Refinement]) -> list[Refinement]:
 
 
 def _misfit(sight: PairViews, triple: Triple) -> float:
-    """How far a pair's views are turned from where X, Y and Z have them, the median [rad]."""
+    """Median angle between a pair's measured rotations and the prediction of X, Y and Z [rad]."""
     assert sight.candidates is not None
     chosen = sight.closest_pose(triple)
     own = sight.candidates[np.arange(len(chosen)), chosen]
@@ -87,11 +87,11 @@ def _misfit(sight: PairViews, triple: Triple) -> float:
 
 
 Relations = Mapping[tuple[str | None, str | None], SE3]
-"""`eye_base_from_hand_base` of pairs, by the names of both bases; the reference has none."""
+"""`eye_base_from_hand_base` of pairs, by the names of both bases; None is the reference."""
 
 
 def place_bases(bases: Mapping[str, SE3], relations: Relations) -> dict[str, SE3]:
-    """Where bases stand in the world: those that are given, and all that relations lead to from them."""
+    """Poses of bases in the world: the given ones, and all that are connected to them or to the reference."""
     near: dict[str | None, list[tuple[str | None, SE3]]] = defaultdict(list)
     for (eye, hand), eye_from_hand in relations.items():
         near[eye].append((hand, eye_from_hand))

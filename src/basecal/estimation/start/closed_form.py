@@ -1,8 +1,8 @@
-"""Rotations and translations of A X B = Y C Z without a guess, by Kronecker products.
+"""Closed-form rotations and translations of A X B = Y C Z by Kronecker products.
 
-Vectors of matrices are by columns: vec(P M Q) = kron(Q', P) vec(M). A homogeneous system's null vector is trusted only
-where the next singular value stands clear of it. Sources: Shah 2013, 10.1115/1.4024473 (two unknowns); Wang et al.
-2022 for three; docs/mathematics.md (6.1)-(6.4).
+Matrices are vectorised by columns: vec(P M Q) = kron(Q', P) vec(M). The null vector of a homogeneous system is accepted
+only if the next singular value is clearly larger. Sources: Shah 2013, 10.1115/1.4024473 (two unknowns); Wang et al.
+2022 (three unknowns); docs/mathematics.md (6.1)-(6.4).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from basecal.numerics.spectral import least_norm, null_vector, principal_axes
 
 
 class Loop(NamedTuple):
-    """The six factors at n samples; an X, Y or Z not known is None.
+    """The six factors of A X B = Y C Z at n samples; an unknown X, Y or Z is None.
 
     A = eye_base_from_eye_flange, B = camera_from_target, C = hand_base_from_hand_flange, (n,) each;
     X = eye_flange_from_camera, Y = eye_base_from_hand_base, Z = hand_flange_from_target. weight: (n,).
@@ -33,7 +33,7 @@ class Loop(NamedTuple):
 
     @property
     def unknown(self) -> str:
-        """Letters of what is not known, such as "xz"."""
+        """Letters of the unknowns, such as "xz"."""
         return "".join(k for k in "xyz" if getattr(self, k) is None)
 
 
@@ -42,7 +42,7 @@ Triple = tuple[SE3, SE3, SE3]
 
 
 class Rotations(NamedTuple):
-    """Three rotations, (3, 3) each, and whether the data determine those that were not known."""
+    """Rotations of X, Y and Z, (3, 3) each, and whether the data determine the unknown ones uniquely."""
 
     x: Array
     y: Array
@@ -62,7 +62,7 @@ def _unvec(vector: Array) -> Array:
 
 
 def _solve_two(left: Array, right: Array, weight: Array) -> tuple[Array, Array, bool]:
-    """Rotations with left vec(P) = right vec(Q), (n, 9, 9) each."""
+    """Solve left vec(P) = right vec(Q), (n, 9, 9) each, for rotations P and Q, and whether they are unique."""
     rows = (np.concatenate([left, -right], -1) * weight[:, None, None]).reshape(-1, 18)
     null = null_vector(rows.T @ rows, float(lengths(weight)))
     vector = _choose_sign(null.vector, _unvec(null.vector[:9]))
@@ -70,12 +70,12 @@ def _solve_two(left: Array, right: Array, weight: Array) -> tuple[Array, Array, 
 
 
 def _choose_sign(values: Array, matrix: Array) -> Array:
-    """Values that hold for either sign, by the one that leaves a matrix among them a determinant not below zero."""
+    """Choose the sign of values such that the determinant of a matrix among them is not negative."""
     return -values if np.linalg.det(matrix) < 0 else values
 
 
 def solve_rotations(loop: Loop) -> Rotations:
-    """The rotations of X, Y and Z, those known among them."""
+    """Solve for the unknown rotations among X, Y and Z; known ones are returned unchanged."""
     eye = np.broadcast_to(np.eye(3), loop.a.rotation.shape)
     a, b, c, w = loop.a.rotation, loop.b.rotation, loop.c.rotation, loop.weight
     x, y, z = (None if t is None else t.rotation for t in (loop.x, loop.y, loop.z))
@@ -98,11 +98,11 @@ def solve_rotations(loop: Loop) -> Rotations:
 
 
 def _solve_three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
-    """All three, from K = kron(X', Y') and Z: kron(vec(A)', kron(B', I)) vec(K) = kron(I, C) vec(Z)."""
+    """Solve for X, Y and Z by K = kron(X', Y'): kron(vec(A)', kron(B', I)) vec(K) = kron(I, C) vec(Z)."""
     null = null_vector(_three_squares(a, b, c, weight), float(lengths(weight)))
     product = _choose_sign(null.vector, _unvec(null.vector[81:]))[:81].reshape(9, 9).T
     by_factor = product.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
-    # Of rank one but for noise: its factors are the first singular vectors, but for their sizes.
+    # The matrix has rank one up to noise: its factors are the first singular vectors, up to scale.
     of_y = principal_axes(by_factor).axes[:, 0]
     x_t, y_t = (by_factor @ of_y).reshape(3, 3), of_y.reshape(3, 3)
     x, y = nearest_rotation(_choose_sign(np.stack([x_t, y_t]), x_t)).mT
@@ -110,9 +110,9 @@ def _solve_three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
 
 
 def _three_squares(a: Array, b: Array, c: Array, weight: Array) -> Array:
-    """The products of the rows w [kron(vec(A)', kron(B', I)), -kron(I, C)], summed over samples, (90, 90).
+    """Normal matrix of the rows w [kron(vec(A)', kron(B', I)), -kron(I, C)], summed over samples, (90, 90).
 
-    Those of the left with themselves are kron(vec(A) vec(A)', I), with the right kron(vec(A), kron(B, C)).
+    The block of the left part is kron(vec(A) vec(A)', I), the mixed block is -kron(vec(A), kron(B, C)).
     """
     n, share = len(a), weight**2
     of_a = a.mT.reshape(n, 9)
@@ -126,14 +126,14 @@ def _three_squares(a: Array, b: Array, c: Array, weight: Array) -> Array:
 
 
 def mean_rotation(matrices: Array, weight: Array) -> Array:
-    """The rotation nearest to (n, 3, 3) rotations together, weighted by (n,) squared."""
+    """Chordal mean of rotations (n, 3, 3), weighted by the squares of (n,)."""
     return nearest_rotation(np.einsum("n,nij->ij", weight**2, matrices))
 
 
 def solve_translations(loop: Loop, rotations: Rotations) -> Triple:
-    """X, Y and Z with the translations that fit best once the rotations are known.
+    """Solve for the unknown translations of X, Y and Z, given all rotations.
 
-    RA tX - tY - RY RC tZ = RY tC - tA - RA RX tB, by least squares of least norm.
+    Minimum-norm least squares of RA tX - tY - RY RC tZ = RY tC - tA - RA RX tB.
     """
     a, c = loop.a.rotation, loop.c.rotation
     right = loop.c.translation @ rotations.y.T - loop.a.translation
@@ -150,7 +150,7 @@ def solve_translations(loop: Loop, rotations: Rotations) -> Triple:
 
 
 def complete_loop(loop: Loop, rotations: Rotations, translations: Array) -> Triple:
-    """X, Y and Z: what is known of them, else by their rotations and the unknown translations, (3 k,), in turn."""
+    """Assemble X, Y and Z from known transforms, rotations, and the translations of the k unknowns, (3 k,)."""
     at = dict(zip(loop.unknown, translations.reshape(-1, 3), strict=True))
     x, y, z = (
         SE3.adopt(getattr(rotations, name).copy(), at[name].copy()) if name in at else getattr(loop, name)

@@ -1,4 +1,4 @@
-"""A start of contacts that are no points: planes and edges through the tips that touched them, and axes of hinges."""
+"""Start values from contacts other than points: planes and edges through touching tips, hinges and rigid parts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ from basecal.numerics.spectral import principal_axes
 
 
 def without_contacts(problem: Problem) -> Problem:
-    """The problem whose views are points and poses: a rigid part's two ends are one pose, a hinge's origins meet."""
+    """Return a problem of points and poses only.
+
+    Each grip becomes an identity pose and replaces all other views of its part. Other contacts are removed; the mounts
+    of hinges become points.
+    """
     if not any(isinstance(g.measurement, ContactMeasurement) for g in problem.groups):
         return problem
     hinges = {end.mount for g in problem.groups if isinstance(g.measurement, HingeMeasurement) for end in g.ends}
@@ -28,7 +32,7 @@ def without_contacts(problem: Problem) -> Problem:
 
 
 def rigid_ends(problem: Problem) -> dict[str, SE3]:
-    """Frames of rigid parts, where the flanges are that hold them first; by the names of their mounts."""
+    """Start values of the mounts of rigid parts: the identity at the flange of the eye, by name."""
     return {g.eye.mount: SE3.identity() for g in problem.groups if isinstance(g.measurement, GripMeasurement)}
 
 
@@ -38,11 +42,11 @@ def _as_poses(group: ViewGroup) -> ViewGroup:
 
 
 def place_contacts(problem: Problem, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
-    """Mounts of planes, edges, hinges and parts that all else determines, by name.
+    """Mounts of planes, edges, hinges and rigid parts, given all other transforms, by name.
 
     Args:
-        problem: What they are of.
-        transforms: Where bases, tips and the origins of hinges are.
+        problem: The problem.
+        transforms: Transforms of bases, tips and origins of hinges.
     """
     placed: dict[str, SE3] = {}
     for group in problem.groups:
@@ -53,7 +57,7 @@ def place_contacts(problem: Problem, transforms: Mapping[str, SE3]) -> dict[str,
     groups = [g for g in problem.groups if _is_surface(g)]
     for name in {g.hand.mount: None for g in groups}:
         touching = [g for g in groups if g.hand.mount == name]
-        # By the reference if it touched, whose base is known: the others are where a start has them.
+        # Prefer contacts of the reference, whose base is known; the bases of others are approximate.
         by_reference = [g for g in touching if g.eye.base is None] or touching
         points = np.concatenate(
             [_flanges(g.eye, transforms) @ transforms[g.eye.mount].translation for g in by_reference]
@@ -65,7 +69,10 @@ def place_contacts(problem: Problem, transforms: Mapping[str, SE3]) -> dict[str,
 
 
 def turned_starts(problem: Problem, state: State, known_names: Collection[str]) -> Iterator[State]:
-    """States whose bases that touched planes or edges are turned about what they touched; the given one among them."""
+    """Yield states with each base that touches planes or edges rotated about its contacts, including the given state.
+
+    The rotations are those of `icosahedral_rotations`.
+    """
     touching = [g for g in problem.groups if _is_surface(g)]
     for base in sorted({g.eye.base for g in touching if g.eye.base is not None} - set(known_names)):
         flanges = [_flanges(g.eye, state.transforms).translation for g in touching if g.eye.base == base]
@@ -82,7 +89,7 @@ def _is_surface(group: ViewGroup) -> bool:
 
 
 def _hinge(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
-    """Both ends of a hinge, along the directions in the flanges that stay parallel."""
+    """Mounts of both ends of a hinge, with z along the directions in the flanges that stay parallel."""
     eye, hand = group.ends
     rows = np.concatenate([_flanges(eye, transforms).rotation, -_flanges(hand, transforms).rotation], -1)
     axes = principal_axes(rows.reshape(-1, 6)).axes[:, -1].reshape(2, 3)
@@ -94,18 +101,18 @@ def _hinge(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
 
 
 def _part_ends(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
-    """Both ends of a rigid part half-way between the flanges: there errors of place and direction are least tied."""
+    """Mounts of both ends of a rigid part, halfway between the flanges to decorrelate translation and rotation."""
     hand_flange_from_eye_flange = transforms[group.hand.mount]
     half = SE3(np.eye(3), hand_flange_from_eye_flange.inverse().translation / 2)
     return {group.eye.mount: half, group.hand.mount: hand_flange_from_eye_flange @ half}
 
 
 def _flanges(end: End, transforms: Mapping[str, SE3]) -> SE3:
-    """`world_from_flange` at the views of an end, (n,)."""
+    """Poses `world_from_flange` of the views of an end, (n,)."""
     return end.world_from_base(transforms) @ end.base_from_flange
 
 
 def _z_rotation(axis: Array) -> Array:
-    """A rotation, (3, 3), whose z is a unit vector."""
+    """Rotation, (3, 3), whose z axis is the given unit vector."""
     _, x, y = principal_axes(axis[None]).axes.T
     return np.stack([x if np.cross(x, y) @ axis > 0 else -x, y, axis], -1)

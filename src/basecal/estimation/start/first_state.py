@@ -1,8 +1,8 @@
-"""A first value for every unknown, without a guess.
+"""Start values of all unknowns, without an initial guess.
 
-Pairs of camera and target are started one after another, those with fewest unknowns first; what one finds, the next
-takes as known. A pair goes by a closed form where the data determine it, else by a grid over rotations whose best cells
-are each refined. Everything is deterministic. `benchmarks.starts` judges its limits.
+Pairs of camera and target are solved one after another, those with the fewest unknowns first; each result is known to
+the next pairs. A pair is solved in closed form if the data determine it uniquely. Otherwise, the best cells of a grid
+of rotations are refined. The search is deterministic. The thresholds are validated by `benchmarks.starts`.
 """
 
 from __future__ import annotations
@@ -37,49 +37,52 @@ T = TypeVar("T")
 _Search = Generator[Refinement, Triple, T]
 Failure = BasecalError | np.linalg.LinAlgError
 
-_FEW_VIEWS_POINTS = (20, 16)  # views and points of a start: 320 points determine 18 unknowns ten times over
+_FEW_VIEWS_POINTS = (20, 16)  # views and points of a start: 320 points overdetermine 18 unknowns more than tenfold
 _MANY_VIEWS_POINTS = (400, 1000)  # views and points of a thorough start
-_LIGHT_STARTS = {0: 1, 1: 12, 2: 40}  # by unknown rotations; judged by benchmarks.starts
-_BATCH_STARTS = 5  # starts of a light side by side: more may be in vain where one of the first convinces
-_RIDGE = 1e-9  # of views of a point: where rays are parallel, depth stays that of the mount known so far
-_TIGHT_RAD = 0.3  # a prior this narrow is a start by itself [rad]
-_TURNED_STEPS = 30  # of descents from bases turned about what they touched: the best is refined again
-_HEAVY_ROUNDS = 25  # rounds at most
-_FIRST_STEPS = 3  # steps before the first weights: the start is rough
-_SCALE_SHARE = 0.6  # of the views set the scale: three tenths may be reflections and still be outvoted
+_LIGHT_STARTS = {0: 1, 1: 12, 2: 40}  # by number of unknown rotations; validated by benchmarks.starts
+_BATCH_STARTS = 5  # starts of an LED in a batch: one of the first may already be convincing
+_RIDGE = 1e-9  # information of the approximate mount, which sets the depth of a point if its rays are parallel
+_TIGHT_RAD = 0.3  # [rad] a prior with a smaller sigma is a start value
+_TURNED_STEPS = 30  # steps of descents from bases rotated about their contacts: the best is refined again
+_HEAVY_ROUNDS = 25  # maximum number of reweighting rounds
+_FIRST_STEPS = 3  # steps before the first weights, since the start is rough
+_SCALE_SHARE = 0.6  # quantile of the views that is the scale: up to 30 % of the views may be reflections
 
 
 @dataclass
 class _Known:
-    """Transforms found so far: by name, and between bases none of which is placed yet."""
+    """Transforms known so far: by name, and relations between bases."""
 
     transforms: dict[str, SE3] = field(default_factory=dict)
     relations: dict[tuple[str | None, str | None], SE3] = field(default_factory=dict)
 
     def base(self, name: str | None) -> SE3 | None:
-        """Where a base stands in the world, if it is known; the reference has no name."""
+        """Pose of a base in the world, or None if it is unknown; the name of the reference is None."""
         return SE3.identity() if name is None else self.transforms.get(name)
 
     def relation(self, eye_base: str | None, hand_base: str | None) -> SE3 | None:
-        """`eye_base_from_hand_base` of a pair, if it is known."""
+        """Return `eye_base_from_hand_base` of a pair, or None if it is unknown."""
         eye, hand = self.base(eye_base), self.base(hand_base)
         if eye is not None and hand is not None:
             return eye.inverse() @ hand
         return self.relations.get((eye_base, hand_base))
 
     def add_relation(self, eye_base: str | None, hand_base: str | None, relation: SE3) -> None:
-        """Add `eye_base_from_hand_base`, and place every base that it leads to."""
+        """Add `eye_base_from_hand_base`, and place every base that becomes connected."""
         self.relations[eye_base, hand_base] = relation
         self.transforms = place_bases(self.transforms, self.relations)
 
 
 def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
-    """A state to descend from.
+    """Find a start for the descent.
 
     Args:
         problem: The problem.
-        cell: Where the lenses and what is known of them stand.
-        thorough: Use many views, their poses refined, and search even where a closed form seems clear.
+        cell: The cell with the cameras.
+        thorough: Whether to use many views with refined poses, and to search even if a closed form is unique.
+
+    Raises:
+        BasecalError: if there is no start.
     """
     found = first_states([problem], cell, thorough)[0]
     if isinstance(found, Exception):
@@ -88,9 +91,9 @@ def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
 
 
 def first_states(problems: Sequence[Problem], cell: Cell, thorough: bool) -> list[State | Failure]:
-    """A state to descend from for each of several problems of one cell, or the error that it ends in.
+    """Find a start for each of several problems of one cell; the error for problems that fail.
 
-    Their searches go in step: what they want refined at a time is refined side by side.
+    The searches advance together, so that their refinements form batches.
     """
     return run_in_step([_try_search(problem, cell, thorough) for problem in problems], refine_jointly)
 
@@ -103,17 +106,17 @@ def _try_search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State |
 
 
 def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
-    """Pair after pair; it yields the starts of a pair to refine and receives the best."""
+    """Search pair by pair; yields starts of a pair for refinement and receives the best."""
     cameras = lenses(problem, cell)
     most = _MANY_VIEWS_POINTS if thorough else _FEW_VIEWS_POINTS
-    # Refined, views' poses lead to a start from which a descent is no shorter.
+    # Refined poses of views do not shorten the descent, so they are used in a thorough search only.
     poses_of = view_poses if thorough else partial(view_poses, iterations=0)
     known, simple = _Known(known_transforms(problem) | rigid_ends(problem)), without_contacts(problem)
     seen = [g for g in simple.groups if g.measurement.equations().any()]
     metric = [g for g in seen if has_metric_start(g, known.transforms)]
     waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in seen if g not in metric]
     sights = tuple(waiting)
-    in_vain: dict[int, str] = {}  # of a pair, what was unknown as it could not be started
+    in_vain: dict[int, str] = {}  # unknowns of each pair at its last failed attempt
     while waiting:
         unknown = {id(sight): _unknown(sight, known) for sight in waiting}
         waiting.sort(key=lambda s: (len(unknown[id(s)]), s.candidates is None, -s.total))
@@ -138,13 +141,13 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
 
 
 def _lowest_end(problem: Problem, states: Sequence[State]) -> State:
-    """Where the descents from several states end lowest, after few steps."""
+    """Return the state with the lowest cost after short descents from several states."""
     ends = bundle_adjust_batch(problem, batch_states(problem, states), dof=1, iterations=_TURNED_STEPS)
     return take(ends.state, int(np.nanargmin(ends.cost)))
 
 
 def guessed_state(problem: Problem, cell: Cell) -> State | None:
-    """The state that the cell's guesses describe; None if an unknown has none."""
+    """State of the guesses in the cell; None if an unknown has no guess."""
     if any(u.mean is None for u in problem.unknowns.values()):
         return None
     transforms = {name: _fallback(u) for name, u in problem.unknowns.items()}
@@ -152,7 +155,7 @@ def guessed_state(problem: Problem, cell: Cell) -> State | None:
 
 
 def lenses(problem: Problem, cell: Cell) -> dict[str, Camera]:
-    """First values of the lenses: as stated, else from views of boards."""
+    """Start values of the lenses: the stated lens, or an estimate from views of boards."""
     found = {}
     for name, intrinsics in problem.lenses.items():
         views = [g.measurement for g in problem.groups if g.camera == name]
@@ -162,7 +165,7 @@ def lenses(problem: Problem, cell: Cell) -> dict[str, Camera]:
 
 
 def known_transforms(problem: Problem) -> dict[str, SE3]:
-    """Transforms known well enough beforehand to start from."""
+    """Transforms that are fixed or have a narrow prior, by name."""
     return {
         name: u.mean
         for name, u in problem.unknowns.items()
@@ -183,7 +186,7 @@ def _loop(sight: PairViews, knowns: _Known, choice: IntArray | None = None) -> L
 
 
 def _unknown(sight: PairViews, knowns: _Known) -> str:
-    """The unknowns of a pair, as `Loop.unknown`."""
+    """Letters of the unknowns of a pair, as in `Loop.unknown`."""
     g = sight.group
     related = (g.eye.base, g.hand.base) in knowns.relations
     has_y = related or all(end.base is None or end.base in knowns.transforms for end in g.ends)
@@ -192,7 +195,7 @@ def _unknown(sight: PairViews, knowns: _Known) -> str:
 
 
 def _start(sight: PairViews, knowns: _Known, problem: Problem, thorough: bool, is_forced: bool) -> _Search[bool]:
-    """Start one pair if the data determine it, or in any case where `is_forced`; whether it was done."""
+    """Solve one pair if the data determine it, or in any case if `is_forced`; return whether it was solved."""
     loop = _loop(sight, knowns)
     found: Triple | None = None
     if not loop.unknown:
@@ -203,7 +206,7 @@ def _start(sight: PairViews, knowns: _Known, problem: Problem, thorough: bool, i
     else:
         found = _solve_closed_form(sight, knowns)
         if (found is None and is_forced) or (found is not None and thorough):
-            # By a grid over rotations and the closed form if there is one, the best of them refined.
+            # Refine the best starts of a grid of rotations and, if available, of the closed form.
             found = yield Refinement(sight, loop, [] if found is None else [found], is_point, searched=True)
     if found is None:
         return False
@@ -215,7 +218,7 @@ def _start(sight: PairViews, knowns: _Known, problem: Problem, thorough: bool, i
 
 
 def _solve_closed_form(sight: PairViews, knowns: _Known) -> Triple | None:
-    """Solve by closed form, each view's better pose chosen anew until it is stable; None if it is not unique."""
+    """Solve in closed form, iterating the choice between each view's two poses; None if it is not unique."""
     chosen = np.zeros(len(sight.group), dtype=np.int64)
     for _ in range(4):
         loop = _loop(sight, knowns, chosen)
@@ -231,14 +234,14 @@ def _solve_closed_form(sight: PairViews, knowns: _Known) -> Triple | None:
 
 
 def light_states(problem: Problem, cell: Cell, max_count: int) -> Iterator[State]:
-    """Where a search for a single light ends from each of its starts, by weights that leave out what is far off.
+    """Yield robustly fitted states of a single LED, one for each start of its search.
 
-    The end that fits all views best may be wrong where some of the views are.
+    The state with the lowest cost over all views may be wrong if some views are.
 
     Args:
-        problem: The problem; nothing is given unless it is of one camera that sees one light.
-        cell: What exists and what is known.
-        max_count: How many starts.
+        problem: The problem; no state is yielded unless it has a single camera that observes a single LED.
+        cell: The cell.
+        max_count: Maximum number of starts.
     """
     cameras, known = lenses(problem, cell), _Known(known_transforms(problem))
     if len(problem.groups) != 1 or problem.groups[0].hand.mount not in problem.point_mounts:
@@ -261,7 +264,7 @@ def light_states(problem: Problem, cell: Cell, max_count: int) -> Iterator[State
 
 
 def _light(sight: PairViews, loop: Loop, is_point: bool) -> _Search[Triple]:
-    """Solve as for a single LED; the target's other points are placed afterwards."""
+    """Solve a pair as for a single LED; the target's other points are placed afterwards."""
     chords, point = as_light(sight.group.measurement)
     turns = (loop.x is None) + (loop.y is None)
     as_point, light, starts = light_search(sight, loop, _LIGHT_STARTS[turns])
@@ -274,7 +277,7 @@ def _light(sight: PairViews, loop: Loop, is_point: bool) -> _Search[Triple]:
 
 
 def _mount_of_points(sight: PairViews, x: SE3, y: SE3, places: SE3) -> SE3:
-    """`hand_flange_from_target` from where each of its points is found in the flange."""
+    """Find `hand_flange_from_target` by triangulation of the target's points in the flange frame."""
     chords, _ = as_light(sight.group.measurement)
     g = sight.group
     camera_from_flange = (g.eye.base_from_flange @ x).inverse() @ y @ g.hand.base_from_flange
@@ -288,10 +291,10 @@ def _mount_of_points(sight: PairViews, x: SE3, y: SE3, places: SE3) -> SE3:
 
 
 def cauchy_irls(problem: Problem, states: State) -> State:
-    """The states of Cauchy's likelihood over views, downhill of a batch of states, each of its own scale.
+    """Fit a batch of states by iteratively reweighted least squares with the Cauchy loss over views.
 
-    Weights never end at zero. The scale is that of six tenths of the views. Where a state is not finite all stay where
-    they are by then. Source: Holland & Welsch 1977 (iteratively reweighted least squares).
+    Each state has its own scale, the 60 % quantile of its squared deviations. Weights are never zero. If the solve
+    fails, the last states are returned. Source: Holland & Welsch 1977.
     """
     weights: list[Array] | None = None
     for _ in range(_HEAVY_ROUNDS):

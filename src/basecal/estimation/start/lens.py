@@ -1,6 +1,6 @@
-"""A lens from views of boards alone, where nothing is known of it.
+"""Start values of an unknown lens from views of boards alone.
 
-`benchmarks.starts` judges its limits.
+The limits are validated by `benchmarks.starts`.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from basecal.numerics.levenberg_marquardt import Optima, Stop, levenberg_marquar
 
 _FOCAL_GUESSES = (0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
 _MOST_VIEWS = 30
-_MOST_POINTS = 100  # of a board: a start needs no more, and the lens is estimated of all of them afterwards
-_CONVERGED_SHARE = 0.01  # of the residuals' norm: a step that gains less than 1e-4 of the cost is the last of a start
-_RIDGE = 1e-9  # [1/m^2, 1/rad^2] for boards that hold no pose: nothing beside what a pixel tells of one that does
+_MOST_POINTS = 100  # per board: sufficient for a start, since the lens is estimated from all points afterwards
+_CONVERGED_SHARE = 0.01  # of the residuals' norm: the search ends at a decrease below 1e-4 of the cost
+_RIDGE = 1e-9  # [1/m^2, 1/rad^2] for boards without a unique pose: negligible relative to one pixel's information
 
 
 @dataclass(frozen=True, eq=False)
 class _Lenses:
-    """Lenses, (b,), and with each the boards' poses by target, (b, n)."""
+    """Lenses, (b,), and the boards' poses with each lens, (b, n) by target."""
 
     camera: Camera
     poses: tuple[SE3, ...]
 
 
 def guessed_lens(camera: CellCamera, focal: float = 1.0) -> Camera:
-    """A lens without distortion, centred, with a focal length of `focal` image widths.
+    """Return a centred lens without distortion, with a focal length of `focal` image widths.
 
     Raises:
         InputError: if the camera states no image size.
@@ -51,10 +51,10 @@ def guessed_lens(camera: CellCamera, focal: float = 1.0) -> Camera:
 
 
 def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]) -> Camera:
-    """The lens that explains views of boards best, each board posed freely.
+    """Estimate a lens from views of boards with free poses.
 
-    Several focal lengths are tried; the poses and the lens are refined together, first without distortion. Without
-    a view of four points it is the guess of one image width.
+    Several focal lengths are tried. The poses and the lens are refined jointly, first without distortion. Without a
+    view of at least four points, the result is `guessed_lens`.
     """
     usable = [_thin_points(m) for m in measurements]
     usable = [m for m in usable if len(m.seen)]
@@ -64,7 +64,7 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
     start = stack([_Lenses(lens, tuple(_poses(lens, m) for m in usable)) for lens in guesses])
     terms = np.arange(start.camera.parameters.shape[-1])
     rough = _refine_lenses(start, usable, 8, terms[:2])
-    # Of a lens that bends much, what fits best without any bending is another focal length.
+    # With strong distortion, the best fit without distortion has a wrong focal length.
     bent = _refine_lenses(rough.state, usable, 12, terms[:5])
     best = take(bent.state, np.array([np.nan_to_num(bent.cost, nan=np.inf).argmin()]))
     return take(_refine_lenses(best, usable, 12, terms).state.camera, 0)
@@ -88,21 +88,21 @@ def _poses(lens: Camera, measurement: PixelMeasurement) -> SE3:
 def _refine_lenses(
     start: _Lenses, measurements: Sequence[PixelMeasurement], iterations: int, free: NDArray[np.intp]
 ) -> Optima[_Lenses, _About]:
-    """The lenses, of which some terms are free, and every view's pose at their optima."""
+    """Optimise the poses of all views and the free terms of the lenses."""
     return levenberg_marquardt(_Views(measurements, free), start, Stop(iterations, sigmas=_CONVERGED_SHARE))
 
 
 @dataclass(frozen=True, eq=False)
 class _About:
-    """The terms of lenses that are free, (k,), to second order, with the views' poses eliminated.
+    """Second-order expansion in the k free terms of the lenses, with the views' poses eliminated.
 
     Attributes:
         cost: (b,).
         gradient: (b, k).
         hessian: (b, k, k).
-        eliminated_cost: (b,) by how much the poses alone lower the cost.
-        back: By target, (b, n, 6, k + 1): the poses' steps are minus its last column, and minus the others times those
-            of the lens.
+        eliminated_cost: (b,) decrease of the cost by the optimal step of the poses alone.
+        back: (b, n, 6, k + 1) by target, for the back-substitution of poses. The last column is the negative step with
+            a fixed lens. The others are its negative derivative with respect to the lens's step.
     """
 
     cost: Array
@@ -114,7 +114,7 @@ class _About:
 
 @dataclass(frozen=True, eq=False)
 class _Views:
-    """Views of boards, and which terms of the lens are free, as Levenberg-Marquardt knows them; see `System`."""
+    """Views of boards and indices of the lens's free terms; implements `System` for Levenberg-Marquardt."""
 
     measurements: Sequence[PixelMeasurement]
     kept: NDArray[np.intp]
@@ -144,5 +144,5 @@ class _Views:
         return _Lenses(retract_lens(state.camera, of_lens), poses)
 
     def take(self, rows: IntArray) -> _Views:
-        """See `System`; all lenses are tried on the same views."""
+        """See `System`; all lenses share the same views."""
         return self

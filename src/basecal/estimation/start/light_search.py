@@ -1,7 +1,7 @@
-"""Starts of a target of which a view shows too little for a pose: by the point that most views see, as a light.
+"""Starts of targets with too few points per view for a pose, by their most visible point as a single LED.
 
-In A X B = Y C Z the rotations of X and Y are fixed on a grid. The directions to a light then give the translations by
-linear least squares.
+In A X B = Y C Z, the rotations of X and Y are fixed on a grid. The directions to the LED then determine the
+translations by linear least squares.
 Source: docs/mathematics.md (6.5).
 """
 
@@ -16,18 +16,18 @@ from basecal.estimation.start.pair_views import PairViews, as_light
 from basecal.estimation.start.rotation_search import icosahedral_rotations
 from basecal.geometry import SE3, Array
 
-_RIDGE = 1e-6  # keeps translations of least norm where views do not determine them
-_MOST_VIEWS = 40  # views by which cells of the grid are ranked
-_BEST_OF_CAMERA = 8  # cells of each rotation of X that are ranked with those of the others
+_RIDGE = 1e-6  # selects minimum-norm translations if views do not determine them
+_MOST_VIEWS = 40  # maximum number of views that rank the cells of the grid
+_BEST_OF_CAMERA = 8  # number of cells retained for each rotation of X
 
 
 def light_search(sight: PairViews, loop: Loop, max_count: int) -> tuple[PairViews, Loop, list[Triple]]:
-    """The views of the point that most of them see, as a light, what is known of its loop, and the best starts.
+    """Reduce a pair to its most visible point as a single LED; return its views, its loop and the best starts.
 
     Args:
-        sight: Views of a target, of which some points may be seen, or one.
-        loop: What of X, Y and Z is known.
-        max_count: How many starts.
+        sight: Views of a target, with at least one point each.
+        loop: The known transforms among X, Y and Z.
+        max_count: Maximum number of starts.
     """
     chords, point = as_light(sight.group.measurement)
     views = np.flatnonzero(chords.weight[:, point] > 0)
@@ -41,12 +41,12 @@ def light_search(sight: PairViews, loop: Loop, max_count: int) -> tuple[PairView
 
 
 def light_starts(loop: Loop, bearings_in_camera: Array, max_count: int) -> list[Triple]:
-    """The most promising X, Y and Z for a single light.
+    """Find the best X, Y and Z for a single LED on the grid of rotations.
 
     Args:
-        loop: Flange poses and what is known; its B is not used.
-        bearings_in_camera: (n, 3) unit, towards the light.
-        max_count: How many to give, best first.
+        loop: Flange poses and known transforms; B is not used.
+        bearings_in_camera: (n, 3) unit vectors towards the LED.
+        max_count: Maximum number of starts, best first.
     """
     step = max(1, -(-len(loop.a) // _MOST_VIEWS))
     a, c, b = loop.a[::step], loop.c[::step], bearings_in_camera[::step]
@@ -61,7 +61,7 @@ def light_starts(loop: Loop, bearings_in_camera: Array, max_count: int) -> list[
 
 
 def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> list[tuple[float, Array, Array, Array]]:
-    """Scores, rotations of X and Y, and unknown translations, for one rotation of X and all of Y."""
+    """Scores, rotations of X and Y, and unknown translations of the best cells with one rotation of X."""
     sight = (a.rotation @ x @ b[..., None])[..., 0]
     across = np.eye(3) - sight[:, :, None] * sight[:, None, :]
     columns: dict[str, Array] = {}
@@ -85,7 +85,7 @@ def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> l
 
 
 def _least_squares(cross_terms: Array, rows: Array, constant: Array) -> Array:
-    """Translations that bring points nearest to their lines of sight, (m, k)."""
+    """Translations that minimise the distances of points from their lines of sight, (m, k)."""
     projected = cross_terms @ rows
     flat = projected.reshape(len(rows), -1, rows.shape[-1])
     right = (cross_terms @ constant[..., None]).reshape(len(rows), -1, 1)

@@ -1,8 +1,8 @@
-"""A start from points measured in 3-D of which a view shows too few for a pose: touches, and reflectors of a tracker.
+"""Start values from 3-D points with too few points per view for a pose: touches, and reflectors of a tracker.
 
-A view says that a point carried at one end of its loop coincides with one carried at the other. Each body (a base, or a
-tracker) alone gives its tips and the marks in its own axes, by linear least squares. Marks that two bodies share, and
-points seen from both sides, place one body after another. Source: Horn 1987 (absolute orientation).
+In each view, a point carried at one end of the loop coincides with a point carried at the other. The views of each body
+(a base or a tracker) determine its tips and marks in its own frame, by linear least squares. Marks shared by two
+bodies, and points observed from both sides, place one body after another. Source: Horn 1987 (absolute orientation).
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from basecal.estimation.start.pair_views import holds_poses, umeyama
 from basecal.estimation.view.points import PointMeasurement, is_touch
 from basecal.geometry import SE3, Array, IntArray
 
-_RIDGE = 1e-6  # share of an equation: what views leave open stays at the origin of its carrier
+_RIDGE = 1e-6  # share of an equation: undetermined points stay at the origin of their carrier
 
 Key = tuple[str, int]
-"""An unknown point: the name of its mount, and which of its points."""
+"""Key of an unknown point: the name of its mount, and the index of the point."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """Points at one end of views, (n,): `rotation @ unknown + offset` in the axes of a body.
+    """Points at one end of n views: `rotation @ unknown + offset` in the frame of a body.
 
     Attributes:
         body: Name of the base, or of the mount of a tracker; None for the world.
@@ -42,11 +42,11 @@ class _Side:
 
     @property
     def is_mark(self) -> bool:
-        """Whether it is an unknown point in the world."""
+        """Whether the point is unknown and fixed in the world."""
         return self.body is None and self.key is not None and bool(np.all(self.rotation == np.eye(3)))
 
     def points(self, positions: Mapping[Key, Array]) -> Array:
-        """(n, 3) in the body's axes; a point that is not known yet is at the origin of its carrier."""
+        """Points in the body's frame, (n, 3); a point without a position is at the origin of its carrier."""
         return self.offset if self.key is None else self.rotation @ positions.get(self.key, np.zeros(3)) + self.offset
 
 
@@ -54,7 +54,7 @@ _Meeting = tuple[_Side, _Side]
 
 
 def has_metric_start(group: ViewGroup, transforms: Mapping[str, SE3]) -> bool:
-    """Whether views are touches, or points in space without a pose from a known place on a flange or from the world."""
+    """Whether views are touches, or 3-D points without a pose from a static tracker or one with a known mount."""
     eye = group.eye
     if not isinstance(group.measurement, PointMeasurement) or holds_poses(group.measurement):
         return False
@@ -62,12 +62,12 @@ def has_metric_start(group: ViewGroup, transforms: Mapping[str, SE3]) -> bool:
 
 
 def place_by_points(problem: Problem, groups: Sequence[ViewGroup], transforms: Mapping[str, SE3]) -> dict[str, SE3]:
-    """Transforms that views of points in space determine, by name; those that they leave open are close to identity.
+    """Transforms from views of 3-D points, by name; undetermined transforms are close to the identity.
 
     Args:
-        problem: What they are of.
-        groups: Views for which `has_metric_start` holds.
-        transforms: Those that are known.
+        problem: The problem.
+        groups: Groups of views for which `has_metric_start` holds.
+        transforms: Known transforms.
     """
     meetings = [meeting for group in groups for meeting in _meetings(problem, group, transforms)]
     names = list(dict.fromkeys(side.body for meeting in meetings for side in meeting if side.body is not None))
@@ -86,7 +86,7 @@ def place_by_points(problem: Problem, groups: Sequence[ViewGroup], transforms: M
 
 
 def _meetings(problem: Problem, group: ViewGroup, transforms: Mapping[str, SE3]) -> Iterable[_Meeting]:
-    """The rays of each point's views."""
+    """Yield both ends of the views of each point of a group."""
     measurement = group.measurement
     assert isinstance(measurement, PointMeasurement)
     for row, point in enumerate(measurement.points_in_target):
@@ -106,7 +106,7 @@ def _side(
     row: int,
     is_camera: bool = False,
 ) -> _Side:
-    """One end of views (n,), of points (n, 3) in what it carries, the target's of this row."""
+    """One end of n views of a point, given its positions (n, 3) in the carried frame and its index in the target."""
     base_from_flange, base = end.base_from_flange[views], end.base
     if end.mount in transforms:
         return _Side(base, None, base_from_flange.rotation, base_from_flange @ (transforms[end.mount] @ points))
@@ -118,7 +118,7 @@ def _side(
 
 
 def _local_points(meetings: Sequence[_Meeting], body: str | None) -> dict[Key, Array]:
-    """Unknown points that one body carries, and marks, in its own axes, (3,) each, by what it alone says of them."""
+    """Unknown points and marks in a body's frame, (3,) each, from the views of this body alone."""
     own = [(a, b) for one, other in meetings for a, b in ((one, other), (other, one)) if a.body == body and b.is_mark]
     keys = list(dict.fromkeys(side.key for pair in own for side in pair if side.key is not None))
     information, right = _RIDGE * np.eye(3 * len(keys)), np.zeros(3 * len(keys))
@@ -140,7 +140,7 @@ def _pairs(
     marks: Mapping[Key, Array],
     body: str | None,
 ) -> tuple[Array, Array]:
-    """Points in the axes of a body, and the same in the world by the bodies that are placed, (n, 3) each."""
+    """Corresponding points in the frame of a body and, from the placed bodies, in the world, (n, 3) each."""
     shared = [key for key in local[body] if key in marks]
     own, world = [local[body][key] for key in shared], [marks[key] for key in shared]
     for one, other in meetings:
@@ -152,7 +152,7 @@ def _pairs(
 
 
 def _align_points(points_in_body: Array, points_in_world: Array) -> SE3:
-    """`world_from_body` that brings points (n, 3) nearest to others; the identity without any."""
+    """Least-squares `world_from_body` of corresponding points (n, 3); the identity without points."""
     if not len(points_in_body):
         return SE3.identity()
     return umeyama(points_in_body, points_in_world[None], np.ones((1, len(points_in_body))))[0]
@@ -163,7 +163,7 @@ def _is_mark(meetings: Sequence[_Meeting], key: Key) -> bool:
 
 
 def _mounts(groups: Sequence[ViewGroup], points: Mapping[Key, Array], transforms: Mapping[str, SE3]) -> dict[str, SE3]:
-    """Mounts of what carries the unknown points; of several points of one body by all of them."""
+    """Mounts that carry unknown points; a mount with several points is aligned to all of them."""
     found = {}
     for group in groups:
         measurement = group.measurement

@@ -1,6 +1,6 @@
-"""One camera's views of one target, made ready for a start: few of them, with directions or poses.
+"""Preparation of one camera's views of one target for a start: a subset of them, with directions or poses.
 
-`benchmarks.starts` judges its limits.
+The thresholds are validated by `benchmarks.starts`.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from basecal.geometry.rotation import nearest_rotation
 from basecal.numerics.batch import choose_entries, take
 from basecal.numerics.spectral import dimension, floored_inverse
 
-_AMBIGUOUS_CHI2 = 25.0  # five sigmas: below, a plane's second pose fits as well
-_AMBIGUOUS_WEIGHT = 0.2  # weight of such a view, whose pose may be the wrong one of two
+_AMBIGUOUS_CHI2 = 25.0  # five sigmas: below this difference, the second pose of a plane fits equally well
+_AMBIGUOUS_WEIGHT = 0.2  # weight of an ambiguous view
 _UNSURE_RAD = 0.02  # [rad] sigma of a view's rotation that halves its weight
-_FEWEST_POSES = 3  # of many views: fewer tell less than all as of a light
-_RIDGE = 1e-9  # [1/m^2, 1/rad^2] of views that hold no pose: next to no weight, not none
-_START_SIGMA_PX = 0.5  # sigma of a pixel where none is stated [px]
+_FEWEST_POSES = 3  # minimum number of poses: fewer contain less information than all views treated as of an LED
+_RIDGE = 1e-9  # [1/m^2, 1/rad^2] information of views without a pose: a small positive weight
+_START_SIGMA_PX = 0.5  # [px] sigma of a pixel if it is unstated
 _DESCENT_ROUNDS = 20
 _LEAST_GAIN_RAD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class PairViews:
-    """Views of one target, thinned.
+    """Subset of the views of one target by one camera.
 
     Attributes:
-        group: The views, measured by directions or poses.
-        candidates: (n, k) poses of the target in each view, best first; None if it is seen as a light.
-        weight: (n,) how far the poses are to be trusted, at most 1.
-        total: How many views there were before thinning.
-        is_ambiguous: (n,) views of a plane whose next best pose fits as well; None if none is.
+        group: The views, with directions or poses as measurements.
+        candidates: (n, k) poses of the target in each view, best first; None if views are treated as of an LED.
+        weight: (n,) weights of the poses, at most 1.
+        total: Number of views before subsampling.
+        is_ambiguous: (n,) mask of views whose second pose fits equally well; None if there are none.
     """
 
     group: ViewGroup
@@ -53,13 +53,13 @@ class PairViews:
     is_ambiguous: BoolArray | None = None
 
     def loop(self, x: SE3 | None, y: SE3 | None, z: SE3 | None, choice: IntArray) -> Loop:
-        """The loop's factors, with the `choice` (n,) candidate of each view."""
+        """Factors of the loop, with the candidate of index `choice`, (n,), in each view."""
         rows = np.arange(len(self.group))
         b = SE3.identity((len(rows),)) if self.candidates is None else self.candidates[rows, choice]
         return Loop(self.group.eye.base_from_flange, b, self.group.hand.base_from_flange, x, y, z, self.weight)
 
     def ambiguous_loop(self, loop: Loop) -> Loop | None:
-        """A loop with both poses of ambiguous views as samples of their own; None if no view is ambiguous."""
+        """Loop with both poses of each ambiguous view as separate samples; None if no view is ambiguous."""
         if self.candidates is None or self.is_ambiguous is None:
             return None
         row = np.concatenate([np.arange(len(self.group)), np.flatnonzero(self.is_ambiguous)])
@@ -67,7 +67,7 @@ class PairViews:
         return loop._replace(a=loop.a[row], b=self.candidates[row, pose], c=loop.c[row], weight=self.weight[row])
 
     def closest_pose(self, triple: Triple) -> IntArray:
-        """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
+        """Index of each view's candidate whose rotation is closest to the prediction of X, Y and Z, (n,)."""
         assert self.candidates is not None
         x, y, z = (of.rotation for of in triple)
         g = self.group
@@ -83,14 +83,14 @@ ViewPosesOf = Callable[[Array, Array, BoolArray, BearingMeasurement], ViewPoses]
 def pair_views(
     group: ViewGroup, camera: Camera | None, views: int, points: int, estimate_poses: ViewPosesOf = view_poses
 ) -> PairViews:
-    """At most so many views of a group, spread evenly, and of their points about so many as a view has left.
+    """Select evenly spaced views of a group and a subset of their points, and estimate the views' poses.
 
     Args:
         group: The views.
-        camera: The lens that took them; None if poses or points in space were measured.
-        views: How many views.
-        points: How many points.
-        estimate_poses: What gives views their poses, such as `KnownPoses`.
+        camera: The lens; None if poses or 3-D points were measured.
+        views: Maximum number of views.
+        points: Approximate maximum number of points per view.
+        estimate_poses: Function that estimates the poses of views, such as `KnownPoses`.
     """
     total = len(group)
     count = min(total, views)
@@ -105,7 +105,7 @@ def pair_views(
         return _point_views(few, measurement, total)
     assert isinstance(measurement, PixelMeasurement)
     assert camera is not None
-    # A view may show a part of the target alone, as of a body in space: thinned by all of it none would be left.
+    # If views show only parts of the target, such as of a 3-D body, more of its points are retained.
     shown = 1.0 if measurement.seen.all() else max(float(np.median(measurement.seen.mean(-1))), 1e-3)
     measurement = measurement.thin(int(np.ceil(points / shown)), is_paired=few.half_turn is not None)
     return _pixel_views(few, measurement, camera, total, estimate_poses)
@@ -127,7 +127,7 @@ def _pixel_views(
     found = np.flatnonzero(poses.has_pose)
     if len(found) < min(_FEWEST_POSES, len(group)):
         return PairViews(group, None, np.ones(len(group)), total)
-    # Not the inverse of the sum with a ridge: of points in a line it is singular, or negative, by rounding.
+    # With collinear points, the inverse of the sum with a ridge may be singular or indefinite by rounding.
     if len(found) < len(group):
         group, poses = group.take(found), take(poses, found)
     spread = floored_inverse(poses.information, _RIDGE)
@@ -139,7 +139,7 @@ def _pixel_views(
 
 
 def _with_half_turns(sight: PairViews, target_from_turned: SE3) -> PairViews:
-    """Every view read from the end that its robots' motions agree with; the other end's poses stay candidates."""
+    """Choose the half-turn reading of each view that fits the robots' motions; keep the other one's poses, too."""
     assert sight.candidates is not None
     measurement = sight.group.measurement
     assert isinstance(measurement, BearingMeasurement)
@@ -157,7 +157,7 @@ def _with_half_turns(sight: PairViews, target_from_turned: SE3) -> PairViews:
 
 
 def holds_poses(measurement: PointMeasurement) -> bool:
-    """Whether enough views show points of a target, in space, that determine its pose."""
+    """Whether enough views of 3-D points determine the pose of the target."""
     return bool(np.count_nonzero(_whole_views(measurement)) >= 3 and dimension(measurement.points_in_target) >= 2)
 
 
@@ -178,7 +178,7 @@ def _point_views(group: ViewGroup, measurement: PointMeasurement, total: int) ->
 
 
 def umeyama(p_in_a: Array, p_in_b: Array, weight: Array) -> SE3:
-    """`b_from_a`, (n,), that bring points (..., p, 3) nearest to others (n, p, 3), weighted (n, p).
+    """Least-squares `b_from_a`, (n,), of points (..., p, 3) and (n, p, 3) with weights (n, p).
 
     Source: Umeyama 1991.
     """
@@ -190,21 +190,21 @@ def umeyama(p_in_a: Array, p_in_b: Array, weight: Array) -> SE3:
 
 
 def as_light(measurement: Measurement) -> tuple[BearingMeasurement, int]:
-    """The directions of a view's measurement, and the point that most views see."""
+    """Return the directions of views, and the index of the point that most views see."""
     assert isinstance(measurement, BearingMeasurement)
     return measurement, int(np.argmax((measurement.weight > 0).sum(0)))
 
 
 def turned_views(group: ViewGroup, read: Array, mask: Array) -> BoolArray:
-    """Which views to read from the other end, (n,), given the target's rotations read both ways, (n, 3, 3) each.
+    """Mask of views to read with a half turn, (n,), given the target's rotations in both readings, (n, 3, 3) each.
 
-    If one robot alone moved between two views, it and the target rotated by the same angle, whatever the mounts are.
-    Views are read so that angles agree over all pairs. If no pair decides, each is read with the least rotation against
-    the first.
+    If only one robot moved between two views, it and the target rotated by the same angle, whatever the mounts are.
+    The readings are chosen such that angles agree over all such pairs. Without such pairs, each view has the reading
+    with the smaller rotation relative to the first view.
     """
     alike = np.einsum("nij,ij->n", read, read[0])
     turn = np.einsum("nij,ij->n", mask, read[0]) > alike
-    # Where one robot moved between views and the other stood still, by how much the target turned is known.
+    # If only one robot moved between two views, the rotation angle of the target is known.
     eye_still, hand_still = (stand[:, None] == stand[None] for stand in (group.eye.stand, group.hand.stand))
     told = np.asarray((eye_still != hand_still) & ~np.eye(len(group), dtype=bool))
     if not told.any():
@@ -212,7 +212,7 @@ def turned_views(group: ViewGroup, read: Array, mask: Array) -> BoolArray:
     eye, hand = group.eye.base_from_flange.rotation, group.hand.base_from_flange.rotation
     of_eye, of_hand = (rotation_angle(r[:, None], r) for r in (eye, hand))
     angle = np.where(hand_still, of_eye, of_hand)
-    # How far off is view i read the way s from view j read the way t, (i, s, j, t) [rad].
+    # Error of the angle between view i in reading s and view j in reading t, (i, s, j, t) [rad].
     both = np.stack([read, mask], 1)
     between = rotation_angle(both[:, :, None, None], both)
     misfit = np.minimum(np.abs(between - angle[:, None, :, None]), HOPELESS_RAD) * told[:, None, :, None]
@@ -223,7 +223,7 @@ def turned_views(group: ViewGroup, read: Array, mask: Array) -> BoolArray:
 
 
 def _descend_readings(misfit: Array, turn: Array) -> Array:
-    """The readings, (n,), from which no single view gains by being read otherwise."""
+    """Coordinate descent on the readings, (n,), until no change of a single view reduces the error."""
     turn, rows = turn.copy(), np.arange(len(turn))
     for _ in range(_DESCENT_ROUNDS * len(turn)):
         both = misfit[:, :, rows, turn].sum(-1)

@@ -1,6 +1,6 @@
-"""Starts of pairs of camera and target refined on directions, those of many searches side by side.
+"""Refinement of starts of camera-target pairs on their directions, batched over many searches.
 
-`benchmarks.starts` judges its limits.
+The limits are validated by `benchmarks.starts`.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from basecal.estimation.start.rotation_search import pose_starts, settled_rotati
 from basecal.geometry import SE3
 from basecal.numerics.batch import stack
 
-_GRID_CELLS = 16  # of the grid of rotations that are refined; judged by benchmarks.starts
-_REFINEMENT_STEPS = 30  # a start that needs more is in no basin; the best is refined again with all views
+_GRID_CELLS = 16  # number of cells of the grid that are refined; validated by benchmarks.starts
+_REFINEMENT_STEPS = 30  # maximum number of steps: starts that need more are poor; the best is refined again later
 
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """A wish: the start from which a pair alone is fitted best, refined.
+    """Request to refine the starts of one pair and return the best.
 
     Attributes:
-        views: Of the pair.
-        loop: What of X, Y and Z is known.
-        starts: Of X, Y and Z.
+        views: Views of the pair.
+        loop: The known transforms among X, Y and Z.
+        starts: Starts of X, Y and Z.
         is_point: Whether the target is a single point, whose mount has no rotation.
-        searched: Whether rotations are searched for further starts, which views that give whole poses allow.
+        searched: Whether to search for further starts over rotations; requires views with poses.
     """
 
     views: PairViews
@@ -43,7 +43,7 @@ class Refinement:
 
     @property
     def structure(self) -> Hashable:
-        """Wishes of the same structure go side by side."""
+        """Key that is equal for requests that can share a batch."""
         group = self.views.group
         points = getattr(group.measurement, "points_in_target", np.zeros((0, 3)))
         kind = type(group.measurement), points.tobytes()
@@ -51,7 +51,7 @@ class Refinement:
 
 
 def refine_jointly(wishes: Sequence[Refinement], iterations: int = _REFINEMENT_STEPS) -> list[Triple]:
-    """The best of each wish's starts, refined by so many steps at most."""
+    """Refine the starts of all requests in batches, and return the best of each request."""
     best: dict[int, Triple] = {}
     for structure in dict.fromkeys(wish.structure for wish in wishes):
         numbers = [k for k, wish in enumerate(wishes) if wish.structure == structure]
@@ -60,7 +60,7 @@ def refine_jointly(wishes: Sequence[Refinement], iterations: int = _REFINEMENT_S
 
 
 def _refine(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
-    """Refine wishes of one structure; those of fewer views are filled up with views of no weight."""
+    """Refine requests of one structure as a batch; requests with fewer views are padded with zero-weight views."""
     if wishes[0].searched:
         wishes = [replace(w, starts=[*w.starts, *of]) for w, of in zip(wishes, _search_starts(wishes), strict=True)]
     most = max(len(wish.views.group) for wish in wishes)
@@ -80,7 +80,7 @@ def _refine(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
 
 
 def _search_starts(wishes: Sequence[Refinement]) -> list[list[Triple]]:
-    """Starts by a search over rotations, with the better pose of each view, and with both of those that have two."""
+    """Starts by a search over rotations, with the best pose of each view, and with both poses of ambiguous views."""
     both = {k: loop for k, wish in enumerate(wishes) if (loop := wish.views.ambiguous_loop(wish.loop)) is not None}
     found = pose_starts([*(wish.loop for wish in wishes), *both.values()], _GRID_CELLS)
     starts = [[solve_translations(wish.loop, turn) for turn in of] for wish, of in zip(wishes, found, strict=False)]
@@ -94,14 +94,14 @@ def _search_starts(wishes: Sequence[Refinement]) -> list[list[Triple]]:
 
 
 def _choose_poses(views: PairViews, loop: Loop, rotations: Rotations) -> Loop:
-    """A loop with the pose of each view that is nearer to what rotations of X, Y and Z predict."""
+    """Loop with the pose of each view that is closest to the prediction of the rotations of X, Y and Z."""
     assert views.candidates is not None
     choice = views.closest_pose(solve_translations(loop, rotations))
     return loop._replace(b=views.candidates[np.arange(len(choice)), choice])
 
 
 def pair_problem(views: PairViews, loop: Loop, is_point: bool) -> Problem:
-    """The problem of one pair alone, whose unknowns are x, y and z."""
+    """Return the problem of a single pair, with transforms named x, y and z."""
     eye, hand = views.group.without_stops().ends
     ends = replace(eye, mount="x", base=None), replace(hand, mount="z", base="y")
     group = replace(views.group, ends=ends, readings=())

@@ -1,10 +1,11 @@
-"""Rotations of A X B = Y C Z where no closed form determines them: the best cells of a grid, refined in turn.
+"""Rotations of A X B = Y C Z if no closed form determines them: the best cells of a grid, refined by alternation.
 
-Given two of the three rotations, the third that fits best is the one nearest to a weighted mean over the samples. X is
-nearest to that of A'YCZB', Y to that of AXBZ'C', and Z to that of C'Y'AXB. All three are sums over products of entries
-of A, C and B. The moments sum w^2 A (x) C (x) B, (9, 9, 9) of one loop, therefore represent its samples. Loops with the
-same unknowns go side by side. The sixty rotations of the icosahedron cover all rotations within 45 degrees.
-`benchmarks.starts` judges its limits.
+Given two of the three rotations, the best third one is the rotation nearest to a weighted mean over the samples. X is
+nearest to the mean of A'YCZB', Y to that of AXBZ'C', and Z to that of C'Y'AXB. All three are sums of products of
+entries of A, C and B. The moments sum w^2 A (x) C (x) B of a loop, (9, 9, 9), are therefore sufficient statistics of
+its samples. Loops with the same unknowns form a batch. Every rotation is within 45 degrees of one of the 60 rotations
+of the icosahedron.
+The thresholds are validated by `benchmarks.starts`.
 """
 
 from __future__ import annotations
@@ -20,35 +21,36 @@ from basecal.geometry import Array, IntArray, read_only
 from basecal.geometry.rotation import nearest_rotation, rotation_exp
 from basecal.numerics.batch import concatenate, take
 
-# Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
+# Number of refined cells of the grid; then rounds, and number of best candidates retained after them.
 _GRID_CELLS = 16
 _ALTERNATION_SCHEDULE = ((5, 6), (10, 2), (25, 1))
 _CHUNK_LOOPS = 8
-# Of starts that are refined as a whole later: enough to bring grid cells of one basin together.
+# Rounds for starts that are fully refined later: enough to merge grid cells of one basin.
 _START_ROUNDS = 12
-_SETTLING_ROUNDS = 25  # of one start: its error falls to a few hundredths
-# Starts nearer to each other than this end in the same optimum: half of what a descent's basin spans [rad].
+_SETTLING_ROUNDS = 25  # rounds for a single start: reduces its error to a few percent
+# [rad] starts closer to each other have the same optimum: half the width of a descent's basin.
 _EQUAL_ANGLE_RAD = 0.15
-# Rotations whose entries change by less in a round have settled.
+# Largest change of an entry in a round at which rotations have converged.
 _CONVERGED_ANGLE_RAD = 1e-6
-# Each round of the sum of singular values leaves at most a ninth of the error: enough to rank by.
+# Each round reduces the error of the sum of singular values at least ninefold: sufficient for ranking.
 _SUM_ROUNDS = 8
 
 KEPT_SHARE = 0.7
-"""Share of samples that counts, the best: three in ten may be outliers; `benchmarks.starts` judges it."""
+"""Share of samples in a trimmed error: 30 % of them may be outliers; validated by `benchmarks.starts`."""
 
 HOPELESS_RAD = 0.5
-"""Rotations further off than this [rad] are wrong: no further round or reading helps; `benchmarks.starts`."""
+"""Error beyond which rotations are wrong and not refined further [rad]; validated by `benchmarks.starts`."""
 
 Turns = Mapping[str, Array]
-"""By letter of X, Y and Z: (h, m, 3, 3) rotations of h loops, m of each."""
+"""Rotations of h loops, m candidates each, (h, m, 3, 3), by letter of X, Y and Z."""
 
 
 @cache
 def icosahedral_rotations() -> Array:
-    """The sixty rotations that carry an icosahedron onto itself, (60, 3, 3).
+    """Rotation group of the icosahedron, (60, 3, 3).
 
-    Those of a tetrahedron, each after a turn about a vertex: half turns about the axes, and the axes in turn.
+    Each element is the product of a tetrahedral rotation and a rotation about a vertex. The tetrahedral rotations are
+    half turns about the axes, cyclic permutations of the axes, and their products.
     """
     vertex = np.array([0.0, 1.0, (1 + 5**0.5) / 2])
     about_vertex = rotation_exp(2 * np.pi / 5 * np.arange(5)[:, None] * vertex / np.linalg.norm(vertex))
@@ -59,17 +61,17 @@ def icosahedral_rotations() -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Loops:
-    """Loops with the same unknowns, h of them, of at most n samples.
+    """Batch of h loops with the same unknowns and at most n samples.
 
     Attributes:
-        a: (h, n, 3, 3), rotations of A.
-        b: (h, n, 3, 3), likewise.
-        c: (h, n, 3, 3), likewise.
-        weight: (h, n), 0 if a loop has fewer samples.
-        count: (h,) how many samples a loop has.
-        known: (h, 1, 3, 3) by the letters that are known.
-        unknown: The other letters.
-        moments: (h, 9, 9, 9) by entries of X, Y and Z.
+        a: (h, n, 3, 3) rotations of A.
+        b: (h, n, 3, 3) rotations of B.
+        c: (h, n, 3, 3) rotations of C.
+        weight: (h, n) weights of samples, 0 for padding.
+        count: (h,) number of samples of each loop.
+        known: (h, 1, 3, 3) known rotations, by letter of X, Y and Z.
+        unknown: Letters of the unknown rotations.
+        moments: (h, 9, 9, 9) moments by entries of X, Y and Z.
     """
 
     a: Array
@@ -82,9 +84,12 @@ class _Loops:
     moments: Array
 
     def means(self, letter: str, turns: Turns, count: bool = False) -> Array:
-        """Weighted sums whose nearest rotation is the one of `letter`, (h, m, 3, 3); `count` firsts by all seconds.
+        """Weighted means whose nearest rotation is the best one of `letter`, (h, m, 3, 3).
 
-        Then they are (h, p, q, 3, 3) of p of the first and q of the second other letter.
+        Args:
+            letter: Letter of X, Y or Z.
+            turns: Candidates of the other two letters, paired by index.
+            count: Whether to combine all p candidates of the first letter with all q of the second: (h, p, q, 3, 3).
         """
         first, second = (other for other in "xyz" if other != letter)
         h = len(self.moments)
@@ -97,13 +102,13 @@ class _Loops:
 
 
 def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[Rotations]]:
-    """The most promising rotations of X, Y and Z of each loop whose views give whole poses, without duplicates.
+    """Find distinct start rotations of X, Y and Z for each loop of views with poses.
 
-    The best cells of the grid, refined: most of them end in the same few places.
+    The best cells of the grid are refined; most of them converge to the same few rotations.
 
     Args:
-        loops: With the same unknowns.
-        max_count: How many cells of the grid.
+        loops: Loops with the same unknowns.
+        max_count: Number of cells of the grid.
     """
     every = _loops(loops)
     at = _alternate(every, _grid_starts(every, max_count), _START_ROUNDS)
@@ -116,7 +121,7 @@ def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[Rotations]]:
 
 
 def settled_rotations(loops: Sequence[Loop], starts: Sequence[Rotations]) -> list[Rotations]:
-    """Rotations of loops with the same unknowns that agree with each loop's own samples, downhill of X, Y, Z."""
+    """Refine start rotations of loops with the same unknowns by alternation, each loop with its own samples."""
     every = _loops(loops)
     begun = {k: np.stack([getattr(turns, k)[None] for turns in starts]) for k in every.unknown}
     at = _alternate(every, {**every.known, **begun}, _SETTLING_ROUNDS)
@@ -124,7 +129,7 @@ def settled_rotations(loops: Sequence[Loop], starts: Sequence[Rotations]) -> lis
 
 
 def _distinct_rotations(angles: Array) -> list[int]:
-    """The rotations that differ from all before them, by angles (m, m)."""
+    """Indices of rotations that differ from all previously selected ones, given their angles (m, m) [rad]."""
     apart: list[int] = []
     for i in range(len(angles)):
         if np.all(angles[i, apart] > _EQUAL_ANGLE_RAD):
@@ -133,7 +138,7 @@ def _distinct_rotations(angles: Array) -> list[int]:
 
 
 def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
-    """Rotations of loops with the same unknowns, two or three, that close most samples of each."""
+    """Find the rotations that close most samples of each loop; loops have the same two or three unknowns."""
     every = _loops(loops)
     at = _grid_starts(every, _GRID_CELLS)
     found = {k: turn[:, 0].copy() for k, turn in at.items()}
@@ -151,7 +156,7 @@ def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
 
 
 def rotation_angle(first: Array, second: Array) -> Array:
-    """Angles between rotations, (..., 3, 3) each to (...,) [rad]: exact near zero, to 1e-8 near half a turn."""
+    """Angles between rotations (..., 3, 3), (...,) [rad]; exact near zero, accurate to 1e-8 near half a turn."""
     off = first - second
     chord = np.sqrt(np.einsum("...ij,...ij->...", off, off) / 8)
     angle: Array = 2 * np.arcsin(np.minimum(chord, 1.0))
@@ -184,7 +189,7 @@ def _moments(a: Array, b: Array, c: Array, weight: Array) -> Array:
 
 
 def _grid_starts(loops: _Loops, max_count: int) -> dict[str, Array]:
-    """The most promising rotations, (h, m, 3, 3) by letter, best first; of so many loops at a time as a cache holds."""
+    """Best rotations of the grid, (h, m, 3, 3) by letter, best first; in chunks of loops that fit into the cache."""
     count = len(loops.moments)
     parts = [
         _best_of_grid(take(loops, slice(at, at + _CHUNK_LOOPS)), max_count) for at in range(0, count, _CHUNK_LOOPS)
@@ -216,11 +221,11 @@ def _best_of_grid(loops: _Loops, max_count: int) -> dict[str, Array]:
 
 
 def _sum_of_singular_values(matrix: Array) -> Array:
-    """Nuclear norms of (..., 3, 3), tenfold faster than by their singular values s, t and u.
+    """Nuclear norms of (..., 3, 3), (...,), by a fixed-point iteration ten times as fast as a decomposition.
 
-    With p = st + tu + us, these hold: (s + t + u)^2 == s^2 + t^2 + u^2 + 2 p and p^2 == (st)^2 + (tu)^2 + (us)^2 + 2
-    stu (s + t + u). The squares of the entries give the first sum of squares, those of the cofactors the second, and
-    the determinant is stu.
+    s, t and u are the singular values and p = st + tu + us. Two equations hold: (s + t + u)^2 == s^2 + t^2 + u^2 + 2 p
+    and p^2 == (st)^2 + (tu)^2 + (us)^2 + 2 stu (s + t + u). The first sum of squares is that of the entries, the second
+    that of the cofactors, and stu is the absolute determinant.
     """
     rows = np.moveaxis(matrix, -2, 0)
     cofactors = np.cross(rows[[1, 2, 0]], rows[[2, 0, 1]])
@@ -233,7 +238,7 @@ def _sum_of_singular_values(matrix: Array) -> Array:
 
 
 def _alternate(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
-    """Each unknown rotation in turn as the mean that follows from the others, until those of a loop settle."""
+    """Replace each unknown rotation in turn by the mean that follows from the others, until a loop converges."""
     found = {k: turn.copy() for k, turn in turns.items()}
     moving = np.arange(len(loops.moments))
     for _ in range(rounds):
@@ -250,7 +255,7 @@ def _alternate(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
 
 
 def _rank_rotations(loops: _Loops, turns: Turns, max_count: int) -> tuple[dict[str, Array], Array]:
-    """The best rotations of each loop, (h, most, 3, 3) by letter, and the angles that they leave, (h, most) [rad]."""
+    """Best rotations of each loop, (h, max_count, 3, 3) by letter, and their errors, (h, max_count) [rad]."""
     x, y, z = (turns[k][:, :, None] for k in "xyz")
     seen = loops.a[:, None] @ x @ loops.b[:, None]
     told = y @ loops.c[:, None] @ z
@@ -261,7 +266,7 @@ def _rank_rotations(loops: _Loops, turns: Turns, max_count: int) -> tuple[dict[s
 
 
 def _trimmed_rms(angle: Array, count: IntArray) -> Array:
-    """Rms over the least of the first `count` values, (h, m, n) to (h, m)."""
+    """Trimmed rms, (h, m), of the smallest 70 % of the first `count` values of angles (h, m, n)."""
     among = np.arange(angle.shape[-1]) < count[:, None]
     ordered = np.sort(np.where(among[:, None], angle, np.inf), axis=-1)
     kept = np.maximum(1, np.ceil(KEPT_SHARE * count).astype(np.int64))
