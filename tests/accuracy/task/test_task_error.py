@@ -55,10 +55,10 @@ def test_what_noise_is_not_and_clocks_are_lines_of_the_budget():
     stated = replace(calibration, transforms={**calibration.transforms, BASE: replace(own, covariance=wide)})
     found = add_task_error(made.cell, stated, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, modelled, every))
     told = {entry.source: entry.rms_m for entry in found.budget}
-    assert told["what is systematic: robots, lens, fits that differ"] == pytest.approx(2e-3, rel=1e-3)
+    assert told["systematic errors: robots, lens, differing fits"] == pytest.approx(2e-3, rel=1e-3)
     assert told["offsets of clocks"] == pytest.approx(1e-3, rel=1e-3)
     plain = add_task_error(made.cell, calibration, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, fitted, fitted))
-    assert not {"offsets of clocks", "what is systematic: robots, lens, fits that differ"} & {
+    assert not {"offsets of clocks", "systematic errors: robots, lens, differing fits"} & {
         entry.source for entry in plain.budget
     }
     assert np.all(found.error_map.length_95_m > plain.error_map.length_95_m)
