@@ -37,7 +37,7 @@ def test_a_task_changes_nothing_but_what_is_told_of_it():
 def test_a_task_needs_something_placed():
     """A lone mount has no error at a point of the base: it is said before anything is computed."""
     lone = simulate(Scenario(samples=2, layout="eye_in_hand", target_mount="fixed"), 0)
-    with pytest.raises(InputError, match="Leave the task point out"):
+    with pytest.raises(InputError, match="Omit the task point"):
         calibrate(lone.cell, lone.recording, Settings(task_point=(0.0, 0.0, 0.0)))
 
 
