@@ -19,7 +19,7 @@ from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import take
 from basecal.numerics.sparse_hessian import SparseHessian
 
-_MOST_STEPS = 30  # of a fold, which starts at the fit of all samples; assumed: with more, it has not converged
+_MOST_STEPS = 30  # of a fold, which starts at the fit of all samples; a fold that needs more has not converged; assumed
 
 
 @dataclass(frozen=True, eq=False)

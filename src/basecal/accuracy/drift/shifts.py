@@ -24,7 +24,7 @@ from basecal.numerics.spectral import spectrum
 SIZE_KIND = "size"
 """Value of `Shift.transform` for a change of a target's size."""
 
-_HIDDEN_SHARE = 1e-6  # share of the largest information below which a direction of a shift is unobservable
+_HIDDEN_SHARE = 1e-6  # share of the largest eigenvalue of the scaled information, below which a shift is unobservable
 _DIRECTION_COUNT = 100  # directions over which the detection probability is averaged, to a thousandth
 _SCALE_COUNT = 20  # variance scales over which the detection probability is averaged
 _LARGEST_M = 10.0  # [m] larger than any shift in a cell: a shift not detected then is not detectable
