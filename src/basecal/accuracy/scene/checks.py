@@ -143,7 +143,7 @@ def base_findings(name: str, offset: Array | None, covariance: Array) -> Iterato
 def kept_findings(names: tuple[str, str], count_before: int, count_after: int) -> Iterator[Finding]:
     """Findings about points of both scenes that are lost in the joint adjustment."""
     if count_after < _LEAST_KEPT * count_before or count_after < _FEWEST_SHARED:
-        what = f"{count_after} of {count_before} points that {names[0]} and {names[1]} seemed to share fit one scene."
+        what = f"Only {count_after} of {count_before} points that {names[0]} and {names[1]} share fit one scene."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
 
 
