@@ -72,7 +72,7 @@ def test_a_clock_that_nothing_shows_is_said_and_not_told() -> None:
     assert "wrist" not in found.clocks
     said = [f for f in found.findings if f.about == ("wrist",)]
     assert [(f.code, f.severity) for f in said] == [("unobservable-direction", "info")]
-    assert "Nothing moves enough" in said[0].message
+    assert "The robots move too little" in said[0].message
 
 
 def test_a_prior_that_is_contradicted_is_named() -> None:
@@ -194,8 +194,8 @@ def test_line_times_are_told_in_microseconds() -> None:
     (found,) = said(Clock("free", 2e-5), 2.5e-5, 0.0, seen=False, name=name)
     assert found[:3] == ("info", "unobservable-direction", "wrist")
     assert "The line time of wrist is unobservable" in found[3]
-    assert "it is held at 25.0 us, and nothing depends on it" in found[3]
+    assert "The value 25.0 us is kept, without effect on the result" in found[3]
     (found,) = said(Clock("free", 2e-5), 0.0254, 0.0, seen=False)
     assert (
-        "The clock of wrist is unobservable. Nothing moves enough while it records: it is held at 0.025 s" in found[3]
+        "The clock of wrist is unobservable. The robots move too little while it records. The value 0.025 s" in found[3]
     )

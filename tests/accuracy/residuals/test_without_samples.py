@@ -53,7 +53,7 @@ def test_an_answer_from_a_scene_says_so(made):
     cell, calibration = made
     of_scene = replace(calibration, settings={**calibration.settings, "method": "scene"})
     bare = Recording(tuple(replace(each, observations=()) for each in cell.recording.samples))
-    with pytest.raises(InputError, match="from a scene is not solved anew"):
+    with pytest.raises(InputError, match="from a scene cannot be updated"):
         without_samples(cell.cell, bare, of_scene, {3})
 
 

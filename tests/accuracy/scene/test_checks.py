@@ -131,7 +131,7 @@ def test_poses_that_scatter_are_named_as_a_cause() -> None:
     assert scatter == "Poses of left scatter by 1 mm and 0.46 deg."
     (found,) = direction_findings("mount", np.diag(np.full(6, 1e-3)), scatter)
     assert found.why == scatter
-    assert "zeros" in found.do[0]
+    assert "joint offsets" in found.do[0]
     (plain,) = direction_findings("mount", np.diag(np.full(6, 1e-3)))
     assert (plain.why, plain.do) == ("", found.do[1:])
 

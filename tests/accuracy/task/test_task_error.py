@@ -37,7 +37,7 @@ def test_a_task_changes_nothing_but_what_is_told_of_it():
 def test_a_task_needs_something_placed():
     """A lone mount has no error at a point of the base: it is said before anything is computed."""
     lone = simulate(Scenario(samples=2, layout="eye_in_hand", target_mount="fixed"), 0)
-    with pytest.raises(InputError, match="Leave the task point out"):
+    with pytest.raises(InputError, match="Omit the task point"):
         calibrate(lone.cell, lone.recording, Settings(task_point=(0.0, 0.0, 0.0)))
 
 
@@ -55,10 +55,10 @@ def test_what_noise_is_not_and_clocks_are_lines_of_the_budget():
     stated = replace(calibration, transforms={**calibration.transforms, BASE: replace(own, covariance=wide)})
     found = add_task_error(made.cell, stated, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, modelled, every))
     told = {entry.source: entry.rms_m for entry in found.budget}
-    assert told["what is systematic: robots, lens, fits that differ"] == pytest.approx(2e-3, rel=1e-3)
+    assert told["systematic errors: robots, lens, differing fits"] == pytest.approx(2e-3, rel=1e-3)
     assert told["offsets of clocks"] == pytest.approx(1e-3, rel=1e-3)
     plain = add_task_error(made.cell, calibration, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, fitted, fitted))
-    assert not {"offsets of clocks", "what is systematic: robots, lens, fits that differ"} & {
+    assert not {"offsets of clocks", "systematic errors: robots, lens, differing fits"} & {
         entry.source for entry in plain.budget
     }
     assert np.all(found.error_map.length_95_m > plain.error_map.length_95_m)

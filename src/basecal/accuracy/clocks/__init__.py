@@ -1,1 +1,1 @@
-"""Offsets of clocks: estimated beside all else, since robots that move stand elsewhere a moment later."""
+"""Clock offsets, estimated jointly with the calibration: moving robots have other poses a moment later."""

@@ -1,4 +1,4 @@
-"""An answer with its clocks: moved by what is left of their offsets, and as wide as these leave it."""
+"""Correction of a solution by the remaining step of the clock offsets, with the offsets' uncertainty."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from basecal.estimation.streams.rolling_shutter import line_time_name
 
 
 def remaining_step(search: Clocked, solution: Solution) -> ClockStep:
-    """The step that the answer, made of what agrees and with its noise, still asks of the clocks."""
+    """Return the remaining step of the clock offsets at the final solution, which has its own inliers and noise."""
     return clock_step(search.streams, search.synchronised, search.offsets_s, solution)
 
 
 def apply_remaining_step(solution: Solution, step: ClockStep) -> Solution:
-    """The answer at the optimum of the offsets, to first order, and its covariance with theirs.
+    """Move a solution to the optimum of the clock offsets, to first order, and add the offsets' uncertainty.
 
-    It is C + G V G': C is the covariance with known offsets, G the derivative of the answer to them, V their own
-    covariance. Source: docs/mathematics.md (12.3).
+    The covariance is C + G V G'. C is the covariance for known offsets, G the derivative of the solution with respect
+    to the offsets, and V the covariance of the offsets. Source: docs/mathematics.md (12.3).
     """
     normal = linearise(solution.problem, solution.state)
     state = retract(solution.problem, solution.state, normal, step.by_offsets @ step.step_s)
@@ -33,13 +33,13 @@ def apply_remaining_step(solution: Solution, step: ClockStep) -> Solution:
 
 
 def clock_offsets(search: Clocked, step: ClockStep) -> dict[str, ClockOffset]:
-    """Offsets by device, of those that were estimated and seen, or stated and not 0."""
+    """Clock offsets by device: those that were estimated and are observable, and those stated other than 0."""
     lines = {line_time_name(camera) for camera in search.streams.cell.cameras}
     return {name: ClockOffset(*value) for name, value in _estimated_offsets(search, step).items() if name not in lines}
 
 
 def line_times(search: Clocked, step: ClockStep) -> dict[str, LineTime]:
-    """Line times by camera, likewise."""
+    """Line times by camera: those that were estimated and are observable, and those stated other than 0."""
     found = _estimated_offsets(search, step)
     return {
         name: LineTime(*found[line_time_name(name)])
@@ -49,7 +49,7 @@ def line_times(search: Clocked, step: ClockStep) -> dict[str, LineTime]:
 
 
 def _estimated_offsets(search: Clocked, step: ClockStep) -> dict[str, tuple[float, float]]:
-    """Offsets, and line times by `line_time_name`, with their sigmas."""
+    """Offsets with sigmas [s] by device, and line times with sigmas [s] by `line_time_name`."""
     found = {name: (offset, 0.0) for name, offset in search.offsets_s.items() if offset}
     for k, name in enumerate(step.clocks):
         found.pop(name, None)
@@ -70,7 +70,7 @@ def clock_findings(search: Clocked, step: ClockStep) -> list[Finding]:
         which = f"The line time of {device}" if is_line else f"The clock of {device}"
         if not step.seen[k]:
             at = f"{1e6 * search.offsets_s[name]:.1f} us" if is_line else f"{search.offsets_s[name]:.3f} s"
-            why = f"Nothing moves enough while it records: it is held at {at}, and nothing depends on it."
+            why = f"The robots move too little while it records. The value {at} is kept, without effect on the result."
             findings.append(Finding("unobservable-direction", "info", (device,), f"{which} is unobservable.", why=why))
         elif known.sigma_s is not None and compare_nested_models((off / known.sigma_s) ** 2, 1).is_taken:
             is_at = f"{1e6 * offset:.2f} us" if is_line else f"{1e3 * offset:.1f} ms off"

@@ -1,7 +1,7 @@
-"""Offsets of clocks from nothing: stepped to the optimum, and tried over seconds where that explains no views.
+"""Search of clock offsets: Gauss-Newton steps to the optimum, and a grid over seconds if the steps fail.
 
-Line times of rolling shutters are stepped with them, and pixels corrected by each solution for the next.
-`benchmarks.clocks` judges its limits.
+Line times of rolling shutters are estimated with the offsets; each solution corrects the pixels for the next one.
+`benchmarks.clocks` evaluates the limits.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from basecal.estimation.streams.jitter import with_jitter, with_passing_times
 from basecal.estimation.streams.rolling_shutter import Known, line_time_name
 from basecal.estimation.streams.streams import Streams, Synchronised, synchronise
 
-# Offsets that are tried [s]: computers that are not synchronised at all state a guess. Steps converge from twice the
-# spacing of these on arms that move as people and programs move them.
+# Tried offsets [s]; for computers without synchronisation, a guess has to be stated. Steps converge from twice the
+# spacing of these offsets for usual motions of arms.
 _TRIED_OFFSETS_S = np.linspace(-1.0, 1.0, 21)
-_TRIED_VIEWS = 40  # which a solution of a hundredth of a second needs
-_TRIED_STEPS = 10  # of a descent: where the offset is not within its basin none ends
-_STEPPED_VIEWS = 200  # of which steps are taken until they end
+_TRIED_VIEWS = 40  # for a solution in a hundredth of a second
+_TRIED_STEPS = 10  # of a descent: outside the basin of the offset, no descent converges
+_STEPPED_VIEWS = 200  # views for steps until convergence
 _OFFSET_STEPS = 8
-_CONVERGED_SIGMAS = 0.05  # of its sigma, that a step may still be
+_CONVERGED_SIGMAS = 0.05  # largest step at convergence, in sigmas
 
 
 @dataclass(frozen=True, eq=False)
 class Clocked:
-    """A recording by clocks that are so far off.
+    """A recording that is synchronised with clock offsets.
 
     Attributes:
-        streams: As each device recorded.
-        offsets_s: By device, and line times by `line_time_name` [s].
-        synchronised: The samples.
-        near: A solution near them; None if nothing was solved.
+        streams: The recorded streams of each device.
+        offsets_s: Clock offsets by device, and line times by `line_time_name` [s].
+        synchronised: The synchronised samples.
+        near: A solution near the offsets; None if no solution was found.
     """
 
     streams: Streams
@@ -53,16 +53,16 @@ class Clocked:
 
     @property
     def recording(self) -> Recording:
-        """The samples, robots where they were at the instants of the views."""
+        """The samples, with robot poses interpolated at the times of the views."""
         return self.synchronised.recording
 
     def add_jitter(self, problem: Problem) -> Problem:
-        """The problem of the samples, with the jitter of stamps, and when robots moved."""
+        """Add the jitter of stamps and the times of robot motion to the problem of the samples."""
         return _add_jitter(problem, self.streams, self.synchronised, self.near)
 
 
 def search_offsets(streams: Streams, settings: Settings) -> Clocked:
-    """The recording by the most likely offsets of its clocks, of those that are not fixed.
+    """Synchronise a recording with the most likely offsets of its clocks; fixed offsets stay as stated.
 
     Raises:
         InputError: if the cell contradicts the recording.
@@ -83,7 +83,7 @@ def search_offsets(streams: Streams, settings: Settings) -> Clocked:
 
 
 def _best_offset(streams: Streams, offsets: dict[str, float], name: str, settings: Settings) -> dict[str, float]:
-    """The offsets with that of one clock by which views fit best."""
+    """Return the offsets with the tried offset of one clock that fits the views best."""
     clock = streams.clocks[name]
     reach = _TRIED_OFFSETS_S if clock.sigma_s is None else 3 * clock.sigma_s * np.linspace(-1, 1, len(_TRIED_OFFSETS_S))
     tried = [{**offsets, name: clock.offset_s + float(shift)} for shift in reach]
@@ -92,7 +92,7 @@ def _best_offset(streams: Streams, offsets: dict[str, float], name: str, setting
 
 
 def _misfit(streams: Streams, offsets: dict[str, float], settings: Settings) -> float:
-    """Minus twice the log likelihood for each residual, robots assumed exact; infinite if nothing is solved."""
+    """Minus twice the log likelihood per residual, robots assumed exact; infinite if the solve fails."""
     exact = {name: replace(robot, noise=None) for name, robot in streams.cell.robots.items()}
     known = replace(streams, cell=replace(streams.cell, robots=exact))
     try:
@@ -109,7 +109,7 @@ def _misfit(streams: Streams, offsets: dict[str, float], settings: Settings) -> 
 def _step_offsets(
     streams: Streams, offsets: dict[str, float], settings: Settings
 ) -> tuple[dict[str, float], Solution | None, bool]:
-    """Offsets at which views ask for no further step, the last solution, and whether noise of arms explains it."""
+    """Step the offsets to convergence; return them, the last solution, and whether usual robot noise explains it."""
     last: Solution | None = None
     explained = False
     for _ in range(_OFFSET_STEPS):
@@ -133,13 +133,13 @@ def _step_offsets(
 
 def _apply_step(offsets: dict[str, float], step: ClockStep) -> dict[str, float]:
     steps = dict(zip(step.clocks, step.step_s.tolist(), strict=True))
-    # A solution beside the optimum may promise more than its velocities hold for.
+    # Far from the optimum, a step may exceed the range in which the velocities are valid.
     reach = float(_TRIED_OFFSETS_S[-1])
     return {name: offset + float(np.clip(steps.get(name, 0.0), -reach, reach)) for name, offset in offsets.items()}
 
 
 def _synchronise(streams: Streams, offsets: dict[str, float], guess: Solution | None) -> Synchronised:
-    """The samples, with pixels of rolling shutters corrected by a solution near them."""
+    """Synchronise the samples, and correct pixels of rolling shutters by a nearby solution."""
     samples = synchronise(streams, offsets)
     if guess is None:
         return samples

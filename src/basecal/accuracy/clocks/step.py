@@ -1,8 +1,8 @@
-"""The step of clock offsets in a solution, its covariance, and the derivative of the answer to it.
+"""Step of the clock offsets at a solution, its covariance, and the derivative of the solution with respect to it.
 
-A camera whose stamps lag sees the flanges where they were a moment later: its views move with all flanges' velocities.
-The line time of a rolling shutter moves each pixel by so many times as much as its row says. All that the other
-unknowns can take up is projected out. Source: docs/mathematics.md (12.2), (12.5).
+An offset of a camera's clock shifts its views along the velocities of all flanges. The line time of a rolling shutter
+shifts each pixel in proportion to its row. The effect of the other unknowns is projected out.
+Source: docs/mathematics.md (12.2), (12.5).
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from basecal.estimation.view.target_points import point_jacobians
 from basecal.geometry import Array, BoolArray
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-# Sigma of an offset [s] beyond which it is not seen: arms that hardly move, or a velocity that never changes.
+# Sigma of an offset [s] above which it is unobservable: arms that hardly move, or a constant velocity.
 _UNOBSERVABLE_SIGMA_S = 0.5
-_UNOBSERVABLE_LINE_SIGMA_S = _UNOBSERVABLE_SIGMA_S / 1000  # likewise of a line time: as much over the rows of an image
+_UNOBSERVABLE_LINE_SIGMA_S = _UNOBSERVABLE_SIGMA_S / 1000  # of a line time: the same over the rows of an image
 
 
 @dataclass(frozen=True, eq=False)
 class ClockStep:
-    """Where clocks go from the offsets at which a solution was made.
+    """Step of the clock offsets from those of a solution.
 
     Attributes:
-        clocks: Names of the devices, and of cameras' line times by `line_time_name`, q of them.
-        step_s: (q,) to be added to their offsets, or to the line times [s]; 0 of those that are not seen.
-        covariance: (q, q) of the offsets [s^2].
-        by_offsets: (p, q) how the columns of the answer go with the offsets [per s].
-        seen: (q,) whether the data, or a prior, hold each.
-        offsets: Those of them that are seen, beside the solution.
+        clocks: Names of the q devices, and of cameras' line times by `line_time_name`.
+        step_s: (q,) step of the offsets, or of the line times [s]; 0 if unobservable.
+        covariance: (q, q) covariance of the offsets [s^2].
+        by_offsets: (p, q) derivative of the solution's columns with respect to the offsets [per s].
+        seen: (q,) whether the data or a prior determine each offset.
+        offsets: The observable offsets, as additional unknowns of the solution.
     """
 
     clocks: tuple[str, ...]
@@ -49,7 +49,7 @@ class ClockStep:
     offsets: OpenOffsets | None = None
 
     def add_effects(self, shift_s: Array, covariance: Array) -> Self:
-        """The step beside effects that move the seen offsets, (r,) [s], and add to their covariance, (r, r)."""
+        """Add the shift of the observable offsets by effects, (r,) [s], and its covariance, (r, r) [s^2]."""
         step, total, seen = self.step_s.copy(), self.covariance.copy(), np.flatnonzero(self.seen)
         step[seen] += shift_s
         total[np.ix_(seen, seen)] += covariance
@@ -57,13 +57,13 @@ class ClockStep:
 
 
 def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, float], solution: Solution) -> ClockStep:
-    """The most likely step of the open clocks about a solution, to first order.
+    """Compute the most likely step of the open clocks about a solution, to first order.
 
     Args:
-        streams: What was recorded, with what is known of the clocks.
-        samples: The samples that were solved.
-        offsets_s: The offsets they were made with, by device.
-        solution: With its noise.
+        streams: The recorded streams, with the priors of the clocks.
+        samples: The synchronised samples of the solution.
+        offsets_s: Clock offsets of the samples, by device [s].
+        solution: The solution, with its noise.
     """
     situation = situate(solution)
     moves = tuple(_clock_jacobian(situation, k, streams.open, samples) for k in range(len(situation.groups)))
@@ -82,7 +82,7 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
     step = np.where(seen, -covariance @ (of_views.gradient[0] + pull / sigma**2), 0.0)
     _, across, _ = sums(about, every)
     by_offsets = -about.inverse @ across[0].T
-    # A prior that the views contradict is no reason for an effect: it is as wide as the step is off it.
+    # A contradicted prior must not cause an effect: widen it to the distance of the new offset from it.
     wide = np.minimum(np.hypot(sigma, pull + step), most)
     present = np.where(np.isinf(sigma), 0.0, pull / wide)
     offsets = OpenOffsets(tuple(of[:, 0][..., seen] for of in moves), wide[seen], present[seen])
@@ -90,7 +90,7 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
 
 
 def _clock_jacobian(situation: Situation, k: int, clocks: tuple[str, ...], samples: Synchronised) -> Array:
-    """How views of a group go with the offsets of clocks, (n, 1, 6, q)."""
+    """Derivatives of a group's views with respect to the clock offsets, (n, 1, 6, q)."""
     group = situation.problem.groups[k]
     moves = np.zeros((len(group), 1, 6, len(clocks)))
     for robot in group.robots:
@@ -107,7 +107,7 @@ def _clock_jacobian(situation: Situation, k: int, clocks: tuple[str, ...], sampl
 
 
 def _mean_row(situation: Situation, k: int) -> Array:
-    """The mean row of the views of a group as their pixels weigh it in each direction, (n, 6, 6)."""
+    """Mean row of the pixels of each view, weighted by their information in each direction, (n, 6, 6)."""
     group, at = situation.problem.groups[k], situation.links[k].camera_from_target
     if not isinstance(group.measurement, PixelMeasurement):
         return np.zeros((len(group), 6, 6))

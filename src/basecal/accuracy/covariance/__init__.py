@@ -1,1 +1,1 @@
-"""Covariance of an answer beyond its linear theory: another answer that it covers, arcs that leave their tangents."""
+"""Covariance beyond linear theory: coverage of an alternative solution, and second-order curvature."""

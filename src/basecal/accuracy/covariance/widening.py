@@ -1,4 +1,4 @@
-"""Covariances wider than that of noise: of an answer beside another one, and of equations that are curved."""
+"""Covariances beyond noise: for the difference to an alternative solution, and for curved equations."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 
 def state_step(problem: Problem, first: State, second: State) -> Array:
-    """The step from one state to another in the columns of transforms and lenses, (p,); 0 in all others.
+    """Step from one state to another in the columns of transforms and lenses, (p,); 0 in all other columns.
 
-    Distortion terms that a lens lacks before are 0 there.
+    Distortion terms that the first lens lacks count as 0 in the first state.
     """
     step = np.zeros(problem.width)
     for name, where in problem.columns.items():
@@ -35,31 +35,31 @@ def state_step(problem: Problem, first: State, second: State) -> Array:
 
 
 def largest_shift(solution: Solution, moves: Sequence[Array]) -> Array:
-    """The largest of several shifts of the columns, each (p,), in units of the covariance."""
+    """Return the shift of the columns, (p,), with the largest Mahalanobis distance."""
     known = spectrum(solution.covariance)
     return max(moves, key=lambda moved: float(known.squared_mahalanobis(moved)))
 
 
 def widen(solution: Solution, shift: Array) -> Solution:
-    """A solution whose covariance covers the answer with columns that are so much aside, (p,), too."""
+    """Widen the covariance of a solution to cover an alternative solution at a distance `shift`, (p,)."""
     return replace(solution, covariance=solution.covariance + np.outer(shift, shift))
 
 
-_MAX_STEPS = 4  # of Gauss-Newton: where sigmas are degrees, each is at most a twentieth of the one before
+_MAX_STEPS = 4  # of Gauss-Newton: for sigmas of degrees, each step is at most a twentieth of the previous one
 _LEAST_STEP = 0.1  # in sigmas: the next step, of 0.005, changes no digit of a covariance
-# Over the sigma of a product of two normals, whose tails are long: then an ellipsoid of 99 % holds 98.9 %, not 96.7 %.
+# Factor on the sigma of a product of two normals for its long tails: a 99 % ellipsoid then holds 98.9 %, not 96.7 %.
 _TAILS = 2.0
-_LEAST_SHARE = 0.1  # of the smallest sigma, by which an arc leaves its tangent before it counts
-_MOST_DIRECTIONS = 8  # the least known, so that their pairs stay few
+_LEAST_SHARE = 0.1  # of the smallest sigma: smaller deviations of an arc from its tangent are neglected
+_MOST_DIRECTIONS = 8  # those of the largest sigmas, to limit the number of pairs
 
 
 class _Directions(NamedTuple):
     """Principal directions of a covariance.
 
     Attributes:
-        steps: (p, m) of a sigma along each.
-        wide: (k,) those whose arcs may leave their tangents.
-        pairs: (2, q) places in `wide` of two that do so together.
+        steps: (p, m) step of one sigma along each direction.
+        wide: (k,) indices of directions with significant second-order curvature.
+        pairs: (2, q) pairs of indices into `wide` with significant mixed curvature.
     """
 
     steps: Array
@@ -68,11 +68,11 @@ class _Directions(NamedTuple):
 
 
 def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
-    """Second moments of what transforms of these names are off their tangents, (6 n, 6 n) [m, rad].
+    """Second moments of the deviations of named transforms from their tangents, (6 n, 6 n) [m, rad].
 
-    A first joint that is known to degrees moves a base along an arc, which leaves its tangent by more than the sigmas
-    across it. At z_i sigmas along the least known directions the best state is off their tangents by the sum of
-    q_ij z_i z_j. The second moments of that sum are added. Source: docs/mathematics.md (7.1).
+    If a first joint has a sigma of degrees, the base moves along an arc. The arc deviates from its tangent by more than
+    the sigmas across it. At z_i sigmas along the directions of largest sigma, the best state deviates from their
+    tangents by the sum of q_ij z_i z_j. The second moments of this sum are returned. Source: docs/mathematics.md (7.1).
     """
     directions = None if goes_by_neighbourhoods(solution.problem) else _directions(solution, order)
     if directions is None or not len(directions.wide):
@@ -82,9 +82,9 @@ def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
     ahead = np.zeros((count + len(first), directions.steps.shape[1]))
     ahead[np.arange(count), directions.wide] = 1.0
     ahead[count:] = ahead[first] + ahead[second]
-    nowhere = np.zeros((1, ahead.shape[1]))  # descents end anywhere within a share of a sigma: that is no curvature
+    nowhere = np.zeros((1, ahead.shape[1]))  # descents end near the optimum: this error is subtracted
     states = _best_states(solution, np.concatenate([nowhere, ahead, -ahead]), directions.steps)
-    if states is None:  # directions that nothing tells lead to infinity: they are refused
+    if states is None:  # unobservable directions lead to infinite states; such solutions are refused
         return np.zeros((6 * len(order), 6 * len(order)))
     at = solution.state.transforms
     off = np.concatenate([(at[name].inverse() @ states.transforms[name]).log() for name in order], axis=1)
@@ -94,10 +94,10 @@ def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
 
 
 def _directions(solution: Solution, order: Sequence[str]) -> _Directions:
-    """The directions whose arcs may leave their tangents by a share of the smallest sigma of a transform."""
+    """Directions whose second-order curvature may exceed a share of the smallest sigma of a transform."""
     columns = [solution.problem.columns[name] for name in order if name in solution.problem.columns]
     scale = column_scales(solution.problem, solution.state, solution.observability.length_m)
-    # Errors that stops share widen the covariance, but are none of the equations whose best states are looked for.
+    # Errors that stops share widen the covariance, but are not unknowns of the equations that are minimised.
     equations = linearise(solution.noise.hold_sigmas(solution.problem), solution.state)
     covariance = solution.noise.factor * spectrum(equations.hessian).inverse
     of = scaled_spectrum(covariance, 0.0, scale)
@@ -110,7 +110,11 @@ def _directions(solution: Solution, order: Sequence[str]) -> _Directions:
 
 
 def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State | None:
-    """The states of least cost so many sigmas along directions, (b, m), those of none being free; None at infinity."""
+    """Minimise the cost at fixed sigmas along directions, (b, m); directions of zero sigmas are free.
+
+    Returns:
+        The states, or None if one is not finite.
+    """
     problem = solution.noise.hold_sigmas(solution.problem)
     start, is_free, unit = solution.state.spread(problem, len(sigmas)), sigmas == 0, np.eye(steps.shape[1])
     state = retract(problem, start, linearise(problem, solution.state), sigmas @ steps.T)

@@ -1,1 +1,1 @@
-"""Samples predicted that were not used."""
+"""Prediction of held-out samples."""

@@ -1,7 +1,7 @@
-"""A floor under the answer: closed forms of single views' poses, as hand-eye calibration has them elsewhere.
+"""Comparison of the solution with closed-form hand-eye calibration from the poses of single views.
 
-They know nothing of noise, priors or outliers. Where they predict held-out views better all the same, the model of the
-answer is wrong in a way that no finding has named.
+Closed forms do not model noise, priors or outliers. If one still predicts held-out views better, the model of the
+solution is wrong in a way that no other finding reports.
 """
 
 from __future__ import annotations
@@ -22,21 +22,22 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
-_MIN_VIEWS = 6  # held-out views that are compared; assumed
+_MIN_VIEWS = 6  # smallest number of held-out views for a comparison; assumed
 FEWEST_FITTED = 3
-"""Views of a part that is fitted, which make the two motions that a closed form needs (Tsai & Lenz 1989)."""
-_SMALLEST = np.array([1e-5, 1e-5])  # [m, rad] of held-out errors: half of what makers state of the best arms, 0.02 mm
+"""Smallest number of fitted views: they give the two motions that a closed form needs (Tsai & Lenz 1989)."""
+_SMALLEST = np.array([1e-5, 1e-5])  # [m, rad] lower bound of held-out errors: half of the best arms' stated 0.02 mm
 
 Triple = tuple[SE3, SE3, SE3]
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedFormRival:
-    """A closed form that predicts held-out views better than the answer does.
+    """A closed form that predicts held-out views better than the solution.
 
     Attributes:
-        ratio: Held-out error of the answer over its, angles and lengths in units of the answer's.
-        moved: (p,) by how much the answer's columns would move to be the closed form's.
+        ratio: Held-out error of the solution over that of the closed form, with lengths and angles in units of the
+            solution's errors.
+        moved: (p,) step from the solution to the closed form in the solution's columns.
     """
 
     ratio: float
@@ -44,9 +45,12 @@ class ClosedFormRival:
 
 
 def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedFormRival | None:
-    """The closed form of the only pair of camera and target, where it predicts better beyond chance; else None.
+    """Compare the solution with the closed form of the only pair of camera and target, on held-out views.
 
-    Both see the views of a fold through the lens of that fold.
+    Both predict the views of a fold with the lens of that fold.
+
+    Returns:
+        The closed form if it predicts significantly better; else None, also if there are several pairs.
     """
     if len(solution.problem.groups) != 1:
         return None
@@ -74,7 +78,7 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
 
 
 def _closed_form(problem: Problem, group: ViewGroup, poses: SE3, mask: BoolArray) -> Triple | None:
-    """X, Y and Z by the views of a mask; None where their rotations are not determined."""
+    """Solve X, Y and Z from the views of a mask; None if their rotations are not determined."""
     rows = np.flatnonzero(mask)
     if len(rows) < FEWEST_FITTED:
         return None
@@ -90,13 +94,13 @@ def _closed_form(problem: Problem, group: ViewGroup, poses: SE3, mask: BoolArray
 
 
 def _squared_errors(poses: SE3, predictions: SE3) -> Array:
-    """Squares of lengths [m^2] and of angles [rad^2], (n, 2)."""
+    """Squared translation [m^2] and rotation [rad^2] errors of predictions, (n, 2)."""
     off = poses.inverse() @ predictions
     return np.stack([np.sum(off.translation**2, axis=1), np.sum(off.rotvec**2, axis=1)], axis=1)
 
 
 def _ratio(ours: Array, theirs: Array) -> float | None:
-    """Held-out error of the answer over the rival's; None if that is no clear gain, or may be chance."""
+    """Held-out error of the solution over that of the closed form; None if the closed form is not clearly better."""
     if len(ours) < _MIN_VIEWS or not np.all(np.isfinite(theirs)):
         return None
     ours, theirs = np.maximum(ours, _SMALLEST**2), np.maximum(theirs, _SMALLEST**2)
@@ -107,7 +111,7 @@ def _ratio(ours: Array, theirs: Array) -> float | None:
 
 
 def _closed_form_step(problem: Problem, state: State, group: ViewGroup, triple: Triple) -> Array:
-    """The step from the answer to the closed form in the columns of transforms, (p,); 0 in all others."""
+    """Step from the solution to the closed form in the columns of transforms, (p,); 0 in all other columns."""
     x, y, z = triple
     placed = group.placed_base(y, state.transforms, problem.columns)
     found = {group.eye.mount: x, group.hand.mount: z} | placed
@@ -116,11 +120,11 @@ def _closed_form_step(problem: Problem, state: State, group: ViewGroup, triple: 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Views in which one arm moves: `camera_from_target` is `first @ inner @ last` with both unknown.
+    """Views in which only one arm moves: `camera_from_target` is `first @ inner @ last` with unknown first and last.
 
     Attributes:
         group: The views.
-        alone: (n,) `camera_from_target` of each view alone.
+        alone: (n,) `camera_from_target` estimated from each view alone.
         inner: (n,) the moving transform.
     """
 
@@ -130,14 +134,14 @@ class _Part:
 
 
 def opencv_rivals(solution: Solution, refits: Sequence[Refit]) -> tuple[Rival, ...]:
-    """The answer and each of OpenCV's seven methods by held-out views; none if both arms move in all views.
+    """Held-out errors of the solution and of each of OpenCV's seven methods; empty if both arms move in all views.
 
-    Each method has one moving transform between two unknowns. Of two arms it takes the views in which one of them
-    stands still, a calibration for each such part, as its users do.
+    Each method has one moving transform between two unknowns. With two arms, it uses the views in which one arm does
+    not move. Each such part is a separate calibration, as users of these methods do.
 
-    All see the views that the answer uses, through its lens.
+    All methods use the inlier views and the lens of the solution.
     """
-    from basecal.vision.robot_world import METHODS, robot_world  # cv2 takes as long to load as all else
+    from basecal.vision.robot_world import METHODS, robot_world  # importing cv2 takes as long as all other imports
 
     names, errors = ("basecal", *(f"OpenCV {method}" for method in METHODS)), dict[str, list[Array | None]]()
     for part in _parts(solution):
@@ -170,7 +174,7 @@ def _parts(solution: Solution) -> Iterator[_Part]:
 
 
 def _still_views(group: ViewGroup, moving: int, still: int, free: BoolArray) -> Iterator[IntArray]:
-    """Rows of views in which one end stands still while the other makes more than a few stops."""
+    """Yield rows of views in which one end does not move, and the other end has more than `FEWEST_FITTED` stops."""
     where, stops = group.ends[still].stand, group.ends[moving].stand
     for place in np.unique(where[free]):
         rows = np.flatnonzero(free & (where == place))
@@ -179,7 +183,7 @@ def _still_views(group: ViewGroup, moving: int, still: int, free: BoolArray) -> 
 
 
 def _rival(name: str, errors: Sequence[Array | None]) -> Rival:
-    """A method by its errors, (n, 6) [m, rad] of each fold; without an error where it fails in one."""
+    """Rms errors of a method from its errors in each fold, (n, 6) [m, rad]; errors are None if it fails in a fold."""
     if any(each is None for each in errors):
         return Rival(name)
     off = np.concatenate([each for each in errors if each is not None])

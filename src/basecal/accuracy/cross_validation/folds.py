@@ -1,8 +1,8 @@
-"""Parts of a recording that can be held out: where an arm stands still, its samples stay together.
+"""Split of a recording into parts that can be held out: samples of one stop stay together.
 
-Samples that share a stop share the error of the robot's pose. If some of them were used and some held out, the held-out
-ones would be predicted too well. Stations therefore come first, and finer parts only if stations are too few or too
-large.
+Samples that share a stop share the error of the robot's pose. If some of these samples were used and others held out,
+the held-out samples would be predicted too well. The parts are therefore stations, and finer parts only if stations are
+too few or too large.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from basecal.estimation.view.points import is_touch
 
 Samples = frozenset[int]
 
-FOLDS = 5  # as Hastie et al. 2009 (7.10) advise: each fit has four fifths of the samples, at five times the work
+FOLDS = 5  # recommended by Hastie et al. 2009 (7.10): each fit uses four fifths of the samples, at five times the cost
 _FEWEST_PARTS = 3  # with two, each would be predicted from half of the recording; assumed
-# Of the samples in one part: without it three fifths are left, a fifth less than of five folds; assumed.
+# Largest share of the samples in one part: a fit without it has three fifths, a fifth less than of five folds; assumed.
 _LARGEST_SHARE = 0.4
 
 
@@ -27,8 +27,8 @@ class Split:
     """A way to hold out every sample once.
 
     Attributes:
-        parts: Samples that stay together, such as those at one station.
-        folds: The parts dealt out.
+        parts: Sets of samples that stay together, such as the samples of one station.
+        folds: Sets of samples that are held out together, each a union of parts.
     """
 
     parts: tuple[Samples, ...]
@@ -36,10 +36,10 @@ class Split:
 
 
 def splits(problem: Problem) -> Iterator[Split]:
-    """Ways to split the samples into at most five folds to be held out one after another, the most severe first.
+    """Yield splits of the samples into at most five folds, the most severe split first.
 
-    Each keeps together what stands in one place: of every robot that moves, of one robot, or of nothing but repeated
-    instants. A way whose largest part is more than two fifths of the samples is left out.
+    A split keeps samples together that share a stop of any moving robot, a stop of one robot, or the stops of all
+    robots. A split is left out if its largest part has more than two fifths of the samples.
     """
     places, samples = _places(problem), _samples(problem)
     found: list[Split] = []
@@ -51,7 +51,7 @@ def splits(problem: Problem) -> Iterator[Split]:
 
 
 def _ways(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> Iterator[list[Samples]]:
-    """Parts by each way, made as they are requested: of many robots hardly any but the first is."""
+    """Yield the parts of each split lazily: with many robots, hardly more than the first is requested."""
     yield _join_parts(samples, places)
     for robot in sorted(places, key=lambda robot: (len(set(places[robot].values())), robot)):
         yield _split_by_label(samples, {n: places[robot].get(n, n) for n in samples})
@@ -59,9 +59,10 @@ def _ways(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) 
 
 
 def place_split(problem: Problem) -> Split | None:
-    """Marks, held out by the places where they stay together, such as plates; None unless all views are touches.
+    """Split of touched marks by their places, such as plates; None unless all views are touches.
 
-    An arm's error depends on its place, so that one place has no information about another.
+    Marks of one place are held out together. An arm's error depends on the place, so one place has no information about
+    another.
     """
     marks, places = dict[int, Hashable](), dict[int, Hashable]()
     for group in problem.groups:
@@ -76,7 +77,7 @@ def place_split(problem: Problem) -> Split | None:
 
 
 def instant_split(problem: Problem, count: int) -> Split | None:
-    """The mildest way, which keeps together nothing but repeated instants; None if these are too few."""
+    """Split that keeps only repeated instants together; None if these are too few."""
     samples = _samples(problem)
     return _split(_instants(samples, _places(problem)), len(samples), count)
 
@@ -95,7 +96,7 @@ def _samples(problem: Problem) -> list[int]:
 
 
 def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
-    """The stop of each moving robot at each sample, by robot."""
+    """Stop of each moving robot at each sample, by robot name and sample number."""
     places: dict[str, dict[int, Hashable]] = defaultdict(dict)
     for group in problem.groups:
         for end in group.ends:
@@ -105,11 +106,11 @@ def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
 
 
 def _join_parts(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[Samples]:
-    """Parts that share no place of any robot."""
+    """Join samples into the finest parts that share no stop of any robot."""
     part = {number: number for number in samples}
 
     def root(number: int) -> int:
-        """The number that represents a sample's part."""
+        """Return the sample number that represents the part of a sample."""
         while part[number] != number:
             number = part[number]
         return number

@@ -1,6 +1,6 @@
-"""Fits without some samples, and the views of these samples: what every kind of cross-validation predicts from.
+"""Fits without some samples, and the views of these samples, for all kinds of cross-validation.
 
-All folds are fitted side by side, each with its held-out views at no weight.
+All folds are fitted as one batch; held-out views have zero weight.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import take
 from basecal.numerics.sparse_hessian import SparseHessian
 
-_MOST_STEPS = 30  # of a fold, which starts at the fit to all; assumed: a fold that needs more is not converged
+_MOST_STEPS = 30  # of a fold, which starts at the fit of all samples; a fold that needs more has not converged; assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +27,12 @@ class Refit:
     """A fit without some samples.
 
     Attributes:
-        held: The samples it did not use.
-        used: The problem without them.
-        views: The problem of them alone.
-        known: (k,) which stops' errors the fit knows; those of the others stand at zero.
+        held: Numbers of the held-out samples.
+        used: The problem without the held-out samples.
+        views: The problem of the held-out samples alone.
+        known: (k,) whether the fit estimates the error of each stop; the errors of other stops are zero.
         optimum: The fit, without a batch axis.
-        sparse: Its hessian, of many unknowns; else None.
+        sparse: The sparse Hessian if the problem has many unknowns; else None.
     """
 
     held: Samples
@@ -51,17 +51,18 @@ def refit_folds(
     prediction_problem: Problem | None = None,
     worth: Sequence[Array] | None = None,
 ) -> list[Refit]:
-    """The fit without each fold, from the same state, stops that it does not share at their recorded poses.
+    """Fit the problem without each fold, all from the same state.
 
-    Views without weight count for nothing, so that each fit is that of its own problem.
+    Stops of held-out samples alone keep their recorded poses. Views of zero weight have no influence, so each fit is
+    that of its own problem.
 
     Args:
-        problem: What is fitted.
-        state: Where the fits start.
-        folds: The samples to hold out, one set after another.
-        iterations: Steps of each fit, at most.
-        prediction_problem: What is predicted, where that is more than is fitted, such as outliers.
-        worth: For each group (n,): what each view counts where it is used; 1 where None.
+        problem: The problem to fit.
+        state: Initial state of the fits.
+        folds: Sets of samples to hold out, one set for each fit.
+        iterations: Largest number of steps of each fit.
+        prediction_problem: The problem of the views to predict, if it has more views, such as outliers.
+        worth: (n,) weights of the used views of each group; 1 if None.
     """
     held = list(folds)
     numbers = [np.array(sorted(samples), dtype=np.int64) for samples in held]
@@ -81,7 +82,7 @@ def refit_folds(
         states = with_known_stops(state.spread(problem, len(held)), np.stack(known))
         batch = bundle_adjust_batch(problem, states, dof, iterations, weights)
         ends = [(take(batch, k), None) for k in range(len(held))]
-    # Views without weight have errors of their own stops that suit them, too: what was held out.
+    # The errors of stops of held-out views alone were fitted to these views at zero weight: reset them.
     return [
         Refit(samples, used[k], views[k], known[k], replace(end, state=with_known_stops(end.state, known[k])), sparse)
         for k, (samples, (end, sparse)) in enumerate(zip(held, ends, strict=True))
@@ -91,7 +92,7 @@ def refit_folds(
 def _sparsely(
     problem: Problem, state: State, dof: float, iterations: int, weights: Sequence[Array]
 ) -> tuple[OptimumBatch, SparseHessian | None]:
-    """One fold's fit of many unknowns: a batch of them takes dense matrices."""
+    """Fit one fold of a problem with many unknowns; a batch would need dense matrices."""
     end = bundle_adjust(problem, state, dof, iterations, weights)
     hessian = end.normal.hessian if end.sparse is None else end.sparse.matrix.toarray()
     numbers = (np.array(value) for value in (end.cost, hessian, end.converged, end.iterations))
@@ -99,21 +100,21 @@ def _sparsely(
 
 
 def _known_stops(problem: Problem) -> BoolArray:
-    """Stops in which views of a problem stand, (k,)."""
+    """Mask of the stops that views of a problem use, (k,)."""
     known = np.zeros(len(problem.stops) + 1, dtype=bool)
     for group in problem.groups:
         for end in group.ends:
             known[end.stop] = True
-    return known[:-1]  # the last stands for views without a stop
+    return known[:-1]  # the last entry is for views without a stop
 
 
 def _views(problem: Problem, samples: IntArray, inside: bool) -> Problem:
-    """The problem of the views of some samples, or of all others, in which the static scene keeps its part."""
+    """Problem of the views of some samples, or of all other views; only the latter keeps the static scene."""
     rows = [np.flatnonzero(np.isin(group.sample, samples) == inside) for group in problem.groups]
     views = problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
     return replace(views, tied=None if inside else problem.tied)
 
 
 def with_known_stops(state: State, is_known: BoolArray) -> State:
-    """The state with the errors of the other stops at zero."""
+    """Return the state with the errors of unknown stops set to zero."""
     return replace(state, stop_errors=np.where(is_known[..., None], state.stop_errors, 0.0))

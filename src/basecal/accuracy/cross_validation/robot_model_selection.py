@@ -1,7 +1,7 @@
-"""Whether a robot's own kinematics are off, decided on held-out samples.
+"""Selection of a model for errors of robots' kinematics, by held-out samples.
 
-The simplest model is chosen that none predicts held-out stations better than, beyond chance; see `model_comparison`.
-Robots' noise is marginalised view by view.
+The choice is the simplest model such that no other model predicts held-out stations significantly better; see
+`model_comparison`. The noise of robots is marginalised view by view.
 """
 
 from __future__ import annotations
@@ -29,12 +29,11 @@ from basecal.geometry import Array
 from basecal.kinematics import SerialChain
 from basecal.numerics.spectral import spectrum
 
-_FEWEST_VIEWS = 15  # of fewer, a fifth held out is two views; assumed
-_MOST_SAMPLES = 200  # enough to tell models apart; bounds the time
-# Single joints, those that the data call for most: one that is off alone is the first of them; assumed: bounds the
-# time.
+_FEWEST_VIEWS = 15  # with fewer, a held-out fifth is two views; assumed
+_MOST_SAMPLES = 200  # enough to distinguish models; bounds the time
+# Single joints with the largest gain: if one joint is wrong alone, it is the first of them; assumed, bounds the time.
 _JOINTS_TRIED = 3
-_LEAST_GAIN = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
+_LEAST_GAIN = 6.0  # standard deviations by which the decrease of the cost must exceed its expectation by chance
 
 OFFSETS, LINKS = joint_offsets.NAME, link_parameters.NAME
 _OFFSETS: dict[str, Parameters] = {OFFSETS: joint_offsets.Stated(status="prior", sigma_rad=joint_offsets.SIGMA_RAD)}
@@ -45,15 +44,15 @@ Models = Mapping[str, RobotModel]
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A model of the robots, and how well it predicts held-out stations.
+    """A model of the robots, and its prediction of held-out stations.
 
     Attributes:
         kind: `none`, `joint`, `offsets` or `links`.
-        robots: The robots whose kinematics are freed.
-        joint: Number of the only joint freed, from 0; None unless `kind` is `joint`.
-        scores: (n,) of every station, held out: see `StationScores`.
-        error_m: Rms distance of the predicted from the seen target [m]; None where views have no whole pose.
-        rms: Root of the mean square of residuals over sigmas.
+        robots: Names of the robots with estimated kinematics.
+        joint: Number of the only estimated joint, from 0; None unless `kind` is `joint`.
+        scores: (n,) score of each held-out station; see `StationScores`.
+        error_m: Rms distance between predicted and observed target [m]; None if a view has neither pose nor point.
+        rms: Root mean square of residuals over sigmas.
     """
 
     kind: str
@@ -66,13 +65,13 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class RobotModelChoice:
-    """The model of the robots that held-out samples call for.
+    """The model of the robots that is selected by held-out samples.
 
     Attributes:
-        chosen: The simplest that none predicts better than, beyond chance.
-        better: A richer one that may be better; None if the choice is clear.
-        candidates: All that were tried, the simplest first.
-        solution: All data solved with `chosen`.
+        chosen: The simplest model such that no other model predicts significantly better.
+        better: A richer model that may be better; None if the choice is clear.
+        candidates: All tried models, the simplest first.
+        solution: The solution of all data with `chosen`.
     """
 
     chosen: Candidate
@@ -82,14 +81,16 @@ class RobotModelChoice:
 
 
 def choose_robot_model(solution: Solution, settings: Settings = STATED) -> RobotModelChoice | None:
-    """The model of the robots that held-out samples call for; None where there is nothing to choose.
-
-    There is nothing to choose if no robot is given by joints, or kinematics are being estimated already. The same holds
-    for fewer than 15 views or five stations, or if freeing all offsets and links hardly lowers the cost.
+    """Select the model of the robots by held-out samples.
 
     Args:
-        solution: The cell solved with its robots as stated.
-        settings: How to solve.
+        solution: The solution with the stated robot kinematics.
+        settings: Settings of the solver.
+
+    Returns:
+        The choice, or None if no choice is possible. That holds if no robot is recorded by joints, if kinematics are
+        already estimated, or if the solution has not converged. It also holds for fewer than 15 views or five stations,
+        or if estimating all offsets and links hardly lowers the cost.
     """
     recorded = [r for r in solution.problem.robots if recorded_by_joints(solution.problem, r)]
     chains = {r: solution.problem.chains[r] for r in recorded if r in solution.problem.chains}
@@ -97,7 +98,7 @@ def choose_robot_model(solution: Solution, settings: Settings = STATED) -> Robot
     if solution.problem.models or not chains or views < _FEWEST_VIEWS or not solution.converged:
         return None
     groups = solution.problem.groups
-    # Some 200 samples, spread evenly, are enough to tell models apart.
+    # About 200 samples, evenly chosen, are enough to distinguish models.
     numbers = np.unique(np.concatenate([g.sample for g in groups]))
     kept = numbers[:: -(-len(numbers) // _MOST_SAMPLES)]
     problem = solution.problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, kept))) for g in groups)
@@ -122,7 +123,7 @@ def choose_robot_model(solution: Solution, settings: Settings = STATED) -> Robot
 
 
 def _is_promising(cost: float, richest: Solution, columns: int) -> bool:
-    """Whether the richest model lowers the cost by more than chance would let its columns."""
+    """Whether the richest model lowers the cost by significantly more than chance, given its additional columns."""
     scale = max(richest.cost / max(richest.dof, 1), 1e-12)
     return bool(cost - richest.cost > (columns + _LEAST_GAIN * np.sqrt(2 * columns)) * scale)
 
@@ -147,7 +148,7 @@ def _candidate_models(problem: Problem, chains: Mapping[str, SerialChain], candi
 
 @dataclass(frozen=True, eq=False)
 class _Trials:
-    """The common data of all trials: the problem without models, its chains, its optimum, and the folds."""
+    """Common data of all trials: the problem without robot models, its chains, its optimum, and the folds."""
 
     problem: Problem
     chains: Mapping[str, SerialChain]
@@ -156,7 +157,10 @@ class _Trials:
     iterations: int
 
     def candidates(self) -> list[Candidate]:
-        """Candidate models: none, single joints, offsets of one robot, of all, links; the later if the earlier help."""
+        """Candidate models, the simplest first: none, single joints, offsets of one robot, all offsets, all links.
+
+        Single joints and single robots are tried only if all offsets or links may predict better than none.
+        """
         robots = tuple(self.chains)
         none, offsets, links = self.score("none", ()), self.score("offsets", robots), self.score("links", robots)
         least = min(offsets, links, key=_mean_score)
@@ -169,12 +173,12 @@ class _Trials:
         return [*found, offsets, links]
 
     def observable_joints(self, robot: str) -> list[int]:
-        """Joints of a robot whose offsets the recording separates from the other unknowns."""
+        """Numbers of a robot's joints whose offsets are observable with the other unknowns."""
         free = _models(self.problem, self.chains, (robot,), {OFFSETS: joint_offsets.Stated(status="free")})[robot]
         return free.columns[OFFSETS].basis.argmax(axis=0).tolist() if OFFSETS in free.columns else []
 
     def likeliest_joints(self) -> list[tuple[str, int]]:
-        """The few joints whose offsets alone lower the cost most, to second order about the robots as stated."""
+        """Robots and joints whose single offsets lower the cost most, to second order about the stated kinematics."""
         stated = _models(self.problem, self.chains, tuple(self.chains), _OFFSETS)
         freed = self.problem.with_models(stated)
         about = linearise(freed, self.state)
@@ -189,7 +193,7 @@ class _Trials:
         return sorted(lowers, key=lambda joint: -lowers[joint])[:_JOINTS_TRIED]
 
     def score(self, kind: str, robots: tuple[str, ...], joint: int | None = None) -> Candidate:
-        """A model, and how it predicts held-out stations."""
+        """Score a model by its prediction of held-out stations."""
         candidate = Candidate(kind, robots, joint, np.zeros(0), None, 0.0)
         modelled = self.problem.with_models(_candidate_models(self.problem, self.chains, candidate))
         of = score_stations(modelled, self.state, self.split, self.iterations)

@@ -1,4 +1,4 @@
-"""How well a problem predicts stations, or places of touches, that were left out of its fit.
+"""Prediction of stations, or places of touches, that were left out of a fit.
 
 Source: docs/mathematics.md (9.4).
 """
@@ -22,19 +22,19 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-_PLACING_STEPS = 5  # from where all views have it: it is nearly linear
+_PLACING_STEPS = 5  # from the estimate of all views; the problem is nearly linear
 
 
 class StationScores(NamedTuple):
-    """Held-out stations, against what the rest predicts.
+    """Errors of the predictions of held-out stations.
 
     Attributes:
-        scores: (stations,) log(1 + x), less is better: x is the squared distance of the target from its pose by the
-            station's views alone. It is over its variance, robots' noise included, and per degree of freedom. The
-            logarithm keeps a few stations that are predicted badly from outweighing all others.
-        mean_square: Of all residuals over sigmas, robots' noise marginalised.
+        scores: (stations,) log(1 + x), less is better. x is the squared distance between the predicted target and the
+            target from the station's views alone. It is divided by its variance, which includes robots' noise, and by
+            its degrees of freedom. The logarithm prevents a few badly predicted stations from outweighing all others.
+        mean_square: Mean square of all residuals over sigmas, robots' noise marginalised.
         off_m: (views,) distance of the target from its prediction, by a Newton step of the view alone [m]. It is NaN if
-            the view holds neither a pose nor a point.
+            the view determines neither a pose nor a point.
     """
 
     scores: Array
@@ -43,16 +43,16 @@ class StationScores(NamedTuple):
 
 
 def score_stations(problem: Problem, state: State, split: Split, iterations: int) -> StationScores:
-    """Fit all folds but one, each in turn, and score the stations of that one.
+    """Fit the problem without each fold in turn, and score the predictions of the fold's stations.
 
     Args:
-        problem: The problem.
-        state: Where the fits start.
-        split: Stations, and the folds they are dealt out to.
-        iterations: Steps of each fit, at most.
+        problem: The problem to fit.
+        state: Initial state of the fits.
+        split: Stations, and the folds that they belong to.
+        iterations: Largest number of steps of each fit.
     """
     station = {number: k for k, part in enumerate(split.parts) for number in part}
-    fresh = replace(state, stop_errors=np.zeros_like(state.stop_errors))  # held-out views have said nothing yet
+    fresh = replace(state, stop_errors=np.zeros_like(state.stop_errors))  # held-out views have no influence yet
     far, freedoms = np.zeros((2, len(split.parts)))
     cost, count, off = 0.0, 0, [np.zeros(0)]
     for fit in refit_folds(problem, fresh, split.folds, iterations):
@@ -68,7 +68,7 @@ def score_stations(problem: Problem, state: State, split: Split, iterations: int
 
 
 def place_unknowns(fit: Refit) -> State:
-    """The state of a fit, with what its held-out views alone depend on, such as a mark, where these have it."""
+    """State of a fit, with transforms that only held-out views depend on, such as a mark, estimated from these."""
     rows, state = held_out_columns(fit), fit.optimum.state
     for _ in range(_PLACING_STEPS if len(rows) else 0):
         normal, step = linearise(fit.views, state), np.zeros(fit.views.width)
@@ -78,13 +78,20 @@ def place_unknowns(fit: Refit) -> State:
 
 
 def held_out_columns(fit: Refit) -> IntArray:
-    """Columns of what the held-out views of a fit alone depend on."""
+    """Columns of the transforms that only the held-out views of a fit depend on."""
     used, held = ({name for g in of.groups for name in g.frames} for of in (fit.used, fit.views))
     return fit.views.column_indices(name for name in fit.views.columns if name in held - used)
 
 
 class ViewPredictions(NamedTuple):
-    """Cost of each view, (n,), the part of it that a movement of the target removes, and its freedoms."""
+    """Errors of predicted views.
+
+    Attributes:
+        cost: (n,) cost of each view, robots' noise marginalised.
+        far: (n,) decrease of the cost if the target moves to its pose by the view alone.
+        freedoms: (n,) degrees of freedom of `far`.
+        off_m: (n,) distance of the target from its prediction [m]; NaN if a view determines neither pose nor point.
+    """
 
     cost: Array
     far: Array
@@ -93,7 +100,7 @@ class ViewPredictions(NamedTuple):
 
 
 def predict_views(problem: Problem, group: ViewGroup, state: State) -> ViewPredictions:
-    """How far the views of a group are from a state that did not use them."""
+    """Errors of the views of a group as predicted by a state that was estimated without them."""
     links = chain(group, state, problem.stops)
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), False)
     gradient, information = view.gradient[:, :6], view.information[:, :6, :6]
@@ -110,17 +117,17 @@ def predict_views(problem: Problem, group: ViewGroup, state: State) -> ViewPredi
     return ViewPredictions(cost, np.maximum(cost - alone, 0.0), of.rank.astype(np.float64), off_m)
 
 
-_OPEN_SIGMA = 1.0  # [m, rad] of what the other places leave open: as wide as an arm reaches, or 57 deg; assumed
+_OPEN_SIGMA = 1.0  # [m, rad] prior sigma of unknowns that other places do not determine: an arm's reach; assumed
 
 
 class PlaceError(NamedTuple):
-    """A mark whose place was held out.
+    """Prediction error of a mark whose place was held out.
 
     Attributes:
-        mark: Its name.
-        error_m: Rms distance of its touches from where the answer of the other places has them [m].
-        ratio: Root of the mean square of that over what noise, and doubt about the answer, explain.
-        freedoms: Of the mean.
+        mark: Name of the mark.
+        error_m: Rms distance of its touches from their prediction by the other places [m].
+        ratio: Root mean square error over that expected from noise and from the uncertainty of the fit.
+        freedoms: Degrees of freedom of the mean.
     """
 
     mark: str
@@ -130,11 +137,11 @@ class PlaceError(NamedTuple):
 
 
 def place_errors(solution: Solution, iterations: int) -> tuple[PlaceError, ...]:
-    """Errors at each mark, held out with all that stays together with it; none if touches are not of three places.
+    """Prediction errors at each mark, held out with all marks of its place; empty for fewer than three places.
 
     Args:
-        solution: The answer, with the noise in use.
-        iterations: Steps of each fit, at most.
+        solution: The solution, with the noise in use.
+        iterations: Largest number of steps of each fit.
     """
     problem = solution.noise.hold_sigmas(solution.problem)
     split = place_split(problem)
@@ -156,9 +163,9 @@ def place_errors(solution: Solution, iterations: int) -> tuple[PlaceError, ...]:
 
 
 def _expected_squares(fit: Refit, state: State) -> list[float]:
-    """Squares that are expected of the held-out views of each group: by noise, and by doubt about the answer.
+    """Expected squared error of the held-out views of each group, from noise and the uncertainty of the fit.
 
-    What the views alone depend on has taken its share of both: their residuals are orthogonal to it.
+    Transforms that only these views depend on were estimated from them, so the residuals are orthogonal to them.
     """
     place = held_out_columns(fit)
     known = np.setdiff1d(np.arange(fit.used.width), place)

@@ -1,9 +1,9 @@
-"""How well samples are predicted that were not used, and whether the answer stays where its covariance says.
+"""Prediction of held-out samples, and consistency of the folds' solutions with the covariance of the full solution.
 
-Every fold is fitted anew from the full answer, with the noise of the full answer, without the samples it holds out. For
-nested data, the covariance of the difference of two estimates is the difference of their covariances: Cov(fold - full)
-= C_fold - C_full. Between folds it is Cov(j - full, k - full) = C_j (H_j + H_k - H) C_k - C_full, with H the
-information of all samples.
+Each fold is fitted without its held-out samples, starting at the full solution and with the noise of the full solution.
+For nested data, the covariance of the difference of two estimates is the difference of their covariances:
+Cov(fold - full) = C_fold - C_full. Between folds it is Cov(j - full, k - full) = C_j (H_j + H_k - H) C_k - C_full, with
+H the information of all samples.
 Source: Hausman 1978; docs/mathematics.md (5.4).
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy  # its parts are loaded when they are first used
+import scipy  # submodules are loaded on first use
 
 from basecal.accuracy.covariance.widening import state_step
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival, closed_form_rival, opencv_rivals
@@ -34,10 +34,10 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.numerics.spectral import scaled_spectrum, spectrum
 
-# Of a fold's variance over that of the full answer, less one: along a direction with less the fold has lost nothing
-# that rounding does not cover, along one with more it is too far from the full answer to be compared to first order.
+# Limits of a fold's variance over that of the full solution, less one. Along a direction with less, the fold has lost
+# no information beyond rounding; with more, it is too far from the full solution for a first-order comparison.
 _LEAST_GAIN, _MOST_GAIN = 0.01, 10.0
-_FEWEST_FREEDOMS = 5.0  # of the spread: with fewer its square is known to worse than two thirds
+_FEWEST_FREEDOMS = 5.0  # of the spread: with fewer, the relative sigma of its square exceeds two thirds
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,20 +49,27 @@ class _Fold:
 
     @property
     def state(self) -> State:
-        """The fit."""
+        """State of the fit."""
         return self.fit.optimum.state
 
     @property
     def hessian(self) -> Array | scipy.sparse.csc_array:
-        """(p, p) information of the samples used."""
+        """(p, p) information of the used samples."""
         return self.fit.optimum.hessian if self.fit.sparse is None else self.fit.sparse.matrix
 
 
 @dataclass(frozen=True)
 class HeldOutErrors:
-    """Squares of held-out views over their sigmas, of pixels, and of the target's pose; with their counts.
+    """Sums of squared errors of held-out views.
 
-    `uncertain` is what of the first is expected of unknowns and stops as uncertain as other views leave them.
+    Attributes:
+        cost: Sum of squared residuals over their sigmas.
+        square_px: Sum of squared pixel residuals [px^2].
+        count_px: Number of pixel coordinates.
+        square_m: Sum of squared translation errors of the target [m^2].
+        square_rad: Sum of squared rotation errors of the target [rad^2].
+        count_poses: Number of target poses.
+        uncertain: Part of `cost` that is expected from the uncertainty of unknowns and stops without these views.
     """
 
     cost: float = 0.0
@@ -79,12 +86,12 @@ class HeldOutErrors:
 
 @dataclass(frozen=True)
 class FoldSpread:
-    """How far the folds' answers are from the full one.
+    """Spread of the folds' solutions about the full solution.
 
     Attributes:
-        mean_square: In sigmas.
-        freedoms: Of that.
-        beyond_covariance: Whether a wider spread than the covariance predicts is to be believed.
+        mean_square: Mean squared deviation over its expected variance.
+        freedoms: Effective degrees of freedom of `mean_square`.
+        beyond_covariance: Test of a spread wider than the covariance predicts.
     """
 
     mean_square: float
@@ -94,15 +101,15 @@ class FoldSpread:
 
 @dataclass(frozen=True, eq=False)
 class CrossValidation:
-    """How samples are predicted that were held out.
+    """Results of a cross-validation.
 
     Attributes:
-        summary: What a calibration says of it; None where no fold could be fitted.
-        spread: How far the folds' answers are from the full one; None where they cannot be compared.
-        fitted: Errors of the held-out views by the full answer.
+        summary: Summary for the calibration; None if no fold could be fitted.
+        spread: Spread of the folds' solutions about the full solution; None if they cannot be compared.
+        fitted: Errors of the held-out views by the full solution.
         predicted: Errors of the same views by the folds that did not use them.
-        skipped: Numbers of the samples without which a requested transform is unobservable.
-        rival: A closed form that predicts the held-out views better; None where none does.
+        skipped: Numbers of the samples without which a fold has no optimum or a requested transform is unobservable.
+        rival: A closed form that predicts the held-out views better; None if there is none.
     """
 
     summary: Validation | None
@@ -116,17 +123,17 @@ class CrossValidation:
 def cross_validate(
     solution: Solution, transform_names: Sequence[str], settings: Settings = DEFAULT
 ) -> CrossValidation | None:
-    """How well samples are predicted that were held out, five folds one after another, stations kept together.
+    """Cross-validate a solution with up to five folds that keep stations together.
 
-    A stop that no used sample shares is predicted at its recorded pose, as a user would meet it.
+    A stop that no used sample shares is predicted at its recorded pose, as in later use of the calibration.
 
     Args:
-        solution: The full answer.
+        solution: The full solution.
         transform_names: Names of the requested transforms.
-        settings: How long to descend.
+        settings: Settings with the number of iterations, and whether to compare with OpenCV.
 
     Returns:
-        The cross-validation; None where the answer is none.
+        The cross-validation; None if the solution has not converged or a requested transform is unobservable.
     """
     free = [name for name in transform_names if name in solution.problem.columns]
     if not solution.converged or solution.observability.unobservable.intersection(free):
@@ -160,7 +167,7 @@ def cross_validate(
 
 
 def _fold(solution: Solution, transform_names: Sequence[str], column_indices: IntArray, fit: Refit) -> _Fold | None:
-    """A fold with what it determines; None if it has no optimum, or a requested transform is unobservable."""
+    """Return a fold with columns of its covariance; None without an optimum or if a transform is unobservable."""
     end, factor = fit.optimum, solution.noise.factor
     if not end.converged:
         return None
@@ -173,7 +180,7 @@ def _fold(solution: Solution, transform_names: Sequence[str], column_indices: In
 
 
 def _errors(solution: Solution, folds: Sequence[_Fold]) -> tuple[HeldOutErrors, HeldOutErrors]:
-    """Errors of the held-out views: by the full answer, and as the folds predict them."""
+    """Errors of the held-out views by the full solution, and by the folds that predict them."""
     problem, state = solution.problem, solution.state
     alone: dict[tuple[str, str], _Alone] = {}
     for group in problem.groups:
@@ -192,7 +199,7 @@ def _errors(solution: Solution, folds: Sequence[_Fold]) -> tuple[HeldOutErrors, 
 
 
 def _expected_cost(fold: _Fold, factor: float) -> float:
-    """Expected cost of held-out views by the uncertainty that the fold leaves; 0 if unknowns are many."""
+    """Expected cost of held-out views from the uncertainty of the fold; 0 for sparse problems of many unknowns."""
     views, known = fold.fit.views, fold.fit.known
     if fold.fit.sparse is not None:
         return 0.0
@@ -212,7 +219,7 @@ def _expected_cost(fold: _Fold, factor: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Alone:
-    """Poses of all views of a group by `single_view_pose`, by sample: no fold is needed if the lens is known."""
+    """Poses of all views of a group by `single_view_pose`, with sample numbers; equal for all folds of a fixed lens."""
 
     sample: IntArray
     camera_from_target: SE3
@@ -222,7 +229,7 @@ class _Alone:
 def _group_errors(
     views: Problem, group: ViewGroup, state: State, single_views: Mapping[tuple[str, str], _Alone] | None
 ) -> HeldOutErrors:
-    """Errors of a group's views; of poses, if `single_views` say what the target's are."""
+    """Errors of a group's views; without errors of target poses if `single_views` is None."""
     predicted = state.camera_from_target(group, views.stops)
     cost = float(group.measurement.linearise(predicted, state.cameras.get(group.camera), False).cost.sum())
     square_px, count_px = 0.0, 0
@@ -243,14 +250,12 @@ def _group_errors(
 
 
 def _spread(solution: Solution, folds: Sequence[_Fold], column_indices: IntArray) -> FoldSpread | None:
-    """How far the requested transforms move between the folds and the full answer, in units of what its covariance
-    expects.
-    """
+    """Spread of the requested transforms between the folds and the full solution, relative to its expected variance."""
     if not len(column_indices):
         return None
     hessian, factor = _information(solution), solution.noise.factor
     covariance = solution.covariance[np.ix_(column_indices, column_indices)]
-    # A fold's change in units of what is expected of it, along the directions in which it has lost information.
+    # Whiten a fold's change by its expected covariance, along the directions in which the fold has lost information.
     units = [_whitening(factor * fold.columns[column_indices], covariance) for fold in folds]
     moved = [state_step(solution.problem, solution.state, fold.state)[column_indices] for fold in folds]
     whitened = [unit @ change for unit, change in zip(units, moved, strict=True)]
@@ -260,7 +265,7 @@ def _spread(solution: Solution, folds: Sequence[_Fold], column_indices: IntArray
     mean = sum(float(each @ each) for each in whitened) / freedoms
 
     def squares(i: int, j: int) -> float:
-        """Sum of the squares of how two folds' changes, made unit, go together."""
+        """Sum of squared correlations between the whitened changes of two folds."""
         together = factor * _shared_covariance(folds[i], folds[j], hessian) - covariance
         return float(np.sum((units[i] @ together @ units[j].T) ** 2))
 
@@ -274,7 +279,7 @@ def _spread(solution: Solution, folds: Sequence[_Fold], column_indices: IntArray
 
 
 def _information(solution: Solution) -> Array | scipy.sparse.csc_array:
-    """(p, p) of all samples, sparse where unknowns are many."""
+    """(p, p) information of all samples, sparse if unknowns are many."""
     problem, state = solution.problem, solution.state
     if is_sparse(problem):
         return sparse_bundle(problem).linearise(state).hessian.matrix
@@ -282,17 +287,17 @@ def _information(solution: Solution) -> Array | scipy.sparse.csc_array:
 
 
 def _shared_covariance(first: _Fold, second: _Fold, hessian: Array | scipy.sparse.csc_array) -> Array:
-    """Covariance of two folds' answers at unit noise, by the information of the samples that both of them used."""
+    """Covariance between two folds' solutions at unit noise, from the information of the samples that both used."""
     both = first.hessian if first is second else first.hessian + second.hessian - hessian
     shared: Array = first.columns.T @ (both @ second.columns)
     return shared
 
 
 def _whitening(fold: Array, full: Array) -> Array:
-    """(m, n) which makes unit what a fold's change is expected to be, along the directions that can be compared.
+    """(m, n) matrix that whitens a fold's change along the directions that can be compared.
 
-    Directions that the held-out samples do not see are left out. Directions that only they see are left out as well.
-    There a fold is too far from the full answer to be compared to first order.
+    Directions about which the held-out samples have no information are left out. Directions that only they determine
+    are left out, too: there a fold is too far from the full solution for a first-order comparison.
     """
     unit = spectrum(full).inverse_root.T
     gain = scaled_spectrum(unit @ (fold - full) @ unit.T, _LEAST_GAIN)
@@ -301,5 +306,5 @@ def _whitening(fold: Array, full: Array) -> Array:
 
 
 def root_mean(squares: float, count: int) -> float | None:
-    """Root of a mean square; None where there is none."""
+    """Root mean square from a sum of squares and a count; None if the count is 0 or the sum is not finite."""
     return float(np.sqrt(squares / count)) if count and np.isfinite(squares) else None

@@ -1,1 +1,1 @@
-"""Whether a cell is still as it was calibrated: new samples against what the calibration predicts of them."""
+"""Verification of a calibrated cell: comparison of new samples with their predictions by the calibration."""

@@ -1,7 +1,7 @@
-"""Whether new samples agree with what the samples before them predict, and which single cause explains them.
+"""Agreement of new samples with their predictions by previous samples, and the single cause of a disagreement.
 
-The squared deviation of new views from their prediction is chi-square with as many freedoms as the views have. Where
-the noise is estimated by n freedoms, it is Fisher-distributed. Source: docs/mathematics.md (13.1), (13.2).
+The squared deviation of new views from their prediction is chi-square with the views' degrees of freedom. If the noise
+is estimated with n degrees of freedom, it has an F distribution. Source: docs/mathematics.md (13.1), (13.2).
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from basecal.geometry import SE3
 
 @dataclass(frozen=True, eq=False)
 class Disagreement:
-    """New samples against a calibration.
+    """Comparison of new samples with a calibration.
 
     Attributes:
-        chance: Of samples so far off by noise alone.
-        causes: What may have moved, the likeliest first; those that explain the samples about equally. Empty above
-            `DISAGREES`.
-        chance_left: Of what the likeliest cause leaves unexplained.
+        chance: p-value of the samples' deviation, under noise alone.
+        causes: Possible shifts that explain the samples about equally well, the likeliest first. Empty if `chance` is
+            above `DISAGREES`.
+        chance_left: p-value of the deviation that remains with the likeliest cause.
     """
 
     chance: float
@@ -34,7 +34,7 @@ class Disagreement:
 
 
 def disagreement(cell: Cell, calibration: Calibration, recording: Recording) -> Disagreement | None:
-    """New samples against a calibration; None where it predicts none of them.
+    """Compare new samples with a calibration; None if the calibration predicts none of them.
 
     Raises:
         InputError: if the cell contradicts the recording.
@@ -55,7 +55,7 @@ def disagreement(cell: Cell, calibration: Calibration, recording: Recording) -> 
 
 
 def _relinearise(cell: Cell, calibration: Calibration, recording: Recording, shift: Shift) -> tuple[Shift, float]:
-    """A shift of a frame about itself, and the squared deviation that it leaves."""
+    """Linearise again about a frame's shift; return the refined shift and the remaining squared deviation."""
     before = calibration.transforms[shift.transform]
     mean = before.mean @ SE3.exp(shift.size)
     there = replace(calibration, transforms={**calibration.transforms, shift.transform: replace(before, mean=mean)})
@@ -70,7 +70,7 @@ def _total(innovations: Innovations) -> float:
 
 
 def _cost(shift: Shift, chi_square: float) -> float:
-    """The remaining cost under a cause, and the mean cost that its freedoms remove by chance."""
+    """Remaining chi-square under a cause, plus its degrees of freedom, the mean decrease by chance."""
     return chi_square + shift.freedoms
 
 

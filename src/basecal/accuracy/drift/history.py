@@ -1,7 +1,7 @@
-"""Whether transforms drift: shifts that verifications measured, over days.
+"""Drift of transforms over days, from the shifts that verifications measured.
 
-All verifications of one run share that run's own error, so that a line with a free offset is fitted. Only its slope
-shows drift. Source: weighted least squares; docs/mathematics.md (13.4).
+All verifications of one run share the error of that run. A line with a free offset is therefore fitted, and only its
+slope shows drift. Source: weighted least squares; docs/mathematics.md (13.4).
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from basecal.cell import MeasuredShift, PastVerification
 from basecal.geometry import Array
 
 FEWEST_VERIFICATIONS = 3
-"""Verifications of a run of which a slope is told: two always lie on a line."""
+"""Smallest number of verifications of a run for a slope: two always lie on a line."""
 
 _DAY_S = 86400.0
-_LEAST_DAYS = 1e-3  # between the first and the last, below which nothing is told of a day
+_LEAST_DAYS = 1e-3  # smallest time from the first to the last verification for a slope [days]
 
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """How fast a transform moves, by the verifications of one run.
+    """Drift rate of a transform, from the verifications of one run.
 
     Attributes:
-        transform: Its name.
-        run_name: The run.
-        count: How many verifications there are.
-        m_per_day: (3,) along its axes [m/day].
-        sigma: (3,) of that.
-        chance: Of slopes so steep where nothing drifts.
+        transform: Name of the transform.
+        run: Name of the run.
+        count: Number of verifications.
+        m_per_day: (3,) drift rate along the axes of the transform [m/day].
+        sigma: (3,) sigma of the drift rate [m/day].
+        chance: p-value of the drift rate if nothing drifts.
     """
 
     transform: str
@@ -46,7 +46,7 @@ class Drift:
 
 
 def record_verification(verification: Verification, time: datetime, run_name: str) -> PastVerification:
-    """Record a verification of a run."""
+    """Return the record of a verification of a run."""
     shifts = {
         each.transform: MeasuredShift(each.size[:3], np.sqrt(np.maximum(np.diag(each.covariance)[:3], 0.0)))
         for each in verification.asked
@@ -59,7 +59,7 @@ def record_verification(verification: Verification, time: datetime, run_name: st
 
 
 def drifts(history: Sequence[PastVerification]) -> tuple[Drift, ...]:
-    """The drift of each transform, by the run that was verified last."""
+    """Drift of each transform, from all verifications of the run that was verified last."""
     if not history:
         return ()
     run = history[-1].run

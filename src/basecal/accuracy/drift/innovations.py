@@ -1,9 +1,9 @@
-"""How far new views are from where a calibration predicts them, and how far they may be.
+"""Innovations: deviations of new views from their predictions by a calibration, with their covariance.
 
 Each view determines the tangent of its `camera_from_target` with the information H = S S'. S' times the tangent has one
-entry of unit variance for each column of S. Predictions are uncertain by the calibration's covariance and by the errors
-of robots. Stops share these errors, and they are equal at poses near one another if that was found.
-Source: docs/mathematics.md (13.1).
+entry of unit variance for each column of S. Predictions have the covariance of the calibration and of the robots'
+errors. Views of one stop share a robot error; errors that the calibration found to be shared are correlated between
+stops. Source: docs/mathematics.md (13.1).
 """
 
 from __future__ import annotations
@@ -37,21 +37,21 @@ from basecal.geometry.se3_jacobians import right_jacobian
 from basecal.numerics.batch import concatenate
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-MOST_VIEWS = 300  # that are compared, spread evenly: their covariance has six rows each
+MOST_VIEWS = 300  # largest number of compared views, evenly chosen: their covariance has six rows for each view
 
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """New views as a calibration sees them, of all groups one after another, n in all.
+    """Deviations of n new views from their predictions by a calibration, with the views of all groups in sequence.
 
     Attributes:
         situation: The problem at the calibration's transforms.
         root: (n, 6, 6) S of each view's information S S'.
-        off: (6 n,) S' times the tangent by which each view is off its prediction, of unit variance but for predictions.
-        predicted: (6 n, 6 n) covariance of that by the predictions.
-        sample: (n,) numbers of the samples.
-        known_inverse: `covariance_inverse`, where it is known already.
-        freedoms_of_noise: By which the noise of the calibration is known; infinite if it was stated.
+        off: (6 n,) S' times the tangent from each view's prediction to the view. The view's noise has unit variance.
+        predicted: (6 n, 6 n) covariance of `off` from the uncertainty of the predictions.
+        sample: (n,) sample number of each view.
+        known_inverse: The value of `covariance_inverse`, if it is already known.
+        freedoms_of_noise: Degrees of freedom of the calibration's estimated noise; infinite if it was stated.
     """
 
     situation: Situation
@@ -70,33 +70,36 @@ class Innovations:
         return np.asarray(np.linalg.inv(np.eye(len(self.off)) + self.predicted), dtype=np.float64)
 
     def whiten(self, tangents: Array) -> Array:
-        """Whiten tangents of the views, (n, 6, k), as `off`, (6 n, k)."""
+        """Multiply tangents of the views, (n, 6, k), by S' as in `off`, (6 n, k)."""
         return (self.root.mT @ tangents).reshape(len(self.off), tangents.shape[-1])
 
     @property
     def robots(self) -> tuple[str, ...]:
-        """Names of the robots that carry what saw or was seen."""
+        """Names of the robots that carry the cameras and targets of the views."""
         return self.situation.problem.robots
 
     def frame_jacobian(self, name: str) -> Array:
-        """How views go with a right tangent of a transform, (n, 6, 6)."""
+        """Derivative of the views with respect to a right tangent of a transform, (n, 6, 6)."""
         parts = [self.situation.frame_jacobian(k, name) for k in range(len(self.situation.problem.groups))]
         return np.concatenate([np.zeros((0, 6, 6)), *parts])
 
     def flange_jacobian(self, robot: str) -> Array:
-        """How views go with a right tangent of a robot's flange, (n, 6, 6)."""
+        """Derivative of the views with respect to a right tangent of a robot's flange, (n, 6, 6)."""
         parts = [self.situation.flange_jacobian(k, robot) for k in range(len(self.situation.problem.groups))]
         return np.concatenate([np.zeros((0, 6, 6)), *parts])
 
     def joint_jacobian(self, robot: str) -> Array:
-        """How views go with the joints of a robot, (n, 6, joints); none if they were not recorded."""
+        """Derivative of the views with respect to a robot's joints, (n, 6, joints); (n, 6, 0) if joints are missing."""
         at = self.posture(robot)
         return (
             np.zeros((len(self.sample), 6, 0)) if at is None else self.flange_jacobian(robot) @ at.true.joint_derivative
         )
 
     def posture(self, robot: str) -> Posture | None:
-        """A robot as stated at its joints in all views, any in which it has no part; None if none were recorded."""
+        """Posture of a robot with its stated kinematics in all views; None if its joints were not recorded.
+
+        Joints are zero in views without the robot.
+        """
         chain = self.situation.problem.chains.get(robot)
         groups = self.situation.problem.groups
         if chain is None or not recorded_by_joints(self.situation.problem, robot):
@@ -107,7 +110,7 @@ class Innovations:
         return Posture(chain, recorded := np.concatenate(each), chain.posture(recorded))
 
     def stands(self, robot: str) -> tuple[SE3, IntArray]:
-        """Recorded poses of a robot's flange in all views, (n,), and the numbers of its stops, -1 where it has none."""
+        """Recorded poses of a robot's flange in all views, (n,), and its stop numbers, (n,), -1 in views without it."""
         groups = self.situation.problem.groups
         poses = [self.situation.recorded_pose(k, robot) for k in range(len(groups))]
         ends = [(group, group.robot_end(robot)) for group in groups]
@@ -115,7 +118,7 @@ class Innovations:
         return concatenate(poses), np.concatenate(stops)
 
     def drop_sample(self, sample: int) -> Innovations:
-        """A copy without a sample."""
+        """Return a copy without the views of a sample."""
         kept = self.sample != sample
         rows = np.repeat(kept, 6)
         groups, at = [], 0
@@ -124,7 +127,7 @@ class Innovations:
             at += len(group)
         situation = replace(self.situation, problem=self.situation.problem.with_groups(groups))
         predicted = self.predicted[np.ix_(rows, rows)]
-        # The inverse of a part of a matrix, from the inverse of all: less work where few are left out.
+        # The inverse of a submatrix from the inverse of the whole: less work if few rows are left out.
         whole = self.covariance_inverse
         across = whole[np.ix_(rows, ~rows)]
         inverse = whole[np.ix_(rows, rows)] - across @ np.linalg.solve(whole[np.ix_(~rows, ~rows)], across.T)
@@ -140,11 +143,11 @@ class Innovations:
 
 
 def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> Innovations:
-    """New samples against a calibration; views whose transforms it does not know are left out.
+    """Compute the innovations of new samples; views with a transform unknown to the calibration are left out.
 
     Args:
-        cell: What was calibrated.
-        calibration: What came out.
+        cell: The calibrated cell.
+        calibration: Its calibration.
         recording: The new samples.
 
     Raises:
@@ -171,7 +174,7 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
 
 
 def _tangents(group: ViewGroup, situation: Situation) -> ViewTangents:
-    """How far the views of a group are off their prediction."""
+    """Tangents from the predictions of a group's views to the views."""
     state = situation.state
     predicted, camera = state.camera_from_target(group, situation.problem.stops), state.cameras.get(group.camera)
     if isinstance(group.measurement, PixelMeasurement):
@@ -180,7 +183,7 @@ def _tangents(group: ViewGroup, situation: Situation) -> ViewTangents:
 
 
 def _situation(cell: Cell, calibration: Calibration, recording: Recording) -> Situation:
-    """The views that a calibration predicts, at its transforms, robots assumed exact."""
+    """Situation of the views that a calibration predicts, at its transforms, with robots assumed exact."""
     known = known_views(cell, recording, calibration)
     every = max(-(-sum(map(len, known.problem.groups)) // MOST_VIEWS), 1)
     few = [group.take(np.arange(0, len(group), every)) for group in known.problem.groups]
@@ -194,7 +197,7 @@ def _situation(cell: Cell, calibration: Calibration, recording: Recording) -> Si
 
 
 def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Array:
-    """Covariance of the views by the errors of the robots' poses."""
+    """Covariance of the views from the errors of the robots' poses, (6 n, 6 n)."""
     out = np.zeros(innovations.predicted.shape)
     for robot in innovations.robots:
         known = calibration.noise.get("robots", {}).get(robot, {})
@@ -212,10 +215,10 @@ def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Arr
 def _flange_tangents(
     innovations: Innovations, robot: str, poses: SE3, effect: RandomEffect, sigmas: Mapping[str, Any]
 ) -> Array:
-    """How a robot's flange moves with errors that its stops share, in sigmas, (n, 6, k) in all views.
+    """Right tangents of a robot's flange in all views for one sigma of each error that stops share, (n, 6, k).
 
-    Without joints, or the sigma of each error, errors of joints and links count as smooth in the pose. Any sample that
-    has a stamp may have been taken in motion.
+    Without recorded joints, or the sigma of each error, errors of joints and links are modelled as smooth in the pose.
+    Each sample with a stamp is treated as possibly taken in motion.
     """
     posture = innovations.posture(robot)
     by_joints = None if posture is None or effect.by_joints is None else effect.by_joints(posture)
@@ -232,37 +235,37 @@ def _flange_tangents(
 
 
 def _sigmas(sigmas: Mapping[str, Any]) -> Array:
-    """Sigmas of a robot's pose that is still to come [m, rad], (6,); zeros if nothing is known.
+    """Sigmas of a future robot pose, (6,) [m, rad]; zeros if no noise is known.
 
-    Few samples leave them open by factors: what they come to on average counts, not what is likeliest.
+    Sigmas from few samples are uncertain by factors: the rms over their posterior is used, not the likeliest value.
     """
     if not sigmas:
         return np.zeros(6)
     return float(sigmas.get("rms_factor") or 1.0) * np.array([*sigmas["sigma_t_m"], *sigmas["sigma_r_rad"]])
 
 
-_SAME_CHI2 = 25.0  # five sigmas, a chance of 6e-7: less is what the second order of noise may cost
+_SAME_CHI2 = 25.0  # five sigmas, a probability of 6e-7: a smaller excess may be due to second-order terms of noise
 
 
 class ViewTangents(NamedTuple):
-    """The tangent from predicted to seen `camera_from_target`, (n, 6), and its information, (n, 6, 6)."""
+    """The tangent from predicted to observed `camera_from_target`, (n, 6), and its information, (n, 6, 6)."""
 
     tangent: Array
     information: Array
 
 
 def first_order(linear: ViewInformation) -> ViewTangents:
-    """The tangent to the optimum of views, by their linearisation."""
+    """Tangents to the optima of views, from their linearisation."""
     step = spectrum(linear.information, VIEW_ROUNDING).inverse @ linear.gradient[..., None]
     return ViewTangents(-step[..., 0], linear.information)
 
 
 def view_tangents(measurement: PixelMeasurement, prediction: SE3, camera: Camera) -> ViewTangents:
-    """How far views are off their prediction: to first order if that is valid, else by their own poses.
+    """Tangents from predictions to views: to first order if that is valid, else from the pose of each view alone.
 
-    The first order of a view is not valid about a prediction that is far off. Points that the prediction has outside
-    the lens hold no information. A view's own pose has all of it. The tangent from the prediction to that pose is
-    linear in the shift of one frame, however large the shift is.
+    The first order of a view is not valid about a prediction with a large error. Points that are predicted outside the
+    lens have no information. The pose of a view alone uses all points. The tangent from the prediction to that pose is
+    linear in the shift of one frame, even for large shifts.
 
     Args:
         measurement: n views.
@@ -280,21 +283,21 @@ def view_tangents(measurement: PixelMeasurement, prediction: SE3, camera: Camera
 
 
 def _is_first_order(measurement: PixelMeasurement, prediction: SE3, camera: Camera, linear: ViewTangents) -> BoolArray:
-    """Whether the first order reaches a view's optimum."""
+    """Mask of the views whose first-order step reaches the optimum, (n,)."""
     reached = measurement.linearise(prediction @ SE3.exp(linear.tangent), camera, False)
     gain = -np.sum(first_order(reached).tangent * reached.gradient, axis=-1)
     return np.asarray(np.isfinite(reached.cost) & (gain < _SAME_CHI2))
 
 
 def _far_tangents(measurement: PixelMeasurement, prediction: SE3, camera: Camera) -> ViewTangents:
-    """Tangents to the views' own poses; by directions of points about the prediction if these hold no pose."""
+    """Tangents from predictions to the poses of single views; from point directions to first order without a pose."""
     chords = _bearings(measurement, camera)
     coarse = first_order(chords.linearise(prediction, None, False))
     if len(measurement.points_in_target) < FEWEST_POINTS:
         return coarse
     own = _own_poses(measurement, chords, prediction, camera)
     tangent = (prediction.inverse() @ own.camera_from_target).log()
-    transport = right_jacobian(tangent)  # the own pose errs in its own axes
+    transport = right_jacobian(tangent)  # the error of the pose is in its own axes
     return ViewTangents(
         np.where(own.has_pose[:, None], tangent, coarse.tangent),
         np.where(own.has_pose[:, None, None], transport.mT @ own.information @ transport, coarse.information),
@@ -308,7 +311,7 @@ class _OwnPoses(NamedTuple):
 
 
 def _own_poses(measurement: PixelMeasurement, chords: BearingMeasurement, prediction: SE3, camera: Camera) -> _OwnPoses:
-    """The pose that fits each view best, from its prediction and from its closed forms, (n,)."""
+    """Best-fitting pose of each view, (n,), refined from the prediction and from the closed forms."""
     closed = view_poses(measurement.points_in_target, chords.bearings_in_camera, chords.weight > 0, chords)
     starts = [prediction, closed.camera_from_target[:, 0], closed.camera_from_target[:, 1]]
     ends = [refine_poses(measurement, start, camera) for start in starts]
@@ -321,7 +324,7 @@ def _own_poses(measurement: PixelMeasurement, chords: BearingMeasurement, predic
 
 
 def _bearings(measurement: PixelMeasurement, camera: Camera) -> BearingMeasurement:
-    """The directions of seen points, with the sigmas of their pixels."""
+    """Directions of the observed points, with weights from the sigmas of their pixels."""
     bearings, valid = camera.undistort(measurement.pixels)
     weight = np.where(measurement.seen & valid, measurement.weight, 0.0) * float(camera.focal.mean())
     return BearingMeasurement(measurement.points_in_target, np.where(valid[..., None], bearings, 0.0), weight)

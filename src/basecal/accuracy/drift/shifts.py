@@ -1,8 +1,8 @@
-"""Whether one thing has moved since a calibration, by how much, and how small a shift would be seen.
+"""Shift of a frame, joint or target size since a calibration, its significance, and the smallest detectable shift.
 
-y are the innovations, V their covariance, and E their derivative to a shift t of the thing. The best t is (E'V^-1 E)^+
-E'V^-1 y. t' (E'V^-1 E) t is chi-square if nothing moved, else noncentral by the true shift. If the noise was estimated
-from n degrees of freedom, it is divided by a chi-square of these and has Fisher's distribution.
+Let y be the innovations, V their covariance, and E their derivative with respect to a shift t. The best t is
+(E'V^-1 E)^+ E'V^-1 y. t' (E'V^-1 E) t is chi-square if nothing moved, else noncentral chi-square by the true shift. If
+the noise was estimated with n degrees of freedom, the statistic has an F distribution.
 Source: docs/mathematics.md (13.2), (13.3).
 """
 
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # its parts are loaded when they are first used
+import scipy  # submodules are loaded on first use
 from scipy.special import chdtri, chndtr, fdtri
 
 from basecal.accuracy.drift.innovations import Innovations
@@ -22,28 +22,28 @@ from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
 SIZE_KIND = "size"
-"""Stands for the transform of a shift that is a target's size."""
+"""Value of `Shift.transform` for a change of a target's size."""
 
-_HIDDEN_SHARE = 1e-6  # share of its information in any one coordinate below which a direction of a shift is not seen
-_DIRECTION_COUNT = 100  # over which the chance to see a shift is averaged, to a thousandth
-_SCALE_COUNT = 20  # of a variance, over which it is averaged too
-_LARGEST_M = 10.0  # a shift that no cell has [m]: what is not seen then is not seen at all
+_HIDDEN_SHARE = 1e-6  # share of the largest eigenvalue of the scaled information, below which a shift is unobservable
+_DIRECTION_COUNT = 100  # directions over which the detection probability is averaged, to a thousandth
+_SCALE_COUNT = 20  # variance scales over which the detection probability is averaged
+_LARGEST_M = 10.0  # [m] larger than any shift in a cell: a shift not detected then is not detectable
 
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """The shift of one frame, estimated from new views.
+    """The shift of one frame, joint offset or target size, estimated from new views.
 
     Attributes:
-        frame: What moved: a base, a camera, a target, or the flange of a robot whose joint's zero did.
-        transform: The transform that is no longer true; empty for a joint, `SIZE_KIND` for the size of a target.
-        joint: Number of the joint whose zero moved, from 0; None for a frame.
-        size: (k,) the best shift, a right tangent of the transform [m, rad], the joint's [rad], or a fraction.
-        covariance: (k, k); directions that are not seen hold nothing.
-        information: (k, k) of the shift.
-        statistic: Chi-square where it did not move.
-        freedoms: Of that; directions in which the views would see it.
-        of_noise: Freedoms by which the noise of the calibration is known; infinite where it was stated.
+        frame: Name of the base, camera or target that moved; for a joint, the flange of its robot.
+        transform: Name of the changed transform; empty for a joint, `SIZE_KIND` for the size of a target.
+        joint: Number of the joint whose offset changed, from 0; None for a frame.
+        size: (k,) best shift: a right tangent of the transform [m, rad], a joint offset [rad], or a relative size.
+        covariance: (k, k) covariance of the shift; zero in unobservable directions.
+        information: (k, k) information about the shift.
+        statistic: Test statistic, chi-square distributed if nothing moved.
+        freedoms: Degrees of freedom of the statistic: number of observable directions.
+        of_noise: Degrees of freedom of the calibration's estimated noise; infinite if the noise was stated.
     """
 
     frame: str
@@ -58,28 +58,28 @@ class Shift:
 
     @property
     def log_chance(self) -> float:
-        """Logarithm of the chance of a statistic so large where it did not move."""
+        """Log p-value of the statistic if nothing moved."""
         return log_chance(self.statistic, self.freedoms, self.of_noise)
 
     def threshold(self, level: float) -> float:
-        """The statistic that is passed by this chance where it did not move."""
+        """Critical value of the statistic at a significance level."""
         if not np.isfinite(self.of_noise):
             return float(chdtri(self.freedoms, level))
         return self.freedoms * float(fdtri(self.freedoms, self.of_noise, 1 - level))
 
     @property
     def shift_m(self) -> float:
-        """Translation of its origin [m]; 0 of a joint."""
+        """Length of the translation [m]; 0 for a joint."""
         return 0.0 if self.joint is not None else float(np.linalg.norm(self.size[:3]))
 
     @property
     def shift_rad(self) -> float:
-        """Angle of its rotation [rad]."""
+        """Angle of the rotation or of the joint offset [rad]."""
         return float(np.linalg.norm(self.size[3:] if self.joint is None else self.size))
 
 
 def frame_shifts(innovations: Innovations) -> Iterator[Shift]:
-    """Each base, camera and target that views depend on; a tip, or another single point, has no rotation."""
+    """Yield the shift of each base, camera and target that views depend on; single points have no rotation."""
     for name in innovations.situation.frames:
         frame, moves = name.partition("_from_")[2], innovations.frame_jacobian(name)
         if name in innovations.situation.problem.point_mounts:
@@ -88,7 +88,7 @@ def frame_shifts(innovations: Innovations) -> Iterator[Shift]:
 
 
 def joint_shifts(innovations: Innovations) -> Iterator[Shift]:
-    """The zero of each joint of the robots that were recorded by joints."""
+    """Yield the offset shift of each joint of the robots that were recorded by joints."""
     for robot in innovations.robots:
         by_joints = innovations.joint_jacobian(robot)
         for joint in range(by_joints.shape[-1]):
@@ -96,7 +96,7 @@ def joint_shifts(innovations: Innovations) -> Iterator[Shift]:
 
 
 def size_shifts(innovations: Innovations) -> Iterator[Shift]:
-    """The size of each target that is no single point, by a fraction: another board shows as larger or smaller."""
+    """Yield the relative size change of each target with a size; an exchanged board may differ in size."""
     problem = innovations.situation.problem
     for target in sorted({g.target for g in problem.groups if g.hand.mount not in problem.point_mounts}):
         groups = enumerate(problem.groups)
@@ -125,28 +125,28 @@ def _shift(innovations: Innovations, frame: str, transform: str, joint: int | No
 
 
 def detectable_m(shift: Shift, level: float, power: float) -> float | None:
-    """The length of a shift of a frame, in a uniformly random direction, that is detected with a chance of `power` [m].
+    """Length of a translation in a uniformly random direction that is detected with probability `power`.
 
     Args:
-        shift: Of the frame.
-        level: Chance by which one is seen where there is none.
-        power: That chance.
+        shift: Estimated shift of the frame.
+        level: Significance level of the detection, the false alarm rate.
+        power: Detection probability.
 
     Returns:
-        None where no shift that a cell may have is seen so.
+        The length [m], or None if a shift of 10 m is not detected with this probability.
     """
     along = _sphere(_DIRECTION_COUNT)
     visible = np.maximum(np.einsum("di,ij,dj->d", along, shift.information[:3, :3], along), 0.0)
     if not shift.freedoms:
         return None
-    # What a variance that is known by so many freedoms may be over the true one, as many that are alike likely.
+    # Equally likely ratios of the estimated to the true variance, for its degrees of freedom.
     chances = 1 - (np.arange(_SCALE_COUNT) + 0.5) / _SCALE_COUNT
     known = np.isfinite(shift.of_noise)
     scales = chdtri(shift.of_noise, chances) / shift.of_noise if known else np.ones(1)
     threshold = shift.threshold(level) * scales[:, None]
 
     def detection_chance(length_m: float) -> float:
-        """The chance to see a shift of a length, less what is asked."""
+        """Detection probability of a shift of a length, less `power`."""
         return 1 - float(np.mean(chndtr(threshold, shift.freedoms, length_m**2 * visible))) - power
 
     if detection_chance(_LARGEST_M) < 0:
@@ -155,7 +155,7 @@ def detectable_m(shift: Shift, level: float, power: float) -> float | None:
 
 
 def _sphere(count: int) -> Array:
-    """Directions spread evenly, (count, 3). Source: Gonzalez 2010, the Fibonacci lattice."""
+    """Evenly distributed directions, (count, 3). Source: Gonzalez 2010, the Fibonacci lattice."""
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
     flat = np.sqrt(1 - z**2)

@@ -1,6 +1,6 @@
-"""Whether a cell is still as it was calibrated, what moved if it is not, and what would have been seen.
+"""Verify a calibrated cell with new samples: detect a shift, its cause, and the smallest detectable shift.
 
-`benchmarks.verify` judges its limits.
+`benchmarks.verify` evaluates the limits.
 """
 
 from __future__ import annotations
@@ -20,28 +20,29 @@ from basecal.numerics.spectral import scaled_spectrum, spectrum
 from basecal.numerics.threads import limit_threads
 
 POWER = 0.95
-"""The chance by which a shift of the length that is given as detectable is seen."""
+"""Probability that a shift of the detectable length is detected."""
 
-_FEWEST_SAMPLES = 4  # samples of which one may be the odd one out
+_FEWEST_SAMPLES = 4  # smallest number of samples of which one may be an outlier
 _LARGEST_DETECTABLE_M = (
-    0.1  # of the shift that would be seen: where it is larger, predictions are too uncertain for first order
+    0.1  # [m] of the detectable shift: if it is larger, predictions are too uncertain for a first-order analysis
 )
-_UNCHANGED_CHANCE = 0.05  # chance of the others, above which they are as calibrated without it
+_UNCHANGED_CHANCE = 0.05  # p-value of the other samples above which they agree with the calibration
 
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """The result of new samples against a calibration.
+    """The result of comparing new samples with a calibration.
 
     Attributes:
-        moved: Whether something did; None if undecided, as the samples or the calibration have too little information.
-        chance: Bound of that of samples so far off where nothing moved: the least of all frames times their number.
-        shift: The most likely thing to have moved, whether it did or not; None where nothing is compared.
-        alternatives: Others that explain the samples about as well, where something moved.
-        detectable_m: The shift of what was calibrated that would be seen with the chance `POWER` [m]; None where none.
-        samples: Numbers of the samples that were compared.
-        outliers: Numbers of samples that alone are off, and were left out.
-        asked: What each transform that was calibrated seems to have moved by, whether it did or not.
+        moved: Whether something moved; None if the samples or the calibration have too little information.
+        chance: p-value if nothing moved, by Bonferroni: the smallest of all frames times their number.
+        shift: The most likely shift, even if it is not significant; None if nothing can be compared.
+        alternatives: Other shifts that explain the samples about equally well, if something moved.
+        detectable_m: Shift that is detected with probability `POWER` for each calibrated transform [m]; None if there
+            is no such shift.
+        samples: Numbers of the compared samples.
+        outliers: Numbers of single samples that disagree with all others, and were left out.
+        asked: Estimated shift of each calibrated transform, even if it is not significant.
     """
 
     moved: bool | None
@@ -54,7 +55,7 @@ class Verification:
     asked: tuple[Shift, ...] = ()
 
     def __repr__(self) -> str:
-        """One line."""
+        """Summary of the result in one line."""
         frame = "" if self.shift is None else f" {self.shift.frame}"
         state = "undecided" if self.moved is None else f"moved:{frame}" if self.moved else "not moved"
         return f"<{state}, {len(self.samples)} samples, p = {self.chance:.2g}>"
@@ -62,12 +63,12 @@ class Verification:
 
 @limit_threads
 def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verification:
-    """New samples of a cell against its calibration.
+    """Compare new samples of a cell with its calibration.
 
     Args:
-        cell: What was calibrated.
-        calibration: What came out.
-        recording: The new samples, one or more; what images show is found by `detect`.
+        cell: The calibrated cell.
+        calibration: Its calibration.
+        recording: The new samples, one or more, with observations from `detect`.
 
     Raises:
         InputError: if an argument is of another type, the cell contradicts the recording, or poses of a target are
@@ -86,7 +87,7 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
         found = _verify(cell, of)
     if not found.moved or len(found.samples) < _FEWEST_SAMPLES:
         return found
-    # One sample that is off alone is a bad sample: what moved is off in all that come after.
+    # A single sample that disagrees is an outlier: a real shift affects all later samples.
     others = [(sample, _verify(cell, of.drop_sample(sample))) for sample in found.samples]
     sample, rest = max(others, key=lambda each: each[1].chance)
     return found if rest.chance < _UNCHANGED_CHANCE else Verification(**{**vars(rest), "outliers": (sample,)})
@@ -113,24 +114,24 @@ def _verify(cell: Cell, innovations: Innovations) -> Verification:
 
 
 FEWEST_SAMPLES = 12
-"""Whose scatter tells anything: six numbers of each."""
+"""Smallest number of samples whose scatter is informative, with six values each."""
 
-_HIDDEN_SHARE = 1e-9  # share of the information below which a direction of a camera's place is not seen
+_HIDDEN_SHARE = 1e-9  # share of the information below which a direction of a camera's pose is unobservable
 
 
 def with_shared_errors(innovations: Innovations, shift: Shift) -> Innovations:
-    """A copy with the errors that the views of each camera share at each sample, estimated from the samples.
+    """Return a copy with errors that the views of each camera share at each sample, estimated from the samples.
 
     Views count as independent, except for the errors of robots and the uncertainty of the calibration. The views of one
-    camera may share further errors: a lens that is slightly wrong at the targets' positions, image blur, or a shaking
-    stand. Such errors show in many samples: their estimates of the camera's pose scatter by more than their covariance.
-    If the excess is beyond chance, the camera's pose counts as uncertain by as much, in new and in calibrated samples.
+    camera may share further errors: a small lens error at the targets' positions, image blur, or a shaking stand. With
+    many samples, the estimates of the camera's pose then scatter by more than their covariance. If the excess is
+    significant, it is added to the uncertainty of the camera's pose, in new and in calibrated samples.
     Source: the covariance of estimates from clusters, Liang & Zeger 1986; the largest eigenvalue of noise, Marchenko &
     Pastur 1967; docs/mathematics.md (13.5).
 
     Args:
         innovations: New views, of `FEWEST_SAMPLES` or more.
-        shift: The likeliest thing to have moved, which is none of such errors.
+        shift: The likeliest shift, which is removed from the residuals.
     """
     if shift.joint is None:
         moves = innovations.frame_jacobian(shift.transform)
@@ -153,12 +154,12 @@ def with_shared_errors(innovations: Innovations, shift: Shift) -> Innovations:
 
 
 def _camera_covariance(innovations: Innovations, place_jacobian: Array, residual: Array) -> Array:
-    """Covariance of all views of a camera by their shared errors, (6 n, 6 n).
+    """Covariance of all views from the shared errors of one camera's views, (6 n, 6 n).
 
     Args:
         innovations: The views.
-        place_jacobian: (6 n, 6) how they go with the camera's place.
-        residual: (6 n,) what is left of them over its covariance.
+        place_jacobian: (6 n, 6) derivative of the innovations with respect to the camera's pose.
+        residual: (6 n,) residuals multiplied by the inverse of their covariance.
     """
     inverse = innovations.covariance_inverse
     rows = [np.flatnonzero(np.repeat(innovations.sample == number, 6)) for number in np.unique(innovations.sample)]

@@ -1,1 +1,1 @@
-"""Every rule that decides whether a wider or another model of the data is to be believed."""
+"""All rules for accepting a wider or an alternative model of the data."""

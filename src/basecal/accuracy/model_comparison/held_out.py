@@ -1,7 +1,8 @@
-"""Models compared by how likely they make parts of the recording that were held out, part by part.
+"""Comparison of models by the likelihoods of held-out parts of the recording.
 
-Parts are what shares no error: stations, samples. The mean gain over its standard error is Student's t if neither
-predicts better. Source: paired comparison, Student 1908; the logarithmic score of predictions, Good 1952.
+Parts share no errors: they are stations or samples. The mean gain over its standard error has Student's t distribution
+if neither model predicts better. Source: paired comparison, Student 1908; the logarithmic score of predictions, Good
+1952.
 """
 
 from __future__ import annotations
@@ -21,30 +22,33 @@ from basecal.estimation.start.rotation_search import KEPT_SHARE
 from basecal.geometry import Array
 
 CLEARLY = 1.1
-"""Ratio of likelihoods of a held-out part below which two models predict equally; `benchmarks.mutations` sets it.
+"""Likelihood ratio of a held-out part below which two models predict equally; chosen by `benchmarks.mutations`.
 
-Estimators that weigh the same views otherwise differ by a few hundredths, models by more.
+Estimators that weight the same views differently differ by a few hundredths, models by more.
 """
 
 
 def compare_predicted_gains(gains: Array) -> Comparison:
-    """A rival by its gains, taken if they are beyond chance, and undecided if they may be.
+    """Compare a rival model with the model in use by its gains on held-out parts.
+
+    The rival is taken if the gains are significant, and undecided if they are suspicious.
 
     Args:
-        gains: (n,) of each held-out part: by how much less minus twice its log likelihood is with the rival.
+        gains: (n,) decrease of minus twice the log likelihood of each held-out part by the rival.
     """
     return decide(float(np.sum(gains)), _log_chance(gains), CONFIRMED, SUSPECTED)
 
 
 def compare_predictions(squares: Array, in_use: Array, clearly: float = CLEARLY) -> Comparison:
-    """A rival by the errors of its predictions; undecided if neither model predicts clearly better beyond chance.
+    """Compare a rival model with the model in use by the errors of predictions.
 
-    Errors count as Cauchy-distributed, so that a few parts that either model predicts badly do not outweigh the rest.
+    The comparison is undecided if neither model predicts significantly and clearly better. Errors are modelled as
+    Cauchy-distributed, so that a few badly predicted parts do not outweigh the rest.
 
     Args:
         squares: (n,) squared error of each held-out part by the rival.
-        in_use: (n,) likewise by the model in use.
-        clearly: Ratio of likelihoods of a part beyond which the rival predicts clearly better, by their geometric mean.
+        in_use: (n,) squared error of each held-out part by the model in use.
+        clearly: Geometric mean of the parts' likelihood ratios above which the rival predicts clearly better.
     """
     scale = max(min(_trimmed_mean(squares), _trimmed_mean(in_use)), LEAST_CHANCE)
     gains = np.log1p(in_use / scale) - np.log1p(squares / scale)
@@ -59,7 +63,7 @@ def compare_predictions(squares: Array, in_use: Array, clearly: float = CLEARLY)
 
 
 def _trimmed_mean(squares: Array) -> float:
-    """Mean of the share of squares that are least."""
+    """Mean of the smallest squares, of which the share `KEPT_SHARE` is kept."""
     kept = np.sort(squares)[: int(np.ceil(KEPT_SHARE * len(squares)))]
     return float(np.mean(kept)) if len(kept) else np.inf
 

@@ -1,9 +1,9 @@
-"""Effects of which the model in use is the special case of size zero: score tests, and ratios of likelihoods.
+"""Tests of effects that are zero in the model in use: score tests and likelihood ratios.
 
-Where models are not nested, or priors are known, ratios of likelihoods are e-values. By Markov's inequality, the chance
-that one exceeds c is at most 1 / c if the model in use is true.
+If models are not nested, or priors are known, likelihood ratios are e-values. By Markov's inequality, the probability
+that an e-value exceeds c is at most 1 / c if the model in use is true.
 Source: Rao 1948, Wilks 1938. Fisher 1925 treats estimated noise, Benjamini & Hochberg 1995 many tests. Sellke, Bayarri
-& Berger 2001 treat chances as evidence; Vovk and Wang 2021, arXiv:1912.06116, e-values.
+& Berger 2001 treat p-values as evidence; Vovk and Wang 2021, arXiv:1912.06116, e-values.
 """
 
 from __future__ import annotations
@@ -19,57 +19,57 @@ from basecal.geometry import Array, BoolArray
 from basecal.numerics.spectral import scaled_spectrum
 
 SINGLE_LEVEL = 1e-4
-"""Chance of a finding that one test makes alone: ten such tests raise one false alarm in a thousand calibrations.
+"""Significance level of a finding from a single test: ten such tests raise one false alarm in 1000 calibrations.
 
 `benchmarks.false_alarms` measures it.
 """
 
 CONFIRMED = 1e-3
-"""Likewise of a finding that held-out data or a next sample confirm too: they do not confirm most that chance makes."""
+"""Significance level of a finding that held-out data or a further sample must confirm, too."""
 
 MOVED = 5e-3
-"""Chance of an alarm of one check, or of one pair of runs, if nothing moved: about once in a year of working days.
+"""False alarm rate of one check, or of one pair of runs, if nothing moved: about once in a year of working days.
 
 `benchmarks.verify` measures it.
 """
 
 DISAGREES = 0.01
-"""Chance of new samples below which a cause is looked for; `benchmarks.running_check` measures the alarms."""
+"""p-value of new samples below which a cause is searched; `benchmarks.running_check` measures the alarms."""
 
 FALSE_DISCOVERIES = 0.0025
-"""Share of the effects found in a calibration that are not there.
+"""Accepted rate of false discoveries among the effects found in a calibration.
 
-A quarter of the false alarms that all rules may raise in a hundred calibrations; `benchmarks.false_alarms` measures it.
+A quarter of the false alarms that all rules may raise in 100 calibrations; `benchmarks.false_alarms` measures it.
 """
 
 SUSPECTED = 0.02
-"""Chance of a score below which an effect is solved for; `benchmarks.small_faults` measures what that misses."""
+"""p-value of a score below which an effect is solved for; `benchmarks.small_faults` measures what is missed."""
 
-_EQUAL = 6.0  # twice the log ratio of likelihoods: what is e^3 times less likely than the best is told from it
+_EQUAL = 6.0  # twice the log likelihood ratio: an explanation e^3 times less likely than the best is rejected
 _VERY_STRONG = 10.0  # of twice the log ratio of evidences (Kass & Raftery 1995)
 _ROOM_M = 1.0  # [m] edge of the cube in which copies may be; assumed
 LEAST_CHANCE = 1e-300
-"""A smaller chance is hardly a number any more: doubles end at 2e-308."""
+"""Smallest p-value that is computed directly: the smallest normal double is 2e-308."""
 
 
 def compare_nested_models(
     gain: float, freedoms: float, level: float = SINGLE_LEVEL, noise_freedoms: float = np.inf
 ) -> Comparison:
-    """A wider model by its gain.
+    """Compare a wider model with the model in use by its gain.
 
     Args:
-        gain: Twice the log ratio of likelihoods, or the score: chi-square if the model in use is true.
-        freedoms: Of the chi-square.
-        level: Chance below which the wider model is taken.
-        noise_freedoms: By which the noise is known; infinite if it is stated.
+        gain: Twice the log likelihood ratio, or the score: chi-square distributed if the model in use is true.
+        freedoms: Degrees of freedom of the chi-square.
+        level: Significance level at which the wider model is taken.
+        noise_freedoms: Degrees of freedom of the estimated noise; infinite if the noise is stated.
     """
     return decide(gain, log_chance(gain, freedoms, noise_freedoms), level)
 
 
 def log_chance(statistic: float, freedoms: float, noise_freedoms: float = np.inf) -> float:
-    """Logarithm of the chance of a chi-square so large or larger; 0 without freedoms or a gain.
+    """Log p-value of a chi-square statistic; 0 without degrees of freedom or gain.
 
-    Of estimated noise it is Fisher's distribution, as far as that is a number.
+    For estimated noise, the F distribution is used, unless its tail probability underflows.
     """
     if freedoms < 1 or statistic <= 0:
         return 0.0
@@ -77,37 +77,38 @@ def log_chance(statistic: float, freedoms: float, noise_freedoms: float = np.inf
     chance = chdtrc(freedoms, statistic) if known else fdtrc(freedoms, noise_freedoms, statistic / freedoms)
     if chance > LEAST_CHANCE:
         return float(np.log(chance))
-    # The first term of the tail far out: Abramowitz & Stegun 6.5.32.
+    # The first term of the asymptotic expansion of the tail: Abramowitz & Stegun 6.5.32.
     return float(-0.5 * statistic + (0.5 * freedoms - 1) * np.log(0.5 * statistic) - gammaln(0.5 * freedoms))
 
 
 def compare_evidence(gain: float) -> Comparison:
-    """A wider model by its gain in evidence: twice the log of the ratio, which is an e-value."""
+    """Compare a wider model with the model in use by its gain, twice the log ratio of evidences (an e-value)."""
     decision = Decision.TAKE if gain > _VERY_STRONG else Decision.KEEP
     return Comparison(gain, -0.5 * gain, decision)
 
 
 def compare_likelihoods(log_ratios: Array) -> Comparison:
-    """A rival by the log ratios of its likelihood over that of the model in use, at each value of an open number.
+    """Compare a rival model with the model in use by log likelihood ratios, for each value of an unknown parameter.
 
-    Neither model is simpler: the rival is taken where the other would have to be suspected.
+    Neither model is simpler: the rival is taken at the level `SUSPECTED`.
 
     Args:
-        log_ratios: (n,) for each value, all equally probable.
+        log_ratios: (n,) log likelihood ratio for each parameter value; all values are equally probable.
     """
     log_mean = float(np.logaddexp.reduce(log_ratios) - np.log(len(log_ratios)))
     return decide(2 * float(np.max(log_ratios)), -log_mean, SUSPECTED)
 
 
 def compare_split(ratio: float, count: int, width: int) -> Comparison:
-    """Two means in place of one, of which nobody says which items have which, by what they leave of the squares.
+    """Compare two means of unknown members with a single mean, by the remaining sum of squares.
 
-    Every way to split the items is a test. The chance is at most that of one split times their number, by Bonferroni.
+    Each split of the items is a test. By Bonferroni, the p-value is at most that of one split times the number of
+    splits.
 
     Args:
-        ratio: Sum of squares about the two means over that about one.
-        count: Items.
-        width: Numbers of each.
+        ratio: Sum of squares about the two means over that about the single mean.
+        count: Number of items.
+        width: Number of values of each item.
     """
     left = width * (count - 2)
     gain = (1 / max(ratio, LEAST_CHANCE) - 1) * left
@@ -115,14 +116,14 @@ def compare_split(ratio: float, count: int, width: int) -> Comparison:
 
 
 def compare_places(offset: Array, covariance: Array) -> Comparison:
-    """Whether two independent estimates are of one place; taken if no deceived one would be so near by chance.
+    """Test two independent estimates for the same place; taken if a wrong estimate is unlikely to be as near.
 
-    One deceived by a copy of an object may be anywhere in a room. The ratio of evidences is the density of what is
-    between the two over that of any place there. Directions of which they know no more than the room say nothing.
+    An estimate from a copy of an object may be anywhere in a room. The ratio of evidences is the density of the offset
+    under one place over the uniform density in the room. Directions with a sigma as large as the room have no effect.
 
     Args:
-        offset: (3,) from one to the other [m].
-        covariance: (3, 3) of it [m^2].
+        offset: (3,) difference of the estimates [m].
+        covariance: (3, 3) covariance of the difference [m^2].
     """
     of = scaled_spectrum(covariance, 1.0)
     width = _ROOM_M / np.sqrt(2 * np.pi * of.values)
@@ -131,7 +132,7 @@ def compare_places(offset: Array, covariance: Array) -> Comparison:
 
 
 def largest_share(log_chance: float) -> float:
-    """How probable a wider model of such a chance is at most, if it is true as often as not.
+    """Largest posterior probability of a wider model, from its log p-value and a prior probability of 1/2.
 
     Source: docs/mathematics.md (11.7).
     """
@@ -140,15 +141,15 @@ def largest_share(log_chance: float) -> float:
 
 
 def discoveries(log_chances: Sequence[float], tests: int, share: float = FALSE_DISCOVERIES) -> BoolArray:
-    """Which of the effects with these chances are discovered, (n,), of a family of so many tests.
+    """Mask of the discovered effects of a family of tests, (n,).
 
-    The share of false discoveries is `share` at most, on average (Benjamini & Hochberg 1995). If there is no effect at
-    all, it is the share of families in which one is found.
+    The expected share of false discoveries is at most `share` (Benjamini & Hochberg 1995). If there is no effect at
+    all, `share` is the probability that any effect of the family is discovered.
 
     Args:
-        log_chances: (n,) of effects that may be there; the others of the family count as not discovered.
-        tests: How many the family has.
-        share: Of discoveries that may be false.
+        log_chances: (n,) log p-values of candidate effects; the other tests of the family count as not discovered.
+        tests: Number of tests of the family.
+        share: Accepted share of false discoveries.
     """
     order = np.argsort(log_chances)
     limits = np.log(share * np.arange(1, len(order) + 1) / max(tests, 1))
@@ -159,17 +160,17 @@ def discoveries(log_chances: Sequence[float], tests: int, share: float = FALSE_D
 
 
 def equally_likely(costs: Sequence[float]) -> list[int]:
-    """Which explanations the data do not distinguish from the best one, itself among them.
+    """Indices of the explanations that the data do not distinguish from the best one, including the best.
 
     Args:
-        costs: (n,) of each: minus twice its log likelihood, and what its freedoms take away by chance.
+        costs: (n,) minus twice the log likelihood of each explanation, plus its degrees of freedom.
     """
     best = min(costs, default=0.0)
     return [k for k, cost in enumerate(costs) if cost < best + _EQUAL]
 
 
 class Decision(Enum):
-    """Which of two models to believe."""
+    """Decision between a rival model and the model in use."""
 
     KEEP = "the model in use"
     UNDECIDED = "either"
@@ -178,13 +179,12 @@ class Decision(Enum):
 
 @dataclass(frozen=True)
 class Comparison:
-    """A rival model beside the one in use.
+    """Comparison of a rival model with the model in use.
 
     Attributes:
-        gain: By how much it explains the data better: twice the log ratio of likelihoods, or of evidences.
-        log_chance: Logarithm of the chance of such a gain if the model in use is true: a p-value, or the inverse of an
-            e-value.
-        decision: Which of the two to believe.
+        gain: Twice the log ratio of the likelihoods, or of the evidences, of the rival over the model in use.
+        log_chance: Logarithm of the p-value of the gain, or of the inverse e-value.
+        decision: Decision between the two models.
     """
 
     gain: float
@@ -193,23 +193,23 @@ class Comparison:
 
     @property
     def chance(self) -> float:
-        """The chance of such a gain if the model in use is true."""
+        """The p-value of the gain, or the inverse e-value."""
         return float(np.exp(min(self.log_chance, 0.0)))
 
     @property
     def is_taken(self) -> bool:
-        """Whether to believe the rival."""
+        """Whether the rival is taken."""
         return self.decision is Decision.TAKE
 
 
 def decide(gain: float, log_chance: float, level: float, doubtful_level: float = 0.0) -> Comparison:
-    """The rival is taken below one chance, and undecided below a larger one.
+    """Decide between a rival model and the model in use by a p-value.
 
     Args:
-        gain: See `Comparison`.
-        log_chance: Likewise.
-        level: Chance below which it is taken.
-        doubtful_level: Chance below which neither is kept nor taken.
+        gain: Gain of the rival; see `Comparison`.
+        log_chance: Log p-value of the gain; see `Comparison`.
+        level: p-value below which the rival is taken.
+        doubtful_level: p-value below which the comparison is undecided.
     """
     below = Decision.UNDECIDED if np.exp(log_chance) < doubtful_level else Decision.KEEP
     return Comparison(gain, log_chance, Decision.TAKE if log_chance < np.log(level) else below)

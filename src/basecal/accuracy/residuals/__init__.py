@@ -1,1 +1,1 @@
-"""How well a solution fits: pixels, loops, points."""
+"""Residuals of a solution: pixels, loops and points."""

@@ -1,4 +1,4 @@
-"""A recording as a calibration has it: every view at its transforms, fresh or read from a file."""
+"""Evaluate a recording at the transforms of a calibration, which may be new or read from a file."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera
 
-_STOP_ROUNDS = 4  # Gauss-Newton steps for the stops' errors, which converge quadratically from zero
+_STOP_ROUNDS = 4  # Gauss-Newton steps for the stop errors; they converge quadratically from zero
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The views whose transforms and lens a calibration knows, and the state that it puts them in.
+    """The views whose transforms and lens a calibration contains, and their state.
 
-    A calibration does not hold the errors of the robots' stops. They are the most probable ones at its transforms, by
-    the views that are no outliers.
+    A calibration does not contain the errors of the robots' stops. The most probable errors at the calibration's
+    transforms are used, estimated from the inlier views.
     """
 
     problem: Problem
@@ -37,12 +37,12 @@ class Evaluation:
 
 
 def evaluate_recording(cell: Cell, recording: Recording, calibration: Calibration) -> Evaluation:
-    """A recording at the transforms of a calibration.
+    """Evaluate a recording at the transforms of a calibration.
 
     Args:
-        cell: What was calibrated.
-        recording: What was seen.
-        calibration: What came out.
+        cell: The calibrated cell.
+        recording: The recording.
+        calibration: The calibration of the cell.
 
     Raises:
         InputError: if the cell contradicts the recording.
@@ -57,7 +57,7 @@ def evaluate_recording(cell: Cell, recording: Recording, calibration: Calibratio
 
 
 def _without_outliers(problem: Problem, calibration: Calibration) -> Problem:
-    """The views that the answer rests on: another at the same stop would pull its error aside."""
+    """Remove the views that are outliers as a whole: they would bias the errors of their stops."""
     whole = {(each.sample, each.camera, each.target) for each in calibration.outliers or () if not each.ids}
     rows = [
         np.flatnonzero([(number, g.camera, g.target) not in whole for number in g.sample.tolist()])
@@ -67,9 +67,9 @@ def _without_outliers(problem: Problem, calibration: Calibration) -> Problem:
 
 
 def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> Evaluation:
-    """The views whose transforms and lens a calibration knows, by the noise and the targets' shapes that it found.
+    """Select the views whose transforms and lens a calibration contains, with its noise and target shapes.
 
-    No stop has an error.
+    Stop errors are zero.
 
     Raises:
         InputError: if the cell contradicts the recording.
@@ -80,7 +80,7 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> E
     cameras = fixed | {name: camera for name, (camera, _) in calibration.cameras.items()}
     transforms = calibration.known_transforms(cell)
     groups = [with_noise_of(g, calibration) for g in problem.groups if _is_known(g, transforms, cameras)]
-    # Shapes that targets were found to have; those of a target of other points are left out.
+    # Estimated shapes of targets; a shape is left out if the target now has other points.
     shapes = {name: np.array(of["shape"]) for name, of in calibration.noise.get("targets", {}).items()}
     seen = {group.target: points for group in groups if group.target in shapes and len(points := shaped_points(group))}
     sizes = {name: unit_shifts(points).shape[-1] for name, points in seen.items()}
@@ -91,7 +91,10 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> E
 
 
 def with_noise_of_robots(problem: Problem, state: State, calibration: Calibration) -> Evaluation:
-    """Views read as they agree best with a state, by the robots' noise that was found; no stop has an error."""
+    """Set the robots' noise of a calibration, and choose the point correspondences that agree best with a state.
+
+    Stop errors are zero.
+    """
     found = calibration.noise.get("robots", {}).items()
     estimated = {name: of for name, of in found if name in problem.unstated}
     sigmas = {name: np.array([*of["sigma_t_m"], *of["sigma_r_rad"]]) for name, of in estimated.items()}
@@ -101,13 +104,13 @@ def with_noise_of_robots(problem: Problem, state: State, calibration: Calibratio
 
 
 def with_noise_of(group: ViewGroup, calibration: Calibration) -> ViewGroup:
-    """A group with the sigmas that its camera's noise was found to have."""
+    """Return a group with the estimated sigmas of its camera."""
     of_camera = calibration.noise.get("cameras", {}).get(group.camera, {})
     known = {field: of_camera.get(field) or calibration.noise.get(field) for field in Noise._fields}
     return group.with_noise(Noise(**{field: sigma for field, sigma in known.items() if sigma}))
 
 
 def _is_known(group: ViewGroup, transforms: Mapping[str, SE3], cameras: Mapping[str, Camera]) -> bool:
-    """Whether every transform of a group is known, and where its views are in pixels the lens too."""
+    """Whether all transforms of a group are known, and also the lens if its views are in pixels."""
     has_lens = group.camera in cameras or not isinstance(group.measurement, PixelMeasurement)
     return has_lens and all(name in transforms for name in group.frames)

@@ -1,4 +1,4 @@
-"""How well a solution fits: pixels, and the loops that views close."""
+"""Residuals of a solution: pixel residuals, and closure errors of loops."""
 
 from __future__ import annotations
 
@@ -27,12 +27,16 @@ from basecal.numerics.spectral import dimension
 
 
 def residuals(solution: Solution, outliers: Problem | None = None) -> Residuals:
-    """How everything fits; views that were left out stand among the samples and are in no mean.
+    """Compute the residuals of a solution; outlier views are listed by sample but excluded from all means.
 
-    Views of a static scene that takes part have no residual: its points are eliminated.
+    Views of a static scene have no residuals, as the scene's points are eliminated.
 
-    The loop of a view is `(A X B).inverse() @ Y C Z` with A and C as recorded and B from the view alone. Pixels are per
-    coordinate, robots' errors taken at their most probable.
+    The loop of a view is `(A X B).inverse() @ Y C Z` with A and C as recorded and B from the view alone. Pixel
+    residuals are per coordinate, with the most probable errors of the robots.
+
+    Args:
+        solution: The solution.
+        outliers: The problem of the views that were left out; None without any.
     """
     per_sample, pixels = [], [np.zeros(0)]
     for group in solution.problem.groups:
@@ -59,7 +63,7 @@ def residuals(solution: Solution, outliers: Problem | None = None) -> Residuals:
 
 
 def _group_residuals(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual], Array]:
-    """The residuals of each view, and of all coordinates in pixels [px]."""
+    """Residuals of each view, and pixel residuals of all coordinates, (n,) [px]."""
     predicted = solution.state.camera_from_target(group, solution.problem.stops)
     rms, coordinates = np.full(len(group), np.nan), np.zeros(0)
     if isinstance(group.measurement, PixelMeasurement):
@@ -86,7 +90,7 @@ def _finite_values(values: Array) -> Iterator[float | None]:
 
 
 def single_view_pose(state: State, group: ViewGroup, camera_from_target: SE3) -> tuple[SE3, BoolArray]:
-    """`camera_from_target` from each view alone, (n,), near the given poses; and which views have one, (n,)."""
+    """`camera_from_target` from each view alone, (n,), starting at given poses, and the mask of valid poses, (n,)."""
     measurement = group.measurement
     everywhere = np.ones(len(group), dtype=bool)
     if isinstance(measurement, PoseMeasurement):
@@ -105,12 +109,12 @@ def single_view_pose(state: State, group: ViewGroup, camera_from_target: SE3) ->
     return alone, measurement.seen.sum(1) >= FEWEST_POINTS
 
 
-_PAIR_FIT_STEPS = 50  # of a pair's own fit, which starts at the fit to all; assumed: bounds the time
+_PAIR_FIT_STEPS = 50  # of the fit of a single pair, which starts at the solution; assumed: bounds the time
 
 
 @dataclass(frozen=True, eq=False)
 class _Relation:
-    """Two bases as the views of one pair of camera and target relate them, lenses and robots as in the solution."""
+    """Relative pose of two bases from the views of one camera and target, with lenses and robots of the solution."""
 
     start: str
     end: str
@@ -119,20 +123,20 @@ class _Relation:
     views: int
 
     def reverse(self) -> _Relation:
-        """The loop from its other end."""
+        """Return the relation with start and end exchanged."""
         return _Relation(self.end, self.start, self.path[::-1], self.start_from_end.inverse(), self.views)
 
 
 def loops(solution: Solution, residuals: Sequence[SampleResidual]) -> tuple[Loop, ...]:
-    """The loops of every pair of camera and target, rms over its views, and those around rings of bases.
+    """Closure errors of the loops of each pair of camera and target, rms over views, and of rings of bases.
 
     Several pairs may relate the same bases, directly or around a ring. Each pair then gives the relative pose of its
-    two bases by its own views alone. Its mounts are estimated again if these views determine them. The product of these
-    poses around the ring should be the identity.
+    two bases from its own views alone. The pair's mounts are estimated again if its views determine them. The product
+    of these poses around the ring should be the identity.
 
     Args:
-        solution: What was found.
-        residuals: The residuals of its views.
+        solution: The solution.
+        residuals: Residuals of the solution's views.
     """
     bases = {(g.camera, g.target): _bases(solution.problem, g) for g in solution.problem.groups}
     of_pairs: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
@@ -149,13 +153,13 @@ def loops(solution: Solution, residuals: Sequence[SampleResidual]) -> tuple[Loop
 
 
 def _bases(problem: Problem, group: ViewGroup) -> tuple[str, str]:
-    """The bases of the camera's robot and of the target's; `world` counts from the reference's."""
+    """Names of the bases of the camera's robot and of the target's robot; the reference's base for `world`."""
     eye, hand = (end.robot or problem.reference for end in group.ends)
     return f"{eye}_base", f"{hand}_base"
 
 
 def _ring_loops(solution: Solution) -> list[Loop]:
-    """One loop for each pair of camera and target beyond those that a tree over the bases needs."""
+    """One loop for each pair of camera and target that is not part of a spanning tree over the bases."""
     if len(solution.problem.groups) < 2:
         return []
     way: dict[str, list[_Relation]] = {f"{solution.problem.reference}_base": []}
@@ -175,7 +179,7 @@ def _ring_loops(solution: Solution) -> list[Loop]:
 
 
 def _close_loop(steps: Sequence[_Relation]) -> Loop:
-    """The loop of steps one after another; one taken forth and back, at its ends, is left out."""
+    """Chain relations to a loop; a relation at the start that is reversed at the end is left out."""
     while len(steps) > 2 and steps[0].path == steps[-1].path[::-1]:
         steps = steps[1:-1]
     around = SE3.identity()
@@ -192,7 +196,7 @@ def _close_loop(steps: Sequence[_Relation]) -> Loop:
 
 
 def _relations(solution: Solution) -> list[_Relation]:
-    """The relation of each pair between two different bases, if its own views determine it."""
+    """Relations of all pairs between two different bases that the pair's own views determine."""
     relations = []
     for group in solution.problem.groups:
         start, end = _bases(solution.problem, group)
@@ -208,7 +212,7 @@ def _relations(solution: Solution) -> list[_Relation]:
 
 
 def _fit_pair(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str]) -> State | None:
-    """The state that fits one pair best, of a base and mounts, the base's prior left out; None if it is not seen."""
+    """Fit a base and mounts to the views of one pair, without the base's prior; None if the base is unobservable."""
     whole, state = some_views(solution.problem.with_groups([group]), solution.state, len(group))
     columns = sequential_columns({name: whole.column_width(name) for name in mounts} | {base: 6})
     problem = replace(whole, columns=columns, unknowns={**whole.unknowns, base: Unknown()}, models={})

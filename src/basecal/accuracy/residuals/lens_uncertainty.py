@@ -1,4 +1,4 @@
-"""How uncertain an estimated lens is over its image."""
+"""Uncertainty of an estimated lens over its image."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from basecal.numerics.spectral import pseudo_inverse
 
 
 def lens_sigmas(camera: Camera, covariance: Array, pixels: Array) -> Array:
-    """Sigma per axis of where the lens images known rays, (n,) [px]; NaN where no ray leads to.
+    """Sigma per axis of the projections of known rays, (n,) [px]; NaN at pixels without a ray.
 
-    Rotations of the camera are left out: mounts absorb them. The rotation is fitted over all pixels.
+    Rotations of the camera are removed, as mounts absorb them. The rotation is fitted over all pixels.
 
     Args:
-        camera: The lens as estimated.
-        covariance: Of its parameters, (p, p).
-        pixels: (n, 2) [px].
+        camera: The estimated lens.
+        covariance: (p, p) covariance of the lens parameters.
+        pixels: (n, 2) pixels of the rays [px].
     """
     rays, valid = camera.undistort(pixels)
     sigmas = np.full(len(pixels), np.nan)
     _, by_ray, by_lens = camera.project_with_derivatives(rays[valid], intrinsics=True)
     assert by_lens is not None
-    turned = np.cross(np.eye(3), rays[valid][:, None])  # each row: the ray moved by a rotation about an axis
+    turned = np.cross(np.eye(3), rays[valid][:, None])  # each row: change of the ray by a rotation
     by_rotation = np.einsum("nij,nkj->nik", by_ray, turned).reshape(-1, 3)
     by_lens = by_lens[..., : len(covariance)].reshape(-1, len(covariance))
     moved = by_lens - by_rotation @ (pseudo_inverse(by_rotation) @ by_lens)

@@ -1,4 +1,4 @@
-"""How far each point is from where a calibration predicts it."""
+"""Residuals of single points at the transforms of a calibration."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from basecal.geometry import Array, BoolArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class PointResiduals:
-    """The points of one target that one camera saw, over all samples.
+    """Residuals of the points of one target in the images of one camera, over all samples.
 
     Attributes:
         camera: Name of the camera.
         target: Name of the target.
         sample: (n,) sample numbers.
-        ids: (n,) which points.
-        pixels: (n, 2) as seen [px].
-        off_px: (n, 2) predicted minus seen [px].
-        used: (n,) whether the answer rests on them; the others were left out as outliers.
+        ids: (n,) identifiers of the points.
+        pixels: (n, 2) observed pixels [px].
+        off_px: (n, 2) predicted minus observed pixels [px].
+        used: (n,) whether the calibration uses the point; the others are outliers.
     """
 
     camera: str
@@ -38,12 +38,12 @@ class PointResiduals:
 
 
 def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) -> tuple[PointResiduals, ...]:
-    """Predicted minus seen pixels at the transforms of a calibration, fresh or read from its file.
+    """Compute predicted minus observed pixels at the transforms of a calibration, new or read from a file.
 
     Args:
-        cell: What was calibrated.
-        recording: What was seen.
-        calibration: What came out.
+        cell: The calibrated cell.
+        recording: The recording.
+        calibration: The calibration of the cell.
 
     Raises:
         InputError: if the cell contradicts the recording.
@@ -52,7 +52,7 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
 
 
 def residuals_of_points(cell: Cell, calibration: Calibration, evaluation: Evaluation) -> tuple[PointResiduals, ...]:
-    """Residuals of points that were fitted again already."""
+    """Compute the residuals of points from an evaluated recording."""
     return tuple(
         _group_residuals(target.ids, group, group.measurement, evaluation, calibration.outliers or ())
         for group in evaluation.problem.groups

@@ -1,4 +1,4 @@
-"""A calibration as it would be without some samples, from where it is and with the noise that it found: quick."""
+"""Fast estimate of a calibration without some samples, starting at the calibration and with its noise."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from basecal.geometry import PoseEstimate
 
 @dataclass(frozen=True, eq=False)
 class WithoutSamples:
-    """The answer without some samples.
+    """A calibration without some samples.
 
     Attributes:
-        transforms: Those that are requested and seen in every direction, by name.
-        residuals: Of the samples that are left.
-        converged: Whether that is an optimum.
+        transforms: The requested transforms that are observable, by name.
+        residuals: Residuals of the remaining samples.
+        converged: Whether the solution has converged.
     """
 
     transforms: Mapping[str, PoseEstimate]
@@ -36,19 +36,20 @@ class WithoutSamples:
 def without_samples(
     cell: Cell, recording: Recording, calibration: Calibration, exclusions: Collection[int]
 ) -> WithoutSamples:
-    """The calibration without samples of these numbers.
+    """Estimate the calibration without some samples.
 
-    The effect of the samples on the calibration is subtracted, and their contribution to its information, with the
-    estimated noise.
+    The cell is solved with and without the samples, with the estimated noise. The change of each transform and of its
+    covariance is applied to the calibration.
 
     Args:
-        cell: What was calibrated.
-        recording: What it was made from.
-        calibration: What came out.
-        exclusions: Numbers of samples.
+        cell: The calibrated cell.
+        recording: The recording of the calibration.
+        calibration: The calibration.
+        exclusions: Numbers of the samples to leave out.
 
     Raises:
-        InputError: if no sample is left that the calibration knows the transforms of, or all is from a scene.
+        InputError: if no remaining sample has transforms that the calibration contains, or the calibration is from a
+            scene alone.
     """
     if not exclusions:
         known = {name: calibration[name] for name in cell.requested_transforms if name in calibration.transforms}
@@ -70,12 +71,12 @@ def _observable_names(solution: Solution) -> set[str]:
 
 
 def _solve_again(cell: Cell, recording: Recording, calibration: Calibration) -> Solution:
-    """The optimum near a calibration, with the noise that it found."""
+    """Solve for the optimum near a calibration, with the estimated noise of the calibration."""
     known = known_views(cell, recording, calibration)
     if not known.problem.groups:
         if calibration.settings.get("method") == "scene":
-            raise InputError("an answer from a scene is not solved anew here: calibrate without these samples")
-        raise InputError("no sample is left: keep some, or choose a run that found something")
+            raise InputError("a calibration from a scene cannot be updated: calibrate again without these samples")
+        raise InputError("no sample is left: exclude fewer samples, or choose a run with estimated transforms")
     problem, _ = build_problem(cell, recording)
     views = {(group.camera, group.target) for group in known.problem.groups}
     groups = [with_noise_of(g, calibration) for g in problem.groups if (g.camera, g.target) in views]

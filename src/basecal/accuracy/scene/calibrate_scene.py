@@ -33,20 +33,21 @@ from basecal.estimation.scene.spread import scene_covariance
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array, Camera, PoseEstimate
 
-_NOTHING_M = 1e3  # [m] sigma of which nothing is known: no cell is as large; assumed
-_UNIT = "The arms' own lengths give the scale: an error of unit in all poses cannot be seen."
+_NOTHING_M = 1e3  # [m, rad] sigma of an unknown direction, far larger than any cell; assumed
+_UNIT = "The scale is that of the robot poses: a wrong unit in all poses cannot be detected."
 
 
 def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Calibration:
-    """Mounts, lenses and bases from images of a static scene.
+    """Calibrate mounts, lenses and bases from images of a static scene.
 
     Args:
-        cell: Cameras on robots; their mounts and the robots' bases are found.
+        cell: Cameras on robots; their mounts and the robots' bases are estimated.
         recording: Samples with images or tracks, and poses.
-        settings: How to go about it.
+        settings: Settings of the calibration; `method` is ignored.
 
     Raises:
-        InputError: if the recording's folder is not known, or the reference carries no camera that took images.
+        InputError: if the recording's folder is not known, no camera on a robot has images with poses, or the
+            reference robot has none.
     """
     settings = replace(settings, method="scene")  # also if the cell requests it, or has tracks alone
     with settings.stage("features"):
@@ -71,7 +72,7 @@ def _refuse(report: Report, settings: Settings) -> Calibration:
 
 
 class _Place(NamedTuple):
-    """A transform of the answer, what is known of it beforehand, and its columns; None if it is fixed."""
+    """An estimated transform, its prior, and its columns of the covariance; the columns are None if it is fixed."""
 
     name: str
     mean: SE3
@@ -79,12 +80,12 @@ class _Place(NamedTuple):
     columns: slice | None
 
     def estimate(self, covariance: Array) -> PoseEstimate:
-        """The transform with its part of a covariance, which is zero if it is fixed."""
+        """Return the transform with its block of a covariance, (6, 6) [m, rad]; zero if the transform is fixed."""
         return PoseEstimate(self.mean, covariance[self.columns, self.columns] if self.columns else np.zeros((6, 6)))
 
 
 def _places(cell: Cell, fit: SceneFit) -> tuple[list[_Place], list[_Place]]:
-    """The bases of robots but that of the reference, and the mounts of cameras."""
+    """Bases of all robots except the reference, and mounts of all cameras."""
     views, state, columns = fit.views, fit.state, fit.columns
     names = [cell.base_name(robot) for robot in views.robots], [cell.mount_name(each.name) for each in views.cameras]
     bases = map(_Place, names[0], state.bases, views.bases, columns.bases)
@@ -93,7 +94,7 @@ def _places(cell: Cell, fit: SceneFit) -> tuple[list[_Place], list[_Place]]:
 
 
 def _covariance(cell: Cell, fit: SceneFit) -> Array:
-    """Covariance of all columns but errors of stops, with what stops of arms share."""
+    """Covariance of all columns except stop errors, (q, q), including the errors that stops of a robot share."""
     covariance = scene_covariance(fit)
     for k, robot in enumerate(fit.views.robots):
         if not cell.robots[robot].is_total_noise:
@@ -102,7 +103,7 @@ def _covariance(cell: Cell, fit: SceneFit) -> Array:
 
 
 def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> Calibration:
-    """The calibration of a scene that was adjusted."""
+    """Return the calibration from an adjusted scene; refused if a finding is an error."""
     covariance, (bases, mounts) = _covariance(cell, fit), _places(cell, fit)
     motion = scene_motion(fit)
     for finding in motion_findings(motion):
@@ -138,7 +139,10 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
 
 
 def _compare_statement(statement: Unknown, base: PoseEstimate) -> tuple[Array | None, Array]:
-    """Vector from a base as stated to a base by the scene alone, (3,) [m], and covariance; None if nothing is known."""
+    """Offset of a base by the scene alone from its prior, (3,) [m], and the offset's covariance, (3, 3) [m^2].
+
+    The offset is None if the base has no prior.
+    """
     if statement.mean is None or statement.sigma is None:
         return None, np.eye(3)
     sigma = np.minimum(statement.sigma, _NOTHING_M)
@@ -149,7 +153,7 @@ def _compare_statement(statement: Unknown, base: PoseEstimate) -> tuple[Array | 
 
 
 def _lenses(fit: SceneFit, covariance: Array) -> dict[str, tuple[Camera, Array]]:
-    """Lenses that are not fixed, with their covariance, by camera."""
+    """Estimated lenses with their covariance, by camera name; fixed lenses are left out."""
     every = zip(fit.views.cameras, fit.state.lenses, fit.columns.lenses, strict=True)
     return {camera.name: (lens, covariance[where, where]) for camera, lens, where in every if where is not None}
 
@@ -168,24 +172,25 @@ def _residuals(fit: SceneFit) -> Residuals:
 
 
 def _robot_noise(fit: SceneFit) -> dict[str, dict[str, list[float]]]:
-    """Sigmas of each robot's stops, by robot."""
+    """Sigmas of stop errors, (3,) [m] and (3,) [rad], by robot name."""
     sigmas = {robot: fit.stop_sigma[fit.views.stop_robot == k][0] for k, robot in enumerate(fit.views.robots)}
     return {robot: {"sigma_t_m": own[:3].tolist(), "sigma_r_rad": own[3:].tolist()} for robot, own in sigmas.items()}
 
 
 def scene_meeting(cell: Cell, fit: SceneFit, covariance: Array, settings: Settings) -> MeetingError | None:
-    """The error where flanges meet, at the task or else where the arms worked, of the base that is known the least.
+    """Expected distance error between two flanges at a common point, of the base with the largest variance.
 
-    Errors that stops share move the base, too: both count together. Source: docs/mathematics.md (14.3).
+    The points are those of the task; without a task, the recorded flange positions. Errors that stops share also
+    change the base estimate; their correlation is included. Source: docs/mathematics.md (14.3).
 
     Args:
-        cell: What was calibrated.
+        cell: The calibrated cell.
         fit: A scene whose world is the base of the reference.
-        covariance: (q, q) of all columns that are no errors of stops.
-        settings: With the task.
+        covariance: (q, q) of all columns except stop errors.
+        settings: Settings with the task.
 
     Returns:
-        None if no base is requested.
+        The error, or None if no base is requested.
     """
     task_m, placed = task_places(settings.task_point, settings.task_box), placed_transforms(cell)
     covariances = (
@@ -198,7 +203,7 @@ def scene_meeting(cell: Cell, fit: SceneFit, covariance: Array, settings: Settin
 
 
 def _error_covariances(cell: Cell, fit: SceneFit, covariance: Array, robot: int, task_m: Array) -> Array:
-    """Covariances of the distance of two flanges, (n, 3, 3) [m^2], in the axes of the other robot's base."""
+    """Covariances of the vector between two flanges, (n, 3, 3) [m^2], in the axes of the second robot's base."""
     columns = fit.columns.bases[robot]
     assert columns is not None
     reference, base = fit.views.robots.index(cell.reference), fit.state.bases[robot]
@@ -214,20 +219,20 @@ def _error_covariances(cell: Cell, fit: SceneFit, covariance: Array, robot: int,
 
 
 def _recorded_places(fit: SceneFit, robots: tuple[int, int]) -> Array:
-    """Where flanges of these robots were in the world, (n, 3) [m]."""
+    """Recorded flange positions of two robots in the world, (n, 3) [m]."""
     mine = np.isin(fit.views.robot, robots)
     return choose_places(fit.state.world_from_flange(fit.views).translation[mine])
 
 
 def _shared_part(fit: SceneFit, robot: int, at_m: Array, turn: Array, by_base: Array, columns: slice) -> Array:
-    """The covariance that errors of a robot add, beside what they move the base by, (n, 3, 3) [m^2].
+    """Covariance from a robot's shared errors, with their correlation with the base, (n, 3, 3) [m^2].
 
     Args:
         fit: The scene.
         robot: Index of the robot.
-        at_m: (n, 3) where its flange is, in its base [m].
-        turn: (3, 3) of these axes to those in which the distance is.
-        by_base: (n, 3, 6) how the distance moves with the base.
+        at_m: (n, 3) flange positions in the robot's base [m].
+        turn: (3, 3) matrix from the axes of that base to the axes of the distance, with its sign.
+        by_base: (n, 3, 6) derivative of the distance with respect to the base.
         columns: Columns of the base.
     """
     poses = move_nearest(fit.views.base_from_flange[np.flatnonzero(fit.views.robot == robot)], at_m)

@@ -1,8 +1,8 @@
-"""Whether an answer from a scene may be given: what is missing, in words, with what to do.
+"""Checks of a calibration from a scene: findings with their cause and remedy.
 
-The limits are assumed: right scenes of the recordings that were tried are far beyond them. A room in which all that has
-texture is copied deceives them (benchmarks.scene), so that a base that rests on a scene alone is doubtful. It is not if
-other evidence of the base, however coarse, would not be so near to it by chance.
+The limits are assumed: correct scenes of the recordings that were tried pass them by far. They fail in a room in which
+everything with texture is copied (benchmarks.scene). A base from a scene alone is therefore doubtful. The doubt ends if
+other evidence of the base, however coarse, agrees with it more closely than chance explains.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from basecal.estimation.scene.adjust import SceneFit
 from basecal.geometry import Array
 
 FEWEST_VIEWS = 8  # of a camera
-_ENOUGH_VIEWS = 12  # below it sigmas are too small
+_ENOUGH_VIEWS = 12  # with fewer, sigmas are too small
 _FEWEST_PAIRS = 10  # of images that share features
 _FEWEST_POINTS = 60  # of a camera's own scene
 _FEWEST_SHARED = 100  # points that both cameras see
 _FEWEST_OF_EACH = 4  # views of each camera that show some of them
 _LEAST_SCORE = 30.0  # standard deviations of a count
-_LEAST_RATIO = 2.5  # of points found over those found by chance
-_RIVAL_SHARE = 1 / 3  # of the evidence of the best that no other transform may have
-_LEAST_COMMON = 0.45  # of places; right rooms have 1, with each box moved 0.6, two equal groups of objects 0.13 to 0.29
-_LEAST_KEPT = 0.5  # share of the points found in both scenes that one adjustment keeps
-_WEAK_M, _WEAK_RAD = 0.01, np.radians(0.5)  # sigma along an axis that is worth a warning
-_STILL_CHANCE = 1e-3  # of errors that follow time so closely in a scene that is still
-_LOOSE_M, _LOOSE_RAD = 2e-3, 3e-3  # noise of poses beyond that of arms as delivered (estimation.noise.hyperpriors)
-_OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that is as good as unknown
+_LEAST_RATIO = 2.5  # of found points to points found by chance
+_RIVAL_SHARE = 1 / 3  # largest evidence of a second transform, relative to the best
+_LEAST_COMMON = 0.45  # of places; correct rooms have 1, with each box moved 0.6, two equal object groups 0.13 to 0.29
+_LEAST_KEPT = 0.5  # share of the points found in both scenes that the joint adjustment keeps
+_WEAK_M, _WEAK_RAD = 0.01, np.radians(0.5)  # sigma along an axis that causes a warning
+_STILL_CHANCE = 1e-3  # p-value of a motion below which the scene counts as moved
+_LOOSE_M, _LOOSE_RAD = 2e-3, 3e-3  # pose noise above that of arms as delivered (estimation.noise.hyperpriors)
+_OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that counts as unknown
 
 _PAPER = "Put printed paper or tools on the table, in view of the camera."
 SAME_SPOT = "Take about five images with each arm of the same spot, from similar directions."
@@ -44,24 +44,24 @@ _SECOND = (
     "Or let one camera see a board on the other arm, and run `basecal calibrate CELL --scene also`.",
     "Or touch one point with both tools.",
 )
-_TWO_PLACES = "Check what cell.yaml states of the base, and whether anything in the scene moved or stands there twice."
-_MISTAKEN = "Similar objects, or objects that moved between the images, were taken for one."
+_TWO_PLACES = "Check the base in cell.yaml, and whether an object in the scene moved or exists twice."
+_MISTAKEN = "Similar objects, or objects that moved between the images, were treated as one."
 _TURN = "Rotate the flange about two axes, by 20 deg and more, between images."
-_ARM = "Check the zeros of such a robot's joints, its URDF, and that each pose is of its image."
+_ARM = "Check the robot's joint offsets, its URDF, and that each pose belongs to its image."
 _AIM = "Take images that do not all aim at one spot: move the arm along the viewing direction, too."
 
 
 def drop_target_findings(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Findings of a search for targets, without the warning that images show none: they show the scene."""
+    """Findings of a target search without `few-images`: images of a scene need not show a target."""
     return tuple(each for each in findings if each.code != "few-images")
 
 
 def camera_findings(name: str, one: OneCamera, joint_robots: Sequence[str] = ()) -> Iterator[Finding]:
-    """Findings about deficits of one camera's images.
+    """Findings about one camera's images that are too few, without texture, or inconsistent with the poses.
 
     Args:
-        name: Of the camera.
-        one: Its scene.
+        name: Name of the camera.
+        one: The scene from this camera alone.
         joint_robots: The robot that carries it, if its joints were recorded.
     """
     about = (name,)
@@ -75,10 +75,14 @@ def camera_findings(name: str, one: OneCamera, joint_robots: Sequence[str] = ())
         yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
         return
     if one.start.misfit > (False, MOST_PX):
-        off = "it would see all behind it" if one.start.is_behind else f"features are {one.start.median_px:.2g} px off"
+        off = (
+            "the scene would lie behind the camera"
+            if one.start.is_behind
+            else f"features are {one.start.median_px:.2g} px off"
+        )
         what = f"The poses of {name} do not explain its images: {off}."
         recorded = "joints" if joint_robots else "poses"
-        do = f"Check that {recorded} and images are of one instant, in one order.", advise_check(joint_robots)
+        do = f"Check that {recorded} and images have the same times and the same order.", advise_check(joint_robots)
         yield Finding("poor-fit", "error", about, what, do)
         return
     if points < _FEWEST_POINTS:
@@ -96,10 +100,10 @@ def join_findings(
     """Findings about the overlap of two cameras' images.
 
     Args:
-        names: Of the cameras.
-        join: How they join; None if they do not.
-        shared_count: Points that both see.
-        of_each: Views of each that show some of them.
+        names: Names of the two cameras.
+        join: The transform between their scenes and its evidence; None if none was found.
+        shared_count: Number of points that both cameras see.
+        of_each: Number of views of each camera that show some of these points.
     """
     first, second = names
     if join is None or join.score < _LEAST_SCORE or len(join.sightings) < _LEAST_RATIO * join.by_chance:
@@ -120,47 +124,47 @@ def join_findings(
 
 
 def base_findings(name: str, offset: Array | None, covariance: Array) -> Iterator[Finding]:
-    """Whether something beside the scene speaks for a base.
+    """Findings about the agreement of a base from the scene with other evidence.
 
     Args:
-        name: Of the base.
-        offset: (3,) from where other evidence has it to where the scene has it [m]; None without other evidence.
-        covariance: (3, 3) of that [m^2].
+        name: Name of the base.
+        offset: (3,) position by the scene minus position by other evidence [m]; None without other evidence.
+        covariance: (3, 3) covariance of `offset` [m^2].
     """
     apart = 0.0 if offset is None else float(offset @ np.linalg.solve(covariance, offset))
     if offset is not None and compare_nested_models(apart, 3).is_taken:
-        what = f"The scene has {name} {1e3 * np.linalg.norm(offset):.3g} mm from where all else has it."
+        what = f"The scene and the other evidence disagree about {name} by {1e3 * np.linalg.norm(offset):.3g} mm."
         yield Finding("scene-rival", "error", (name,), what, (_TWO_PLACES,), _MISTAKEN)
     elif offset is None or not compare_places(offset, covariance).is_taken:
-        what = f"{name} rests on objects that two cameras see."
-        yield Finding("not-validated", "warning", (name,), what, _SECOND, "Two copies of one object would deceive it.")
+        what = f"{name} depends on objects that two cameras see, and on no other evidence."
+        yield Finding("not-validated", "warning", (name,), what, _SECOND, "Two equal objects would give a wrong base.")
 
 
 def kept_findings(names: tuple[str, str], count_before: int, count_after: int) -> Iterator[Finding]:
-    """Whether points of both scenes are still of both once all is adjusted together."""
+    """Findings about points of both scenes that are lost in the joint adjustment."""
     if count_after < _LEAST_KEPT * count_before or count_after < _FEWEST_SHARED:
-        what = f"{count_after} of {count_before} points that {names[0]} and {names[1]} seemed to share fit one scene."
+        what = f"Only {count_after} of {count_before} points that {names[0]} and {names[1]} share fit one scene."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
 
 
 def motion_findings(motion: SceneMotion) -> Iterator[Finding]:
-    """Whether the scene moved while it was recorded, which the covariance then contains."""
+    """Finding of a scene that moved during the recording; the covariance then contains the motion."""
     if motion.chance < _STILL_CHANCE:
         when = (
             "from the first sample to the last" if motion.first_sample is None else f"at sample {motion.first_sample}"
         )
-        what = f"The scene moved by {1e3 * motion.length_m:.2g} mm {when}, or the robots did."
+        what = f"The scene or the robots moved by {1e3 * motion.length_m:.2g} mm {when}."
         do = ("Keep the scene still until the last image is taken.", "Fasten the bases, and let the robots warm up.")
-        yield Finding("scene-moved", "warning", (), what, do, "Errors of the poses follow time.")
+        yield Finding("scene-moved", "warning", (), what, do, "The pose errors change with time.")
 
 
 def direction_findings(name: str, covariance: Array, scatter: str = "") -> Iterator[Finding]:
-    """Whether a transform is known in all directions.
+    """Finding of a transform with a large sigma along some axis.
 
     Args:
-        name: Of the transform.
+        name: Name of the transform.
         covariance: (6, 6) [m, rad].
-        scatter: Of poses, if it alone may be the cause; see `describe_scatter`.
+        scatter: A possible cause in the poses, as a sentence of `describe_scatter`; empty if none.
     """
     shift, turn = (float(np.sqrt(np.linalg.eigvalsh(covariance[part, part])[-1])) for part in (slice(3), slice(3, 6)))
     how = f"{1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg along an axis (1 sigma)"
@@ -172,11 +176,11 @@ def direction_findings(name: str, covariance: Array, scatter: str = "") -> Itera
     else:
         return
     do = (_ARM, _TURN, _AIM) if scatter else (_TURN, _AIM)
-    yield Finding(code, severity, (name,), f"{name} is known to {how} only.", do, scatter)
+    yield Finding(code, severity, (name,), f"{name} is determined only to {how}.", do, scatter)
 
 
 def describe_scatter(fit: SceneFit) -> str:
-    """Sentences about robots whose poses scatter more than those of an arm without faults; empty if none do."""
+    """Sentences about robots whose pose noise exceeds that of a sound arm; empty if there are none."""
     found = []
     for k, robot in enumerate(fit.views.robots):
         shift, turn = fit.stop_sigma[fit.views.stop_robot == k][0, ::3]
@@ -186,22 +190,22 @@ def describe_scatter(fit: SceneFit) -> str:
 
 
 def count_points(fit: SceneFit) -> Finding:
-    """How many points take part, and how many of them two cameras or more see."""
+    """Finding with the number of points used, and the number that two cameras or more see."""
     tracks = fit.tracks
     seen = np.unique(np.column_stack([tracks.point, fit.views.camera[tracks.view]]), axis=0)
     shared = int(np.count_nonzero(np.bincount(seen[:, 0]) > 1))
-    what = f"{tracks.count} points of the scene in {len(fit.views)} images take part in the answer."
-    also = f" Two cameras or more see {shared} of them." if len(fit.views.cameras) > 1 else ""
+    what = f"{tracks.count} points of the scene in {len(fit.views)} images are used."
+    also = f" Two cameras or more see {shared} of the points." if len(fit.views.cameras) > 1 else ""
     return Finding("scene-joined", "info", (), what + also)
 
 
 def joint_findings(cell: Cell, robots: Sequence[str]) -> Iterator[Finding]:
-    """Whether parameters of robots are to be estimated, which a scene alone does not; a warning if any is free."""
+    """Findings of robot parameters that a scene does not estimate; a warning if one of them is free."""
     for robot in robots:
         kinds = {name: each.status for name, each in cell.robots[robot].parameters.items() if each.status != "fixed"}
         if kinds:
             words = " and ".join(kind.replace("_", " ") for kind in kinds)
-            what = f"The {words} of {robot} are not estimated from a scene: they are in the noise of its poses."
+            what = f"The {words} of {robot} are not estimated from a scene. Their errors are part of its pose noise."
             do = (
                 "Let one camera see a board in some samples, and run `basecal calibrate CELL --scene also`.",
                 "Or calibrate the arm with a board first, and state the corrected URDF in cell.yaml.",
@@ -210,15 +214,15 @@ def joint_findings(cell: Cell, robots: Sequence[str]) -> Iterator[Finding]:
 
 
 def missing_base_findings(cell: Cell, robots: Sequence[str]) -> Iterator[Finding]:
-    """Requested bases of robots whose cameras show nothing of the scene.
+    """Findings of requested bases whose robot has no camera that shows the scene.
 
     Args:
-        cell: What was to be calibrated.
-        robots: Whose cameras show the scene.
+        cell: The cell to be calibrated.
+        robots: Names of the robots with cameras that show the scene.
     """
     for robot in cell.robots:
         name = cell.base_name(robot)
         if robot not in (cell.reference, *robots) and cell.transforms[name].status == "free":
-            what = f"{name} stays unknown: no camera on {robot} has images with poses."
-            do = (f"Record images with a camera on {robot}, or take {robot} out of cell.yaml.",)
+            what = f"{name} cannot be estimated: no camera on {robot} has images with poses."
+            do = (f"Record images with a camera on {robot}, or remove {robot} from cell.yaml.",)
             yield Finding("unobservable-direction", "error", (name,), what, do)

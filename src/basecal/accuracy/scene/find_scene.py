@@ -1,4 +1,4 @@
-"""Find a scene from its images: one camera after another, what joins them, then all together."""
+"""Find a scene from its images: each camera alone, then the transforms between cameras, then a joint adjustment."""
 
 from __future__ import annotations
 
@@ -25,27 +25,30 @@ from basecal.vision.tracks.locating import locate_camera
 
 @dataclass
 class Report:
-    """Findings made so far."""
+    """Findings of a calibration in progress."""
 
     findings: list[Finding] = field(default_factory=list)
 
     @property
     def is_refused(self) -> bool:
-        """Whether one is an error."""
+        """Whether a finding is an error."""
         return judge_findings(self.findings) == "refused"
 
 
 def find_scene(
     images: Images, robot_noise: Sequence[Array | None], reference: str, report: Report, settings: Settings
 ) -> SceneFit | None:
-    """The scene that all images show; None if it is refused, for which findings of the report say why.
+    """Estimate the scene that all images show.
 
     Args:
-        images: Of all cameras.
+        images: Images of all cameras.
         robot_noise: (6,) noise of each robot [m, rad]; None if it is to be estimated.
         reference: The robot whose base is the world.
-        report: To which findings are added.
-        settings: How to go about it.
+        report: The report to which findings are added.
+        settings: Settings of the calibration.
+
+    Returns:
+        The scene, or None if it is refused; findings of the report then state the reason.
     """
     every, images = images, images.select_moving()
     with settings.stage("tracks"):
@@ -75,7 +78,7 @@ def _carrier(images: Images, camera: int) -> int:
 
 
 def _joins(images: Images, ones: Sequence[OneCamera], report: Report) -> dict[int, Join]:
-    """How the scene of each camera joins that of the first, by index."""
+    """Transforms from the first camera's scene to the scene of each other camera, by camera index."""
     joins = {}
     for index in range(1, len(ones)):
         found = join(images, ones[0], ones[index])
@@ -96,7 +99,7 @@ def _fit(
     reference: str,
     report: Report,
 ) -> SceneFit | None:
-    """All images adjusted together."""
+    """Adjust the images of all cameras jointly; None if that fails or is refused."""
     views = images.views
     bases = [SE3.identity() for _ in views.robots]
     for index, found in joins.items():
@@ -123,7 +126,7 @@ def _fit(
 
 
 def _add_fixed_cameras(images: Images, fit: SceneFit, robot_noise: Sequence[Array | None], report: Report) -> SceneFit:
-    """The scene with the cameras on `world` that its points locate."""
+    """Add the cameras on `world` to a scene, each located by the scene's points."""
     views, count = images.views, len(fit.views)
     if count == len(views):
         return fit
@@ -148,8 +151,8 @@ def _add_fixed_cameras(images: Images, fit: SceneFit, robot_noise: Sequence[Arra
 
 
 def _missing_camera(name: str, is_guessed: bool) -> Finding:
-    """Finding of a camera on `world` that takes no part, and why."""
-    what = f"{name} takes no part in the scene, and its pose stays unknown."
+    """Finding of a camera on `world` that is left out, with the cause."""
+    what = f"{name} is not used in the scene, and its pose remains unknown."
     why = "Its lens is not stated." if is_guessed else "Its image shows too few points that the arms' cameras see."
     do = "State its intrinsics in cell.yaml." if is_guessed else SAME_SPOT
     return Finding("scene-overlap", "warning", (name,), what, (do,), why)

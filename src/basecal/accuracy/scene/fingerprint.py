@@ -1,7 +1,7 @@
-"""Points of a scene kept beside a calibration, and new images as views of them, which `verify` compares.
+"""Points of a scene stored with a calibration, and new images as observations of these points for `verify`.
 
-Points share the errors of the calibration that found them. Both count in full, so that checks raise no false alarm by
-this, and see a little less.
+The points share the errors of the calibration that found them. Both errors count in full, as if independent. Checks
+therefore raise no false alarms from this correlation, and are slightly less sensitive.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from basecal.numerics.robust_step import NORMAL_MAD
 from basecal.vision.tracks.features import Descriptors, descriptor_levels, unit_descriptors
 from basecal.vision.tracks.locating import locate_camera
 
-_WIDENING = 1.5  # of sigmas of image points about their image's own pose: points are off, too; assumed
+_WIDENING = 1.5  # of the image points' sigma about the image's own pose, as the points have errors, too; assumed
 
 
 def scene_fingerprint(images: Images, fit: SceneFit, points: Array) -> Fingerprint:
-    """The points of a scene, (p, 3) in the world [m], with what they look like."""
+    """Return the points of a scene, (p, 3) in the world [m], with their descriptors."""
     moving = fit.views.robot[fit.tracks.view] >= 0
     return Fingerprint(points, descriptor_levels(images.descriptors(take(fit.tracks, moving))))
 
@@ -33,13 +33,16 @@ def scene_fingerprint(images: Images, fit: SceneFit, points: Array) -> Fingerpri
 def with_scene_as_target(
     cell: Cell, calibration: Calibration, recording: Recording, fingerprint: Fingerprint
 ) -> tuple[Cell, Recording]:
-    """The cell with its scene as a target on `world`, and the recording with what its images show of it.
+    """Add the scene to the cell as a target on `world`, and its image points to the recording as observations.
 
     Args:
-        cell: What was calibrated.
-        calibration: What came out.
+        cell: The calibrated cell.
+        calibration: Its calibration, with estimated lenses.
         recording: New samples, with images or tracks.
-        fingerprint: Points of the scene as it was.
+        fingerprint: Points of the scene at the calibration.
+
+    Returns:
+        The cell with the target, and the recording with the observations.
     """
     target = CellTarget(
         _free_name(cell), WORLD, Unknown("fixed", SE3.identity()), points_target(fingerprint.points), 0.0
@@ -61,14 +64,14 @@ def with_scene_as_target(
 
 
 def _free_name(cell: Cell) -> str:
-    """A name that no target of the cell has."""
+    """Return a target name that the cell does not use."""
     return next(name for name in ("scene", "static_scene", "old_scene") if name not in cell.targets)
 
 
 def _observe_scene(
     images: Images, row: int, lens: Camera, looks: Descriptors, target: CellTarget
 ) -> PixelObservation | None:
-    """The observation of the scene in an image; None if it shows too little."""
+    """Return the observation of the scene in an image; None if the image shows too few points."""
     assert target.target is not None
     features, points = images.features[row], target.target.points
     found = locate_camera(features, looks, points, lens)

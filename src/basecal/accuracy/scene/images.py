@@ -1,4 +1,4 @@
-"""The images of a recording as views of a scene, with the features that they show."""
+"""Images of a recording as views of a scene, with their features."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from basecal.numerics.batch import take
 from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.tracks.features import Descriptors, Features, kept_features, named_features, unit_descriptors
 
-# Of the image's width, of a lens of which nothing is stated: 58 degrees wide; assumed, as `_FOCAL_SCALES` of
+# Focal length of an unstated lens over the image width, a field of view of 58 degrees; assumed, as `_FOCAL_SCALES` of
 # `one_camera` try others.
 _USUAL_FOCAL = 0.9
 
@@ -32,13 +32,13 @@ class Images:
     """Images of the scene.
 
     Attributes:
-        views: Their cameras and poses.
-        features: Of each.
-        lenses: By camera, as stated or guessed.
-        is_guessed: By camera, whether nothing of its lens is stated.
-        lost: What could not be read.
-        mounts: By camera where it nearly is; None if that is to be found. Empty if it is of all.
-        joint_robots: Robots whose joints were recorded.
+        views: Cameras and robot poses of the images.
+        features: Features of each image.
+        lenses: Stated or guessed lens of each camera.
+        is_guessed: For each camera, whether its lens is a guess because none is stated.
+        lost: Findings of images that could not be read.
+        mounts: Approximate mount of each camera, None if it is unknown; empty if all are unknown.
+        joint_robots: Names of the robots whose joints were recorded.
     """
 
     views: SceneViews
@@ -50,7 +50,7 @@ class Images:
     joint_robots: tuple[str, ...] = ()
 
     def select_moving(self) -> Images:
-        """Images of cameras that robots carry."""
+        """Return the images of cameras on robots."""
         cameras = tuple(camera for camera in self.views.cameras if camera.robot is not None)
         rows = np.flatnonzero(self.views.robot >= 0)
         views = replace(take(self.views, rows), cameras=cameras)
@@ -66,15 +66,15 @@ class Images:
 
 
 def read_images(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Images:
-    """The images of all cameras, those on robots first, then one image of each camera on `world`.
+    """Read the images of all cameras on robots, then one image of each camera on `world`.
 
     Args:
-        cell: Its cameras and robots.
-        recording: Its samples, with images or tracks; features of images are kept in its folder.
-        settings: They hear how many images have been read.
+        cell: Cell with the cameras and robots.
+        recording: Samples with images or tracks; features of images are cached in its folder.
+        settings: Settings whose progress callback receives the number of images read.
 
     Raises:
-        InputError: if it has images and its folder is not known.
+        InputError: if the recording has images and its folder is not known.
     """
     carried = [name for name in cell.cameras if cell.cameras[name].on in cell.robots]
     fixed = [name for name in cell.cameras if cell.cameras[name].on == WORLD]
@@ -115,23 +115,26 @@ def read_images(cell: Cell, recording: Recording, settings: Settings = DEFAULT) 
 
 
 def _has_pose(cell: Cell, camera: str, sample: Sample) -> bool:
-    """Whether a sample has an image or tracks of a camera, and the pose of the robot that carries it, if one does."""
+    """Whether a sample has an image or tracks of a camera, and the pose of the camera's robot, if any."""
     has_view = camera in sample.images or any(seen.camera == camera for seen in sample.tracks)
     return has_view and cell.cameras[camera].on in (WORLD, *sample.robots)
 
 
 def read_features(cell: Cell, camera: str, sample: Sample, home: str | None) -> tuple[Features, tuple[int, int]] | str:
-    """Features of a view, which are its tracks if there are any, and its width and height; or why there are none.
+    """Read the features of a view; the view's tracks are used if the sample has any.
+
+    Returns:
+        Features, and the image's width and height [px]; or the reason why the image cannot be read.
 
     Raises:
-        InputError: if there are no tracks, and it is not known where the images are.
+        InputError: if there are no tracks, and the folder of the images is not known.
     """
     for seen in sample.tracks:
         if seen.camera == camera:
             size_px = cell.cameras[camera].size_px
             return named_features(seen.tracks, seen.pixels), size_px or _extent(seen.pixels)
     if home is None:
-        raise InputError("it is not known where the images are; read the recording from its cell's folder")
+        raise InputError("the folder of the images is not known; read the recording from its cell's folder")
     folder = Path(home)
     data = read_bytes(folder / sample.images[camera])
     if isinstance(data, str):
@@ -144,7 +147,7 @@ def read_features(cell: Cell, camera: str, sample: Sample, home: str | None) -> 
 
 
 def _extent(pixels: Array) -> tuple[int, int]:
-    """Width and height of the least image that holds these places."""
+    """Width and height of the smallest image that contains the pixels."""
     width, height = np.ceil(pixels.max(0, initial=1.0)).astype(int) + 1
     return int(width), int(height)
 
@@ -155,7 +158,7 @@ def _loss(camera: str, sample: Sample, reason: str) -> Finding:
 
 
 def _moving_targets(cell: Cell, sample: Sample, camera: str) -> list[Array]:
-    """Pixels of each target that an image shows and a robot carries."""
+    """Pixels of each target in the image that a robot carries."""
     seen = (each for each in sample.observations if isinstance(each, PixelObservation) and each.camera == camera)
     return [each.pixels for each in seen if cell.targets[each.target].on in cell.robots]
 
@@ -175,7 +178,7 @@ def _scene_camera(cell: Cell, name: str) -> SceneCamera:
 def _robot_states(
     cell: Cell, robots: Sequence[str], robot: IntArray, samples: Sequence[Sample]
 ) -> tuple[SE3, IntArray, IntArray]:
-    """Recorded poses of the robots of all views, their stops, and the robot of each stop; see `SceneViews`."""
+    """Recorded robot pose of each view, the stop of each view, and the robot of each stop; see `SceneViews`."""
     rotation, translation = np.tile(np.eye(3), (len(robot), 1, 1)), np.zeros((len(robot), 3))
     stop, owner = np.full(len(robot), -1, dtype=np.int64), list[int]()
     for index, name in enumerate(robots):

@@ -1,7 +1,7 @@
-"""Tracks of the static scene beside what else was seen, in one solution.
+"""Join tracks of the static scene and the other observations in one solution.
 
-The scene is found with what else says of lenses and mounts. It joins if it agrees with what else says of the bases, and
-predicts held-out views better.
+The scene is estimated with the lenses and mounts from the other observations. It is used if it agrees with their
+estimates of the bases, and predicts held-out views better.
 """
 
 from __future__ import annotations
@@ -30,20 +30,24 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
 from basecal.geometry import SE3, Array
 
-_LINEARISATIONS = 2  # of the tracks about the solution: the second is about an optimum; assumed
+_LINEARISATIONS = 2  # of the tracks: the second is about an optimum; assumed
 
 
 def join_scene(
     cell: Cell, recording: Recording, solution: Solution, settings: Settings, outlier_samples: Collection[int] = ()
 ) -> tuple[Solution, tuple[Finding, ...], Fingerprint | None]:
-    """The solution with the scene in it, findings and its points; as it was, and why, if the scene is of no use.
+    """Solve again with the scene, if the scene improves the solution.
 
     Args:
-        cell: What exists.
-        recording: With images or tracks.
-        solution: Of all else that was seen.
-        settings: How to solve.
-        outlier_samples: Numbers of samples whose images do not count, as their poses may be wrong.
+        cell: Cell of the recording.
+        recording: Samples with images or tracks.
+        solution: Solution from the other observations.
+        settings: Settings of the calibration.
+        outlier_samples: Numbers of samples whose images are ignored, as their poses may be wrong.
+
+    Returns:
+        The solution with the scene, findings, and the scene's points. If the scene is not used: the solution
+        unchanged, findings with the reason, and None.
     """
     report = Report()
     sound = tuple(each for each in recording.samples if each.sample not in outlier_samples)
@@ -76,7 +80,7 @@ def join_scene(
 
 
 def _update_images(images: Images, solution: Solution, cell: Cell, anchor: str) -> Images:
-    """The images with what a solution has of lenses and mounts; the base of one robot is the world of the scene."""
+    """Replace lenses and mounts of images by those of a solution, with the base of robot `anchor` as the world."""
     views, state, open_names = images.views, solution.state, solution.observability.unobservable
     lenses = [state.cameras.get(c.name, lens) for c, lens in zip(views.cameras, images.lenses, strict=True)]
     mounts = [cell.mount_name(camera.name) for camera in views.cameras]
@@ -93,13 +97,13 @@ def _update_images(images: Images, solution: Solution, cell: Cell, anchor: str) 
 
 
 def _noise(solution: Solution, robot: str) -> Array | None:
-    """The noise of a robot's stops in a solution, (6,) [m, rad]; None if it has none."""
+    """Noise of a robot's stops in a solution, (6,) [m, rad]; None if the robot has no stops there."""
     stops = solution.problem.stops
     return stops.sigma[stops.first[robot]] if robot in stops.first else None
 
 
 def _place_in_world(fit: SceneFit, world_from_base: SE3 | None) -> SceneFit:
-    """A scene whose world is the base of a robot, in the world of the cell."""
+    """Transform a scene from the base of a robot to the world of the cell."""
     if world_from_base is None:
         return fit
     cameras = enumerate(fit.views.cameras)
@@ -111,7 +115,7 @@ def _place_in_world(fit: SceneFit, world_from_base: SE3 | None) -> SceneFit:
 
 
 def _base_findings(cell: Cell, solution: Solution, fit: SceneFit) -> Iterator[Finding]:
-    """Findings of other evidence about each base that the scene has."""
+    """Findings about the agreement of each base from the scene with the solution."""
     columns, covariance = fit.columns, scene_covariance(fit)
     for k, where in enumerate(columns.bases):
         if where is None:
@@ -126,7 +130,7 @@ def _base_findings(cell: Cell, solution: Solution, fit: SceneFit) -> Iterator[Fi
 
 
 def _solve_jointly(cell: Cell, recording: Recording, last: Solution, fit: SceneFit, settings: Settings) -> Solution:
-    """Everything in one solution, from the last without the scene."""
+    """Solve with the scene and the other observations, starting from the solution without the scene."""
     views = fit.views
     seen = {camera.name: views.sample[views.camera == k].tolist() for k, camera in enumerate(views.cameras)}
     groups = scene_groups(cell, recording, last.problem, seen)
@@ -142,7 +146,7 @@ def _solve_jointly(cell: Cell, recording: Recording, last: Solution, fit: SceneF
 
 
 def _first_state(cell: Cell, solution: Solution, fit: SceneFit) -> State:
-    """The state of a solution, what it does not determine as the scene has it."""
+    """State of a solution; transforms and lenses that the solution does not determine are those of the scene."""
     state, views, missing = solution.state, fit.views, solution.observability.unobservable
     found = {cell.base_name(name): fit.state.bases[k] for k, name in enumerate(views.robots) if name != cell.reference}
     found |= {cell.mount_name(camera.name): fit.state.mounts[k] for k, camera in enumerate(views.cameras)}
@@ -152,7 +156,7 @@ def _first_state(cell: Cell, solution: Solution, fit: SceneFit) -> State:
 
 
 def _predicts_better(solution: Solution, iterations: int) -> bool:
-    """Whether views that were held out are predicted better with the scene than without it."""
+    """Whether held-out views are predicted better with the scene than without it."""
     split = next(splits(solution.problem), None)
     if split is None:
         return True
@@ -164,9 +168,9 @@ def _predicts_better(solution: Solution, iterations: int) -> bool:
 
 
 def _explain_omission(findings: Sequence[Finding]) -> Finding:
-    """Finding of a scene that takes no part, with the last reason, which is the gravest."""
+    """Finding of a scene that is not used, with the last finding as the reason, which is the most serious."""
     if not findings:
-        return Finding("scene-left-out", "info", (), "Views that were held out are predicted no better with the scene.")
+        return Finding("scene-left-out", "info", (), "The scene does not improve the prediction of held-out views.")
     last = findings[-1]
-    what = f"The scene takes no part in the answer. {last.what}"
+    what = f"The scene is not used. {last.what}"
     return replace(last, code="scene-left-out", severity="info", what=what)

@@ -1,8 +1,8 @@
-"""Which transform joins the scenes of two cameras: several are tried, and images judge.
+"""Transform between the scenes of two cameras: several candidates are tried, and image matches select the best.
 
-A transform predicts points of one in the images of the other. Those found there, beyond those that chance finds beside
-these places, are its evidence. A repeated object makes rivals. Tracks of two cameras become one where images show one
-point. `benchmarks.scene` judges its limits.
+A transform predicts points of the first camera in the images of the second. Its evidence is the number of points found
+there, less the number that chance finds near these places. A repeated object gives more than one plausible transform.
+Tracks of two cameras are merged if images show the same point. `benchmarks.scene` evaluates the limits.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from basecal.vision.tracks.guided_matching import match_predictions
 from basecal.vision.tracks.matching import match
 
 _MOST_TRANSFORMS = 12  # transforms that are tried
-_TOLERANCE = 0.015  # [1] of the distance to the cameras, by which paired points may be apart
-_RADII_PX = (12.0, 6.0, 4.0)  # [px] about predictions, one after another
-_SAME_M_RAD = 0.02  # [m, rad] within which two refined transforms are one
-_CUBE_M = 0.15  # [m] sides of the cubes that are places
+_TOLERANCE = 0.015  # [1] largest distance of paired points, relative to the distance to the cameras
+_RADII_PX = (12.0, 6.0, 4.0)  # [px] search radii around predictions, in turn
+_SAME_M_RAD = 0.02  # [m, rad] difference below which two refined transforms are the same
+_CUBE_M = 0.15  # [m] side of the cubes that are the places
 _FEWEST_IN_CUBE = 4  # points of a place
 
 
 @dataclass(frozen=True, eq=False)
 class Join:
-    """A transform between the frames of two cameras' robots, and what images say of it.
+    """A transform between the frames of two cameras' robots, and its evidence in the images.
 
     Attributes:
         second_from_first: The transform.
-        sightings: Image points in views of the second that were found where it predicts points of the first.
-        by_chance: How many chance finds beside these places.
-        common: Share of places of the first camera's scene that the second shows, by `common_share`.
-        rival: The share of the evidence that another transform has at most, by its score and its places.
+        sightings: Image points of the second camera that match predicted points of the first.
+        by_chance: Number of matches expected by chance near the predictions.
+        common: Share of places of the first camera's scene that the second shows; see `common_share`.
+        rival: Evidence of the second-best transform relative to this one, the smaller of score and place ratios.
     """
 
     second_from_first: SE3
@@ -53,12 +53,12 @@ class Join:
 
     @property
     def score(self) -> float:
-        """The excess over the count by chance, in its standard deviations."""
+        """Number of sightings above the number by chance, in standard deviations of the latter."""
         return float((len(self.sightings) - self.by_chance) / np.sqrt(max(self.by_chance, 1.0)))
 
 
 def join(images: Images, first: OneCamera, second: OneCamera) -> Join | None:
-    """The transform that images speak for most, with the score of its rival; None if no pairs of points agree."""
+    """Return the transform with the most evidence in the images; None if no pairs of points agree."""
     pairs, tolerance = paired_points(images, first, second)
     points = first.adjustment.state.points
     one, other = points[pairs[:, 0]], second.adjustment.state.points[pairs[:, 1]]
@@ -76,7 +76,10 @@ def join(images: Images, first: OneCamera, second: OneCamera) -> Join | None:
 
 
 def _evidence_share(rival: Join, best: Join) -> float:
-    """The lesser of both shares: an object that moved has many points, and stands at few places."""
+    """Evidence of a second transform relative to the best: the smaller of the ratios by score and by places.
+
+    An object that moved has many points but occupies few places.
+    """
     by_score = rival.score / max(best.score, 1e-9)
     if best.common is None or rival.common is None:
         return by_score
@@ -84,7 +87,11 @@ def _evidence_share(rival: Join, best: Join) -> float:
 
 
 def paired_points(images: Images, first: OneCamera, second: OneCamera) -> tuple[IntArray, Array]:
-    """Points of both with the same look in most pairs of images, (n, 2), and how far they may be apart, (n,) [m]."""
+    """Pair the points of two cameras that match each other in the most image pairs.
+
+    Returns:
+        Indices of paired points, (n, 2), and the largest distance allowed of each pair, (n,) [m].
+    """
     votes: Counter[tuple[int, int]] = Counter()
     of_second = list(_view_points(images, second))
     for points, descriptors in _view_points(images, first):
@@ -103,7 +110,7 @@ def paired_points(images: Images, first: OneCamera, second: OneCamera) -> tuple[
 
 
 def _view_points(images: Images, one: OneCamera) -> Iterator[tuple[IntArray, Descriptors]]:
-    """Points that each view shows, and their descriptors there."""
+    """Yield the points that each view shows, (n,), and their descriptors in that view."""
     tracks = one.tracks
     for view in np.unique(tracks.view):
         mine = tracks.view == view
@@ -118,7 +125,7 @@ def _distances(fit: SceneFit) -> Array:
 
 
 def _judge_transform(images: Images, points: Array, looks: Descriptors, second: OneCamera, transform: SE3) -> Join:
-    """A transform refined on what images of the second show of points of the first."""
+    """Refine a transform on matches of the first camera's points in the second camera's images, and evaluate it."""
     fit = second.adjustment
     camera_from_world, lens = fit.state.world_from_camera(fit.views).inverse(), fit.state.lenses[0]
     for radius_px in _RADII_PX:
@@ -138,16 +145,19 @@ def _judge_transform(images: Images, points: Array, looks: Descriptors, second: 
 
 
 def common_share(points: Array, second: SceneFit, transform: SE3, sightings: Tracks) -> float | None:
-    """Share of places of the first camera's scene that the second shows, of those predicted within its images.
+    """Share of places of the first camera's scene that the second shows, among those predicted within its images.
 
-    Two equal objects, of which each camera sees one, fit; what is around them does not. Places are cubes, which count
-    equally, as objects have more texture than what is around them. None if no cube has enough points.
+    If each camera sees one of two equal objects, the objects match but their surroundings do not. Places are cubes with
+    equal weight, as objects have more texture than their surroundings.
 
     Args:
-        points: (p, 3) of the first camera's scene [m].
-        second: Of the second camera.
-        transform: From the first camera's world to that of the second.
-        sightings: Of the points in views of the second.
+        points: (p, 3) points of the first camera's scene [m].
+        second: Scene of the second camera.
+        transform: Transform from the first camera's world to the second camera's world.
+        sightings: Matches of the points in views of the second camera.
+
+    Returns:
+        The share, or None if no cube has enough points.
     """
     camera_from_world = second.state.world_from_camera(second.views).inverse()
     pixels = project_points(points, camera_from_world @ transform, second.state.lenses[0])
@@ -160,11 +170,11 @@ def common_share(points: Array, second: SceneFit, transform: SE3, sightings: Tra
 
 
 def merged_tracks(ones: Sequence[OneCamera], joins: Mapping[int, Join]) -> Tracks:
-    """The image points of all cameras, by points of one scene.
+    """Merge the tracks of all cameras into tracks of one scene.
 
     Args:
-        ones: What each camera's images say.
-        joins: How those of some indices join the first.
+        ones: Scene of each camera alone.
+        joins: Transform from the first camera's scene, by index of the other camera.
     """
     offsets = np.cumsum([0, *(each.adjustment.tracks.count for each in ones)])
     parts = [replace(each.tracks, point=each.tracks.point + at) for each, at in zip(ones, offsets, strict=False)]
@@ -182,7 +192,11 @@ def merged_tracks(ones: Sequence[OneCamera], joins: Mapping[int, Join]) -> Track
 
 
 def shared_points(views: SceneViews, tracks: Tracks, second: int) -> tuple[int, tuple[int, int]]:
-    """How many points the first camera shares with another, each in two views or more; views of each that show some."""
+    """Count the points that the first and a second camera share, each seen in two views or more by both.
+
+    Returns:
+        Number of shared points, and the number of views of each camera that show some of them.
+    """
     camera = views.camera[tracks.view]
     in_views = [np.bincount(tracks.point[camera == each], minlength=tracks.count) for each in (0, second)]
     is_shared = (in_views[0] >= 2) & (in_views[1] >= 2)
@@ -191,9 +205,12 @@ def shared_points(views: SceneViews, tracks: Tracks, second: int) -> tuple[int, 
 
 
 def _new_sightings(own: Tracks, sightings: Tracks) -> tuple[Tracks, IntArray]:
-    """Sightings of points of another camera by features that show none of its own; points that are one, (t, 2).
+    """Split sightings of the other camera's points into new image points and pairs of identical points.
 
-    A point of its own and another are one if most features of its own that show another show this one.
+    An own point and another camera's point are identical if most matched features of the own point show the other.
+
+    Returns:
+        Sightings by features that belong to no own track, and pairs of own and other points, (t, 2).
     """
     known = np.full((own.view.max() + 1, max(own.feature.max(), sightings.feature.max(initial=0)) + 1), -1)
     known[own.view, own.feature] = own.point

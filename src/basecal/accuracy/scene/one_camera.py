@@ -1,6 +1,6 @@
-"""The mount of one camera from its own images, and the points that they show.
+"""Estimate the mount of one camera from its own images, with the points that they show.
 
-`benchmarks.scene` judges its limits.
+`benchmarks.scene` evaluates the limits.
 """
 
 from __future__ import annotations
@@ -21,23 +21,24 @@ from basecal.numerics.batch import take
 from basecal.vision.tracks.chains import chain_matches, longest_chains
 from basecal.vision.tracks.matching import Matches, match_rigid
 
-_NEIGHBOURS = 20  # images of the most similar directions that each one is matched with
-_MOST_ALL = 60  # images that are all matched with one another
-_PAIRS = 3000  # of image points by which the mount is found
-_MOST_POINTS = 1500  # of a camera's own scene: more take time and move no answer (benchmarks.scene)
-MOST_PX = 5.0  # [px] median distance of image points from their epipolar geometry; right poses leave 0.5 to 2
-_FOCAL_SCALES = (0.65, 1.0, 1.5)  # of a guessed lens, that are tried
+_NEIGHBOURS = 20  # images of the most similar directions with which each image is matched
+_MOST_ALL = 60  # largest number of images of which all pairs are matched
+_PAIRS = 3000  # of image points, for the search of the mount
+_MOST_POINTS = 1500  # of a camera's own scene: more take time without effect on the result (benchmarks.scene)
+MOST_PX = 5.0  # [px] median distance of image points from their epipolar geometry; 0.5 to 2 with correct poses
+_FOCAL_SCALES = (0.65, 1.0, 1.5)  # tried factors of a guessed focal length
 
 
 @dataclass(frozen=True, eq=False)
 class OneCamera:
-    """The answer of one camera's images.
+    """The scene from one camera's images.
 
     Attributes:
-        rows: Of its views, their indices among all.
-        start: Its mount by pairs of image points; None if there are too few.
-        fit: The adjustment of its views alone; None without a start, or with one that does not explain the images.
-        matched_pairs: Pairs of images with matches.
+        rows: Indices of the camera's views among all views.
+        start: The mount from pairs of image points; None if there are too few pairs.
+        fit: The adjustment of the camera's views alone. None without a start, if the start does not explain the
+            images, or if the adjustment fails.
+        matched_pairs: Number of image pairs with matches.
     """
 
     rows: IntArray
@@ -47,23 +48,23 @@ class OneCamera:
 
     @property
     def adjustment(self) -> SceneFit:
-        """The adjustment of a camera of which nothing is refused."""
+        """The adjustment of a camera that passed all checks."""
         assert self.fit is not None
         return self.fit
 
     @property
     def tracks(self) -> Tracks:
-        """The image points of the adjustment, by views among all."""
+        """Image points of the adjustment, with indices of views among all views."""
         return replace(self.adjustment.tracks, view=self.rows[self.adjustment.tracks.view])
 
 
 def solve_camera(images: Images, camera: int, stop_noise: Array | None) -> OneCamera:
-    """The mount of a camera, its lens and the points that its images show.
+    """Estimate the mount of a camera, its lens and the points that its images show.
 
     Args:
-        images: Of all cameras.
+        images: Images of all cameras.
         camera: Index of the camera.
-        stop_noise: (6,) noise of the robot that carries it [m, rad]; None if it is to be estimated.
+        stop_noise: (6,) noise of the robot that carries the camera [m, rad]; None if it is to be estimated.
     """
     views, rows = own_views(images.views, camera)
     lens = images.lenses[camera]
@@ -83,13 +84,13 @@ def solve_camera(images: Images, camera: int, stop_noise: Array | None) -> OneCa
 
 
 def _first_mount(views: SceneViews, start: MountStart) -> SE3:
-    """The mount if it is stated as fixed, else that of the start."""
+    """Return the stated mount if it is fixed, else the mount of the start."""
     known = views.cameras[0].mount
     return known.mean if known.status == "fixed" and known.mean is not None else start.flange_from_camera
 
 
 def own_views(views: SceneViews, camera: int) -> tuple[SceneViews, IntArray]:
-    """The views of one camera with its robot and stops alone, and their indices among all."""
+    """Return the views of one camera, with only its robot and stops, and their indices among all views."""
     rows = np.flatnonzero(views.camera == camera).astype(np.int64)
     mine, first = take(views, rows), np.zeros(len(rows), dtype=np.int64)
     stops, stop = np.unique(mine.stop, return_inverse=True)
@@ -107,7 +108,7 @@ def own_views(views: SceneViews, camera: int) -> tuple[SceneViews, IntArray]:
 
 
 def match_images(images: Images, rows: IntArray, lens: Camera, views: SceneViews) -> dict[tuple[int, int], Matches]:
-    """Matches of pairs of one camera's images that a rigid scene can have, by their indices among `rows`."""
+    """Match pairs of one camera's images consistently with a rigid scene; keys are pairs of indices into `rows`."""
     features = [images.features[row] for row in rows]
     planes = [_plane(lens, each.pixels) for each in features]
     found = {}
@@ -119,7 +120,7 @@ def match_images(images: Images, rows: IntArray, lens: Camera, views: SceneViews
 
 
 def image_pairs(base_from_flange: SE3) -> list[tuple[int, int]]:
-    """Pairs of images to match: all, or of many those of the most similar directions."""
+    """Return the pairs of images to match: all pairs, or those of the most similar directions if images are many."""
     count = len(base_from_flange)
     if count <= _MOST_ALL:
         return [(i, j) for i in range(count) for j in range(i + 1, count)]
@@ -129,7 +130,7 @@ def image_pairs(base_from_flange: SE3) -> list[tuple[int, int]]:
 
 
 def _plane(lens: Camera, pixels: Array) -> Array:
-    """Undistorted image points at unit depth, (n, 2); far outside if the lens has none."""
+    """Undistorted image points at unit depth, (n, 2); far outside the image if a pixel cannot be undistorted."""
     unit, valid = lens.undistort(pixels)
     plane = unit[:, :2] / np.maximum(unit[:, 2:], 1e-3)
     return np.where(valid[:, None], plane, 1e3)
@@ -138,7 +139,7 @@ def _plane(lens: Camera, pixels: Array) -> Array:
 def _start(
     pairs: PointPairs, views: SceneViews, lens: Camera, is_guessed: bool, guess: SE3 | None
 ) -> MountStart | None:
-    """The best mount, near a guess if there is one; of a guessed lens with the focal length that fits best."""
+    """Find the mount, near a guess if there is one; with a guessed lens also the focal length that fits best."""
     is_free = views.cameras[0].lens.status == "free"
     found = []
     for scale in _FOCAL_SCALES if is_guessed else (1.0,):

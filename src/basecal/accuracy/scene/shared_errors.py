@@ -1,9 +1,10 @@
-"""Errors that stops of a scene share: their estimates from pixels, and their effect on the answer.
+"""Errors that stops of a scene share: their estimates from pixels, and their effect on the solution.
 
-Errors of stops are unknowns of their own. Errors that stops share are evaluated about the optimum. g is the gradient to
-them, S their information once all else follows, and F their effect on the other columns. An error of mean zero and
-variance V moves the answer by F (S + V^-1)^-1 g. A descent ends near an optimum, and what is left of the other columns'
-gradient is taken from g. An error that they take up then has none. Sources: Rao 1948 (scores); Neyman 1959.
+Errors of single stops are separate unknowns. Errors that stops share are evaluated about the optimum. Let g be the
+gradient with respect to shared errors. S is their information with all other columns eliminated, and F their effect on
+these columns. An error of mean zero and variance V moves the solution by F (S + V^-1)^-1 g. A descent ends near an
+optimum, so g is corrected for the remaining gradient of the other columns. The gradient of an error that the other
+columns absorb is then zero. Sources: Rao 1948 (scores); Neyman 1959.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ class Response(NamedTuple):
     """The response of pixels to k errors that stops share.
 
     Attributes:
-        gradient: (k,).
-        information: (k, k) once all else follows.
-        moves: (q, k) of all columns that are no errors of stops.
+        gradient: (k,) gradient with respect to the errors, corrected for that of the other columns.
+        information: (k, k) information about the errors, all other columns eliminated.
+        moves: (q, k) derivative of all columns except stop errors.
     """
 
     gradient: Array
@@ -37,19 +38,19 @@ class Response(NamedTuple):
     moves: Array
 
     def posterior(self, variance: Array) -> tuple[Array, Array]:
-        """Mean (k,) and covariance (k, k) of the errors, of which variances (k,) are expected."""
+        """Mean (k,) and covariance (k, k) of the errors, given their prior variances (k,)."""
         spread = np.linalg.inv(self.information + np.diag(1 / variance))
         return np.asarray(-spread @ self.gradient), np.asarray(spread)
 
     def log_evidence(self, variance: Array) -> float:
-        """Log evidence of these variances, over that of none."""
+        """Log evidence of prior variances (k,) relative to no shared errors."""
         mean, _ = self.posterior(variance)
         grown = np.eye(len(variance)) + self.information * variance
         return float(-0.5 * self.gradient @ mean - 0.5 * np.linalg.slogdet(grown)[1])
 
 
 def respond(fit: SceneFit, by_stop: Array) -> Response:
-    """The response to errors by which flanges move so, (s, 6, k), right tangents of each stop."""
+    """Return the response to k errors that move the flange at each stop by right tangents `by_stop`, (s, 6, k)."""
     errors = fit.columns.errors
     moves = by_stop.reshape(-1, by_stop.shape[-1])
     across = fit.pixel_information[:, errors] @ moves / fit.sigma_px**2
@@ -60,13 +61,13 @@ def respond(fit: SceneFit, by_stop: Array) -> Response:
 
 
 class SharedError(NamedTuple):
-    """k errors that a robot's stops share, as likely as the pixels have them.
+    """k errors that a robot's stops share, with their posterior given the pixels.
 
     Attributes:
-        moves: (q, k) of all columns that are no errors of stops.
-        moment: (k, k) their second moment.
-        at: How flanges at poses, (n,), move with them, (n, 6, k), right tangents.
-        unseen_m2: Variance along an axis at poses, (n,), that no recorded pose has, (n,) [m^2].
+        moves: (q, k) derivative of all columns except stop errors.
+        moment: (k, k) posterior second moment of the errors.
+        at: Function of poses, (n,): derivative of the flange with respect to the errors, (n, 6, k), right tangents.
+        unseen_m2: Function of poses, (n,): variance along an axis that no recorded pose shows, (n,) [m^2].
     """
 
     moves: Array
@@ -76,7 +77,7 @@ class SharedError(NamedTuple):
 
 
 def shared_errors(fit: SceneFit, robot: int) -> list[SharedError]:
-    """Errors that a robot's stops share: of its lengths, and smooth ones."""
+    """Errors that a robot's stops share: a length error, and errors that vary smoothly with the pose."""
     mine = np.flatnonzero(fit.views.robot == robot)
     recorded = fit.views.base_from_flange[mine]
     response = respond(fit, _move_stops(fit, mine, outward(recorded)))
@@ -91,7 +92,7 @@ def shared_errors(fit: SceneFit, robot: int) -> list[SharedError]:
     lever = np.where(smooth.is_turn, 1.0, reach_m)
 
     def flange_moves(poses: SE3) -> Array:
-        """How flanges at poses move, (n, 6, k)."""
+        """Derivative of flanges at poses with respect to the smooth errors, (n, 6, k)."""
         found = smooth_by_place.errors(recorded, poses)
         assert found is not None
         return found.by_stop * lever
@@ -100,7 +101,7 @@ def shared_errors(fit: SceneFit, robot: int) -> list[SharedError]:
     moment, variance = _second_moment(response, SigmaPrior.as_often_as_not(middle * factor**_NODES))
 
     def unseen_m2(poses: SE3) -> Array:
-        """Variance that modes of recorded poses leave, (n,) [m^2]."""
+        """Variance at poses that the modes of recorded poses do not cover, (n,) [m^2]."""
         known_m2 = np.sum(flange_moves(poses)[:, :3] ** 2, axis=(1, 2)) / 3
         return np.asarray(variance * np.maximum(reach_m**2 - known_m2, 0.0))
 
@@ -108,19 +109,19 @@ def shared_errors(fit: SceneFit, robot: int) -> list[SharedError]:
 
 
 def shared_covariance(fit: SceneFit, robot: int) -> Array:
-    """Covariance of all columns but stops' errors by what a robot's stops share."""
+    """Covariance of all columns except stop errors from a robot's shared errors, (q, q)."""
     return np.asarray(sum(each.moves @ each.moment @ each.moves.T for each in shared_errors(fit, robot)))
 
 
 def _move_stops(fit: SceneFit, views: IntArray, moves: Array) -> Array:
-    """How each stop moves by what the stops of some views share, (n, 6, k) to (s, 6, k)."""
+    """Assign derivatives of views, (n, 6, k), to the stops of these views, (s, 6, k)."""
     found = np.zeros((len(fit.stop_sigma), *moves.shape[1:]))
     found[fit.views.stop[views]] = moves
     return found
 
 
 def _second_moment(response: Response, prior: SigmaPrior) -> tuple[Array, float]:
-    """Second moment of errors of one sigma, as likely as the data have it, (k, k), and mean square of that sigma."""
+    """Posterior second moment of errors with a common sigma, (k, k), and posterior mean of the squared sigma."""
     count = len(response.gradient)
     variances = [np.full(count, sigma**2) for sigma in prior.sigmas if sigma]
     likely = np.exp([response.log_evidence(each) for each in variances])
@@ -133,19 +134,19 @@ def _second_moment(response: Response, prior: SigmaPrior) -> tuple[Array, float]
     return moment, float(share @ prior.sigmas[prior.sigmas > 0] ** 2)
 
 
-# [m, rad] sigma of motions that are tried; keeps what bases take up regular; assumed.
+# [m, rad] prior sigma of a motion; regularises directions that bases absorb; assumed.
 _LARGEST = np.repeat([0.1, 0.1], 3)
-_FEWEST_BESIDE = 3  # stops before and after a sudden motion: two may each be wrong for themselves; assumed
+_FEWEST_BESIDE = 3  # samples before and after a sudden motion: two may have independent errors; assumed
 
 
 class SceneMotion(NamedTuple):
     """The most likely motion of a scene.
 
     Attributes:
-        chance: Of so large a score of any motion that was tried, if nothing moved.
-        first_sample: From which on it is elsewhere; None if it moves steadily.
-        length_m: How far the middle of its points moves [m].
-        step: (q,) what it moves all columns by that are no errors of stops.
+        chance: p-value of the score, for all tried motions, if nothing moved.
+        first_sample: First sample after a sudden motion; None if the motion is steady.
+        length_m: Distance that the middle of the points moves [m].
+        step: (q,) shift of all columns except stop errors.
     """
 
     chance: float
@@ -155,10 +156,10 @@ class SceneMotion(NamedTuple):
 
 
 def scene_motion(fit: SceneFit) -> SceneMotion:
-    """The motion that is most likely, whether there was one or not, by its score at the optimum without any.
+    """Return the most likely motion by its score at the optimum without motion, even if it is not significant.
 
-    A motion of the scene moves cameras about it as errors of stops do, but in time. With the gradient g to it and its
-    information S, g' S^-1 g is chi-square with six freedoms if nothing moved.
+    A motion of the scene acts like stop errors that change with time. Let g be the gradient with respect to the motion
+    and S its information. Then g' S^-1 g is chi-square with six degrees of freedom if nothing moved.
     """
     tried = [(each, _score(fit, profile)) for each, profile in _profiles(fit)]
     first_sample, (score, motion, step) = max(tried, key=lambda each: each[1][0])
@@ -167,7 +168,10 @@ def scene_motion(fit: SceneFit) -> SceneMotion:
 
 
 def _profiles(fit: SceneFit) -> Iterator[tuple[int | None, Array]]:
-    """How far a motion is at each stop, 1 in all: steadily, or at once before a sample, which is named."""
+    """Yield profiles of motions, from 0 to 1, (s,): a steady one, and a step before each sample.
+
+    Each profile comes with the number of the first sample after the step; None for the steady motion.
+    """
     count = len(fit.stop_sigma)
     sample = np.zeros(count, dtype=np.int64)
     carried = fit.views.robot >= 0
@@ -179,14 +183,14 @@ def _profiles(fit: SceneFit) -> Iterator[tuple[int | None, Array]]:
 
 
 def _score(fit: SceneFit, profile: Array) -> tuple[float, Array, Array]:
-    """The score of a motion by a profile, its size about the middle of the points, and what it moves columns by."""
+    """Score of a motion, its size about the middle of the points, (6,) [m, rad], and its shift of columns, (q,)."""
     response = respond(fit, profile[:, None, None] * _flange_moves(fit))
     motion, _ = response.posterior(_LARGEST**2)
     return float(-response.gradient @ motion), motion, response.moves @ motion
 
 
 def _flange_moves(fit: SceneFit) -> Array:
-    """Right tangents of each stop's flange that are one of the scene about the middle of its points, (s, 6, 6)."""
+    """Derivative of each stop's flange with respect to a motion of the scene about its middle point, (s, 6, 6)."""
     views, moves = fit.views, np.zeros((len(fit.stop_sigma), 6, 6))
     middle = SE3(np.eye(3), np.median(fit.state.points, axis=0))
     flange_from_middle = fit.state.world_from_flange(views).inverse() @ middle

@@ -1,1 +1,1 @@
-"""Errors that are no noise: lengths, clocks, steps, drifts and sag, found by score tests and confirmed by blocks."""
+"""Systematic errors (lengths, clocks, steps, drifts, sag), found by score tests and confirmed by held-out blocks."""

@@ -1,8 +1,8 @@
-"""Whether blocks of the recording that were held out are predicted better with an error than without it.
+"""Confirm a systematic error on held-out blocks of the recording.
 
-Blocks of time and of configuration, not samples at random: neighbours in either share what errors they have, and would
-vouch for one another. All to second order about the solution, where the sizes are small. Source:
-docs/mathematics.md (11.3).
+Blocks of time and of configuration are held out, not random samples: neighbouring samples share errors, and would
+predict each other too well. All quantities are of second order about the solution, as the errors are small.
+Source: docs/mathematics.md (11.3).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from basecal.numerics.spectral import principal_axes
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Blocks of a recording, those of time and those of configuration, each left out of a null model in turn.
+    """Null models without one block of a recording each; the blocks are of time and of configuration.
 
     Attributes:
         situation: The solved problem.
@@ -36,30 +36,30 @@ class HeldOut:
 
     @cached_property
     def folds(self) -> tuple[tuple[Fold, ...], ...]:
-        """Folds of blocks of time, and of blocks of configuration."""
+        """Folds by blocks of time, and folds by blocks of configuration."""
         both = _time_blocks(self.situation), _configuration_blocks(self.situation)
         return tuple(tuple(self._fold(blocks == block) for block in np.unique(blocks)) for blocks in both)
 
     def confirms(self, candidate: Candidates) -> bool:
-        """Whether one error predicts held-out blocks better, of either kind."""
+        """Whether an error improves the prediction of held-out blocks, both of time and of configuration."""
         return all(sum(_gain(fold, candidate) for fold in folds) > 0 for folds in self.folds)
 
     def _fold(self, is_held_out: BoolArray) -> Fold:
-        """The model without some of `samples`, (n,), and of these alone."""
+        """Return the model without the held-out `samples`, (n,), and the model of these alone."""
         outside = [is_held_out[self.situation.rank(group)] for group in self.situation.problem.groups]
         used, left = ([np.where(h, *counts) for h in outside] for counts in ((0.0, 1.0), (1.0, 0.0)))
         return Fold(weigh_views(self.model, used), weigh_views(self.model, left))
 
 
 class Fold(NamedTuple):
-    """A null model by the samples that are used, and by those that are left."""
+    """A null model of the used samples, and one of the samples that are held out."""
 
     used: Linearised
     left: Linearised
 
 
 def _gain(fold: Fold, candidate: Candidates) -> float:
-    """How much less minus twice the log likelihood of held-out samples is with one error."""
+    """Decrease of minus twice the log likelihood of held-out samples by including one error."""
     used, left = fold
     of_used, of_left = sums(used, candidate), sums(left, candidate)
     size = score_from_sums(used, of_used).size[0]
@@ -68,7 +68,7 @@ def _gain(fold: Fold, candidate: Candidates) -> float:
 
 
 def _cost(views: Linearised, of_left: Sums, step: Array, size: Array) -> float:
-    """Minus twice the log likelihood of views after a step of unknowns and sizes, without terms that both share."""
+    """Minus twice the log likelihood of views after a step of unknowns and sizes, up to a constant."""
     gradient, across, information = (each[0] for each in of_left)
     of_step = 2 * views.gradient @ step + step @ views.hessian @ step
     return float(of_step + 2 * gradient @ size + 2 * size @ across @ step + size @ information @ size)
@@ -80,7 +80,7 @@ def _time_blocks(situation: Situation) -> IntArray:
 
 
 def _configuration_blocks(situation: Situation) -> IntArray:
-    """Blocks along the direction in which the arms' places spread most."""
+    """Block index of each sample along the first principal axis of the flange positions, (samples,)."""
     places = flange_poses(situation)[..., :3].reshape(len(situation.samples), -1)
     centred = places - places.mean(0)
     along = centred @ principal_axes(centred).axes[:, 0] if places.size else np.zeros(len(places))

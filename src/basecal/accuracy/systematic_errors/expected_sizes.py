@@ -1,9 +1,9 @@
-"""Effects whose sizes are expected: by how much they move the answer, and what they leave uncertain in it.
+"""Effects with a prior on their sizes: the shift and the covariance that they add to the solution.
 
-To first order about the solution. The sizes of one effect have one sigma, which is integrated over its prior. If the
-data show that the sizes are small, they leave little uncertainty. With U and P of docs/mathematics.md (11.1) and S the
-variances of all sizes their precision is P + S^-1, about -(P + S^-1)^-1 U. Fields of errors are eliminated first.
-Source: docs/mathematics.md (11.4).
+All results are of first order about the solution. The sizes of one effect have a common sigma, which is integrated over
+its prior. If the data show that the sizes are small, they add little uncertainty. With U and P of
+docs/mathematics.md (11.1) and S the variances of all sizes, the posterior precision is P + S^-1. The posterior mean is
+-(P + S^-1)^-1 U. Fields of errors are eliminated first. Source: docs/mathematics.md (11.4).
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 from basecal.numerics.mixtures import Gaussian, mixture, probabilities
 
-_MOST_ARMS = 2  # with fields: of more, each goes alone
-_FREE_SIGMA = 0.3  # of a unit's length about what loops say: far more than is left open
-_MOST_TOGETHER = 60  # sizes: of more, those of each mount and target go alone, which bounds the time
+_MOST_ARMS = 2  # arms with fields that are treated jointly; of more arms, each is treated separately
+_FREE_SIGMA = 0.3  # relative sigma of an unknown unit of length, far larger than its posterior sigma
+_MOST_TOGETHER = 60  # sizes that are treated jointly; of more, each mount and target is separate, to bound the time
 
 
 class Expected(NamedTuple):
-    """A candidate, what the sigma of its sizes may be, and whether the answer contains the sizes or is that of none."""
+    """A candidate with the prior of its sizes' sigma, and whether the solution is corrected by its mean sizes."""
 
     effect: str
     candidate: Candidates
@@ -51,14 +51,14 @@ class Expected(NamedTuple):
 
 
 class SizePosterior(NamedTuple):
-    """The posterior of errors of arms and of sizes of effects.
+    """The posterior of arm errors and of sizes of effects.
 
     Attributes:
-        mean: (q,) as the answer contains them.
-        covariance: (q, q) about that.
-        by_sizes: (c, q) how the columns of the null model move with them.
-        of_arms: Errors of arms, and which sizes are theirs.
-        field_m2: Mean of the variance of a field's shifts [m^2].
+        mean: (q,) sizes by which the solution is corrected.
+        covariance: (q, q) second moment about `mean`.
+        by_sizes: (c, q) derivative of the null model's columns with respect to the sizes.
+        of_arms: Errors of arms, each with the slice of its sizes.
+        field_m2: Posterior mean of the variance of a field's shifts [m^2].
     """
 
     mean: Array
@@ -69,12 +69,12 @@ class SizePosterior(NamedTuple):
 
 
 class ContainedSizes(NamedTuple):
-    """An answer that contains effects, and what these do to the offsets of r clocks.
+    """A solution corrected by effects, and the influence of the effects on the offsets of r clocks.
 
     Attributes:
-        solution: The answer.
-        shift_s: (r,) by which the offsets move [s].
-        offset_covariance: (r, r) what the effects add to theirs [s^2].
+        solution: The corrected solution.
+        shift_s: (r,) shift of the clock offsets [s].
+        offset_covariance: (r, r) covariance that the effects add to the offsets [s^2].
     """
 
     solution: Solution
@@ -83,20 +83,20 @@ class ContainedSizes(NamedTuple):
 
 
 def with_expected_sizes(cell: Cell, solution: Solution, error: FoundEffect | None) -> Solution:
-    """The answer alone, of a recording without clocks, as `contain_expected_sizes` gives it."""
+    """Return the solution of `contain_expected_sizes` for a recording without clocks."""
     return contain_expected_sizes(cell, solution, error).solution
 
 
 def contain_expected_sizes(
     cell: Cell, solution: Solution, error: FoundEffect | None, offsets: OpenOffsets | None = None
 ) -> ContainedSizes:
-    """The answer with effects as large as expected, given the data, and with the covariance that they leave.
+    """Correct a solution by the posterior mean of expected effects, and add their posterior covariance.
 
     Args:
-        cell: As declared.
-        solution: The answer.
-        error: The systematic error, which counts separately if it is the size of a target; None if there is none.
-        offsets: Of clocks that are estimated beside the answer.
+        cell: The cell as declared.
+        solution: The solution.
+        error: The systematic error that was found, or None; if it is a target's size, that size is treated separately.
+        offsets: Clock offsets that are estimated with the solution; None without any.
     """
     situation = situate(solution, offsets=offsets)
     problem = situation.problem
@@ -115,7 +115,7 @@ def contain_expected_sizes(
 
 
 def known_sizes(cell: Cell, situation: Situation, error: FoundEffect | None) -> list[SizePosterior]:
-    """The posteriors of all errors of arms and sizes of effects of a cell, by independent parts."""
+    """Posteriors of all arm errors and effect sizes of a cell, one for each independent part."""
     arms = stated_fields(cell, situation), long_axes(cell, situation)
     return [size_posterior(situation, *part) for part in _split(*arms, list(_cell_effects(cell, situation, error)))]
 
@@ -123,7 +123,7 @@ def known_sizes(cell: Cell, situation: Situation, error: FoundEffect | None) -> 
 def size_posterior(
     situation: Situation, fields: Sequence[PoseField], effects: Sequence[Expected] = (), axes: Sequence[LongAxes] = ()
 ) -> SizePosterior:
-    """The posterior of errors of arms and of sizes of effects, one sigma for all of one kind."""
+    """Posterior of arm errors and of effect sizes; errors of one kind have a common sigma."""
     of_fields, of_axes = ([each.candidate(situation) for each in errors] for errors in (fields, axes))
     candidates = [*of_fields, *(each.candidate for each in effects), *of_axes]
     known = sums(situation.null, combine_candidates(candidates, situation))
@@ -146,7 +146,7 @@ def size_posterior(
 
 
 def _joint_prior(effects: Sequence[Expected]) -> SigmaPrior:
-    """The prior of the sigmas of all sizes, (m, q): every combination of those of the effects."""
+    """Joint prior of the sigmas of all sizes, (m, q): every combination of the effects' sigmas."""
     kinds = {each.effect: each.prior.shares for each in effects}
     places = [dict(zip(kinds, at, strict=True)) for at in product(*(range(len(shares)) for shares in kinds.values()))]
     sizes = [each.candidate.sizes for each in effects]
@@ -159,7 +159,7 @@ def _joint_prior(effects: Sequence[Expected]) -> SigmaPrior:
 def _split(
     fields: Sequence[PoseField], axes: Sequence[LongAxes], effects: Sequence[Expected]
 ) -> list[tuple[Sequence[PoseField], Sequence[Expected], Sequence[LongAxes]]]:
-    """All at once; or of many arms each alone, and of many effects those of each mount and target alone."""
+    """Split errors into parts that are treated jointly: one part, or one for each arm, mount and target if many."""
     robots = dict.fromkeys([*(field.robot for field in fields), *(axis.robot for axis in axes)])
     are_few = sum(each.candidate.sizes for each in effects) <= _MOST_TOGETHER
     if are_few and len(robots) <= _MOST_ARMS:
@@ -186,21 +186,21 @@ def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -
 
 
 def unit_error(situation: Situation, target: str) -> tuple[float, float]:
-    """The error of the assumed unit of a target's poses, as a share of its length, and its sigma."""
+    """Relative error of the assumed length unit of a target's poses, and its sigma."""
     (candidate,) = (each for each in target_size.candidates(situation) if each.about == (target,))
     known = size_posterior(situation, (), [Expected(target_size.NAME, candidate, SigmaPrior.single_value(_FREE_SIGMA))])
     return float(known.mean[0]), float(np.sqrt(known.covariance[0, 0]))
 
 
 def _tool_mounts(cell: Cell) -> frozenset[str]:
-    """Mounts of tips and grips: tools that touch at rest, no brackets that bend or slide under a camera or a board."""
+    """Mounts of tips and grips: tools that touch at rest, unlike brackets of cameras or boards, which may bend."""
     touching = [each.name for each in cell.cameras.values() if each.touches]
     touching += [each.name for each in cell.targets.values() if each.is_touched]
     return frozenset(map(cell.mount_name, touching))
 
 
 def _size_sigma(cell: Cell, groups: tuple[ViewGroup, ...], target: str) -> float:
-    """Sigma of a target's size as a share: as stated, else as usual; 0 of one whose views all state their noise."""
+    """Relative sigma of a target's size: the stated or a typical value; 0 if all its views state their noise."""
     if cell.targets[target].has_free_scale:
         return _FREE_SIGMA
     stated = cell.targets[target].size_sigma
@@ -212,14 +212,14 @@ def _size_sigma(cell: Cell, groups: tuple[ViewGroup, ...], target: str) -> float
 
 
 def posteriors_by_sigma(gradient: Array, information: Array, priors: Sequence[SigmaPrior]) -> Gaussian:
-    """The posterior of all sizes by each sigma of the first, (..., m), those of the others integrated over.
+    """Posterior of all sizes for each sigma of the first prior, (..., m), the other sigmas integrated out.
 
-    The cost of sizes s is 2 g's + s'Ps beside that of their prior. Source: docs/mathematics.md (11.4).
+    The cost of sizes s is 2 g's + s'Ps plus the cost of their prior. Source: docs/mathematics.md (11.4).
 
     Args:
         gradient: (..., q) g.
         information: (..., q, q) P.
-        priors: Of the sigmas of all sizes in turn, (m, q1), (n, q2), ...; independent of one another.
+        priors: Independent priors of the sigmas of consecutive sizes, (m, q1), (n, q2), ...
     """
     prior, *others = priors
     sigmas = prior.sigmas

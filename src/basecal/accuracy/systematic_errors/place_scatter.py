@@ -1,9 +1,10 @@
-"""The variance of a frame from place to place over that of noise, which a change in time has to exceed.
+"""Variance of a frame between places relative to noise, which a change in time has to exceed.
 
-A recording goes from place to place as time passes. Some errors by place or posture have no model here: those of gears,
-of points on a body, of arms that lean on one another. A split of the recording in time shows them. So do splits by
-place, beside the change: their mean chi-square over its freedoms is the variance that the change is compared with.
-Source: analysis of variance, Fisher 1925; its freedoms, Satterthwaite 1946; docs/mathematics.md (11.6).
+During a recording the robots move from place to place. Some errors by place or posture have no model here: those of
+gears, of points on a body, of arms that lean on each other. A split of the recording in time shows them. Splits by
+place show them, too, even with the change in the model. The mean chi-square of these splits per degree of freedom is
+the variance with which the change is compared.
+Source: analysis of variance, Fisher 1925; degrees of freedom, Satterthwaite 1946; docs/mathematics.md (11.6).
 """
 
 from __future__ import annotations
@@ -23,27 +24,27 @@ from basecal.geometry import Array, BoolArray
 from basecal.numerics.spectral import principal_axes, spectrum
 
 _SHARES = (1 / 3, 2 / 3)  # of the samples on one side of a split
-_MOST_AXES = 12  # as two arms have freedoms, which bounds the time
+_MOST_AXES = 12  # degrees of freedom of two flanges; bounds the time
 
 
 class PlaceScatter(NamedTuple):
-    """A variance over that of noise, and by how many freedoms it is known; 1 and infinitely many of noise alone."""
+    """A variance relative to noise, and its degrees of freedom; 1 and infinite for noise alone."""
 
     ratio: float = 1.0
     freedoms: float = np.inf
 
     def log_chance(self, statistic: float, freedoms: int) -> float:
-        """Logarithm of the chance that a change scores so much if it is none."""
+        """Log p-value of a change's score, relative to the scatter by place."""
         return log_chance(statistic / self.ratio, freedoms, self.freedoms)
 
 
 def place_scatter(situation: Situation, null: Linearised, change: Candidates) -> PlaceScatter:
-    """How a frame differs by place, beside one change of it in time.
+    """Estimate the scatter of a frame by place, with one change of the frame in time included in the model.
 
     Args:
         situation: The solved problem.
-        null: Its null model.
-        change: A change of one frame.
+        null: The null model of the problem.
+        change: A change of one frame in time.
     """
     is_beyond = _place_splits(situation, change.about[0])
     if not is_beyond.size:
@@ -60,14 +61,14 @@ def place_scatter(situation: Situation, null: Linearised, change: Candidates) ->
 
 
 def _whitening_root(information: Array, count: int) -> Array:
-    """The root that makes gradients of splits, (q,), independent and of unit variance within each, (q, q)."""
+    """Matrix that whitens the gradients of `count` splits, each within itself, (q, q)."""
     width = len(information) // count
     own = [information[k : k + width, k : k + width] for k in range(0, len(information), width)]
     return np.asarray(block_diag(*spectrum(np.array(own), HIDDEN).inverse_root))
 
 
 def _place_splits(situation: Situation, name: str) -> BoolArray:
-    """Whether samples are beyond each of some planes across the poses of all flanges, (samples, splits)."""
+    """Mask of the samples on the far side of planes that split the poses of all flanges, (samples, splits)."""
     groups = situation.groups
     seen = np.unique(np.concatenate([situation.rank(g) for k, g in enumerate(groups) if situation.depends(k, name)]))
     poses = flange_poses(situation).reshape(len(situation.samples), -1)
@@ -78,7 +79,7 @@ def _place_splits(situation: Situation, name: str) -> BoolArray:
 
 
 def flange_poses(situation: Situation) -> Array:
-    """Places and axes of all flanges as recorded, (samples, robots, 12) [m]."""
+    """Recorded positions and scaled rotation matrices of all flanges, (samples, robots, 12) [m]."""
     poses = np.zeros((len(situation.samples), len(situation.robots), 12))
     for i, robot in enumerate(situation.robots):
         for k, group in enumerate(situation.groups):
@@ -90,24 +91,25 @@ def flange_poses(situation: Situation) -> Array:
 
 
 COST = 0.5
-"""Among errors, one of many costs half the logarithm of their number; `benchmarks.false_alarms` judges it."""
+"""Penalty of an error among several of its code, per logarithm of their number; `benchmarks.false_alarms` tests it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Suspect:
-    """An error whose score chance hardly makes.
+    """An error whose score has a small p-value.
 
     Attributes:
-        effect: Name of the effect that it is of.
-        candidate: It alone.
-        size: (q,) to first order.
-        freedoms: How many of its sizes the data show.
-        statistic: Its chi-square.
-        log_chance: Logarithm of the chance that any of its code has such a score.
-        screened: The same, or less where stops share no errors, whose sigmas may hold the error itself.
-        several: Logarithm of how many these are.
-        family: How many codes were tested.
-        scatter: What it has to exceed; None if that is noise alone.
+        effect: Name of the effect.
+        candidate: The single candidate of the error.
+        size: (q,) sizes to first order.
+        freedoms: Number of sizes that the data determine.
+        statistic: Chi-square of the error.
+        log_chance: Log p-value of the score, for all candidates of its code.
+        screened: Log p-value of the single score. It is the smaller of those with and without random effects, as the
+            sigmas of these may contain the error.
+        several: Logarithm of the number of candidates of its code.
+        family: Number of codes that were tested.
+        scatter: The scatter by place that the score has to exceed; None if it is compared with noise alone.
     """
 
     effect: str
@@ -123,15 +125,15 @@ class Suspect:
 
     @property
     def rank(self) -> float:
-        """Logarithm of its chance among errors of all codes, where no random effect can hold one."""
+        """Log p-value with the penalty of several candidates, by which suspects of all codes are ordered."""
         return self.screened + COST * self.several
 
     def log_chance_beside_places(self, gain: float, chance: float) -> float:
-        """Logarithm of the chance of its score, or of a larger gain, beside what differs by place.
+        """Log p-value of the larger of score and gain, relative to the scatter by place.
 
         Args:
-            gain: Of minus twice the log likelihood.
-            chance: The logarithm of the chance of both beside noise.
+            gain: Decrease of minus twice the log likelihood.
+            chance: Log p-value relative to noise, which is returned without scatter.
         """
         if self.scatter is None:
             return chance

@@ -1,9 +1,9 @@
-"""Errors of arms that record poses alone: fields, smooth in the place, and lengths along an axis of the base.
+"""Errors of arms that record only poses: fields that are smooth in the place, and lengths along axes of the base.
 
-A stated repeatability says nothing of accuracy. Errors of an uncalibrated arm are those of `effects.smooth_by_place`,
-by its modes at recorded poses. The part that no recorded pose shows has errors of its own, of the same variance. A
-smooth field has a curvature, which shows. A length along one axis hardly does: bases and mounts absorb it, most of all
-where arms face one another.
+A stated repeatability does not imply accuracy. Errors of an uncalibrated arm are those of `effects.smooth_by_place`,
+represented by modes at the recorded poses. The part that no recorded pose shows has independent errors of the same
+variance. The curvature of a smooth field is observable. A length along one axis is hardly observable: bases and mounts
+absorb it, especially if arms face each other.
 Source: docs/mathematics.md (11.4).
 """
 
@@ -27,57 +27,57 @@ from basecal.estimation.problem.gauges import LENGTH_M
 from basecal.geometry import SE3, Array
 
 KINDS_BY_PLACE = 2
-"""In how many ways an arm that records poses alone may err by place: by smooth errors, and by a length."""
+"""Number of kinds of errors by place of an arm that records only poses: smooth errors, and a length."""
 
 PRIOR_M = SigmaPrior.as_often_as_not(np.array([6e-5, 2e-4, 6e-4]), KINDS_BY_PLACE)
-"""Of a shift along an axis: none, that of arms accurate to 0.1 mm, or of those sold as 0.5 to 2 mm."""
+"""Prior of the sigma of a shift along an axis [m]: zero, that of arms accurate to 0.1 mm, or to 0.5 to 2 mm."""
 
 
 class PoseField(NamedTuple):
-    """A robot's field of errors, at unit shifts [m]."""
+    """A robot's smooth field of errors, for shifts of unit sigma [m]."""
 
     robot: str
     modes: Modes
 
     @property
     def width(self) -> int:
-        """How many errors it has."""
+        """Number of errors of the field, k."""
         return 6 * int(self.modes.weights.shape[1])
 
     def flange_tangents(self, poses: SE3) -> Array:
-        """How a flange at poses, (n,), moves with each error, (n, 6, k), right tangents."""
+        """Derivative of a flange at poses, (n,), with respect to each error, (n, 6, k), right tangents."""
         shared = SharedErrors.repeat_coordinates(self.modes.sizes(poses)).rotate_to(poses)
         tangents: Array = shared.by_stop / np.where(shared.is_turn, LENGTH_M, 1.0)
         return tangents
 
     def unknown_share(self, poses: SE3) -> Array:
-        """Share of the variance at poses that no recorded pose has, (n,)."""
+        """Share of the variance at poses that no recorded pose shows, (n,)."""
         return np.asarray(np.maximum(1 - np.sum(self.modes.sizes(poses) ** 2, axis=1), 0.0))
 
     def candidate(self, situation: Situation) -> Candidates:
-        """All its errors, as sizes of one candidate."""
+        """Return a candidate whose sizes are all errors of the field."""
         return one_candidate("pose-field", self.robot, "m", pose_moves(situation, self.robot, self.flange_tangents))
 
 
 def fields_prior(width: int) -> SigmaPrior:
-    """The prior of all errors of fields together, one sigma, (m, width)."""
+    """Prior of the sigmas of all errors of fields, which have a common sigma, (m, width)."""
     prior = PRIOR_M if width else SigmaPrior.single_value(0.0)
     return SigmaPrior(np.repeat(prior.sigmas[:, None], width, axis=1), prior.shares)
 
 
 def variances(field_m2: float) -> Array:
-    """Variances of a shift and a turn along an axis, (2,) [m^2, rad^2], by the variance of a field's shifts [m^2]."""
+    """Variances of shift and rotation per axis, (2,) [m^2, rad^2], from the variance of a field's shifts [m^2]."""
     return np.array([field_m2, field_m2 / LENGTH_M**2])
 
 
 def stated_fields(cell: Cell, situation: Situation) -> list[PoseField]:
-    """Fields of arms that state a repeatability, and record poses alone."""
+    """Fields of arms that state a repeatability and record only poses."""
     stated = (name for name, robot in cell.robots.items() if robot.noise is not None and not robot.is_total_noise)
     return [field for name in stated if (field := pose_field(situation, name)) is not None]
 
 
 def pose_field(situation: Situation, robot: str) -> PoseField | None:
-    """The field of a robot; None if its joints are recorded, it made few stops, or random effects contain one."""
+    """Field of a robot; None if its joints are recorded, its stops are few, or random effects contain the field."""
     problem = situation.problem
     common = {} if situation.noise is None else situation.noise.common
     has_joints = any(end.joints is not None for end in problem.robot_ends(robot))
@@ -88,38 +88,38 @@ def pose_field(situation: Situation, robot: str) -> PoseField | None:
 
 
 SHARES = np.array([1e-4, 3e-4, 1e-3])
-"""Of a length, one sigma: 0.1 mm on a metre of accurate arms, or the 0.3 to 1 mm of usual ones. Assumed."""
+"""Sigmas of a relative length error: 0.1 mm on a metre for accurate arms, 0.3 to 1 mm for usual arms. Assumed."""
 
 _AXES = 3
 AXES_PRIOR = SigmaPrior.as_often_as_not(np.concatenate([share * np.eye(_AXES) for share in SHARES]), KINDS_BY_PLACE)
-"""Of the lengths of an arm, (m, 3): none, or one sigma along one axis."""
+"""Prior of the sigmas of an arm's length errors, (m, 3): zero, or one sigma along one axis."""
 
 
 class LongAxes(NamedTuple):
-    """The lengths of a robot's poses along the axes of its base, as shares."""
+    """Relative length errors of a robot's poses along the axes of its base."""
 
     robot: str
 
     @property
     def width(self) -> int:
-        """How many there are."""
+        """Number of length errors."""
         return _AXES
 
     def flange_tangents(self, poses: SE3) -> Array:
-        """How a flange at poses, (n,), moves with each, (n, 6, 3), right tangents."""
+        """Derivative of a flange at poses, (n,), with respect to each length error, (n, 6, 3), right tangents."""
         return stretch.flange_tangents(poses)[..., :_AXES]
 
     def unknown_share(self, poses: SE3) -> Array:
-        """None: they are the same everywhere, (n,)."""
+        """Zeros, (n,): the length errors are the same at all poses."""
         return np.zeros(len(poses))
 
     def candidate(self, situation: Situation) -> Candidates:
-        """All as sizes of one candidate."""
+        """Return a candidate whose sizes are all length errors."""
         return one_candidate("long-axes", self.robot, "", pose_moves(situation, self.robot, self.flange_tangents))
 
 
 def long_axes(cell: Cell, situation: Situation) -> list[LongAxes]:
-    """The lengths of each arm that records poses alone, unless it states all its errors or made few stops."""
+    """Length errors of each arm that records only poses, unless it states its total noise or its stops are few."""
     problem = situation.problem
     return [
         LongAxes(name)

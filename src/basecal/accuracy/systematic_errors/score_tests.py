@@ -1,10 +1,10 @@
-"""Score tests at a solution: whether one more unknown would find anything, without solving for it.
+"""Score tests at a solution: the significance of an additional unknown without solving for it.
 
-g is the gradient and H the information of views, with the errors of single stops eliminated. D is their derivative to
-the unknowns and to the random effects that stops share, in their sigmas. I is the prior of these, and E the derivative
-to the error. U = E'g - E'HD (D'HD + I)^+ D'g has the covariance P = E'HE - E'HD (D'HD + I)^+ D'HE. U'P^-1 U is
-chi-square if there is no such error: the null model's covariance has all its random effects in it. Source: Rao 1948;
-docs/mathematics.md (11.1).
+Let g be the gradient and H the information of views, with the errors of single stops eliminated. D is the derivative of
+the views with respect to the unknowns and to the random effects that stops share, in units of their sigmas. I is the
+prior information of these columns, and E the derivative with respect to the error. U = E'g - E'HD (D'HD + I)^+ D'g has
+the covariance P = E'HE - E'HD (D'HD + I)^+ D'HE. U'P^-1 U is chi-square if there is no such error, as the covariance
+includes all random effects of the null model. Source: Rao 1948; docs/mathematics.md (11.1).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 HIDDEN = 1e-4
-"""Share of an error's information that the unknowns leave, below which it stands for one of them."""
+"""Share of an error's information left by the unknowns, below which the error is confounded with the unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +40,10 @@ class Score:
     """The score tests of b errors of one kind, each of q sizes.
 
     Attributes:
-        gradient: (b, q), the unknowns projected out.
-        information: (b, q, q) likewise.
-        statistic: (b,) chi-square where there is none.
-        freedoms: (b,).
+        gradient: (b, q) gradient with respect to the sizes, the unknowns projected out.
+        information: (b, q, q) information about the sizes, the unknowns projected out.
+        statistic: (b,) test statistic, chi-square distributed without the error.
+        freedoms: (b,) degrees of freedom of the statistic.
         size: (b, q) most likely sizes to first order.
     """
 
@@ -55,21 +55,21 @@ class Score:
 
     @property
     def log_chance(self) -> Array:
-        """(b,) logarithm of the chance of a statistic so large or larger."""
+        """(b,) log p-value of the statistic."""
         pairs = zip(self.statistic, self.freedoms, strict=True)
         return np.array([log_chance(float(value), int(freedoms)) for value, freedoms in pairs])
 
 
 def log_chance_of_gain(gain: float, freedoms: int, residuals: float) -> float:
-    """Logarithm of the chance that unknowns without effect gain so much of minus twice the log likelihood.
+    """Log p-value of a decrease of minus twice the log likelihood by additional unknowns.
 
-    The noise is estimated with and without them, so that the gain gives the ratio of the sums of squares, which is
-    Fisher-distributed. Source: docs/mathematics.md (11.2).
+    The noise is estimated with and without these unknowns. The gain therefore determines the ratio of the sums of
+    squares, which has an F distribution if the unknowns have no effect. Source: docs/mathematics.md (11.2).
 
     Args:
-        gain: Of minus twice the log likelihood.
-        freedoms: How many unknowns are added.
-        residuals: Freedoms of the residuals without them.
+        gain: Decrease of minus twice the log likelihood.
+        freedoms: Number of additional unknowns.
+        residuals: Degrees of freedom of the residuals without the additional unknowns.
     """
     left = 0.5 * (residuals - freedoms)
     if freedoms < 1 or left <= 0:
@@ -83,17 +83,17 @@ def log_chance_of_gain(gain: float, freedoms: int, residuals: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """A problem to second order about a state: views that count as weighed, and their sums with stops eliminated.
+    """A problem to second order about a state: weighted views, and their sums with stops eliminated.
 
-    Its columns are the p unknowns, then the random effects that stops share, in their sigmas.
+    The columns are the p unknowns, then the random effects that stops share, in units of their sigmas.
 
     Attributes:
         problem: The problem.
-        state: The state.
-        views: By group.
-        gradient: (c,) of the columns.
-        hessian: (c, c).
-        system: The stops that views share, solved; None without any.
+        state: The state of the linearisation.
+        views: Linearised views of each group.
+        gradient: (c,) gradient with respect to the columns.
+        hessian: (c, c) Hessian of the columns.
+        system: The eliminated stops that views share; None without any.
     """
 
     problem: Problem
@@ -105,7 +105,7 @@ class Linearised:
 
     @cached_property
     def residuals(self) -> float:
-        """Freedoms of the views' residuals: their equations less unknowns, but for what priors hold of these."""
+        """Degrees of freedom of the views' residuals: equations less unknowns, corrected for the effect of priors."""
         equations = sum(int(group.measurement.equations().sum()) for group in self.problem.groups)
         priors = ((jacobian, where) for _, jacobian, where in prior_residuals(self.problem, self.state))
         held = sum(float(np.sum((j @ self.inverse[where, where]) * j)) for j, where in priors)
@@ -113,17 +113,23 @@ class Linearised:
 
     @cached_property
     def inverse(self) -> Array:
-        """(c, c) of the hessian, zero along directions without information."""
+        """(c, c) inverse of the Hessian, zero along directions without information."""
         return spectrum(self.hessian).inverse
 
     @cached_property
     def step(self) -> Array:
-        """(c,) the inverse times the gradient."""
+        """(c,) product of the inverse Hessian and the gradient."""
         return self.inverse @ self.gradient
 
 
 class Sums(NamedTuple):
-    """Gradient (b, q), information with the columns (b, q, c) and with one another (b, q, q) of candidates."""
+    """Sums over views for b candidates of q sizes.
+
+    Attributes:
+        gradient: (b, q) gradient with respect to the sizes.
+        across: (b, q, c) information between sizes and columns.
+        information: (b, q, q) information between sizes.
+    """
 
     gradient: Array
     across: Array
@@ -131,17 +137,17 @@ class Sums(NamedTuple):
 
 
 def linearise_views(problem: Problem, state: State) -> Linearised:
-    """The problem about a state."""
+    """Linearise a problem about a state."""
     normal = linearise(problem, state)
     return Linearised(problem, state, normal.views, normal.gradient, normal.hessian, normal.system)
 
 
 def with_random_effects(model: Linearised, moves: Moves, present: Array | float = 0.0) -> Linearised:
-    """A copy with random effects among its columns.
+    """Return a copy of a model with random effects as additional columns.
 
     Args:
         model: The model.
-        moves: By group, (n, 6, r) right tangents of `camera_from_target` by one sigma of each effect.
+        moves: For each group, (n, 6, r) right tangents of `camera_from_target` for one sigma of each effect.
         present: (r,) values of the effects at the state, in sigmas.
     """
     count = next((m.shape[-1] for m in moves if m is not None), 0)
@@ -154,7 +160,7 @@ def with_random_effects(model: Linearised, moves: Moves, present: Array | float 
 
 
 def _with_columns(views: LinearisedViews, moves: Array, columns: IntArray) -> LinearisedViews:
-    """Views that move with more columns, which have no effect on the lens."""
+    """Add columns to linearised views; the added columns have no effect on the lens."""
     *shape, rows, _ = views.by_unknowns.shape
     padded = np.zeros((*shape, rows, len(columns)))
     padded[..., :6, :] = moves
@@ -163,13 +169,13 @@ def _with_columns(views: LinearisedViews, moves: Array, columns: IntArray) -> Li
 
 
 def weigh_views(model: Linearised, weights: Sequence[Array]) -> Linearised:
-    """A copy with views that count otherwise; `weights` by group, (n,)."""
+    """Return a copy of a model with its views multiplied by `weights`, (n,) for each group."""
     views = tuple(each.weigh(weight) for each, weight in zip(model.views, weights, strict=True))
     return _sum_views(model.problem, model.state, views, len(model.gradient))
 
 
 def _sum_views(problem: Problem, state: State, views: tuple[LinearisedViews, ...], width: int) -> Linearised:
-    """Sums over views of so many columns, random effects of unit variance behind the unknowns."""
+    """Sum views over `width` columns; columns after the unknowns are random effects of unit variance."""
     gradient, hessian, unknowns = np.zeros(width), np.eye(width), slice(problem.width)
     hessian[unknowns, unknowns], gradient[unknowns], _ = prior_equations(problem, state)
     _, hessian, gradient, system = sum_views(problem, state, views, hessian, gradient)
@@ -177,20 +183,20 @@ def _sum_views(problem: Problem, state: State, views: tuple[LinearisedViews, ...
 
 
 def score(model: Linearised, candidates: Candidates, largest: float = np.inf) -> Score:
-    """The score tests of errors of one kind.
+    """Compute the score tests of errors of one kind.
 
     Args:
         model: The null model.
         candidates: The errors.
-        largest: Sigma that is expected of their sizes at most; infinite if nothing is expected.
+        largest: Largest expected sigma of the sizes; infinite without a prior.
     """
     return score_from_sums(model, sums(model, candidates), largest)
 
 
 def score_from_sums(model: Linearised, sums: Sums, largest: float = np.inf) -> Score:
-    """As `score`, from sums that are known."""
+    """Compute the score tests as `score` does, from given sums over views."""
     gradient, across, information = sums
-    tied = np.flatnonzero(across.any((0, 1)))  # of a hundred robots an error meets the columns of a few
+    tied = np.flatnonzero(across.any((0, 1)))  # of a hundred robots, an error concerns the columns of a few
     across = across[..., tied]
     gradient = gradient - across @ model.step[tied]
     left = information - across @ model.inverse[np.ix_(tied, tied)] @ across.mT
@@ -202,7 +208,7 @@ def score_from_sums(model: Linearised, sums: Sums, largest: float = np.inf) -> S
 
 
 def sums(model: Linearised, candidates: Candidates) -> Sums:
-    """Gradient (b, q), information with the columns (b, q, c) and with one another (b, q, q), stops eliminated."""
+    """Compute the sums over views of candidates, with stops eliminated."""
     b, q = len(candidates.about), candidates.sizes
     gradient, information = np.zeros((b, q)), np.zeros((b, q, q))
     across = np.zeros((b, q, len(model.gradient)))

@@ -1,6 +1,7 @@
-"""The systematic error of a solution, if it has one: that which explains most.
+"""Search for the systematic error that best explains the residuals of a solution, if there is one.
 
-Score tests find; only what they find is solved for, with noise estimated anew, and must predict held-out blocks.
+Score tests find candidates. Only these are solved for, with the noise estimated again, and must improve the prediction
+of held-out blocks.
 """
 
 from __future__ import annotations
@@ -39,8 +40,9 @@ from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.numerics.spectral import spectrum
 
-_RANK_DIGITS = 6  # that rounding of exactly confounded errors leaves equal
-# Errors that are solved for at most, which bounds the time; assumed: `benchmarks.confounding` judges what that misses.
+_RANK_DIGITS = 6  # digits that are equal for exactly confounded errors despite rounding
+# Largest number of errors that are solved for, which bounds the time; assumed: `benchmarks.confounding` measures what
+# is missed.
 _MOST_TRIED = 3
 
 
@@ -51,20 +53,20 @@ def systematic_error(
     settings: Settings,
     as_stated: Solution | None = None,
 ) -> FoundEffect | None:
-    """The error that explains the residuals far better than noise, and predicts held-out blocks better.
+    """Find the error that explains the residuals far better than noise, and improves predictions of held-out blocks.
 
-    One at a time: where one is large, what is left of it when it is taken out would pass for others.
+    At most one error is returned: the remainder of a large error after its correction would look like further errors.
 
     Args:
-        solution: The answer, with its noise.
-        recorded_problem: The problem as it was recorded, outliers among it.
+        solution: The solution, with its noise.
+        recorded_problem: The recorded problem, including outliers.
         stamps: Time of each sample by number [s].
-        settings: How the answer was solved.
-        as_stated: The solution with the sigmas as stated, where its residuals contradict them.
+        settings: Settings of the solution.
+        as_stated: The solution with the stated sigmas, if its residuals contradict them.
 
     Returns:
-        The error that is least likely to be chance. If none is certain, one that may be chance and predicts held-out
-        blocks better. None if there is none.
+        The error with the smallest p-value. If no error is certain, an uncertain error that improves the prediction of
+        held-out blocks. None if no error is found.
     """
     if not solution.converged or not np.isfinite(solution.cost) or not solution.problem.groups:
         return None
@@ -78,7 +80,7 @@ def systematic_error(
     every = _suspects(situation)
     suspects = list(_confirmed_suspects(situation, _select_suspects(situation, every)))
     if solution.problem.models:
-        # Joints of robots whose kinematics are estimated stand for their poses: no pose of these can be corrected.
+        # The poses of robots with estimated kinematics follow from their joints, so no pose can be corrected.
         discovered = _discovery_mask(
             suspects, [suspect.log_chance_beside_places(0.0, suspect.log_chance) for suspect in suspects]
         )
@@ -98,9 +100,10 @@ def systematic_error(
 
 
 def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: Solution) -> tuple[Suspect, float, bool]:
-    """The suspect that chance makes most seldom, certain ones before others, its share, and whether it is certain.
+    """Return the suspect with the smallest p-value, its largest posterior probability, and whether it is certain.
 
-    A step and a drift of one base have the same score, but not the same gain with the noise estimated anew.
+    Certain suspects come before uncertain ones. A step and a drift of one base may have the same score, but have
+    different gains once the noise is estimated again.
     """
     gains = [_gain(situation, each, solution) for each in suspects]
     pairs = list(zip(suspects, gains, strict=True))
@@ -114,17 +117,17 @@ def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: S
 
 
 def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffect | None:
-    """The likeliest systematic error while samples are still taken, its size and the answer's shift to first order.
+    """Find the likeliest systematic error during a recording; its size and its effect are of first order.
 
-    Errors that all samples have enlarge the noise that is estimated with them. If no error is certain, the effect that
-    the random effects show is therefore tested with the noise beside these.
+    Errors shared by all samples increase the noise that is estimated with them. If no error is certain, the effect that
+    the random effects indicate is therefore tested with the noise estimated jointly with these random effects.
 
     Args:
-        solution: The answer, with its noise and the random effects that stops share.
+        solution: The solution, with its noise and the random effects that stops share.
         stamps: Time of each sample by number [s].
 
     Returns:
-        The error that held-out blocks confirm; None if there is none, or robots' kinematics are estimated.
+        The error that held-out blocks confirm; None if there is none, or if robot kinematics are estimated.
     """
     if not solution.converged or not solution.problem.groups or solution.problem.models:
         return None
@@ -140,7 +143,7 @@ def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffec
 
 
 def _confirm_first(solution: Solution, situation: Situation, suspects: Sequence[Suspect]) -> FoundEffect | None:
-    """The first suspect that held-out blocks confirm; it is certain if chance hardly makes its gain."""
+    """Return the first suspect that held-out blocks confirm; it is certain if the p-value of its gain is small."""
     suspect = next(_confirmed_suspects(situation, _select_suspects(situation, suspects)), None)
     if suspect is None:
         return None
@@ -155,7 +158,7 @@ def _confirm_first(solution: Solution, situation: Situation, suspects: Sequence[
 def _reconciling_effect(
     solution: Solution, as_stated: Solution, recorded_problem: Problem, stamps: Mapping[int, float], settings: Settings
 ) -> FoundEffect | None:
-    """The error without which the residuals are as stated after all; None where none does that."""
+    """Return the error whose correction makes the residuals agree with the stated sigmas; None if there is none."""
     situation = situate(as_stated, recorded_problem, stamps)
     every = _suspects(situation)
     selected = _select_suspects(situation, every)
@@ -174,7 +177,7 @@ def _reconciling_effect(
 def _discovery_mask(
     suspects: Sequence[Suspect], log_chances: Sequence[float], share: float = FALSE_DISCOVERIES
 ) -> BoolArray:
-    """Which suspects of these chances are certain, (n,), if so large a share may be false."""
+    """Mask of certain suspects, (n,), from their log p-values; `share` is the accepted share of false discoveries."""
     return discoveries(log_chances, max((suspect.family for suspect in suspects), default=1), share)
 
 
@@ -183,7 +186,10 @@ def _null_model(situation: Situation, suspect: Suspect) -> Linearised:
 
 
 def _confirmed_suspects(situation: Situation, suspects: Iterable[Suspect]) -> Iterator[Suspect]:
-    """The suspects with which held-out blocks are predicted better; the gain alone judges what errors in time hold."""
+    """Yield the suspects that improve the prediction of held-out blocks.
+
+    The score of a suspect is cleared if random errors in time may contain it; its gain alone then counts.
+    """
     held_out = {model: HeldOut(situation, model) for model in (situation.linearisation, situation.null)}
     for each in suspects:
         if held_out[_null_model(situation, each)].confirms(each.candidate):
@@ -192,7 +198,7 @@ def _confirmed_suspects(situation: Situation, suspects: Iterable[Suspect]) -> It
 
 
 def _without_suspect(solution: Solution, situation: Situation, suspect: Suspect) -> Solution:
-    """The solution, to be solved again, with every view's recorded hand where an error says that it was."""
+    """Correct the recorded hand pose of each view by a suspected error; the solution is then to be solved again."""
     groups = []
     for group, links, moves in zip(solution.problem.groups, situation.links, suspect.candidate.moves, strict=True):
         if moves is None:
@@ -206,7 +212,7 @@ def _without_suspect(solution: Solution, situation: Situation, suspect: Suspect)
 
 
 def _suspects(situation: Situation) -> list[Suspect]:
-    """Errors that chance hardly makes, the least likely first, one of each code and name."""
+    """Errors with a small p-value, the smallest first, at most one of each code and name."""
     tests: Counter[str] = Counter()
     unlikely = []
     for name, kind in _candidates(situation):
@@ -237,14 +243,14 @@ def _suspects(situation: Situation) -> list[Suspect]:
 
 
 def _with_scatter(situation: Situation, suspect: Suspect) -> Suspect:
-    """The suspect; a change in time with what differs by place."""
+    """Add the scatter by place to a suspect that is a change in time; other suspects are returned unchanged."""
     if suspect.effect not in CHANGES_IN_TIME:
         return suspect
     return replace(suspect, scatter=place_scatter(situation, _null_model(situation, suspect), suspect.candidate))
 
 
 def _select_suspects(situation: Situation, suspects: Sequence[Suspect]) -> list[Suspect]:
-    """The suspects that are solved for: the least likely ones that move the data each otherwise."""
+    """Select suspects to solve for: those with the smallest p-values whose effects on the data differ."""
     tried: list[Suspect] = []
     for suspect in suspects:
         if len(tried) < _MOST_TRIED and not any(
@@ -255,7 +261,7 @@ def _select_suspects(situation: Situation, suspects: Sequence[Suspect]) -> list[
 
 
 def _alternatives(situation: Situation, suspect: Suspect, suspects: Sequence[Suspect]) -> tuple[FoundEffect, ...]:
-    """Effects that the data do not distinguish from the chosen one: with one of them, chance makes the rest of it."""
+    """Effects that the data do not distinguish from a suspect: if one is included, the suspect is not significant."""
     same = suspect.effect, suspect.candidate.about
     others = [each for each in suspects if (each.effect, each.candidate.about) != same]
     likely = [each for each in others if each.rank < suspect.rank - np.log(SUSPECTED)]
@@ -267,7 +273,7 @@ def _alternatives(situation: Situation, suspect: Suspect, suspects: Sequence[Sus
 
 
 def _remaining_chi_square(situation: Situation, suspect: Suspect, rival: Suspect) -> tuple[float, int]:
-    """Chi-square and freedoms that are left of a suspect beside another: docs/mathematics.md (11.5)."""
+    """Chi-square and degrees of freedom of a suspect if a rival is included as well: docs/mathematics.md (11.5)."""
     nulls = [_null_model(situation, each) for each in (suspect, rival)]
     null = situation.linearisation if situation.linearisation in nulls else situation.null
     first, second = suspect.candidate, rival.candidate
@@ -277,17 +283,17 @@ def _remaining_chi_square(situation: Situation, suspect: Suspect, rival: Suspect
 
 
 def _candidates(situation: Situation) -> Iterator[tuple[str, Candidates]]:
-    """Candidates of all effects, with the names of these, one at a time: all together take much memory."""
+    """Yield the candidates of all effects with the effects' names, one kind at a time to limit memory."""
     for name, effect in EFFECTS.items():
         for kind in () if effect.candidates is None else effect.candidates(situation):
             yield name, kind
 
 
 def _gain(situation: Situation, suspect: Suspect, solution: Solution) -> float:
-    """The decrease of minus twice the log likelihood by the error, noise estimated anew; 0 of stated noise.
+    """Decrease of minus twice the log likelihood by an error, with the noise estimated again; 0 if noise is stated.
 
-    Noise that is estimated with the error in it is larger than without, so that the score falls short of the gain. All
-    else is to second order about the solution.
+    Noise that is estimated without the correction is too large, so the score is smaller than the gain. All other
+    quantities are of second order about the solution.
     """
     if solution.noise.logs is None:
         return 0.0
@@ -297,12 +303,12 @@ def _gain(situation: Situation, suspect: Suspect, solution: Solution) -> float:
 
 
 def _log_chance(situation: Situation, suspect: Suspect, gain: float) -> float:
-    """Logarithm of the chance of a gain; where few residuals determine the noise, chance makes it larger."""
+    """Log p-value of a gain, for estimated noise and several tests."""
     return log_chance_of_gain(gain, suspect.freedoms, situation.linearisation.residuals) + suspect.several
 
 
 def _is_contained(solution: Solution, suspect: Suspect) -> bool:
-    """Whether errors of joints and links that stops evidently share contain a suspect of the same robot's joints."""
+    """Whether a suspect of a robot's joints is contained in the shared errors of joints and links of this robot."""
     noise, about = solution.noise, suspect.candidate.about[0]
     of_joints = (name for name, robots in noise.common.items() if RANDOM_EFFECTS[name].by_joints and about in robots)
     name = next(of_joints, "") if suspect.effect in ROBOT_PARAMETERS else ""
@@ -311,13 +317,13 @@ def _is_contained(solution: Solution, suspect: Suspect) -> bool:
 
 
 def candidate_chance(solution: Solution, candidate: Candidates, size: Array, several: float) -> float:
-    """Logarithm of the chance of what one of so many candidates gains, by the logarithm of their number."""
+    """Log p-value of a candidate's gain; `several` is the logarithm of the number of candidates that were tested."""
     suspect, situation = Suspect("", candidate, size, len(size), 0.0, 0.0, 0.0, several), situate(solution)
     return _log_chance(situation, suspect, _gain(situation, suspect, solution))
 
 
 def _negative_log_evidence(solution: Solution, name: str) -> float:
-    """Minus twice the log of the evidence about a state with the random effect of a name; without any if ""."""
+    """Minus twice the log evidence of a solution with the random effect `name`; without random effects if ""."""
     problem, noise = solution.problem, solution.noise
     if not name:
         return model_sigmas(problem, solution.state, noise).minus_2_log_evidence
@@ -327,9 +333,9 @@ def _negative_log_evidence(solution: Solution, name: str) -> float:
 
 
 def _describe(situation: Situation, suspect: Suspect, solution: Solution, corrected_solution: Solution) -> FoundEffect:
-    """The error with its covariance, its size corrected to first order about `corrected_solution`.
+    """Return the error with its covariance, its size corrected to first order about `corrected_solution`.
 
-    Random effects are those of the null model: the noise of single stops alone gives another size.
+    The random effects are those of the null model: the noise of single stops alone gives a different size.
     """
     noise = replace(corrected_solution.noise, common=solution.noise.common, beside_common=solution.noise.beside_common)
     corrected = situate(replace(corrected_solution, noise=noise), situation.recorded, situation.stamps)
@@ -344,7 +350,7 @@ def _describe(situation: Situation, suspect: Suspect, solution: Solution, correc
 
 
 def _to_first_order(situation: Situation, suspect: Suspect) -> FoundEffect:
-    """The error, and by how much the answer moves if it is corrected, to first order about the answer."""
+    """Return the error with its size and the shift of the solution by its correction, to first order."""
     found = score(_null_model(situation, suspect), suspect.candidate, largest_sigma(suspect.effect))
     across = sums(situation.linearisation, suspect.candidate).across[0]
     return _make_effect(

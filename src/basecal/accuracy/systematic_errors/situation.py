@@ -1,4 +1,4 @@
-"""A solved problem as effects see it: how views move with flanges and frames, and when they were taken."""
+"""A solved problem as input of effects: derivatives of views with respect to flanges and frames, and sample times."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics import SerialChain
 from basecal.numerics.spectral import scaled_spectrum
 
-# The root of the mean square of how far poses are off the middle of their neighbours, over half of how far these are
-# apart: 1.7 of poses in no order, near 0 on a smooth path; assumed between.
+# Rms distance of poses from the middle of their neighbours, relative to half the rms distance of the neighbours:
+# 1.7 for poses in random order, near 0 on a smooth path; the limit is assumed.
 _SMOOTH = 0.5
-_FEWEST_ON_PATH = 8  # of poses whose order tells anything; assumed
+_FEWEST_ON_PATH = 8  # smallest number of poses that can form a path; assumed
 
 
 class OpenOffsets(NamedTuple):
-    """Offsets of clocks that are estimated beside a solution, r of them.
+    """The r clock offsets that are estimated with a solution.
 
     Attributes:
-        moves: By group, (n, 6, r) right tangents of `camera_from_target` by each [per s].
-        sigma_s: (r,) their sigmas beforehand, as far off as they are at least. Those of free ones are so wide that the
-            data alone determine these.
-        present: (r,) their values at the solution about those stated, in sigmas.
+        moves: For each group, (n, 6, r) right tangents of `camera_from_target` per offset [per s].
+        sigma_s: (r,) prior sigmas, at least as large as the offsets' distance from their stated values [s]. Sigmas of
+            free offsets are so large that the data alone determine these offsets.
+        present: (r,) offsets at the solution relative to the stated values, in sigmas.
     """
 
     moves: Moves
@@ -50,12 +50,12 @@ class Situation:
     """A solved problem.
 
     Attributes:
-        problem: With the noise in use.
-        state: Its optimum.
-        recorded: The problem as it was recorded, outliers among it.
-        stamps: Time of each sample by number [s]; of those that have one.
-        noise: The noise in use; stops share no errors if None.
-        offsets: Of clocks that are estimated beside it; None without any.
+        problem: The problem, with the noise in use.
+        state: The optimum of the problem.
+        recorded: The recorded problem, including outliers.
+        stamps: Time of each sample by number [s]; samples without a time are absent.
+        noise: The noise in use; if None, stops share no errors.
+        offsets: Clock offsets that are estimated with the problem; None without any.
     """
 
     problem: Problem
@@ -67,12 +67,12 @@ class Situation:
 
     @cached_property
     def linearisation(self) -> Linearised:
-        """The problem about its state, of which the answer follows."""
+        """The problem linearised about its state."""
         return linearise_views(self.problem, self.state)
 
     @cached_property
     def null(self) -> Linearised:
-        """A copy with the random effects that stops share, and offsets of clocks, against which effects are tested."""
+        """The model against which effects are tested: with the random effects that stops share, and clock offsets."""
         model = self.linearisation
         if self.noise is not None and self.noise.beside_common is not None:
             model = null_model(self.problem, self.state, self.noise, self.flange_jacobian)
@@ -82,41 +82,41 @@ class Situation:
         return with_random_effects(model, moves, self.offsets.present)
 
     def random_effect(self, effect: str, subject: str) -> str:
-        """The random effect in the null model of an effect about something; "" if the two are the same one."""
+        """Name of the random effect in the null model of an effect on `subject`; "" if none or if replaced by it."""
         common = {} if self.noise is None else self.noise.common
         same = (subject in robots and effect in RANDOM_EFFECTS[name].replaced_by for name, robots in common.items())
         return "" if any(same) else next(iter(common), "")
 
     def is_held_in_time(self, effect: str) -> bool:
-        """Whether errors in time may hold the change that an effect is: their sigma was estimated with it."""
+        """Whether an effect is a change in time that random errors in time, estimated with it, may contain."""
         common = {} if self.noise is None else self.noise.common
         return effect in CHANGES_IN_TIME and any(RANDOM_EFFECTS[name].by_times is not None for name in common)
 
     def null_model(self, effect: str, subject: str) -> Linearised:
-        """The null model of an effect, which is never unknown and random at once, nor held by errors in time."""
+        """Null model of an effect; it has no random effects if the effect replaces one, or if they may contain it."""
         is_random = bool(self.random_effect(effect, subject)) and not self.is_held_in_time(effect)
         return self.null if is_random else self.linearisation
 
     @cached_property
     def links(self) -> tuple[Chain, ...]:
-        """The factors of `camera_from_target`, by group."""
+        """The factors of `camera_from_target` of each group."""
         return tuple(chain(group, self.state, self.problem.stops) for group in self.problem.groups)
 
     @cached_property
     def samples(self) -> IntArray:
-        """Numbers of all recorded samples in their order in time."""
+        """Numbers of all recorded samples, ordered by time."""
         numbers = np.unique(np.concatenate([g.sample for g in self.recorded.groups]))
         return numbers[np.argsort([self.stamps.get(int(n), 0.0) for n in numbers], kind="stable")]
 
     @cached_property
     def has_times(self) -> bool:
-        """Whether all samples have a time, and not all the same."""
+        """Whether all samples have a time, and the times differ."""
         times = {self.stamps.get(int(n)) for n in self.samples}
         return None not in times and len(times) > 1
 
     @cached_property
     def times(self) -> Array:
-        """Times of `samples` [s], or their order."""
+        """Times of `samples` [s]; their indices if `has_times` is false."""
         if not self.has_times:
             return np.arange(len(self.samples), dtype=np.float64)
         return np.array([self.stamps[int(n)] for n in self.samples], dtype=np.float64)
@@ -128,12 +128,12 @@ class Situation:
 
     @cached_property
     def fixed_frames(self) -> tuple[str, ...]:
-        """The frames that are stated as fixed."""
+        """Names of the frames that are stated as fixed."""
         return tuple(name for name in self.frames if self.problem.unknowns[name].status == "fixed")
 
     @property
     def point_mounts(self) -> frozenset[str]:
-        """The mounts of single points, whose rotation has no effect."""
+        """Names of the mounts of single points, whose rotation has no effect."""
         return self.problem.point_mounts
 
     @cached_property
@@ -144,7 +144,7 @@ class Situation:
 
     @cached_property
     def chains(self) -> dict[str, SerialChain]:
-        """Kinematics as stated, by robot that was recorded by joints at more than one pose."""
+        """Stated kinematics of the robots that were recorded by joints at more than one pose, by name."""
         chains = self.problem.chains
         return {r: chains[r] for r in self.robots if r in chains and recorded_by_joints(self.problem, r)}
 
@@ -156,7 +156,7 @@ class Situation:
         return clocks | {robot: frozenset(model.columns) for robot, model in models.items() if model is not None}
 
     def rank(self, group: Group) -> IntArray:
-        """Indices of the samples of a group's views in `samples`, (n,)."""
+        """Indices into `samples` of a group's views, (n,)."""
         order = np.argsort(self.samples)
         return np.asarray(order[np.searchsorted(self.samples[order], group.sample)], dtype=np.int64)
 
@@ -165,24 +165,24 @@ class Situation:
         return name in self.problem.groups[k].frames
 
     def target_from_camera(self, k: int) -> SE3:
-        """Poses of the camera in the target, of the views of a group, (n,)."""
+        """Poses of the camera in the target frame for the views of a group, (n,)."""
         return self.links[k].target_from_camera
 
     @cached_property
     def robots(self) -> tuple[str, ...]:
-        """Names of the robots that stood in more than one place."""
+        """Names of the robots with more than one recorded stop."""
         stands = {r: np.concatenate([end.stand for end in self.problem.robot_ends(r)]) for r in self.problem.robots}
         return tuple(robot for robot, seen in stands.items() if len(np.unique(seen)) > 1)
 
     @cached_property
     def mounts(self) -> dict[str, str]:
-        """Robots that stood in more than one place, by the names of the mounts that they carry."""
+        """Names of the robots with more than one recorded stop, by the names of the mounts that they carry."""
         ends = (end for group in self.groups for end in group.ends)
         return {end.mount: end.robot for end in ends if end.robot is not None and end.robot in self.robots}
 
     @cached_property
     def down(self) -> Array:
-        """Direction of gravity in the reference's base, by the first arm whose masses are known; -z of none, (3,)."""
+        """Direction of gravity in the reference's base, (3,), from the first arm with known masses; -z without any."""
         for robot, base in self._bases.items():
             chain = self.problem.chains.get(robot)
             if chain is not None and chain.masses is not None:
@@ -191,17 +191,17 @@ class Situation:
 
     @cached_property
     def _bases(self) -> dict[str, SE3]:
-        """Bases in the reference's base by robot, the reference first."""
+        """Poses of the bases in the reference's base, by robot, the reference first."""
         bases = {end.robot: end.base for g in self.groups for end in g.ends if end.robot is not None}
         ordered = sorted(bases.items(), key=lambda pair: pair[1] is not None)
         return {r: SE3.identity() if base is None else self.state.transforms[base] for r, base in ordered}
 
     def down_in_flange(self, k: int, robot: str) -> Array:
-        """Direction of gravity in a robot's flange, which carries something in the views of a group, (n, 3)."""
+        """Direction of gravity in a robot's flange frame for the views of a group, (n, 3)."""
         return self.down @ (self._bases[robot].rotation @ self.recorded_pose(k, robot).rotation)
 
     def transform(self, name: str) -> SE3:
-        """A mount or a base."""
+        """Return the estimated mount or base with a name."""
         return self.state.transforms[name]
 
     @cached_property
@@ -210,7 +210,7 @@ class Situation:
         return tuple(dict.fromkeys(name for group in self.problem.groups for name in group.frames))
 
     def flange_jacobian(self, k: int, robot: str) -> Array:
-        """How views of a group move with a right tangent of a robot's flange, (n, 6, 6)."""
+        """Derivative of a group's views with respect to a right tangent of a robot's flange, (n, 6, 6)."""
         group, links = self.problem.groups[k], self.links[k]
         out = np.zeros((len(group), 6, 6))
         for end, link in zip(group.ends, links.ends, strict=True):
@@ -219,7 +219,7 @@ class Situation:
         return out
 
     def frame_jacobian(self, k: int, name: str) -> Array:
-        """How views of a group move with a right tangent of a transform, (n, 6, 6)."""
+        """Derivative of a group's views with respect to a right tangent of a transform, (n, 6, 6)."""
         group, links = self.problem.groups[k], self.links[k]
         out = np.zeros((len(group), 6, 6))
         for own, sign, link in links.frames(group):
@@ -228,13 +228,13 @@ class Situation:
         return out
 
     def recorded_pose(self, k: int, robot: str) -> SE3:
-        """Poses of a robot's flange in a group's views, (n,); identity where it carries nothing there."""
+        """Recorded poses of a robot's flange in a group's views, (n,); identity if the group does not use the robot."""
         group = self.problem.groups[k]
         end = group.robot_end(robot)
         return SE3.identity((len(group),)) if end is None else end.base_from_flange
 
     def velocity(self, robot: str) -> Array | None:
-        """Body velocity of a robot at each of `samples`, (n, 6) by unit of `times`; None off a path."""
+        """Body velocity of a robot at each of `samples`, (n, 6) [m, rad per unit of `times`]; None without a path."""
         where, poses = self._path(robot)
         if len(where) < _FEWEST_ON_PATH:
             return None
@@ -251,7 +251,7 @@ class Situation:
         return out
 
     def _path(self, robot: str) -> tuple[IntArray, SE3]:
-        """Recorded poses of a robot in their order, and where they stand in `samples`."""
+        """Indices into `samples` at which a robot was recorded, (m,), and its poses there, (m,)."""
         rotation, translation = np.zeros((len(self.samples), 3, 3)), np.zeros((len(self.samples), 3))
         seen = np.zeros(len(self.samples), dtype=bool)
         for g in self.recorded.groups:
@@ -269,38 +269,39 @@ def situate(
     stamps: Mapping[int, float] | None = None,
     offsets: OpenOffsets | None = None,
 ) -> Situation:
-    """A solution, with its noise, as effects see it; without outliers and times where none are given."""
+    """Return the situation of a solution; without `recorded_problem` it has no outliers, without `stamps` no times."""
     problem = solution.noise.hold_sigmas(solution.problem)
     return Situation(problem, solution.state, recorded_problem or problem, stamps or {}, solution.noise, offsets)
 
 
 def _size(tangents: Array) -> float:
-    """Root of the mean square, angles by an arm's length [m]."""
+    """Root mean square of tangents, (n, 6), with angles multiplied by an arm's length [m]."""
     return float(np.sqrt(np.mean(np.sum((tangents * np.repeat([1.0, LENGTH_M], 3)) ** 2, axis=1))))
 
 
-# Of the information about a random effect in its sigmas: less hardly changes what is known of it;
-# `benchmarks.false_alarms` judges it.
+# Smallest information about a random effect, in units of its prior; less information hardly changes its posterior.
+# `benchmarks.false_alarms` tests it.
 _LEAST_SEEN = 1e-2
 
 
 def null_model(
     problem: Problem, state: State, noise: NoiseEstimate, flange_jacobian: Callable[[int, str], Array]
 ) -> Linearised:
-    """A problem about a state with the random effects of the noise, which has some, by their likeliest kind.
+    """Linearise a problem about a state, with the likeliest random effects of the noise as additional columns.
 
-    Its sigmas are those of single stops and views, estimated beside these effects. Sigmas that were estimated without
-    them absorb what stops share, and the motion by any effect under test.
+    The sigmas of single stops and views are those estimated jointly with these effects. Sigmas that were estimated
+    without the effects absorb errors that stops share, and also the errors of any effect under test.
 
     Args:
         problem: The problem, with the sigmas of `noise`.
-        state: Its optimum.
-        noise: The noise in use.
-        flange_jacobian: How views of a group move with a right tangent of a robot's flange, (n, 6, 6).
+        state: The optimum of the problem.
+        noise: The noise in use, with random effects.
+        flange_jacobian: Function of group and robot: derivative of the views with respect to a right tangent of the
+            flange, (n, 6, 6).
     """
     assert noise.beside_common is not None
     beside = noise.beside_common.hold_sigmas(problem)
-    # Errors of stops stay the same in metres and radians.
+    # Keep the errors of stops unchanged in metres and radians.
     errors = state.stop_errors * problem.stops.sigma / beside.stops.sigma
     model = linearise_views(beside, replace(state, stop_errors=errors))
     return with_random_effects(model, _independent_moves(model, _effect_moves(problem, noise.common, flange_jacobian)))
@@ -309,7 +310,7 @@ def null_model(
 def _effect_moves(
     problem: Problem, common: Mapping[str, Mapping[str, Array]], flange_jacobian: Callable[[int, str], Array]
 ) -> Moves:
-    """How views of each group move with one sigma of each error that stops share, (n, 6, r)."""
+    """Right tangents of each group's views for one sigma of each error that stops share, (n, 6, r)."""
     units, moves = held_errors(problem, common), []
     for k, group in enumerate(problem.groups):
         parts = []
@@ -322,7 +323,7 @@ def _effect_moves(
 
 
 def _independent_moves(model: Linearised, moves: Moves) -> Moves:
-    """Random effects turned into independent ones that the views show, as few as there are."""
+    """Transform random effects into independent effects, and keep those that the views determine."""
     pairs = [(views.information[:, :6, :6], m) for views, m in zip(model.views, moves, strict=True) if m is not None]
     if not pairs:
         return moves

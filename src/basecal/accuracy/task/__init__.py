@@ -1,1 +1,1 @@
-"""The error where the work is done: by source, and over the workspace."""
+"""Expected error at the task: its sources, and its map over the workspace."""

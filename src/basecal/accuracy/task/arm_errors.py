@@ -1,4 +1,4 @@
-"""Errors of arms about a solution, found once for all places where the arms meet."""
+"""Models of arm errors about a solution, computed once for all meeting points of the arms."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class ArmErrors:
     """Errors of arms about a solution.
 
     Attributes:
-        cell: What was calibrated.
-        fitted: The answer before effects moved it. Errors are modelled about it, since models that hold no such effect
-            would take the move back.
-        solution: The answer.
-        offsets: Of clocks that were estimated beside the solution; None without any.
+        cell: The calibrated cell.
+        fitted: The solution before its correction by expected effects. Errors are modelled about it, since models
+            without such effects would undo the correction.
+        solution: The corrected solution.
+        offsets: Clock offsets that were estimated with the solution; None without any.
     """
 
     cell: Cell
@@ -34,9 +34,9 @@ class ArmErrors:
 
     @cached_property
     def joint_models(self) -> list[tuple[tuple[str, ...], SigmaPosterior]]:
-        """Models of errors of joints and links by their kinds; none if no such arm's noise is estimated.
+        """Models of errors of joints and links, with their kinds; empty if no noise of robots is estimated.
 
-        Where one kind has a prior, two of `MODELS` are the same errors, and count once.
+        If one kind has a prior, two of `MODELS` describe the same errors and count once.
         """
         problem, state, noise = self.fitted.problem, self.fitted.state, self.fitted.noise
         models: dict[tuple[int, ...], tuple[tuple[str, ...], SigmaPosterior]] = {}
@@ -50,10 +50,10 @@ class ArmErrors:
 
     @cached_property
     def situation(self) -> Situation:
-        """The solution with its noise, to which errors are added."""
+        """The situation of the corrected solution, with its noise."""
         return situate(self.solution, offsets=self.offsets)
 
     @cached_property
     def sizes(self) -> list[SizePosterior]:
-        """Fields and lengths of arms that record poses alone, and sizes of other effects."""
+        """Posteriors of fields and lengths of arms that record only poses, and of sizes of other effects."""
         return known_sizes(self.cell, self.situation, None)

@@ -1,8 +1,9 @@
-"""The variance at the task by source, noise or prior knowledge, and what halving each source brings.
+"""Error budget at the task: the variance from each source of noise or prior, and the effect of halving its sigma.
 
-A covariance is homogeneous of degree one in the variances of its sources. It is therefore the sum of each variance
-times the derivative to it, C W_s C. C is the covariance, and W_s a source's information about the unknowns and the
-stops' errors. Source: Euler's theorem on homogeneous functions; docs/mathematics.md (14.1), (14.2).
+A covariance is homogeneous of degree one in the variances of its sources. It is therefore the sum over sources of the
+variance times the derivative of the covariance with respect to it. Each of these products is C W_s C. C is the
+covariance, and W_s the information of a source about the unknowns and the stops' errors. Source: Euler's theorem on
+homogeneous functions; docs/mathematics.md (14.1), (14.2).
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
-_LOG_STEP = 1e-2  # of a sigma to both sides: the bend makes 1e-4 of a share, rounding less
-_LEAST_SHARE = 1e-4  # of the variance: what is left over below it is rounding
+_LOG_STEP = 1e-2  # of a sigma in both directions: the curvature causes an error of 1e-4 of a share, rounding less
+_LEAST_SHARE = 1e-4  # of the variance: a smaller remainder is rounding
 NOISE_SOURCE = "how well the noise is known"
 SHARED_SOURCE = "shared errors of the arms' poses, and how well the noise is known"
 
@@ -31,17 +32,17 @@ SHARED_SOURCE = "shared errors of the arms' poses, and how well the noise is kno
 def calibration_budget(
     cell: Cell, calibration: Calibration, solution: Solution, widenings: Mapping[str, Array], points_m: Array
 ) -> tuple[BudgetEntry, ...] | None:
-    """The budget of the error where robots meet at the task.
+    """Compute the error budget of two robots that meet at the task.
 
     Args:
-        cell: What was calibrated.
-        calibration: What came out.
-        solution: What it was made of.
-        widenings: (p, p) by name what was added to the covariance of the problem.
-        points_m: (n, 3) the task in the reference's base [m].
+        cell: The calibrated cell.
+        calibration: Its calibration, with the expected error at the task.
+        solution: The solution of the calibration.
+        widenings: (p, p) covariances that were added to that of the solution, by name.
+        points_m: (n, 3) points of the task in the reference's base [m].
 
     Returns:
-        The largest first; None if nothing of it is known.
+        Entries of the budget, the largest first; None if the calibration has no error at the task.
     """
     meeting = find_worst_meeting(cell, calibration, solution, points_m)
     if meeting is None or calibration.meeting is None:
@@ -54,14 +55,14 @@ def calibration_budget(
 def budget(
     solution: Solution, meeting: Meeting, total_m2: float, additions: Mapping[str, float], rest: str = NOISE_SOURCE
 ) -> tuple[BudgetEntry, ...]:
-    """The variance of a meeting by source, the largest first.
+    """Compute the variance of a meeting from each source, the largest first.
 
     Args:
         solution: The problem, its optimum and its covariance.
-        meeting: Where, and of what.
-        total_m2: The variance there in all [m^2].
-        additions: By name what of it is beside the noise of the problem [m^2].
-        rest: What else there is, in words: what the sigmas are integrated over.
+        meeting: The robots that meet, and the points.
+        total_m2: Total variance of the meeting [m^2].
+        additions: Variances from other sources than the noise of the problem, by name [m^2].
+        rest: Name of the source of the remaining variance, which is due to the integration over the sigmas.
     """
     problem, state, weight = solution.problem, solution.state, meeting.weight
     variances, halved = dict(additions), {name: 0.75 * variance for name, variance in additions.items()}
@@ -75,7 +76,7 @@ def budget(
     if left > _LEAST_SHARE * total_m2:
         variances[rest], halved[rest] = left, 0.75 * left
     elif left < 0:
-        # Integrated over what the sigmas may be, the answer is known a little better than at the likeliest: all shrink.
+        # Integrated over the sigmas, the variance is slightly smaller than at their likeliest values: scale all.
         scale = total_m2 / sum(variances.values())
         variances = {name: scale * variance for name, variance in variances.items()}
         halved = {name: scale * gain for name, gain in halved.items()}
@@ -91,7 +92,7 @@ def _entry(name: str, variance: float, total: float, gain: float) -> BudgetEntry
 
 
 def source_variance(solution: Solution, weight: Array, source: Source) -> float:
-    """The variance that comes of a source [m^2]: its derivative to the logarithm of the source's own."""
+    """Variance from a source [m^2]: derivative of the total with respect to the log variance of the source."""
     more, less = (
         _variance(solution, weight, *source.scaled(solution.problem, solution.state, float(np.exp(step))))
         for step in (_LOG_STEP, -_LOG_STEP)
@@ -109,8 +110,9 @@ class Source:
     """A source of error.
 
     Attributes:
-        name: In words, with the name of what it is of.
-        scaled: The problem and a state with its sigma so many times as large; errors stay what they are in metres.
+        name: Description of the source with the name of its camera, robot or transform.
+        scaled: Function of a problem, a state and a factor: the problem and the state with the source's sigma
+            multiplied by the factor. Errors of stops stay the same in metres.
     """
 
     name: str
@@ -118,7 +120,7 @@ class Source:
 
 
 def error_sources(problem: Problem) -> Iterator[Source]:
-    """All sources of a problem whose sigmas are stated or estimated: views, robots' stops, priors."""
+    """Yield all sources of a problem with stated or estimated sigmas: views, robots' stops, priors."""
     for camera in sorted({group.camera for group in problem.groups}):
         yield Source(f"views of {camera}", partial(_scale_views, camera))
     for robot in sorted(set(problem.stops.robot)):
@@ -134,7 +136,7 @@ def error_sources(problem: Problem) -> Iterator[Source]:
 
 
 def stops_source(robot: str) -> str:
-    """The name of the source that the stops of a robot are."""
+    """Name of the source for the stop errors of a robot."""
     return f"repeatability of {robot}"
 
 

@@ -1,4 +1,4 @@
-"""How far off points are expected to be that a calibration carries from one frame to another, where the arms worked."""
+"""Expected error of points that a calibration transforms from one frame to another, at the places of use."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from basecal.cell import Calibration, Cell, MeetingError, Tolerance
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix
 
-QUANTILE_LEVEL = 0.95  # the usual level, which reports name
-_NODES = 12  # of either angle, with which quantiles of a covariance of any shape are exact to 1e-6
-_LEAST_QUANTILE = 1.95  # of a quantile in the largest sigma: that of a normal number, 1.96, has all others equal to 0
-_NEWTON_ROUNDS = 8  # at most: each doubles the digits, of which `_NODES` leave six
-_SECANT_ROUNDS = 60  # at most: as many halvings would reach 1e-18 of the interval
-_SETTLED_SHARE = 1e-12  # of the probability, by which a quantile is found: far below the 1e-6 of `_NODES`
-# [m^2] standard deviation of the square of a length that is certain: rounding of a square metre squared.
+QUANTILE_LEVEL = 0.95  # the usual level, stated in reports
+_NODES = 12  # quadrature nodes of each angle, for an error of 1e-6 of the quantiles of any covariance
+_LEAST_QUANTILE = 1.95  # lower bound of a quantile over the largest sigma: 1.96 if all other sigmas are 0
+_NEWTON_ROUNDS = 8  # at most: each doubles the number of correct digits, of which `_NODES` allow six
+_SECANT_ROUNDS = 60  # at most: as many bisections would reach 1e-18 of the interval
+_SETTLED_SHARE = 1e-12  # tolerance of the probability of a quantile, far below the 1e-6 of `_NODES`
+# [m^2] smallest standard deviation of a squared length, for exact lengths: rounding of a square metre squared.
 _CERTAIN_M2 = 1e-30
-_LEAST_SHARE = 1e-8  # of the largest variance: the root of machine precision, below which it is no length
+_LEAST_SHARE = 1e-8  # of the largest variance: the root of machine precision, below which a variance is zero
 
 
 @dataclass(frozen=True, eq=False)
 class ExpectedError:
-    """The expected error of a transform `a_from_b` at a point, by its covariance.
+    """The expected error of a transform `a_from_b` at a point, from its covariance.
 
     Attributes:
-        transform: Its name.
-        length_m: The distance that the error of a point's position in a stays below in 95 cases of 100 [m].
-        at_m: (3,) the point in b [m]: of all places where the arms worked the one that is known least.
+        transform: Name of the transform.
+        length_m: 95 % quantile of the error of the point's position in a [m].
+        at_m: (3,) the point in b [m]: the place of use with the largest variance.
     """
 
     transform: str
@@ -43,15 +43,15 @@ class ExpectedError:
 
 
 def expected_errors(cell: Cell, calibration: Calibration, evaluation: Evaluation) -> tuple[ExpectedError, ...]:
-    """The expected error of each requested transform, where it is used most uncertainly.
+    """Expected error of each requested transform at its place of use with the largest variance.
 
-    A base is used at the recorded flanges of its robot. The mount of a camera is used at its targets, that of a target
-    at its points; the robots' own errors come on top.
+    A base is used at the recorded flange positions of its robot. The mount of a camera is used at the target positions,
+    and the mount of a target at the target's points. The robots' own errors are not included.
 
     Args:
-        cell: What was calibrated.
-        calibration: What came out.
-        evaluation: The recording at its transforms.
+        cell: The calibrated cell.
+        calibration: Its calibration.
+        evaluation: The recording evaluated at the transforms of the calibration.
     """
     found = []
     for name in cell.requested_transforms:
@@ -66,9 +66,9 @@ def expected_errors(cell: Cell, calibration: Calibration, evaluation: Evaluation
 
 
 def check_tolerance(cell: Cell, calibration: Calibration, errors: Sequence[ExpectedError]) -> Tolerance | None:
-    """Whether the error at the work is within the tolerance that the settings state; None if they state none.
+    """Compare the expected error with the tolerance of the settings; None if the settings have no tolerance.
 
-    It is that where flanges meet, and of what else is requested.
+    The error is the largest of the error where flanges meet and the errors of all other requested transforms.
     """
     asked_m = calibration.settings.get("tolerance_m")
     if asked_m is None:
@@ -84,21 +84,25 @@ def check_tolerance(cell: Cell, calibration: Calibration, errors: Sequence[Expec
 
 
 def pool_errors(covariances: Array, means: Array, task_m: Array) -> MeetingError:
-    """The error where flanges meet, by its normals at several places, (n, 3, 3) and (n, 3), those of a task or others.
+    """Pool the normal distributions of the error at several places into one error.
 
     Args:
-        covariances: [m^2].
-        means: [m].
-        task_m: (k, 3) the task [m]; (0, 3) without one.
+        covariances: (n, 3, 3) covariance at each place [m^2].
+        means: (n, 3) mean at each place [m].
+        task_m: (k, 3) points of the task [m]; (0, 3) without a task.
     """
     variance = float(np.mean(np.trace(covariances, axis1=1, axis2=2) + np.sum(means**2, -1)))
     return MeetingError(pooled_quantile(covariances, means), place_kind(task_m), float(np.sqrt(variance / 3)))
 
 
 def pooled_quantile(covariances: Array, means: Array) -> float:
-    """The length that vectors of these normals, (n, 3, 3) and (n, 3), each as often, stay below with `QUANTILE_LEVEL`.
+    """Quantile of length at `QUANTILE_LEVEL` of vectors from an equal mixture of normal distributions.
 
-    Each as in `_NonCentral`.
+    The length of each component is approximated as in `_NonCentral`.
+
+    Args:
+        covariances: (n, 3, 3) covariance of each component.
+        means: (n, 3) mean of each component.
     """
     normals = _non_central(covariances, means)
     own = normals.quantile()
@@ -109,21 +113,23 @@ def pooled_quantile(covariances: Array, means: Array) -> float:
             break
         at = new - off * (new - old) / (off - before)
         there = normals.probability(at).mean() - QUANTILE_LEVEL
-        # The end that stays counts half: else it would stay for ever. Source: Dowell & Jarratt 1971.
+        # Halve the value at the end that is kept, so that both ends converge. Source: Dowell & Jarratt 1971.
         old, before = (new, off) if there * off < 0 else (old, before / 2)
         new, off = at, there
     return new
 
 
 def length_quantile(covariance: Array) -> float:
-    """As `length_quantiles`, of one covariance, (3, 3)."""
+    """Quantile of length as in `length_quantiles`, for one covariance, (3, 3), and zero mean."""
     return float(length_quantiles(covariance[None])[0])
 
 
 def length_quantiles(covariances: Array, means: Array | None = None) -> Array:
-    """The lengths that normal vectors of these covariances, (n, 3, 3), stay below with `QUANTILE_LEVEL`, (n,).
+    """Quantiles of length at `QUANTILE_LEVEL` of normal vectors, (n,).
 
-    Their means, (n, 3), are zero where None.
+    Args:
+        covariances: (n, 3, 3).
+        means: (n, 3); zero if None.
     """
     if means is None or not np.any(means):
         return _central_quantile(covariances)
@@ -131,9 +137,10 @@ def length_quantiles(covariances: Array, means: Array | None = None) -> Array:
 
 
 class _NonCentral(NamedTuple):
-    """Squares of lengths of normal vectors as noncentral chi-squares of the same four cumulants, good to a hundredth.
+    """Squared lengths of normal vectors, approximated by noncentral chi-squares with matched cumulants, to about 1 %.
 
-    A square is `mean + spread * (scaled chi-square, standardised)`; (n,) each. Source: Liu, Tang & Zhang 2009.
+    A square is `mean + spread * (scaled chi-square, standardised)`; each field is (n,). The first four cumulants are
+    used. Source: Liu, Tang & Zhang 2009.
     """
 
     mean: Array
@@ -143,13 +150,13 @@ class _NonCentral(NamedTuple):
     freedoms: Array
 
     def quantile(self) -> Array:
-        """The lengths that these stay below with `QUANTILE_LEVEL`, (n,)."""
+        """Quantiles of the lengths at `QUANTILE_LEVEL`, (n,)."""
         at = chndtrix(QUANTILE_LEVEL, self.freedoms, self.shift)
         squared = self.mean + (at - self.freedoms - self.shift) / self.scale * self.spread
         return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
     def probability(self, length: float) -> Array:
-        """Probability that each is below a length, (n,)."""
+        """Probability of each vector to be shorter than a length, (n,)."""
         away = length**2 - self.mean
         spread = np.maximum(self.spread, _CERTAIN_M2)
         at = away / spread * self.scale + self.freedoms + self.shift
@@ -157,7 +164,7 @@ class _NonCentral(NamedTuple):
 
 
 def _non_central(covariances: Array, means: Array) -> _NonCentral:
-    """Quantiles of lengths with covariances, (n, 3, 3), and means, (n, 3)."""
+    """Approximate the squared lengths of normal vectors with covariances, (n, 3, 3), and means, (n, 3)."""
     powers = [np.broadcast_to(np.eye(3), covariances.shape)]
     for _ in range(4):
         powers.append(powers[-1] @ covariances)
@@ -174,7 +181,7 @@ def _non_central(covariances: Array, means: Array) -> _NonCentral:
 
 
 def _central_quantile(covariances: Array) -> Array:
-    """Quantile of a length with mean zero, to 1e-6.
+    """Quantiles of length of normal vectors with zero mean and covariances (n, 3, 3), to 1e-6, (n,).
 
     Along a direction u, uniform on the sphere, the vector is chi L u. chi has three degrees of freedom, and L L' is the
     covariance. The probability is the mean over u of that of chi < length / |L u|.
@@ -185,9 +192,7 @@ def _central_quantile(covariances: Array) -> Array:
     squares, weights = _octant()
     stretched = np.sqrt(np.maximum(shares @ squares.T, _LEAST_SHARE))
     lengths = np.full(len(variances), _LEAST_QUANTILE)
-    for _ in range(
-        _NEWTON_ROUNDS
-    ):  # of Newton's, from below: the probability is concave there, so that none goes beyond
+    for _ in range(_NEWTON_ROUNDS):  # Newton steps from below: the probability is concave there, so no step overshoots
         chi = lengths[:, None] / stretched
         probability = gammainc(1.5, chi**2 / 2) @ weights
         density = (np.sqrt(2 / np.pi) * chi**2 * np.exp(-(chi**2) / 2) / stretched) @ weights
@@ -197,7 +202,7 @@ def _central_quantile(covariances: Array) -> Array:
 
 @cache
 def _octant() -> tuple[Array, Array]:
-    """Squares of the coordinates of directions over an eighth of the sphere, (m, 3), and their weights, (m,)."""
+    """Quadrature over an octant of the sphere: squared coordinates of directions, (m, 3), and weights, (m,)."""
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     up, turn = np.meshgrid((nodes + 1) / 2, (np.arange(_NODES) + 0.5) / _NODES * np.pi / 2, indexing="ij")
     flat = 1 - up**2
@@ -206,19 +211,27 @@ def _octant() -> tuple[Array, Array]:
 
 
 def point_covariances(covariance: Array, places: Array) -> Array:
-    """Covariances of points' positions, (n, 3, 3), in the axes of the source of a transform with this one, (6, 6)."""
+    """Covariances of transformed points, (n, 3, 3) [m^2], in the axes of the transform's source frame.
+
+    Args:
+        covariance: (6, 6) covariance of the transform [m, rad].
+        places: (n, 3) points in the source frame [m].
+    """
     moved = point_jacobian(places)
     at: Array = moved @ covariance @ np.swapaxes(moved, 1, 2)
     return at
 
 
 def point_jacobian(places: Array) -> Array:
-    """How points, (n, 3) [m], move with a right tangent of the transform that carries them, (n, 3, 6), in its axes."""
+    """Derivative of points, (n, 3) [m], with respect to a right tangent of their transform, (n, 3, 6).
+
+    The derivative is in the axes of the transform's source frame.
+    """
     return np.concatenate([np.broadcast_to(np.eye(3), (len(places), 3, 3)), -cross_matrix(places)], axis=-1)
 
 
 def _places(name: str, cell: Cell, evaluation: Evaluation) -> Iterator[Array]:
-    """Where a transform `a_from_b` is used, in b, (n, 3) of each group of views."""
+    """Yield the places of use of a transform `a_from_b` in b, (n, 3) [m], for each group of views."""
     for group in evaluation.problem.groups:
         for end in group.ends:
             if name == end.base:
@@ -227,4 +240,4 @@ def _places(name: str, cell: Cell, evaluation: Evaluation) -> Iterator[Array]:
             yield evaluation.state.camera_from_target(group, evaluation.problem.stops).translation
         if name == group.hand.mount:
             shape = cell.targets[group.target].target
-            yield np.zeros((1, 3)) if shape is None else shape.points  # the origin of one that is seen only as poses
+            yield np.zeros((1, 3)) if shape is None else shape.points  # the origin if the target is seen only as poses

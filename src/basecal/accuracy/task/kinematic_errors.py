@@ -1,10 +1,10 @@
-"""How the flange of an arm that is sent to a point moves with its joints and links, estimated or not.
+"""Derivatives of an arm's flange at commanded points with respect to its joint and link parameters.
 
-Errors that are not estimated are shared by its stops and its poses elsewhere. Each joint offset, and each shift and
-rotation of a link, is an independent error. Rotations share one sigma, and shifts another. The recorded poses determine
-these sigmas, and with them the possible errors in directions that no recorded pose shows. For example, a mount absorbs
-an error that shifts its flange equally at all poses, and the answer fits as well. That flange is off by this error when
-it is sent elsewhere. Source: docs/mathematics.md (14.6).
+Errors that are not estimated are shared by the recorded stops and all other poses. Each joint offset, and each
+translation and rotation of a link, is an independent error. Rotations share one sigma, and translations another. The
+recorded poses determine these sigmas, and with them the possible errors in directions that no recorded pose shows. For
+example, a mount absorbs an error that shifts the flange equally at all recorded poses, without effect on the residuals.
+At other poses, the flange has this error. Source: docs/mathematics.md (14.6).
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics.inverse import inverse
 
 EXPECTED_PRIOR = KINEMATICS._replace(tie=2.0)
-"""Of their sigmas. What joints and links together leave of a stop is not smooth in its pose, and hardly tied."""
+"""Prior of the sigmas. The error of joints and links together is not smooth in the pose, so stops are hardly tied."""
 
 _MAPPED_EFFECTS = tuple(name for name, effect in RANDOM_EFFECTS.items() if effect.is_mapped)
 MODELS = (*((name,) for name in _MAPPED_EFFECTS), _MAPPED_EFFECTS)
-"""Effects that may be there: each alone, as of calibrated arms whose offsets are known, and all together."""
+"""Combinations of effects that are tried: each alone, as for calibrated arms with known offsets, and all together."""
 
 
 def kinematic_errors(
     problem: Problem, state: State, robot: str, kinds: Sequence[str] = MODELS[-1]
 ) -> SharedErrors | None:
-    """Errors of a robot's joints and links that its stops share; None if none are open.
+    """Errors of a robot's joints and links that its stops share; None if the robot has no such errors.
 
     Args:
-        problem: What was recorded.
-        state: What was found.
-        robot: The robot.
-        kinds: Those that may be off, of `MODELS`.
+        problem: The recorded problem.
+        state: The estimated state.
+        robot: Name of the robot.
+        kinds: Kinds of errors to include, an element of `MODELS`.
     """
     at, kinds = posture_at_stops(problem, robot), _open_kinds(problem, robot, kinds)
     if at is None or not kinds:
@@ -53,14 +53,14 @@ def kinematic_errors(
 def moved_by_errors(
     problem: Problem, state: State, robot: str, points_in_base_m: Array, kinds: Sequence[str] = MODELS[-1]
 ) -> Array:
-    """How the flange of a robot moves with its `kinematic_errors`, (n, 6, k) in the axes of its base [m, rad].
+    """Derivative of a robot's flange with respect to its `kinematic_errors`, (n, 6, k) [m, rad], in its base's axes.
 
     Args:
-        problem: What was recorded.
-        state: What was found.
-        robot: A robot that has some.
-        points_in_base_m: (n, 3) where its flange is, in its base [m].
-        kinds: As there.
+        problem: The recorded problem.
+        state: The estimated state.
+        robot: Name of a robot with such errors.
+        points_in_base_m: (n, 3) flange positions in the robot's base [m].
+        kinds: Kinds of errors to include, an element of `MODELS`.
     """
     kinematics, joints = reach_points(problem, state, robot, points_in_base_m)
     moved = _errors(kinematics, joints, _open_kinds(problem, robot, kinds)).by_stop
@@ -68,7 +68,7 @@ def moved_by_errors(
 
 
 def _open_kinds(problem: Problem, robot: str, kinds: Sequence[str]) -> list[str]:
-    """Kinds among these whose size no prior states; none of a robot without a chain."""
+    """Select the kinds of errors without a stated prior; empty for a robot without a kinematic chain."""
     if robot not in problem.chains:
         return []
     stated = problem.models[robot].stated if robot in problem.models else {}
@@ -76,7 +76,7 @@ def _open_kinds(problem: Problem, robot: str, kinds: Sequence[str]) -> list[str]
 
 
 def _errors(kinematics: Kinematics, joints: Array, names: list[str]) -> SharedErrors:
-    """Errors of a flange at joints, (m, n), by some effects."""
+    """Errors of a flange at joint positions, (m, n) [rad], from the named effects."""
     at = Posture(kinematics.chain, joints, kinematics.moved_chain.posture(kinematics.true_joints(joints)))
     shared = [errors(at) for name in names if (errors := RANDOM_EFFECTS[name].by_joints) is not None]
     found = [each for each in shared if each is not None]
@@ -85,22 +85,25 @@ def _errors(kinematics: Kinematics, joints: Array, names: list[str]) -> SharedEr
     )
 
 
-_INVERSE_STEPS = 40  # of the inverse: a point that is out of reach has the arm's errors where it comes nearest
+_INVERSE_STEPS = 40  # of the inverse kinematics; a point out of reach has the errors of the nearest pose reached
 
 
 def moved_by_kinematics(
     problem: Problem, state: State, robot: str, points_in_base_m: Array
 ) -> tuple[Array, IntArray] | None:
-    """Derivative of a flange at points to what is estimated of its arm.
+    """Derivative of a flange at points with respect to the estimated kinematics of its arm.
 
-    The estimates of joints and links are not independent of that of the base. A map of the base alone would count the
-    effect of an arm's offset twice. Source: docs/mathematics.md (14.3).
+    The estimates of joints and links are correlated with the base estimate. A map of the base alone would count the
+    effect of a joint offset twice. Source: docs/mathematics.md (14.3).
 
     Args:
-        problem: What was recorded.
-        state: What was found.
-        robot: The robot.
-        points_in_base_m: (n, 3) in its base [m].
+        problem: The recorded problem.
+        state: The estimated state.
+        robot: Name of the robot.
+        points_in_base_m: (n, 3) flange positions in the robot's base [m].
+
+    Returns:
+        Derivative, (n, 6, k) in the axes of the base, and columns of the problem, (k,); None without estimates.
 
     Returns:
         (n, 6, k) in the axes of its base [m, rad], and the k columns of the problem they belong to. None if nothing of
@@ -115,21 +118,21 @@ def moved_by_kinematics(
 
 
 def kinematics_of_robot(problem: Problem, state: State, robot: str) -> Kinematics:
-    """Where the kinematics of a robot with a chain are, as stated unless they are estimated."""
+    """Estimated kinematics of a robot with a chain; the stated ones if none are estimated."""
     model = problem.robot_model(robot)
     return Kinematics(problem.chains[robot]) if model is None else state.kinematics(model)
 
 
 def reach_points(problem: Problem, state: State, robot: str, points_in_base_m: Array) -> tuple[Kinematics, Array]:
-    """Where an arm's kinematics are, and joints (n, joints) [rad] that bring its flange to points.
+    """Kinematics of an arm, and joint positions, (n, joints) [rad], that bring its flange to points.
 
-    It is turned as in the recorded pose nearest to each.
+    The flange has the rotation of the nearest recorded pose at each point.
 
     Args:
-        problem: What was recorded.
-        state: What was found.
-        robot: A robot with a chain.
-        points_in_base_m: (n, 3) in its base [m].
+        problem: The recorded problem.
+        state: The estimated state.
+        robot: Name of a robot with a chain.
+        points_in_base_m: (n, 3) points in the robot's base [m].
     """
     kinematics, recorded = kinematics_of_robot(problem, state, robot), recorded_joints(problem, robot)
     poses = kinematics.forward(recorded)
@@ -144,21 +147,26 @@ def reach_points(problem: Problem, state: State, robot: str, points_in_base_m: A
 
 
 def nearest_poses(problem: Problem, robot: str, points_in_base_m: Array) -> SE3:
-    """Poses of a flange at points, (n, 3) [m], turned as the recorded pose nearest to each."""
+    """Poses of a flange at points, (n, 3) [m], each with the rotation of the nearest recorded pose."""
     poses, seen = stands(problem, robot)
     return move_nearest(poses[np.flatnonzero(seen)], points_in_base_m)
 
 
 def move_nearest(poses: SE3, points_in_base_m: Array) -> SE3:
-    """Poses at points, (n, 3) [m], turned as the recorded pose nearest to each."""
+    """Poses at points, (n, 3) [m], each with the rotation of the nearest of the given poses."""
     return SE3(poses.rotation[_nearest_rows(poses, points_in_base_m)], points_in_base_m)
 
 
 def _nearest_rows(poses: SE3, points_in_base_m: Array) -> IntArray:
-    """Which pose is nearest to each point, (n, 3) [m]; (n,)."""
+    """Indices of the poses nearest to points, (n, 3) [m]; (n,)."""
     return np.asarray(np.linalg.norm(points_in_base_m[:, None] - poses.translation[None], axis=-1).argmin(1))
 
 
 def to_base_axes(jacobian: Array, base_from_flange: Array) -> Array:
-    """Derivatives of a flange, right tangents (n, 6, k), in the axes of its base, by its rotations there, (n, 3, 3)."""
+    """Rotate derivatives of a flange, right tangents (n, 6, k), to the axes of its base.
+
+    Args:
+        jacobian: (n, 6, k) right tangents of the flange.
+        base_from_flange: (n, 3, 3) rotations of the flange in its base.
+    """
     return np.concatenate([base_from_flange @ jacobian[:, :3], base_from_flange @ jacobian[:, 3:]], axis=1)

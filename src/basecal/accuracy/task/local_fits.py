@@ -1,12 +1,11 @@
-"""Whether a calibration of a part of the workspace alone predicts held-out samples there better than that of all.
+"""Compare calibrations of parts of the workspace with the calibration of the whole workspace, on held-out samples.
 
-Errors of arms that are smooth in their poses are nearly the same in a part of the workspace. A calibration there may
-compensate them, but averages noise over fewer samples. Each part is fitted from all samples, those far from its middle
-counting little, and both fits predict samples of it that neither has used. Which of the two predicts these better
-depends on the noise of a few samples. A local fit is therefore recommended if it predicts better, and differs from the
-fit of all by more than noise explains.
-Source: "Base Calibration for Dual Robot System" (local calibration); Hausman 1978 (of two estimates, one efficient
-where there is noise alone); docs/mathematics.md (14.4), (14.5).
+Errors of arms that are smooth in the pose are nearly constant in a part of the workspace. A local calibration may
+compensate them, but averages noise over fewer samples. Each part is fitted from all samples, with small weights far
+from its middle. Both fits predict held-out samples of the part. The noise of a few samples decides which fit predicts
+better. A local fit is therefore recommended only if it also differs from the global fit by more than noise explains.
+Source: "Base Calibration for Dual Robot System" (local calibration); Hausman 1978 (comparison of two estimates, one of
+them efficient under noise alone); docs/mathematics.md (14.4), (14.5).
 """
 
 from __future__ import annotations
@@ -28,24 +27,28 @@ from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.numerics.spectral import spectrum
 
 FEWEST_SAMPLES = 10
-"""Of a part: with fewer a local fit has hardly more equations than unknowns."""
+"""Smallest number of samples of a part: with fewer, a local fit has hardly more equations than unknowns."""
 
 MOST_PARTS = 4
-"""Of a workspace, each of which takes as long as a cross-validation."""
+"""Largest number of parts of a workspace; each part takes as long as a cross-validation."""
 
 CHANCE_LIMIT = 0.01
-"""Of a difference so large by noise alone, below which a local fit is recommended."""
+"""p-value of the difference of the fits, below which a local fit is recommended."""
 
-_EQUAL_SHARE = 1e-6  # share of a variance along a direction, below which both fits say the same there
+_EQUAL_SHARE = 1e-6  # share of a variance along a direction, below which both fits are equal there
 
 
 def local_fits(solution: Solution, names: Sequence[str], box_m: Sequence[float] | None = None) -> tuple[LocalFit, ...]:
-    """Each part of the workspace, with held-out errors of both fits; none if there are too few samples for parts.
+    """Fit each part of the workspace, and compare the held-out errors of the local and the global fit.
 
     Args:
         solution: The fit of all samples.
-        names: Names of the transforms to report for the local fits; there is none without them.
-        box_m: (6,) two opposite corners of the only part, in the reference's base [m]; all parts where None.
+        names: Names of the transforms to report for the local fits.
+        box_m: (6,) two opposite corners of the only part, in the reference's base [m]. If None, the workspace is split
+            into parts.
+
+    Returns:
+        One comparison for each part; empty without names, or if the samples are too few for parts.
     """
     problem = solution.problem
     places = [target_places(group, solution.state) for group in problem.groups]
@@ -73,7 +76,7 @@ def local_fits(solution: Solution, names: Sequence[str], box_m: Sequence[float] 
 
 
 def _halves(places: Array, samples: IntArray) -> Iterator[IntArray]:
-    """Numbers of samples in parts of about as many, halved along the axis of the base in which they are widest."""
+    """Yield the sample numbers of parts of similar size, from bisections along the base's axis of largest extent."""
     parts = [np.arange(len(places))]
     while len(parts) < MOST_PARTS:
         widest = max(parts, key=len)
@@ -87,7 +90,7 @@ def _halves(places: Array, samples: IntArray) -> Iterator[IntArray]:
 
 
 def _samples_inside(places: Array, samples: IntArray, box_m: Sequence[float]) -> Iterator[IntArray]:
-    """Numbers of the samples in a box, where they are enough."""
+    """Yield the numbers of the samples in a box, if there are at least `FEWEST_SAMPLES`."""
     corners = np.reshape(box_m, (2, 3))
     inside = np.all((places >= corners.min(0)) & (places <= corners.max(0)), axis=1)
     numbers = np.unique(samples[inside])
@@ -96,11 +99,11 @@ def _samples_inside(places: Array, samples: IntArray, box_m: Sequence[float]) ->
 
 
 def _chance_of_noise(solution: Solution, fit: Refit, worth: Sequence[Array], names: Sequence[str]) -> float:
-    """The chance of a local fit so far from that of all where there is noise alone.
+    """p-value of the difference between a local fit and the global fit, if there is only noise.
 
     A is the information of all views, A' that of views weighted by w, and M that weighted by w squared. The local fit
-    has the covariance L = A'^-1 M A'^-1. The fit of all has A^-1, which is also its covariance with the local fit, so
-    that their difference has L - A^-1.
+    has the covariance L = A'^-1 M A'^-1. The global fit has A^-1, which is also its covariance with the local fit.
+    Their difference therefore has the covariance L - A^-1.
     """
     problem, state = solution.problem, solution.state
     by_all, by_worth, by_square = (
@@ -111,7 +114,7 @@ def _chance_of_noise(solution: Solution, fit: Refit, worth: Sequence[Array], nam
     of = problem.column_indices(names)
     step = state_step(problem, state, fit.optimum.state)[of]
     if np.all(np.diag(apart)[of] <= _EQUAL_SHARE * np.diag(whole)[of]):
-        return 1.0  # all views are worth as much
+        return 1.0  # all views have the same weight
     differs = spectrum(apart[np.ix_(of, of)], _EQUAL_SHARE)
     return float(chdtrc(int(differs.rank), float(step @ differs.inverse @ step)))
 
@@ -137,7 +140,7 @@ def _compare_fits(
 
 
 def _squares(solution: Solution, fit: Refit, masks: Sequence[BoolArray]) -> Array:
-    """Squares of how far the targets of held-out views in a part are from where a fit predicts them [m^2]."""
+    """Squared distances of targets from their predictions, for the held-out views of a part, (n,) [m^2]."""
     state = with_known_stops(fit.optimum.state, fit.known)
     found = [np.zeros(0)]
     for group, mine in zip(solution.problem.groups, masks, strict=True):

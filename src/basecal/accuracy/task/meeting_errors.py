@@ -1,8 +1,8 @@
-"""How far flanges that were sent to one point are from where they should be to one another, by all that is unknown.
+"""Relative error of two flanges that are sent to one point, from all uncertain quantities.
 
-Arms given by joints have errors of joints and links if nothing is stated of these. Models of such errors explain the
-views, and give the errors of both flanges elsewhere. The errors of arms given by poses are smooth in the pose: a base
-absorbs most of them, and counts with them. Source: docs/mathematics.md (14.3), (14.6).
+Arms recorded by joints have errors of joints and links unless their sizes are stated. Models of such errors explain the
+views, and predict the errors of both flanges elsewhere. The errors of arms recorded by poses are smooth in the pose.
+The base estimate absorbs most of them, so their correlation is included. Source: docs/mathematics.md (14.3), (14.6).
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import SE3, Array
 from basecal.numerics.mixtures import Gaussian, mixture, probabilities
 
-_LEAST_SHARE = 1e-3  # of a model by its probability: a less likely one changes no digit that is shown
+_LEAST_SHARE = 1e-3  # smallest probability of a model in use: a less likely model changes no reported digit
 
 
 def meeting_errors(
     meeting: Meeting, arms: ArmErrors, noise: Mapping[str, Any], widening: Array | None = None
 ) -> tuple[Array, Array]:
-    """Mean, (n, 6), and covariance, (n, 6, 6), of the error of place and rotation where robots meet [m, rad].
+    """Mean, (n, 6), and covariance, (n, 6, 6), of the pose error between flanges at meeting points [m, rad].
 
-    In the axes of the base. The mean is what a model of the arms' errors finds that the answer leaves in them.
+    The axes are those of the base. The mean is the arm error that a model estimates and the solution does not contain.
 
     Args:
-        meeting: Who meets, and where.
-        arms: Errors of arms about what it was made of.
-        noise: Of a calibration.
-        widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing where None.
+        meeting: Robots that meet, and the points.
+        arms: Errors of arms about the solution.
+        noise: Noise of the calibration.
+        widening: (p, p) part of the solution's covariance that is not due to the problem's noise; zero if None.
     """
     own = {robot: _own_variance(meeting, arms.solution, noise, robot) for robot in meeting.places_m}
     by_joints = _models_by_joints(meeting, arms)
@@ -67,10 +67,11 @@ class _Model:
     """A model of the arms' errors.
 
     Attributes:
-        sigmas: What is known of its sigmas.
-        moved: By robot that has such errors, their first column, and how what meets moves with them, (n, 6, k).
-        unknown: Places of sigmas, and the share of their variance that no recorded pose has, (n,).
-        prior: Its probability before the data, in proportion to those of the others.
+        sigmas: Posterior of the model's sigmas.
+        moved: For each robot with such errors, their first column, and the derivative of the meeting error with
+            respect to them, (n, 6, k).
+        unknown: Indices of sigmas, and the share of their variance that no recorded pose shows, (n,).
+        prior: Prior probability of the model, up to a common factor.
     """
 
     sigmas: SigmaPosterior
@@ -80,7 +81,7 @@ class _Model:
 
 
 def _models_by_joints(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
-    """Models of errors of joints and links of arms that meet."""
+    """Models of joint and link errors of arms that meet."""
     problem, state = meeting.problem, meeting.state
     models = []
     for kinds, sigmas in arms.joint_models:
@@ -96,9 +97,9 @@ def _models_by_joints(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
 
 
 def _models_by_poses(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
-    """No errors but those of single stops, and errors smooth in pose or time, of arms that meet and record poses alone.
+    """Models of arms recorded by poses: single-stop errors only, and errors that are smooth in pose or time.
 
-    Of errors in time nothing is known where arms meet.
+    Errors in time at the recorded samples have no information about errors at the meeting points.
     """
     if not set(open_robots(meeting.problem)) & meeting.places_m.keys():
         return []
@@ -117,7 +118,10 @@ def _models_by_poses(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
 
 
 def _model_by_poses(meeting: Meeting, sigmas: SigmaPosterior, name: str, number: int) -> _Model:
-    """A model with errors smooth in the pose, which are the kind of that number among its shared ones, or none."""
+    """Return a model with errors that are smooth in the pose; `number` is their index among the shared errors.
+
+    The model has no shared errors if `name` is no effect of `POSE_EFFECTS`.
+    """
     if name not in POSE_EFFECTS:
         return _Model(sigmas, [], [])
     columns, places = sigmas.model.layout.shared[number], sigmas.model.sigmas.shared[number]
@@ -130,7 +134,7 @@ def _model_by_poses(meeting: Meeting, sigmas: SigmaPosterior, name: str, number:
 def _model_error(
     meeting: Meeting, own: Mapping[str, Array], model: _Model, widening: Array | None
 ) -> tuple[Array, Array]:
-    """Mean, (n, 6), and covariance, (n, 6, 6), of the error under a model, its sigmas integrated."""
+    """Mean, (n, 6), and covariance, (n, 6, 6), of the error under a model, its sigmas integrated out."""
     known, places = meeting.moves, model.sigmas.model.sigmas
     columns = [known.columns, *(first + np.arange(of.shape[-1]) for first, of in model.moved)]
     mean, products, squares = moments(model.sigmas, np.concatenate(columns))
@@ -145,14 +149,14 @@ def _model_error(
 
 
 def _likely_models(models: Sequence[_Model]) -> list[tuple[float, _Model]]:
-    """The models that are likely by their priors and their evidence, with their probabilities."""
+    """Return the likely models with their posterior probabilities, from priors and evidence."""
     prior = np.array([model.prior for model in models])
     shares = probabilities(prior, -np.array([model.sigmas.minus_2_log_evidence for model in models]))
     return [(share, model) for share, model in zip(shares.tolist(), models, strict=True) if share > _LEAST_SHARE]
 
 
 def _mixture(shares: Sequence[float], errors: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Mean, (n, 6), and covariance, (n, 6, 6), of errors whose models have these probabilities."""
+    """Mean, (n, 6), and covariance, (n, 6, 6), of a mixture of errors with the probabilities `shares`."""
     means, covariances = zip(*errors, strict=True)
     known = Gaussian(np.zeros(len(shares)), np.stack(means, -2), np.stack(covariances, -3))
     found = mixture(np.array(shares), known)
@@ -160,7 +164,7 @@ def _mixture(shares: Sequence[float], errors: Sequence[tuple[Array, Array]]) -> 
 
 
 def _own_variance(meeting: Meeting, solution: Solution, noise: Mapping[str, Any], robot: str) -> Array:
-    """Mean variance of a robot's own error along an axis, of its flange's place and turn, (2,) [m^2, rad^2]."""
+    """Mean variance per axis of a robot's own flange error, translation and rotation, (2,) [m^2, rad^2]."""
     of_stop = solution.noise.robot_variances.get(robot)
     own = meeting.stop_variance(robot) if of_stop is None else of_stop.reshape(2, 3).mean(1)
     told = noise.get("robots", {}).get(robot, {})
@@ -168,27 +172,27 @@ def _own_variance(meeting: Meeting, solution: Solution, noise: Mapping[str, Any]
 
 
 POSE_EFFECTS = tuple(name for name, effect in RANDOM_EFFECTS.items() if effect.by_poses is not None)
-"""Effects that arms without joints may have, and are models of one error at most."""
+"""Effects that are possible for arms without recorded joints; a model includes at most one of them."""
 
 
 def moved_by_pose_errors(problem: Problem, robot: str, points_in_base_m: Array, name: str) -> Array:
-    """How the flange of a robot moves with the errors of an effect, (n, 6, k) in the axes of its base [m, rad].
+    """Derivative of a robot's flange with respect to an effect's errors, (n, 6, k) [m, rad], in its base's axes.
 
-    At a recorded place, base and error together are known far better than either alone. Beyond recorded poses an arm
-    has errors of its own, of the same variance. Source: docs/mathematics.md (14.3).
+    At a recorded place, the sum of base and arm error is known far better than either alone. Beyond recorded poses, an
+    arm has independent errors of the same variance. Source: docs/mathematics.md (14.3).
 
     Args:
-        problem: What was recorded.
-        robot: A robot that has some.
-        points_in_base_m: (n, 3) where its flange is, in its base [m].
-        name: One of `POSE_EFFECTS`.
+        problem: The recorded problem.
+        robot: Name of a robot with such errors.
+        points_in_base_m: (n, 3) flange positions in the robot's base [m].
+        name: Name of an effect of `POSE_EFFECTS`.
     """
     poses = nearest_poses(problem, robot, points_in_base_m)
     return to_base_axes(_errors_by_modes(problem, robot, poses, name).by_stop, poses.rotation)
 
 
 def unseen_share(problem: Problem, robot: str, points_in_base_m: Array, name: str) -> Array:
-    """Share of the variance of such errors at points that no recorded pose has, (n,)."""
+    """Share of the variance of an effect's errors at points that no recorded pose shows, (n,)."""
     errors = _errors_by_modes(problem, robot, nearest_poses(problem, robot, points_in_base_m), name)
     known = np.sum(errors.by_stop[:, :3, ~errors.is_turn] ** 2, axis=(1, 2)) / 3
     return np.asarray(np.maximum(1 - known, 0.0))
@@ -204,14 +208,14 @@ def _errors_by_modes(problem: Problem, robot: str, poses: SE3, name: str) -> Sha
 
 
 def field_covariance(meeting: Meeting, arms: ArmErrors) -> Array:
-    """Covariance of place and rotation where flanges meet, by fields of arms that record poses alone, (n, 6, 6).
+    """Covariance of the pose error where flanges meet, from fields of arms recorded by poses, (n, 6, 6) [m, rad].
 
-    Within the recorded poses the errors are known as far as the data show, with the part that the answer absorbs.
-    Beyond them, an arm has the errors of an uncalibrated arm. Source: docs/mathematics.md (14.3).
+    Within the recorded poses, the errors have their posterior, with their correlation with the solution. Beyond them,
+    an arm has the errors of an uncalibrated arm. Source: docs/mathematics.md (14.3).
 
     Args:
-        meeting: Who meets, and where.
-        arms: Errors of arms about what came out.
+        meeting: Robots that meet, and the points.
+        arms: Errors of arms about the solution.
     """
     situation = arms.situation
     (moved, columns), points_m = meeting.moves, meeting.places_m
@@ -231,7 +235,10 @@ def field_covariance(meeting: Meeting, arms: ArmErrors) -> Array:
 
 
 def _open_fields(situation: Situation, points_m: Mapping[str, Array]) -> Array | float:
-    """Errors of robots with estimated noise beyond their recorded poses: within these the noise contains them."""
+    """Covariance of errors beyond recorded poses for robots with estimated noise, (n, 6, 6); 0 if there are none.
+
+    Within the recorded poses, the estimated noise contains these errors.
+    """
     total: Array | float = 0.0
     for robot, points in points_m.items():
         field = pose_field(situation, robot)
@@ -242,5 +249,5 @@ def _open_fields(situation: Situation, points_m: Mapping[str, Array]) -> Array |
 
 
 def _unknown_covariance(error: PoseField | LongAxes, poses: SE3, field_m2: float) -> Array:
-    """Covariance of a flange beyond recorded poses, (n, 6, 6)."""
+    """Covariance of a flange from errors that no recorded pose shows, (n, 6, 6) [m, rad]."""
     return error.unknown_share(poses)[:, None, None] * np.diag(np.repeat(variances(field_m2), 3))

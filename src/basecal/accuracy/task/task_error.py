@@ -1,8 +1,8 @@
-"""A calibration with what is to be expected of it where the work is done, and over the workspace that robots share.
+"""Expected error of a calibration at the task, and over the shared workspace of the robots.
 
 Both robots are sent to one point. The error of one flange relative to the other has three parts. The first is the error
-of the base between them there. The second is the uncertainty of the arms' kinematics, estimated or not. The third is
-each robot's own errors, of a single stop and smooth in its pose. Source: docs/mathematics.md (14.3).
+of the base between them at this point. The second is the uncertainty of the arms' kinematics, estimated or not. The
+third is each robot's own error, of a single stop and smooth in its pose. Source: docs/mathematics.md (14.3).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 
-_MODEL_SOURCE = "what is systematic: robots, lens, fits that differ"
+_MODEL_SOURCE = "systematic errors: robots, lens, differing fits"
 _CLOCK_SOURCE = "offsets of clocks"
 
 
@@ -36,14 +36,14 @@ def add_task_error(
     steps: tuple[Solution, Solution, Solution],
     offsets: OpenOffsets | None = None,
 ) -> Calibration:
-    """The calibration with the error at the work; if a task is named also with its budget, its map and its parts.
+    """Add the expected error to a calibration; with a task, also the error budget, the error map and local fits.
 
     Args:
-        cell: What was calibrated.
-        calibration: What came out.
-        settings: With the task.
-        steps: The solution, the same widened by what noise is not, and that widened by clocks.
-        offsets: Of clocks that were estimated beside the solution; None without any.
+        cell: The calibrated cell.
+        calibration: Its calibration.
+        settings: Settings with the task.
+        steps: The solution, the solution widened by systematic errors, and the latter widened by clock offsets.
+        offsets: Clock offsets that were estimated with the solution; None without any.
     """
     fitted, as_modelled, by_clocks = steps
     widening = by_clocks.covariance - fitted.covariance
@@ -73,16 +73,18 @@ def meeting_error(
     settings: Settings,
     widening: Array | None = None,
 ) -> MeetingError | None:
-    """The error where flanges meet, at the task or else where targets were seen, of what is placed the worst.
+    """Expected error where flanges meet, of the transform into the reference's base with the largest error.
+
+    The points are those of the task, or the recorded target places without a task.
 
     Args:
-        calibration: What came out, with the noise of its robots.
-        arms: Errors of arms about what it was made of.
-        settings: With the task.
-        widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing if None.
+        calibration: The calibration, with the noise of its robots.
+        arms: Errors of arms about the solution.
+        settings: Settings with the task.
+        widening: (p, p) part of the solution's covariance that is not due to the problem's noise; zero if None.
 
     Returns:
-        None if nothing found is placed in the reference's base.
+        The error, or None if no calibrated transform is into the reference's base.
     """
     task = task_places(settings.task_point, settings.task_box)
     meeting = find_worst_meeting(arms.cell, calibration, arms.solution, task)
@@ -93,9 +95,9 @@ def meeting_error(
 
 
 MAP_STEPS = 5
-"""Points along each edge of the box: what lies between is a smooth function of the place."""
+"""Points on each edge of the box: the error is a smooth function of the place."""
 
-_FLAT_M = 1e-3  # a box thinner than that has one layer
+_FLAT_M = 1e-3  # [m] thickness below which a box has one layer
 
 
 def error_map(
@@ -104,16 +106,16 @@ def error_map(
     points_m: Array,
     widening: Array | None = None,
 ) -> ErrorMap | None:
-    """The expected error over the box around the places where targets were seen, and the task.
+    """Map the expected error over the box around the recorded target places and the task.
 
     Args:
-        calibration: What came out, with the noise of its robots.
-        arms: Errors of arms about what it was made of.
-        points_m: (n, 3) the task in the reference's base [m].
-        widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing if None.
+        calibration: The calibration, with the noise of its robots.
+        arms: Errors of arms about the solution.
+        points_m: (n, 3) points of the task in the reference's base [m].
+        widening: (p, p) part of the solution's covariance that is not due to the problem's noise; zero if None.
 
     Returns:
-        None if nothing is known that is placed in the reference's base.
+        The map, or None if no calibrated transform is into the reference's base.
     """
     problem, state = arms.solution.problem, arms.solution.state
     points = _box(np.concatenate([*(target_places(group, state) for group in problem.groups), points_m]))
@@ -127,7 +129,7 @@ def error_map(
 
 
 def _box(places: Array) -> Array:
-    """Points evenly spread over the box around places, (m, 3), x first."""
+    """Grid of points over the box around places, (m, 3) [m]; the last axis varies fastest."""
     low, high = places.min(0), places.max(0)
     edges = [
         np.linspace(a, b, MAP_STEPS) if b - a > _FLAT_M else np.array([(a + b) / 2])
