@@ -36,6 +36,14 @@ def test_what_ros_reads_gives_the_lens_back():
         assert read[key]["rows"] * read[key]["cols"] == len(read[key]["data"])
 
 
+def test_no_number_is_a_negative_zero():
+    """Some readers keep its sign, and write it on."""
+    lens = Camera("pinhole", np.append(LENS.parameters[:4], [-0.0, 0.01, -0.0, 0.0]), LENS.size_px)
+    text = export_text(of(lens))
+    assert "-0.0," not in text
+    assert "data: [0.0, 0.01, 0.0, 0.0" in text
+
+
 def test_an_image_size_that_is_not_known_is_said():
     """ROS cannot do without it."""
     with pytest.raises(InputError, match="image size of 'wrist' is not known"):

@@ -20,12 +20,13 @@ from basecal.cell import (
     Robot,
     Tolerance,
 )
-from basecal.cell.calibration import Verdict
+from basecal.cell.calibration import Validation, Verdict
 from basecal.cli.calibrate import exit_code
 from basecal.geometry import SE3, PoseEstimate
 from basecal.reporting.statement.verdict import (
     calibrate_command,
     headline,
+    held_out_errors,
     missed_step,
     shown_decimals,
     tangent_text,
@@ -148,6 +149,14 @@ def test_the_smallest_sigma_shows_two_digits(sigma: float, decimals: int) -> Non
 def test_two_digits(value: float, shown: str) -> None:
     """Without an exponent; the whole part is never cut."""
     assert two_digits(value) == shown
+
+
+def test_errors_of_held_out_samples_are_at_the_target_and_in_the_image() -> None:
+    """Each as far as it is known; without a validation there are none."""
+    assert held_out_errors(Validation("k-fold", 5, rms_px=0.31)) == ["0.31 px"]
+    both = held_out_errors(Validation("k-fold", 5, target_m=2e-3, target_rad=np.radians(0.1), rms_px=0.31))
+    assert both == ["2.0 mm and 0.10 deg at the target", "0.31 px"]
+    assert held_out_errors(Validation("k-fold", 5, target_m=2e-3)) == held_out_errors(None) == []
 
 
 def test_a_tangent_is_two_lengths():
