@@ -27,7 +27,7 @@ _SYSTEMATIC_SIGMAS = 2.0  # sigmas of the noise above which the neglected depth 
 
 
 def find_pair_stations(problem: Problem, cell: Cell) -> list[Station]:
-    """Stations of the only pair of robots of a recording.
+    """Find the stations of a recording; all lenses must be known.
 
     Raises:
         NotObservable: if there is no station, or a lens or a mount is not known.

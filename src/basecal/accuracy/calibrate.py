@@ -76,8 +76,8 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         The calibration. If the data are insufficient, its verdict is `refused` and its findings state the reasons.
 
     Raises:
-        InputError: if an argument has the wrong type, the cell contradicts the recording, or a task point is stated
-            but no transform depends on it.
+        InputError: if an argument has the wrong type, the cell contradicts the recording, or no requested transform
+            concerns a stated task point.
         NotObservable: if the axis-shift method is requested and the recording has no station, or a mount is not known.
     """
     check_type("cell", cell, Cell)

@@ -24,7 +24,7 @@ def prior_dominated(evidence: Evidence) -> list[Finding]:
     problem, unknowns = evidence.solution.problem, evidence.solution.problem.unknowns
     priors = [n for n in problem.columns if n in unknowns and is_informed(unknowns[n])]
     cell = evidence.cell
-    # Marks were measured with their plate, and the pose of a clamp is arbitrary: touches need not improve on these.
+    # Marks were measured with their plate, and a part in a clamp has any pose: touches need not improve on these.
     usual = [each.name for each in cell.targets.values() if each.on in cell.plates]
     usual += [each.name for each in cell.cameras.values() if each.kind == "clamp"]
     priors = [name for name in priors if name not in map(cell.mount_name, usual)]

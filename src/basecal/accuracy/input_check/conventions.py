@@ -65,7 +65,7 @@ _OF_LIGHT = 0.2  # factor of both limits for directions to an LED, which have no
 _MOST_SOLVED = 8  # hypotheses to fit; bounds the time
 _ODD = 0.08  # share of unexplained motion above which rare mistakes are tried; no correct recording has had it
 
-_IN_STEP = 8  # pairs of camera and target fitted as one batch in a cell of many robots: more gain little
+_IN_STEP = 8  # pairs of camera and target fitted as one batch in a cell of many robots: larger batches gain little
 
 _EXPLAINED = 1.15  # residuals over stated sigmas below which no better hypothesis is needed
 

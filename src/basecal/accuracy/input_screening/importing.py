@@ -17,8 +17,8 @@ from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.importing.bring_in import Brought, add_to_cell
 from basecal.exchange.importing.imported import Imported
 
-# Distance of a flange over the usual one, and its inverse: inches among metres are 39 times farther, and metres among
-# millimetres 1000 times nearer.
+# Limits of the distance of a flange over the usual one, and of the inverse: inches among metres are 39 times farther,
+# and metres among millimetres 1000 times nearer.
 _FARTHER_RATIO, _NEARER_RATIO = 20, 200
 _UNITS = {"millimetres": "mm", "centimetres": "cm", "inches": "inch"}
 _SAME_ARM_RATIO = 2  # distances of the flange of one robot are mostly within this factor

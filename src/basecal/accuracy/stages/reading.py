@@ -18,10 +18,10 @@ from basecal.estimation.streams.streams import recording_streams
 
 
 def check_task(case: Case) -> Case:
-    """Check that a requested transform affects the task point.
+    """Check that a requested transform places something in the reference base, if a task point is stated there.
 
     Raises:
-        InputError: if a task point is stated and no requested transform affects it.
+        InputError: if a task point is stated, but there is no such transform.
     """
     if case.settings.task_point is not None and case.settings.method != "axis-shift":
         base_transforms(case.cell)
