@@ -88,7 +88,7 @@ def test_calibrate_names_it():
     found = calibrate(cell.cell, bent(cell))
     (told,) = (f for f in found.findings if f.code == "lens-model")
     assert (told.severity, told.about) == ("info", ("wrist",))
-    assert "depend on their place in the image" in told.what
+    assert "depend on their position in the image" in told.what
     assert not [f for f in calibrate(cell.cell, cell.recording).findings if f.code == "lens-model"]
 
 

@@ -330,20 +330,20 @@ _PAIRS = [
         "pairing-shifted",
         ("hand", "1 sample", "pair"),
     ),
-    Mistake("views in reverse", "board", _rolled, "pairing-shifted", ("reverse order", "turn its order round")),
+    Mistake("views in reverse", "board", _rolled, "pairing-shifted", ("reverse order", "reverse its order")),
     Mistake(
         "a view twice under other poses",
         "board",
         changes.all_lines(_same_view_elsewhere),
         "repeated-view",
-        ("samples 2 and 9", "samples 4 and 11", "other poses"),
+        ("samples 2 and 9", "samples 4 and 11", "different robot poses"),
     ),
     Mistake(
         "an image twice under other poses",
         "pictures",
         _same_images,
         "repeated-view",
-        ("samples 0 and 4", "samples 1 and 6", "other poses"),
+        ("samples 0 and 4", "samples 1 and 6", "different robot poses"),
     ),
     Mistake(
         "rows copied",

@@ -1,6 +1,6 @@
-"""Calibrate by the paper's closed form: every station's base, one for the task, how far it can be off.
+"""Calibrate with the paper's closed form: the base from every station, one base for the task, and its covariance.
 
-It stands beside other answers from the same recording, station by station.
+The closed form is also compared with other calibrations of the same recording, station by station.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from basecal.estimation.start.first_state import lenses
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.geometry.rotation import lengths
 
-# [px] of a light's centre where no noise is stated: that of a plain centroid; assumed, as the report says.
+# [px] noise of an LED's centre if it is not stated: that of a plain centroid; assumed, and reported as such.
 _ASSUMED_PX = 0.3
-_STEP_PX = 1e-3  # [px] of the central difference, whose error is of its square
-_SYSTEMATIC_SIGMAS = 2.0  # sigmas of the noise, above which the neglected depth is worth a warning
+_STEP_PX = 1e-3  # [px] step of the central difference, whose error is proportional to its square
+_SYSTEMATIC_SIGMAS = 2.0  # sigmas of the noise above which the neglected depth gives a warning
 
 
 def find_pair_stations(problem: Problem, cell: Cell) -> list[Station]:
-    """The stations of a recording that belong to one pair of robots.
+    """Find the stations of a recording; all lenses must be known.
 
     Raises:
-        NotObservable: if there is none, or a lens or a mount is not known.
+        NotObservable: if there is no station, or a lens or a mount is not known.
     """
     unknown = [name for name, lens in problem.lenses.items() if lens.camera is None]
     if unknown:
@@ -39,7 +39,7 @@ def find_pair_stations(problem: Problem, cell: Cell) -> list[Station]:
 
 
 def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findings: list[Finding]) -> Calibration:
-    """The base by the paper's closed form.
+    """Calibrate a base with the paper's closed form.
 
     Its covariance has two parts: the pixels' noise to first order, and the square of the neglected change of depth. The
     latter follows from the closed form applied to the pixels that its own answer predicts.
@@ -75,7 +75,7 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
 
 
 def choose_base(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]:
-    """The base for the task, and the weights of the stations in it."""
+    """The base for the task, and the weights of the stations in it, (n,)."""
     bases = [s.base() for s in stations]
     depth = np.array([np.linalg.norm(s.camera_from_light().translation) for s in stations])
     weights = (np.array([s.length for s in stations]) / depth) ** 2
@@ -91,11 +91,11 @@ def choose_base(stations: Sequence[Station], settings: Settings) -> tuple[SE3, A
 
 
 def _errors(stations: Sequence[Station], weights: Array, sigma_px: float) -> tuple[Array, Array]:
-    """Covariance by the pixels' noise, (6, 6), and the shift by the neglect of depth, (6,) [m, rad]."""
+    """Covariance from the pixel noise, (6, 6), and systematic error from the neglected depth, (6,) [m, rad]."""
     random, systematic = np.zeros((6, 6)), np.zeros(6)
     for station, weight in zip(stations, weights, strict=True):
         base = station.base()
-        # Derivative of the base's right tangent to the image coordinates, (6, 2 n).
+        # Derivative of the base's right tangent with respect to the image coordinates, (6, 2 n).
         count = station.light_px.size
         nudges = _STEP_PX * np.eye(count).reshape(count, *station.light_px.shape)
         ahead, behind = station.base(station.light_px + nudges), station.base(station.light_px - nudges)
@@ -130,7 +130,7 @@ def _depth_findings(random: Array, systematic: Array) -> list[Finding]:
 
 
 def difference(pose: SE3, reference: SE3) -> Array:
-    """A transform against another, (6,) along and about the axes of what that other places [m, rad]."""
+    """Step from `pose` to `reference` in the frame that `pose` places, (6,) [m, rad]."""
     return (pose.inverse() @ reference).log()
 
 
@@ -139,10 +139,10 @@ class StationBeside:
     """The answer of one station.
 
     Attributes:
-        samples: Their numbers; the first is where its shifts start from.
-        light: (3,) where the light was, in the base of the robot that looks [m].
-        off: (6,) its base against the other answer, along and about the axes of that [m, rad].
-        weight: Its share of the closed form's answer.
+        samples: Sample numbers; the programmed shifts start at the first.
+        light: Position of the LED in the base of the robot with the camera, (3,) [m].
+        off: Difference of the station's base from the other calibration, in the frame of the latter, (6,) [m, rad].
+        weight: Weight of the station in the closed form's answer; the sum over stations is 1.
     """
 
     samples: tuple[int, ...]
@@ -153,13 +153,13 @@ class StationBeside:
 
 @dataclass(frozen=True, eq=False)
 class ClosedFormComparison:
-    """The closed form beside another answer.
+    """The closed form compared with another calibration.
 
     Attributes:
-        name: The transform.
-        estimate: By the closed form.
-        other: By the other.
-        stations: What each says.
+        name: Name of the transform.
+        estimate: Estimate of the closed form.
+        other: Estimate of the other calibration.
+        stations: Answer of each station.
     """
 
     name: str
@@ -169,17 +169,20 @@ class ClosedFormComparison:
 
     @property
     def difference(self) -> Array:
-        """(6,) the closed form against the other answer, as of a station."""
+        """Difference of the closed form from the other calibration, in the frame of the latter, (6,) [m, rad]."""
         return difference(self.other.mean, self.estimate.mean)
 
 
 def compare_closed_form(cell: Cell, recording: Recording, calibration: Calibration) -> ClosedFormComparison | None:
-    """The closed form beside a calibration; None if it is one itself, or the recording has no programmed shifts.
+    """Compare the closed form with a calibration.
 
     Args:
-        cell: What was calibrated.
-        recording: What was seen.
-        calibration: What came out.
+        cell: The cell.
+        recording: The recording.
+        calibration: The calibration from both.
+
+    Returns:
+        None if the calibration is of the closed form itself, or the recording has no programmed shifts.
     """
     if calibration.settings.get("method") == "axis-shift":
         return None

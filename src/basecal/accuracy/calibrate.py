@@ -1,4 +1,4 @@
-"""Calibrate: solve, and all that makes the answer worth trusting, as a list of stages."""
+"""Calibrate a cell: solve and judge the answer, as a list of stages."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _LOG_LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": loggi
 
 
 class Stage(NamedTuple):
-    """A part of the work: the name under which its time is counted, and what it does to a case.
+    """A stage of a calibration: the name under which its time is recorded, and its function.
 
-    A stage without a name counts the time of its parts.
+    A stage without a name records the time of its parts.
     """
 
     name: StageName | None
@@ -65,19 +65,19 @@ JUDGING_STAGES = (
 
 @limit_threads
 def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
-    """The transforms of a cell with covariance, and whether to trust them.
+    """Estimate the transforms of a cell with their covariance and a verdict.
 
     Args:
-        cell: What exists and what is known.
-        recording: What was seen.
-        settings: How to solve.
+        cell: Robots, cameras and targets, and prior knowledge about them.
+        recording: The recorded samples.
+        settings: Settings of the solver.
 
     Returns:
-        The calibration; with verdict `refused` and findings that say why if the data fall short of an answer.
+        The calibration. If the data are insufficient, its verdict is `refused` and its findings state the reasons.
 
     Raises:
-        InputError: if an argument is of another type, the cell contradicts the recording, or a task point is named
-            and nothing is placed for it.
+        InputError: if an argument has the wrong type, the cell contradicts the recording, or no requested transform
+            concerns a stated task point.
         NotObservable: if the axis-shift method is requested and the recording has no station, or a mount is not known.
     """
     check_type("cell", cell, Cell)
@@ -98,7 +98,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
 
 
 def _run_stages(stages: Sequence[Stage], case: Case) -> Case:
-    """A case after these stages, or after the first that ends it."""
+    """Run stages until one ends the case, and return the case."""
     for stage in stages:
         if case.is_ended:
             break

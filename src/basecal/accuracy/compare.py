@@ -1,4 +1,4 @@
-"""Whether two calibrations agree: what differs between their answers, in mm and in sigmas, and between their inputs."""
+"""Comparison of two calibrations: differences of their transforms, in mm and in sigmas, and of their inputs."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from basecal.cell import Calibration
 from basecal.errors import check_type
 from basecal.numerics.spectral import spectrum
 
-_ROUNDING = 1e-12  # [m, rad] between equal transforms that have no sigma: rounding
+_ROUNDING = 1e-12  # [m, rad] rounding error between equal transforms without a sigma
 
 
 @dataclass(frozen=True)
 class Difference:
-    """How far apart one transform is in two calibrations.
+    """Difference of one transform between two calibrations.
 
     Attributes:
         shift_m: Distance of the origins [m].
-        shift_rad: Angle [rad]; 0 of a point.
-        sigmas: Root of the squared Mahalanobis distance over its freedoms: about 1 where they agree; None where
-            neither is uncertain.
-        chance: Of a distance so large where they agree; None likewise.
+        shift_rad: Angle of the relative rotation [rad]; 0 for a point.
+        sigmas: Root of the squared Mahalanobis distance over its degrees of freedom: about 1 if the two agree; None
+            if neither is uncertain.
+        chance: Probability of a distance at least as large if the two agree; None if neither is uncertain.
     """
 
     shift_m: float
@@ -36,14 +36,14 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two calibrations side by side.
+    """Comparison of two calibrations.
 
     Attributes:
-        transforms: What differs, by name, of all that both have.
-        only: Transforms that one of them has, by name: which one, 0 or 1.
-        inputs: Names of the files that differ.
-        settings: What was asked otherwise, by name, of both.
-        agree: Whether no transform differs by more than its covariance explains; None where none can be compared.
+        transforms: Differences of the transforms that both calibrations have, by name.
+        only: Transforms of only one calibration, by name: its index, 0 or 1.
+        inputs: Names of the input files that differ.
+        settings: Both values of each setting that differs, by name.
+        agree: Whether the covariance explains the difference of every transform; None without a shared transform.
     """
 
     transforms: Mapping[str, Difference]
@@ -54,13 +54,13 @@ class Comparison:
 
 
 def compare(first: Calibration, second: Calibration) -> Comparison:
-    """Two calibrations of one cell.
+    """Compare two calibrations of one cell.
 
-    Their errors count as independent. Where both were made of the same samples they are not, and differ by less than
-    their covariances say.
+    Their errors are assumed independent. If both use the same samples, the errors are correlated, and their difference
+    is smaller than the covariances predict.
 
     Raises:
-        InputError: if one is no calibration.
+        InputError: if an argument is not a calibration.
     """
     for name, calibration in (("first", first), ("second", second)):
         check_type(name, calibration, Calibration)
@@ -85,7 +85,7 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
 def _difference(first: Calibration, second: Calibration, name: str) -> Difference:
     width = 3 if name in first.points | second.points else 6
     apart = (first[name].mean.inverse() @ second[name].mean).log()
-    # What a gauge holds at zero is held there in both.
+    # Parameters that a gauge holds at zero are zero in both calibrations, so that their uncertainty cancels.
     parts = (
         [each[name].covariance, *(-held for held in each.gauge_covariances(name).values())] for each in (first, second)
     )

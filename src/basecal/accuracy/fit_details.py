@@ -14,13 +14,13 @@ from basecal.geometry import SE3, IntArray
 
 @dataclass(frozen=True, eq=False)
 class FitDetails:
-    """How a recording fits a calibration.
+    """Details of how a recording fits a calibration.
 
     Attributes:
-        points: How far each point is from where it is predicted, by camera and target.
-        views: Where each camera stood to its target, by camera and target.
-        errors: How far off the requested transforms are expected to be.
-        closed_form: The paper's closed form beside the answer; None if the recording has no programmed shifts.
+        points: Residuals of the points, by camera and target.
+        views: Poses of the views, by camera and target.
+        errors: Expected errors of the requested transforms.
+        closed_form: The paper's closed form compared with the answer; None if the recording has no programmed shifts.
     """
 
     points: tuple[PointResiduals, ...] = ()
@@ -30,7 +30,7 @@ class FitDetails:
 
 
 def fit_details(cell: Cell, recording: Recording, calibration: Calibration) -> FitDetails:
-    """The details of a calibration, fresh or read from its file, at the recording that it was made from.
+    """Details of a calibration, new or read from its file, for the recording that it was computed from.
 
     Raises:
         InputError: if the cell contradicts the recording.
@@ -46,7 +46,7 @@ def fit_details(cell: Cell, recording: Recording, calibration: Calibration) -> F
 
 @dataclass(frozen=True, eq=False)
 class ViewPoses:
-    """The views of one target by one camera: `sample` (n,) and `camera_from_target` (n,)."""
+    """Views of one target by one camera: their `sample` numbers, (n,), and `camera_from_target` poses, (n,)."""
 
     camera: str
     target: str
@@ -55,7 +55,7 @@ class ViewPoses:
 
 
 def view_poses(evaluation: Evaluation) -> tuple[ViewPoses, ...]:
-    """The poses of all views whose transforms are known, those left out as outliers among them."""
+    """Poses of all views whose transforms are known, including outliers."""
     return tuple(
         ViewPoses(g.camera, g.target, g.sample, evaluation.state.camera_from_target(g, evaluation.problem.stops))
         for g in evaluation.problem.groups

@@ -1,7 +1,7 @@
-"""Uncertainty of transforms by free parameters of robots that a gauge holds at zero.
+"""Uncertainty of transforms due to free robot parameters that a gauge holds at zero.
 
-A first joint turns an arm as its base does: if both are free, the joint is held. Its true value is of the size of those
-that were found, or of those that arms usually have. Source: docs/mathematics.md (9.3).
+The offset of a first joint rotates a robot as its base does: if both are free, the joint offset is held at zero. Its
+true value has the size of the estimated offsets, or of those of typical robots. Source: docs/mathematics.md (9.3).
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
 _LEVER_M = KINEMATICS.lever[0] or 0.0
-_NODES = np.arange(-3.0, 3.5, 0.5)  # of the logarithm of a sigma, in standard deviations
+_NODES = np.arange(-3.0, 3.5, 0.5)  # nodes of the logarithm of a sigma, in standard deviations
 
 
 class _Kind(NamedTuple):
-    """Free parameters of one kind, w numbers in units in which they count equally.
+    """Free parameters of one kind, w numbers, scaled to comparable units.
 
     Attributes:
-        name: Of the kind.
-        units: (w,) of each.
-        found: (w, r) directions that the data determine.
-        held: (w, h) those that a gauge holds.
-        sigmas: (w,) expected, in those units, for a turn of one radian.
+        name: Name of the kind.
+        units: Unit of each parameter, (w,).
+        found: Directions that the data determine, (w, r).
+        held: Directions that a gauge holds, (w, h).
+        sigmas: Expected sigmas in these units for a sigma of rotation of one radian, (w,).
     """
 
     name: str
@@ -48,7 +48,7 @@ class _Kind(NamedTuple):
 
 
 def held_gauges(solution: Solution, order: Sequence[str]) -> tuple[HeldGauge, ...]:
-    """Uncertainty of transforms of these names by each robot's parameters that a gauge holds."""
+    """Uncertainty of the named transforms due to the parameters of each robot that a gauge holds."""
     free = {robot: list(_free_kinds(model)) for robot, model in solution.problem.models.items()}
     gauges, square = [], _expected_square(solution, free)
     for robot, kinds in free.items():
@@ -62,7 +62,7 @@ def held_gauges(solution: Solution, order: Sequence[str]) -> tuple[HeldGauge, ..
 
 
 def _free_kinds(model: RobotModel) -> Iterator[_Kind]:
-    """Kinds of parameters of a robot that are free, and of which sizes are expected."""
+    """Kinds of free robot parameters whose expected size is known."""
     joints = np.zeros((1, model.chain.n))
     posture = Posture(model.chain, joints, model.chain.posture(joints))
     for name, (basis, sigma) in model.columns.items():
@@ -77,12 +77,12 @@ def _free_kinds(model: RobotModel) -> Iterator[_Kind]:
 
 
 def _moved_columns(solution: Solution, gauge: RobotModel) -> Array:
-    """How the answer moves with held parameters, (p, h)."""
+    """Derivative of the answer with respect to held parameters, (p, h)."""
     situation = situate(solution)
     kinematics = solution.state.kinematics(gauge)
 
     def moves(views: Views, k: int, robot: str) -> Array:
-        """Moves of the views of a group, (n, 6, h)."""
+        """Derivatives of the views of a group with respect to the held parameters, (n, 6, h)."""
         end = solution.problem.groups[k].robot_end(robot)
         assert end is not None
         assert end.joints is not None
@@ -95,7 +95,7 @@ def _moved_columns(solution: Solution, gauge: RobotModel) -> Array:
 
 
 def _expected_square(solution: Solution, free: Mapping[str, Sequence[_Kind]]) -> float:
-    """Mean of the square of a turn [rad^2], over sigmas that count by the evidence of what was found of all arms."""
+    """Expected squared rotation [rad^2]: mean over sigmas, weighted by the evidence of all estimated parameters."""
     middle, factor = KINEMATICS.turn
     squares, evidence = (middle * factor**_NODES) ** 2, -(_NODES**2)
     for robot, kinds in free.items():
@@ -111,6 +111,6 @@ def _expected_square(solution: Solution, free: Mapping[str, Sequence[_Kind]]) ->
 
 
 def _squares(sigmas: Array, directions: Array) -> Array:
-    """Second moments along directions, (k, k), of independent numbers."""
+    """Second moments of independent numbers with these sigmas along directions, (k, k)."""
     scaled = sigmas[:, None] * directions
     return scaled.T @ scaled

@@ -1,7 +1,7 @@
-"""Residuals that go by their place in the image: a lens that bends light as its model cannot.
+"""Residuals that depend on the position in the image: distortion that the lens model cannot represent.
 
-Each view has a pose of its own here, and the lens's own terms are projected out. What is left contains no effect of
-robots or mounts. Other terms are estimated view by view. The part that all views share is tested against their scatter.
+Each view has its own pose here, and the parameters of the lens model are projected out. The remaining residuals contain
+no effect of robots or mounts. Further terms are estimated from each view. Their mean is tested against their scatter.
 Points of one view share errors of the board and of blur, and are not independent. Source: Fisher 1925 (analysis of
 variance), McCullagh & Nelder 1989 (dispersion).
 """
@@ -23,21 +23,21 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-_TERM_COUNT = 5  # of the fourth power of the squared radius, and of its first two along either side of the image
-_TERM_FAMILIES = (0,), (1, 2, 3, 4)  # each is tested for itself: those along the sides trade with centre and mount
-_FEWEST_VIEWS = 10  # which tell how far they differ to a fifth
-_CHUNK_VIEWS = 400  # views whose derivatives are held at once: more take memory that no cache holds
+_TERM_COUNT = 5  # radial s^4, and s and s^2 along each image axis, with s the squared radius
+_TERM_FAMILIES = (0,), (1, 2, 3, 4)  # tested separately: those along the axes are coupled with centre and mount
+_FEWEST_VIEWS = 10  # views, which determine their scatter to about a fifth
+_CHUNK_VIEWS = 400  # views per batch of derivatives: more exceed the cache
 
 
 @dataclass(frozen=True, eq=False)
 class LensStructure:
-    """A camera whose residuals go by their place in the image.
+    """Dependence of a camera's residuals on the position in the image.
 
     Attributes:
-        camera: Its name.
-        rms_px: What the terms explain, root of the mean square over all points [px].
-        chance: That noise alone makes as much.
-        moved: (p,) by how much the answer's columns move where it is taken out of the pixels.
+        camera: Name of the camera.
+        rms_px: RMS of the terms over all points [px].
+        chance: Probability that noise alone gives terms as large.
+        moved: Step of the answer's columns if the terms are removed from the pixels, (p,).
     """
 
     camera: str
@@ -47,7 +47,7 @@ class LensStructure:
 
 
 def lens_structures(solution: Solution, settings: Settings) -> list[LensStructure]:
-    """Structure of each camera whose residuals depend on their place beyond chance."""
+    """Lens structure of each camera whose residuals depend significantly on the position in the image."""
     if not solution.converged:
         return []
     cameras = sorted({g.camera for g in solution.problem.groups if isinstance(g.measurement, PixelMeasurement)})
@@ -71,7 +71,7 @@ def _camera_structure(solution: Solution, name: str, settings: Settings) -> Lens
 
 
 def _choose_terms(residual: Array, own: Array, rivals: Array) -> tuple[Array, float]:
-    """Sizes (q,) of the families of terms that chance does not make, the likeliest first; and that chance."""
+    """Sizes of the significant terms, (q,), and the smallest p-value; families are added in order of significance."""
     size, chance, used, open_families = np.zeros(_TERM_COUNT), 1.0, np.zeros(0, dtype=np.int64), list(_TERM_FAMILIES)
     while open_families:
         known = np.concatenate([own, rivals[..., used]], axis=-1)
@@ -86,7 +86,7 @@ def _choose_terms(residual: Array, own: Array, rivals: Array) -> tuple[Array, fl
 
 
 def _estimate_sizes(residual: Array, known_columns: Array, columns: Array) -> tuple[Array, float]:
-    """Sizes (k,) of columns (n, r, k), with the known ones projected out, and the chance of what they explain."""
+    """Sizes of columns, (k,), with known columns projected out, and their p-value; columns are (n, r, k)."""
     flat = known_columns.reshape(-1, known_columns.shape[-1])
     inverse = spectrum(flat.T @ flat).inverse
     left = residual - known_columns @ (inverse @ (flat.T @ residual.ravel()))
@@ -98,12 +98,12 @@ def _estimate_sizes(residual: Array, known_columns: Array, columns: Array) -> tu
 
 
 def _chance(scores: Array, information: Array, size: Array) -> float:
-    """The chance that views whose sizes are all zero, but for noise, share as much, by Fisher's F.
+    """P-value of Fisher's F test of the shared sizes against the scatter of the sizes of single views.
 
     Args:
-        scores: (n, q) of the terms, view by view.
-        information: (n, q, q) likewise.
-        size: (q,) of the terms, by all views.
+        scores: Scores of the terms of each view, (n, q).
+        information: Information of each view about the terms, (n, q, q).
+        size: Sizes of the terms from all views, (q,).
     """
     of_views = spectrum(information, VIEW_ROUNDING)
     freedoms = int(of_views.rank.sum()) - len(size)
@@ -115,14 +115,14 @@ def _chance(scores: Array, information: Array, size: Array) -> float:
 
 
 def _stack_views(arrays: tuple[Array, ...]) -> Array:
-    """Views of several targets, (n, r, ...) each, those of fewer points filled up with zeros."""
+    """Stack the views of several targets, (n, r, ...) each, padded with zeros to the largest number of points."""
     rows = max(array.shape[1] for array in arrays)
     filled = [np.pad(a, [(0, 0), (0, rows - a.shape[1]), *[(0, 0)] * (a.ndim - 2)]) for a in arrays]
     return np.concatenate(filled)
 
 
 def _single_view_poses(solution: Solution, group: ViewGroup) -> list[tuple[PixelMeasurement, SE3]]:
-    """The views of a group that give a pose, and these poses, so many at a time as a cache holds."""
+    """Views of a group that determine a pose on their own, with these poses, in batches that fit the cache."""
     measurement = group.measurement
     predicted = solution.state.camera_from_target(group, solution.problem.stops)
     alone, enough = single_view_pose(solution.state, group, predicted)
@@ -134,13 +134,13 @@ def _single_view_poses(solution: Solution, group: ViewGroup) -> list[tuple[Pixel
 
 
 class _Projected(NamedTuple):
-    """The weighted views of a lens, with each view's own pose projected out.
+    """Weighted views of a lens, with each view's own pose projected out.
 
     Attributes:
-        residual: (n, r).
-        of_lens: (n, r, k) columns of the lens.
-        of_others: (n, r, q) columns of terms that it has not.
-        in_pixels: (n, r, q) these as they are, neither weighted nor projected [px].
+        residual: Residuals, (n, r).
+        of_lens: Columns of the lens parameters, (n, r, k).
+        of_others: Columns of the terms that the lens model lacks, (n, r, q).
+        in_pixels: Columns of these terms, neither weighted nor projected, (n, r, q) [px].
     """
 
     residual: Array
@@ -167,7 +167,7 @@ def _project(measurement: PixelMeasurement, poses: SE3, camera: Camera) -> _Proj
 
 
 def _term_derivatives(camera: Camera, p_in_camera: Array) -> Array:
-    """Pixels' derivatives to terms that no lens model here has all of, (n, p, 2, q) [px]."""
+    """Derivatives of pixels with respect to the tested terms, (n, p, 2, q) [px]; no lens model has all of them."""
     with np.errstate(all="ignore"):
         plane = p_in_camera[..., :2] / p_in_camera[..., 2:]
     s = np.einsum("...i,...i->...", plane, plane)
@@ -180,7 +180,7 @@ def _term_derivatives(camera: Camera, p_in_camera: Array) -> Array:
 
 
 def _answer_step(solution: Solution, name: str, size: Array, settings: Settings) -> Array:
-    """The step of the answer to that of the pixels without the bending."""
+    """Step of the answer if the terms are removed from the pixels, (p,); zero if the solve does not converge."""
     groups = []
     for group in solution.problem.groups:
         measurement = group.measurement

@@ -1,4 +1,4 @@
-"""The noise that a calibration used: in all, of each camera and of each robot."""
+"""Summary of the noise that a calibration used: overall, per camera and per robot."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ from basecal.estimation.solve import Solution
 
 
 def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[str, Any]:
-    """Sigmas by their names, those of `cameras` whose noise was estimated, and of `robots`, stated or estimated.
+    """Sigmas by name, with those of `cameras` whose noise was estimated, and of `robots`, stated or estimated.
 
-    `factor` of a camera is its sigma over the median of those that its detector claims, null where that claims none.
-    `targets` has the coefficients of shapes that were estimated, in sigmas, see `noise.target_shape`.
-    `freedoms` of a robot are the degrees of freedom of its estimated sigmas. `rms_factor` is the root mean square of
-    all that these may be, over the likeliest. Errors that a robot's stops share have the name of their effect. They
-    hold the sigma at the flange, root mean square over stops [m, rad]. For joints and links it is what a base and a
-    mount do not compensate. They also hold the sigma of each shift and rotation, if it is another, and the effect's
-    figures.
+    `factor` of a camera is its sigma over the median of its detector's sigmas, or null if the detector has none.
+    `targets` contains the coefficients of estimated target shapes, in sigmas, see `noise.target_shape`.
+    `freedoms` of a robot are the degrees of freedom of its estimated sigmas. `rms_factor` is the RMS over the
+    distribution of the sigmas, divided by the estimate. Errors that a robot's stops share are listed by their effect,
+    with the sigma at the flange, RMS over stops [m, rad]. For joints and links it is the part that a base and a mount
+    do not compensate. The sigma of each shift and rotation is added, if it is another, and the effect's figures.
     """
     noise = solution.noise
     used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}
@@ -57,7 +56,7 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
 
 
 def _freedoms(solution: Solution) -> float:
-    """Equations of the views, six at most of each, less unknowns; one at least."""
+    """Degrees of freedom: equations of the views minus unknowns; at least one."""
     equations = sum(int(group.measurement.equations().sum()) for group in solution.problem.groups)
     return float(max(equations - solution.problem.width, 1))
 

@@ -1,8 +1,8 @@
-"""Estimates of the robots' own kinematics, and the part of them that the data observe.
+"""Estimates of the robots' kinematic parameters, and which of them are observable.
 
-A parameter is seen if the data have at least as much information about it as its prior. By the Schur complement, the
-information of the data alone is 1 / v - 1 / s^2, with v its variance and s the prior's sigma. The condition is v < s^2
-/ 2.
+A parameter is observable if the data have at least as much information about it as the prior. By the Schur complement,
+the information of the data alone is 1 / v - 1 / s^2, with the variance v and the prior's sigma s. So the condition is
+v < s^2 / 2.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from basecal.numerics.spectral import spectrum
 
 
 def robot_parameters(solution: Solution) -> dict[str, dict[str, RobotParameters]]:
-    """The parameters of every robot that has some to estimate, by kind, then by robot.
+    """Estimated parameters of the robots, by kind, then by robot.
 
-    A kind that is not joint by joint is left out where the data leave any of it open.
+    A kind without a value per joint is omitted if the data do not determine all of its values.
     """
     hidden = _touched_by_null_space(solution)
     found: dict[str, dict[str, RobotParameters]] = {}
@@ -42,10 +42,10 @@ def robot_parameters(solution: Solution) -> dict[str, dict[str, RobotParameters]
 
 
 def calibrated_kinematics(cell: Cell, calibration: Calibration) -> dict[str, Kinematics]:
-    """The kinematics that a calibration gives the robots, by robot; what is not known stands at zero.
+    """Calibrated kinematics by robot; unknown parameters are zero.
 
     Raises:
-        InputError: if it holds parameters of a robot that has no chain.
+        InputError: if the calibration has parameters of a robot without a kinematic chain.
     """
     kinematics = {}
     for name, robot in cell.robots.items():
@@ -59,7 +59,7 @@ def calibrated_kinematics(cell: Cell, calibration: Calibration) -> dict[str, Kin
 
 
 def _joint_parameters(solution: Solution, model: RobotModel, kind: str) -> RobotParameters:
-    """Values that are seen together, from all of their columns."""
+    """Values of a kind whose parameters are only observable jointly, with their sigmas."""
     where, basis = solution.problem.columns[f"{model.robot}_{kind}"], model.columns[kind].basis
     values = solution.state.kinematics(model).kind_values(kind)
     covariance = basis @ solution.covariance[where, where] @ basis.T
@@ -70,7 +70,7 @@ def _joint_parameters(solution: Solution, model: RobotModel, kind: str) -> Robot
 def _parameters_by_joint(
     solution: Solution, model: RobotModel, kind: str, is_unobservable: BoolArray
 ) -> RobotParameters:
-    """A value for each joint, their covariance, and which are seen; NaN if nothing is known."""
+    """Values of the joints, their covariance, and which are observable; NaN for undetermined values."""
     n, where = model.chain.n, solution.problem.columns[f"{model.robot}_{kind}"]
     basis, prior = model.columns[kind]
     values, covariance, seen = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros(n, dtype=bool)
@@ -87,7 +87,7 @@ def _parameters_by_joint(
 
 
 def _touched_by_null_space(solution: Solution) -> BoolArray:
-    """Which columns have a part in a direction without any information, (p,)."""
+    """Whether each column takes part in a direction without information, (p,)."""
     if not solution.observability.unobservable:
         return np.zeros(solution.problem.width, dtype=bool)
     hessian = linearise(solution.problem, solution.state).hessian

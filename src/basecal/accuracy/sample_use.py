@@ -1,4 +1,4 @@
-"""How many of the recorded samples an answer rests on."""
+"""Number of recorded samples that a calibration uses."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from basecal.cell import Calibration, Recording, SampleResidual
 
 @dataclass(frozen=True)
 class SampleUse:
-    """Samples of which at least one view was used, of those recorded; and how many views there were."""
+    """Number of samples with at least one used view, of recorded samples, and of views."""
 
     used: int
     recorded: int
@@ -17,14 +17,14 @@ class SampleUse:
 
 
 def sample_use(recording: Recording, calibration: Calibration) -> SampleUse:
-    """The use of each sample of a recording: a view is excluded whole, or it counts."""
+    """Count the samples that a calibration uses; a view counts unless it is an outlier as a whole."""
     views, left_out = calibration.residuals.per_sample, outlier_views(calibration)
     used = [view for view in views if view not in left_out]
     return SampleUse(len({view.sample for view in used}), len(recording.samples), len(views))
 
 
 def outlier_views(calibration: Calibration) -> frozenset[SampleResidual]:
-    """The views that are outliers as a whole."""
+    """Views that are outliers as a whole."""
     whole = {
         (outlier.sample, outlier.camera, outlier.target) for outlier in calibration.outliers or () if not outlier.ids
     }

@@ -1,8 +1,8 @@
-"""Stated sigmas that the residuals contradict, and the answer as if these had not been stated.
+"""Stated sigmas that the residuals contradict, and the answer without these statements.
 
-If the sigmas are true, the squares of a part of the residuals, over their sigmas, have the mean n - gamma. gamma is the
-number of unknowns, errors of stops among them, that this part determines. The squares scatter at most as a chi-square
-of n - gamma freedoms. Source: docs/mathematics.md (5.1).
+If the sigmas are true, the sum of squares of n residuals, each over its sigma, has the mean n - gamma. gamma is the
+number of unknowns, including stop errors, that these residuals determine. The sum scatters at most as a chi-square
+variable with n - gamma degrees of freedom. Source: docs/mathematics.md (5.1).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from basecal.estimation.view.measurement import ViewInformation
 from basecal.geometry import Array
 from basecal.numerics.spectral import inverse_beside_identity, spectrum
 
-_FEWEST_FREEDOMS = 3.0  # with fewer a part of the residuals says nothing of its sigma
+_FEWEST_FREEDOMS = 3.0  # degrees of freedom below which residuals do not determine their sigma
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class ContradictedSigma:
     """Stated sigmas that the residuals contradict.
 
     Attributes:
-        about: The camera or the robot that has them; "" for all together.
-        of_robot: Whether that is a robot, and the sigmas are those of its poses.
-        ratio: True sigma over the stated one, estimated.
-        chance: Of residuals as small, or as large, where the sigmas are true.
+        about: Name of the camera or robot; "" for all sigmas together.
+        of_robot: Whether the sigmas are those of a robot's poses.
+        ratio: Estimated sigma over the stated one.
+        chance: Probability of residuals at least as small, or as large, if the sigmas are true.
     """
 
     about: str
@@ -57,9 +57,9 @@ class ContradictedSigma:
 
 
 def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
-    """The stated sigmas, by camera and robot, that the residuals contradict; the worst first.
+    """Stated sigmas of cameras and robots that the residuals contradict; the worst first.
 
-    Of all together only where none alone is contradicted.
+    All sigmas are tested together only if none is contradicted alone.
     """
     if not solution.converged or not np.isfinite(solution.cost):
         return ()
@@ -81,9 +81,9 @@ def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
 
 
 def unlikely_sigmas(solution: Solution, settings: Settings) -> tuple[ContradictedSigma, ...]:
-    """Stated sigmas of robots far below any arm's, if the data are likelier with these estimated.
+    """Stated sigmas of robots that are implausibly small, if the data are more likely with these sigmas estimated.
 
-    Unstated noise of views takes up what such robots leave: no residual contradicts them.
+    If the noise of views is unstated, it absorbs the errors of such robots: no residual contradicts the sigmas.
     """
     problem = solution.problem
     below = {
@@ -103,12 +103,12 @@ def unlikely_sigmas(solution: Solution, settings: Settings) -> tuple[Contradicte
 
 
 def is_below_arms(sigma: Array) -> bool:
-    """Whether sigmas of a robot's poses, (6,) [m, rad], are less than any arm's: made up, or in a wrong unit."""
+    """Whether sigmas of a robot's poses, (6,) [m, rad], are implausibly small: invented, or in a wrong unit."""
     return bool(np.mean(sigma[3:]) < ROBOT_RAD[0] / ROBOT_RAD[1] ** 2)
 
 
 def judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> ContradictedSigma | None:
-    """The sigmas of a camera or robot, if their squares and freedoms contradict them; else None."""
+    """Contradicted sigmas of a camera or robot; None if the squares agree with their degrees of freedom."""
     if freedoms < _FEWEST_FREEDOMS:
         return None
     squares = max(squares, LEAST_CHANCE)
@@ -120,7 +120,7 @@ def judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> C
 
 
 def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
-    """Squares, and their mean, of each camera, and of each robot with stops that single views have."""
+    """Sum of squares and its expected value, for each camera, and for each robot with stops of single views."""
     for k, group in enumerate(model.problem.groups):
         private = model.normal.views[k].private
         at = model.state.camera_from_target(group, model.problem.stops)
@@ -148,7 +148,7 @@ def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
 
 
 def _stop_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
-    """The robot of each stop that several views share, its squares, and their mean."""
+    """Sum of squares and its expected value, for the robot of each stop that several views share."""
     system = model.normal.system
     if system is None:
         return
@@ -166,14 +166,15 @@ def _stop_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
 def without_contradicted(
     robust: RobustSolution, contradictions: Sequence[ContradictedSigma], settings: Settings
 ) -> RobustSolution:
-    """The solution with the sigmas estimated that are larger than stated; as it is where there are none.
+    """Solution with estimated instead of stated sigmas, for sigmas that are larger than stated.
 
-    Where sigmas that are smaller than stated hide directions, these are estimated, if that shows more of them.
+    If there are none, the sigmas that are smaller than stated are estimated, if this makes more transforms observable.
+    Otherwise the solution is returned unchanged.
 
     Args:
-        robust: With the sigmas as stated.
+        robust: Solution with the sigmas as stated.
         contradictions: The sigmas that the residuals contradict.
-        settings: How to solve; where robots are to be taken as stated, only what was seen is estimated.
+        settings: Settings of the solver; with stated robot noise, only the noise of views is estimated.
     """
     small = [f for f in contradictions if f.is_too_small]
     if small or not contradictions:
@@ -188,7 +189,7 @@ def without_contradicted(
 def _estimate_sigmas(
     robust: RobustSolution, contradictions: Sequence[ContradictedSigma], settings: Settings
 ) -> RobustSolution:
-    """The solution with these sigmas estimated."""
+    """Solution with these sigmas estimated."""
     solution = robust.solution
     everything = any(not f.about for f in contradictions)
     cameras = {f.about for f in contradictions if not f.of_robot}
@@ -203,6 +204,6 @@ def _estimate_sigmas(
     else:
         opened = replace(problem, unstated=problem.unstated | robots)
         estimated = integrate_solution(with_noise(replace(solution, problem=opened), settings))
-    # Views that were left out stood in stops of other numbers, whose errors the others do not tell.
+    # The views left out have stops of other numbers, whose errors the other views do not determine.
     left_out = robust.left_out.with_groups(group.without_stops() for group in robust.left_out.groups)
     return replace(robust, solution=replace(estimated, disputed=solution.disputed), left_out=left_out)

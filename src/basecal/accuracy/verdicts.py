@@ -1,7 +1,7 @@
-"""The verdict of a calibration, and of each transform: that of the findings that concern it.
+"""Verdicts of a calibration and of each transform, from the findings that concern them.
 
-A finding concerns all that it is about, and all that views tie to it. Cameras, targets and robots that share views or a
-transform are one group. A finding that is about none of them concerns everything.
+Cameras, targets and robots that share views or a transform are one group. A finding concerns the groups of the devices
+and transforms that it is about. A finding about none of them concerns everything.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.problem.view_group import ViewGroup
 
 _OWN_TRANSFORM_CODES = {"weak-direction", "unobservable-direction", "prior-dominated"}
-"""Codes of findings about how well a transform is known, which says nothing against others."""
+"""Codes of findings about the uncertainty of one transform, which do not concern other transforms."""
 
 _VERDICT_ORDER: tuple[Verdict, ...] = ("refused", "doubtful", "good")
 _BY_SEVERITY: Mapping[str, Verdict] = {"error": "refused", "warning": "doubtful", "info": "good"}
@@ -27,12 +27,12 @@ def judge_findings(findings: Sequence[Finding]) -> Verdict:
 
 
 def transform_verdicts(problem: Problem, names: Iterable[str], findings: Sequence[Finding]) -> dict[str, Verdict]:
-    """The verdict of each of these transforms.
+    """Verdict of each transform, by name.
 
     Args:
-        problem: Whose views tie devices and transforms together.
-        names: Of the transforms.
-        findings: All that were made of the calibration.
+        problem: Problem whose views connect devices and transforms.
+        names: Names of the transforms.
+        findings: All findings of the calibration.
     """
     parts = _parts(problem)
     known = set().union(*parts)
@@ -53,7 +53,7 @@ def _is_about(finding: Finding, name: str, own: set[str], names: set[str]) -> bo
 
 
 def _parts(problem: Problem) -> list[set[str]]:
-    """Names of devices and transforms, those that views tie together in one set."""
+    """Sets of the names of devices and transforms that views connect."""
     parts: list[set[str]] = []
     for group in problem.all_groups:
         mine = _names(group)

@@ -17,7 +17,7 @@ def test_beyond_chance(evidence, found):
     """With the ratio of the spread to the sigmas."""
     made = inconsistent_folds(evidence(cross_validation=spread(found)))
     assert [f.severity for f in made] == (["warning"] if found else [])
-    assert not found or "spread 3.0 times as much as the sigmas predict. Take the sigmas as 3.0" in made[0].message
+    assert not found or "spread 3.0 times as much as the sigmas predict. Multiply the sigmas by 3.0" in made[0].message
 
 
 def test_robots_without_noise_are_named(evidence):

@@ -35,5 +35,5 @@ def test_the_transform_that_moves_most_counts(evidence):
     for moved, severity in ((0.99, "info"), (1.01, "warning")):
         (found,) = lens_model(evidence(lens_structures=of(moved)))
         assert found.severity == severity
-    assert found.what == "Residuals of wrist depend on their place in the image: 0.31 px rms."
-    assert found.why.startswith("Its lens model cannot have them (chance 3e-06), which moves the answer by ")
+    assert found.what == "Residuals of wrist depend on their position in the image: 0.31 px rms."
+    assert found.why.startswith("Its lens model cannot represent them (chance 3e-06), which moves the answer by ")

@@ -56,7 +56,7 @@ def test_what_is_contradicted_as_a_whole_is_everything(evidence):
     for ratio, severity in ((1.5, "warning"), (0.5, "info")):
         (finding,) = poor_fit(evidence(contradicted_sigmas=(ContradictedSigma("", False, ratio, 1e-9),)))
         assert (finding.severity, finding.about) == (severity, ())
-        assert "of everything" in finding.message
+        assert "of all data" in finding.message
 
 
 def test_sigmas_that_are_too_large_leave_other_reasons(evidence):

@@ -58,7 +58,7 @@ def test_spots_near_the_light_are_a_warning(made):
     for count, severity in ((1, "info"), (2, "warning")):
         (finding,) = found(made, dict.fromkeys(range(count), near))
         assert finding.severity == severity
-    assert "In 2 images both are near where it is predicted" in finding.message
+    assert "In 2 images both are near the predicted position" in finding.message
 
 
 def test_without_another_spot_nothing_is_said(made, evidence):

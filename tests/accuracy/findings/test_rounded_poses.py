@@ -114,7 +114,7 @@ def test_quaternions(step):
         return SE3.from_quaternion(components / np.linalg.norm(components, axis=-1, keepdims=True), pose.translation)
 
     (finding,) = found_in(read, (3e-4, 2 * step / 12**0.5))
-    assert f"Quaternions of hand are all multiples of {step:g}, but for their length" in finding.message
+    assert f"Quaternions of hand are all multiples of {step:g} before normalisation" in finding.message
     assert f"adds {2e3 * step / 12**0.5:.2g} mrad" in finding.message
     assert finding.severity == "warning"
 

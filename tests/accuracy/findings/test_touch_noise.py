@@ -32,7 +32,7 @@ def test_a_small_stated_sigma_is_named_beside_an_arm_of_unknown_noise():
     named = [each for each in found.findings if each.code == "touch-noise"]
     assert found.verdict == "good"
     assert {each.about for each in named} == {("eye_tip",), ("hand_tip",)}
-    assert all("of touches or of the arm" in each.why for each in named)
+    assert all("of the touches or of the arm" in each.why for each in named)
     assert "poor-fit" not in {each.code for each in found.findings}
 
 

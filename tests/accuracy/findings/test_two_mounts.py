@@ -39,8 +39,8 @@ def test_both_sets_of_samples_are_found(layout, robot, mount):
     """With how far apart they are, and which samples are the fewer."""
     (finding,) = found_with(5e-3, layout, robot)
     assert (finding.code, finding.severity, finding.about) == ("two-mounts", "warning", (mount,))
-    assert "elsewhere at samples 2, 3, 7, 8, 12." in finding.what
-    assert 3.5 < float(finding.what.split(" is ")[1].split()[0]) < 6.5
+    assert "mm at samples 2, 3, 7, 8, 12." in finding.what
+    assert 3.5 < float(finding.what.split(" by ")[1].split()[0]) < 6.5
 
 
 def test_noise_alone_is_no_second_place():

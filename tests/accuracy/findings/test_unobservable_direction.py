@@ -169,7 +169,7 @@ def test_what_a_prior_holds_is_told():
     assert told.severity == "info"
     assert told.about == (BOARD, BASE)
     assert "translation of board along" in told.message
-    assert f"{BASE} rests on it" in told.message
+    assert f"{BASE} depends on it" in told.message
     # The prior's 5 mm along one direction is all there is.
     assert np.linalg.norm(found[BASE].sigma_t) == pytest.approx(5e-3, rel=0.05)
 

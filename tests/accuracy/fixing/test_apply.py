@@ -75,6 +75,6 @@ def test_what_is_written_already_is_no_fix(folder: Path) -> None:
     samples = read_recording(folder, cell).samples
     square = cell.targets["board"].target.options["square_m"]
     cure = Cure(FINDING, "Write it.", Change(samples, {("targets", "board", "square_m"): square}))
-    with pytest.raises(InputError, match="written so already, nothing is changed: Write it"):
+    with pytest.raises(InputError, match="already contains this, nothing is changed: Write it"):
         apply_cure(folder, cure)
     assert not (folder / "originals").exists()

@@ -289,7 +289,7 @@ def test_units_are_told_in_whole_words():
     angles = [h.words for h in hypotheses(JOINTS, "angle-unit")]
     assert angles[:2] == [
         "the joints of eye are in degrees",
-        "the joints of eye are turned from degrees into radians though they were radians",
+        "the joints of eye are converted from degrees to radians although they were radians",
     ]
 
 
@@ -317,7 +317,7 @@ def test_subsets_are_each_and_all():
 def test_a_shift_of_all_samples_goes_by_their_order():
     """It is no wider model, and asks for no missed detection; what is declared is neither."""
     whole = shift(None, 1)
-    assert (whole.fix, whole.by_order, whole.nested) == ("pair it so", True, False)
+    assert (whole.fix, whole.by_order, whole.nested) == ("pair it accordingly", True, False)
     assert (AS_DECLARED.by_order, AS_DECLARED.nested) == (False, False)
 
 

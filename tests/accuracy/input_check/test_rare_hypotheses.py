@@ -173,7 +173,7 @@ def test_transposed_matrices_are_undone():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("mixed", "code", "words"), [
-    (turned_round(MADE.recording, "hand"), "pairing-shifted", "What hand recorded stands in reverse order"),
+    (turned_round(MADE.recording, "hand"), "pairing-shifted", "What hand recorded is in reverse order"),
     (read_as(MADE.recording, "xyz", "XYZ"), "euler-order", "angles about moving axes x, y, z (Staubli)"),
 ])  # fmt: skip
 def test_calibrate_names_them(mixed, code, words):
@@ -281,7 +281,7 @@ def test_streams_are_shifted_by_up_to_six_samples(samples, shifts):
         by_name = others[: 2 * (samples > 10)]
         assert all("sorted as text" in each.words for each in by_name)
         shifted = others[len(by_name) :]
-        assert turned.words == f"{who} stands in reverse order"
+        assert turned.words == f"{who} is in reverse order"
         assert turned.about == (() if stream is None else ("hand",))
         words = [f"{who} belongs {by} samples {way}" for by in shifts for way in ("later", "earlier")]
         assert [h.words for h in shifted] == words

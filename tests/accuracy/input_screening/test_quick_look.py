@@ -152,12 +152,17 @@ def test_doubts_are_told_where_the_rest_will_not_dispel_them(monkeypatch):
 def test_what_is_left_untold(monkeypatch):
     """Where nothing explains the views, no fit is found, a transform is open, or the fit predicts badly."""
     assert looked(monkeypatch, hopeless=True).findings == (HOPELESS,)
-    assert looked(monkeypatch, fit=None).untold == "leave open what is asked for; turn every arm about two axes or more"
+    assert (
+        looked(monkeypatch, fit=None).untold
+        == "the requested transforms are not determined; turn every arm about two axes or more"
+    )
     name = made().cell.requested_transforms[0]
-    assert looked(monkeypatch, unobservable=[name]).untold.startswith("they fit to 0.2 px as they are read, but leave")
+    assert looked(monkeypatch, unobservable=[name]).untold.startswith(
+        "as declared the views fit with an error of 0.2 px, but the requested"
+    )
     assert looked(monkeypatch, unobservable=["another"]).error == "0.2 px"
     bad = looked(monkeypatch, plausible=False)
-    assert bad.untold == "the others predict each to 0.2 px, in no other convention better"
+    assert bad.untold == "held-out views have an error of 0.2 px, and no other convention reduces it"
     assert bad.error is None
 
 
@@ -165,4 +170,4 @@ def test_open_zeros_of_joints_are_why_a_base_is_open(monkeypatch):
     """Whatever the arms do."""
     robots = {n: replace(r, parameters={"joint_offsets": None}) for n, r in made().cell.robots.items()}
     said = module._left_open(replace(made().cell, robots=robots), None)
-    assert said == "leave open what is asked for without the priors of its robots"
+    assert said == "the requested transforms are not determined without the priors of its robots"

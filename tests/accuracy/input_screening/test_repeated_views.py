@@ -26,7 +26,7 @@ def test_a_view_under_other_poses(target):
     assert repeated_views(made.cell, made.recording) == []
     (found,) = repeated_views(made.cell, copied(made, (1, 4), (2, 7)))
     assert (found.code, found.severity, found.about) == ("repeated-view", "warning", ("1", "4", "2", "7"))
-    assert "at samples 1 and 4, samples 2 and 7. Pair poses and images anew" in found.message
+    assert "at samples 1 and 4, samples 2 and 7. Pair poses and images again" in found.message
 
 
 def test_of_many_pairs_five_are_listed():
@@ -96,7 +96,7 @@ def test_five_pairs_are_all_listed():
     made = simulate(Scenario(samples=12), 0)
     (found,) = repeated_views(made.cell, copied(made, *((k, k + 6) for k in range(5))))
     assert found.message == (
-        "The same image or view is there twice under other poses, at samples 0 and 6, samples 1 and 7, samples 2 and "
-        "8, samples 3 and 9, samples 4 and 10. Pair poses and images anew, or remove the copies."
+        "The same image or view occurs twice with different robot poses, at samples 0 and 6, samples 1 and 7, "
+        "samples 2 and 8, samples 3 and 9, samples 4 and 10. Pair poses and images again, or remove the copies."
     )
     assert found.about == ("0", "6", "1", "7", "2", "8", "3", "9", "4", "10")

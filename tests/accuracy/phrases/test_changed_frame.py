@@ -32,7 +32,7 @@ def recording(frame: str, since: int, made: SimulatedCell = MADE) -> Recording:
 @pytest.mark.parametrize(
     ("frame", "says"),
     [
-        ("tool", "the poses of hand are of another tool frame, or board was mounted anew: hand_flange_from_board"),
+        ("tool", "the poses of hand are of another tool frame, or board was mounted again: hand_flange_from_board"),
         ("base", "the poses of hand are in another base frame, or its base was moved: eye_base_from_hand_base"),
     ],
 )

@@ -37,7 +37,7 @@ def test_arms_that_stand_alike_contradict_nothing():
 def test_an_arm_on_the_wall_is_told(robots):
     """The angle by which the bases contradict what is taken, and what to write."""
     words = said(robots)
-    assert f"along {' and '.join(f'-z of {robot}_base' for robot in robots)}. By the answer" in words
+    assert f"along {' and '.join(f'-z of {robot}_base' for robot in robots)}. In the answer" in words
     assert "differs by 90 deg" in words
     assert "deflection: {down: [x, y, z]}" in words
 

@@ -66,7 +66,7 @@ def test_each_outlier_that_is_listed_has_its_size():
     many = list_outliers([replace(view, sample=k) for k in range(6)], {})
     assert "Sample 4: " in many
     assert "Sample 5" not in many
-    assert many.endswith("Those that follow are under `outliers` of calibration.json.")
+    assert many.endswith("The others are listed under `outliers` in calibration.json.")
 
 
 def test_from_a_thousand_sigmas_on_the_number_says_no_more():

@@ -1,1 +1,1 @@
-"""Calibrations of arrays under OpenCV's names."""
+"""Calibrations from arrays, with OpenCV's names."""

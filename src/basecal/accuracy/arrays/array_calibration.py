@@ -1,4 +1,4 @@
-"""A calibration of arrays, whose transforms go by OpenCV's names."""
+"""Result of a calibration from arrays, with transforms by OpenCV's names."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from basecal.geometry import Array, PoseEstimate
 
 @dataclass(frozen=True)
 class Alias:
-    """A transform of the cell, or its inverse, by another name."""
+    """The transform of the cell, or its inverse, that another name refers to."""
 
     transform: str
     is_inverse: bool = False
 
 
 class _NoTransform(NotObservable, AttributeError):
-    """A transform that the arrays do not determine, for which `hasattr` is false."""
+    """Error for a transform that the arrays do not determine; `hasattr` is false for it."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArrayCalibration:
-    """The answer to a calibration of arrays.
+    """Result of a calibration from arrays.
 
     `found["cam2gripper"]` is a transform with its covariance (6, 6) [m, rad]. `found.R_cam2gripper` (3, 3) and
     `found.t_cam2gripper` (3, 1) [m] are its mean in the form of OpenCV. `a2b` is `b_from_a`.
 
     Attributes:
-        calibration: All that came out, by the names of the cell.
-        cell: What was calibrated.
-        recording: What was given, as a recording.
-        aliases: Transforms of the cell by OpenCV's names.
-        words: Names of the cell's robots, frames and conventions as the arrays have them.
+        calibration: The complete calibration, with the names of the cell.
+        cell: The cell that represents the arrays.
+        recording: The arrays as a recording.
+        aliases: Transforms of the cell, by OpenCV's names.
+        words: OpenCV's words for the cell's robots, frames and conventions.
     """
 
     calibration: Calibration
@@ -52,16 +52,16 @@ class ArrayCalibration:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Findings in the words of the arrays, the most severe first."""
+        """Findings with OpenCV's names, the most severe first."""
         words = {alias.transform: name for name, alias in self.aliases.items()} | dict(self.words)
         return tuple(rename_finding(each, words) for each in self.calibration.findings)
 
     def __getitem__(self, name: str) -> PoseEstimate:
-        """The estimate of a transform by OpenCV's name.
+        """Estimate of the transform with this OpenCV name.
 
         Raises:
             FrameNotFound: if there is no such name.
-            NotObservable: if the arrays do not determine it.
+            NotObservable: if the arrays do not determine the transform.
         """
         if name not in self.aliases:
             raise FrameNotFound(name, list(self.aliases))
@@ -76,23 +76,23 @@ class ArrayCalibration:
         return [name for name, alias in self.aliases.items() if alias.transform in self.calibration.transforms]
 
     def __getattr__(self, name: str) -> Any:
-        """`R_...` and `t_...` of each name."""
+        """Rotation `R_...` (3, 3) or translation `t_...` (3, 1) [m] of each name."""
         letter, _, alias = name.partition("_")
         if letter not in ("R", "t") or alias not in self.__dict__.get("aliases", {}):
             raise AttributeError(f"a calibration of arrays has no {name!r}")
         return self[alias].mean.rotation if letter == "R" else _column(self[alias])
 
     def __dir__(self) -> list[str]:
-        """Attributes, with those of `R_...` and `t_...`."""
+        """List the attributes, including `R_...` and `t_...`."""
         return [*super().__dir__(), *(f"{letter}_{name}" for name in self._known_names for letter in "Rt")]
 
     def __repr__(self) -> str:
-        """One line."""
+        """Verdict and transforms in one line."""
         transforms = "; ".join(f"{name} {self[name].words()}" for name in self._known_names)
         return f"<{self.verdict}: {transforms or 'no transform'}>"
 
     def _repr_html_(self) -> str:
-        """The table that a notebook shows, by OpenCV's names."""
+        """HTML table for notebooks, with OpenCV's names."""
         calibration = self.calibration
         states = {name: calibration.status.get(self.aliases[name].transform, "free") for name in self._known_names}
         transforms = {name: self[name] for name in states}

@@ -1,4 +1,4 @@
-"""Calibrations of arrays by the calls that OpenCV's users know: each gives covariance, a verdict and findings."""
+"""Calibrations from arrays with the signatures of OpenCV, which add covariance, a verdict and findings."""
 
 from __future__ import annotations
 
@@ -26,18 +26,20 @@ def hand_eye(
     camera_on: Literal["robot", "world"] = "robot",
     settings: Settings = DEFAULT,
 ) -> ArrayCalibration:
-    """`cam2gripper` and `target2base`, as of `cv2.calibrateHandEye`; `cam2base` and `target2gripper` of a still camera.
+    """Estimate `cam2gripper` and `target2base`, as `cv2.calibrateHandEye`.
+
+    With a static camera, estimate `cam2base` and `target2gripper`.
 
     Args:
         R_gripper2base: (n, 3, 3), or rotation vectors (n, 3) [rad]; arrays or lists of arrays.
         t_gripper2base: (n, 3) or (n, 3, 1) [m].
-        R_target2cam: As of the gripper.
-        t_target2cam: Likewise.
-        camera_on: What carries the camera. The poses of the gripper are the same for both: none are inverted.
-        settings: How to solve.
+        R_target2cam: (n, 3, 3), or rotation vectors (n, 3) [rad].
+        t_target2cam: (n, 3) or (n, 3, 1) [m].
+        camera_on: Whether the robot or the world carries the camera. The gripper poses are not inverted in either case.
+        settings: Settings of the solver.
 
     Raises:
-        InputError: if they are no poses, or not as many, or nothing known carries the camera.
+        InputError: if the arrays are no poses or differ in number, or `camera_on` is unknown.
     """
     arrays = {
         "R_gripper2base": R_gripper2base,
@@ -62,17 +64,17 @@ def robot_world(
     *,
     settings: Settings = DEFAULT,
 ) -> ArrayCalibration:
-    """`base2world` and `gripper2cam`, as of `cv2.calibrateRobotWorldHandEye`.
+    """Estimate `base2world` and `gripper2cam`, as `cv2.calibrateRobotWorldHandEye`.
 
     Args:
         R_world2cam: (n, 3, 3), or rotation vectors (n, 3) [rad]; arrays or lists of arrays.
         t_world2cam: (n, 3) or (n, 3, 1) [m].
-        R_base2gripper: As of the camera.
-        t_base2gripper: Likewise.
-        settings: How to solve.
+        R_base2gripper: (n, 3, 3), or rotation vectors (n, 3) [rad].
+        t_base2gripper: (n, 3) or (n, 3, 1) [m].
+        settings: Settings of the solver.
 
     Raises:
-        InputError: if they are no poses, or not as many.
+        InputError: if the arrays are no poses or differ in number.
     """
     arrays = {
         "R_world2cam": R_world2cam,
@@ -94,19 +96,19 @@ def base_to_base(
     *,
     settings: Settings = DEFAULT,
 ) -> ArrayCalibration:
-    """`hand_base2eye_base`, `cam2eye_gripper` and `target2hand_gripper` of two arms, of which both may move.
+    """Estimate `hand_base2eye_base`, `cam2eye_gripper` and `target2hand_gripper` of two arms that may both move.
 
     Args:
-        R_eye_gripper2base: Of the arm that carries the camera: (n, 3, 3), or rotation vectors (n, 3) [rad].
-        t_eye_gripper2base: (n, 3) or (n, 3, 1) [m].
-        R_hand_gripper2base: Likewise of the arm that carries the target.
-        t_hand_gripper2base: Likewise.
-        R_target2cam: Likewise of the target in the camera.
-        t_target2cam: Likewise.
-        settings: How to solve.
+        R_eye_gripper2base: Of the arm with the camera, (n, 3, 3), or rotation vectors (n, 3) [rad].
+        t_eye_gripper2base: Of the arm with the camera, (n, 3) or (n, 3, 1) [m].
+        R_hand_gripper2base: Of the arm with the target, (n, 3, 3), or rotation vectors (n, 3) [rad].
+        t_hand_gripper2base: Of the arm with the target, (n, 3) or (n, 3, 1) [m].
+        R_target2cam: (n, 3, 3), or rotation vectors (n, 3) [rad].
+        t_target2cam: (n, 3) or (n, 3, 1) [m].
+        settings: Settings of the solver.
 
     Raises:
-        InputError: if they are no poses, or not as many.
+        InputError: if the arrays are no poses or differ in number.
     """
     arrays = {
         "R_eye_gripper2base": R_eye_gripper2base,
@@ -127,7 +129,7 @@ def base_to_base(
 def _calibrate_record(
     record: HandEyeRecord, names: Mapping[str, Alias], words: Mapping[str, str], settings: Settings
 ) -> ArrayCalibration:
-    """The calibration of a record as a cell, whose robots are the eye that carries the camera and the hand."""
+    """Calibrate a record as a cell in which `eye` carries the camera and `hand` the target."""
     poses = {"eye": record.base_from_flange} if record.camera_on_robot else {"hand": record.base_from_flange}
     if record.hand_base_from_flange is not None:
         poses["hand"] = record.hand_base_from_flange

@@ -1,4 +1,4 @@
-"""Findings in the words of arrays: transforms by OpenCV's names, and no advice about files that do not exist."""
+"""Findings for calibrations from arrays: with OpenCV's names, and without advice about files."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _COMMANDS = ("`basecal ", "cell.yaml", "--")
 
 
 def _inverse_name(argument: str) -> str:
-    """`a2b` of `b2a`."""
+    """Return the name `b2a` for `a2b`."""
     source, _, into = argument.partition("2")
     return f"{into}2{source}"
 
 
 def _arm_words(robot: str, noun: str, base: str, gripper: str, argument: str) -> dict[str, str]:
-    """Words of a robot of the cell, whose poses are the arrays `R_argument` and `t_argument`."""
+    """Replacements for the phrases about a robot, whose poses are the arrays `R_argument` and `t_argument`."""
     arrays = f"R_{argument}, t_{argument}"
     return {
         robot: noun,
@@ -32,7 +32,7 @@ def _arm_words(robot: str, noun: str, base: str, gripper: str, argument: str) ->
 
 
 def _view_words(argument: str) -> dict[str, str]:
-    """Words of what the camera saw, which are the arrays `R_argument` and `t_argument`."""
+    """Replacements for the phrases about observations, which are the arrays `R_argument` and `t_argument`."""
     arrays = f"R_{argument}, t_{argument}"
     return {
         "observed poses": f"poses {arrays}",
@@ -52,7 +52,7 @@ HAND_EYE_WORDS = {
     "import the inverse poses, with camera on world": "give the inverse poses, with camera_on='world'",
     "import the inverse poses, with target on world": "give the inverse poses, with camera_on='robot'",
 }
-"""Words of the cell in those of `basecal.hand_eye`."""
+"""Words of `basecal.hand_eye`, by words of the cell."""
 
 ROBOT_WORLD_WORDS = {
     **_arm_words("eye", "the gripper", "base", "gripper", "base2gripper"),
@@ -61,7 +61,7 @@ ROBOT_WORLD_WORDS = {
     "import with the other --camera-on": "call hand_eye with camera_on='world'",
     "import the inverse poses, with camera on world": "call hand_eye with the inverse poses and camera_on='world'",
 }
-"""Those of `basecal.robot_world`."""
+"""Words of `basecal.robot_world`, by words of the cell."""
 
 BASE_TO_BASE_WORDS = {
     **_arm_words("eye", "eye", "eye_base", "eye_gripper", "eye_gripper2base"),
@@ -70,20 +70,20 @@ BASE_TO_BASE_WORDS = {
     "flange_from_base": "base2gripper",
     "poses of eye and hand": "poses of eye and hand",
 }
-"""Those of `basecal.base_to_base`."""
+"""Words of `basecal.base_to_base`, by words of the cell."""
 
 
 def rename_finding(finding: Finding, words: Mapping[str, str]) -> Finding:
-    """A finding about a cell's frames as one about arrays; advice to edit or import files is left out.
+    """Rename the frames of a finding to those of arrays, and remove advice to edit or import files.
 
     Args:
-        finding: By the names of the cell.
-        words: Names of its robots, frames and transforms, and phrases, as the arrays have them.
+        finding: Finding with the names of the cell.
+        words: Words of the arrays, by names and phrases of the cell.
     """
     pattern = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, sorted(words, key=len, reverse=True)))})(?!\w)")
 
     def rename(text: str) -> str:
-        """A text whose sentences begin with a capital where a name became a noun."""
+        """Replace the words of a text; a sentence that now begins with "the" gets a capital."""
         found = pattern.sub(lambda match: words[match[0]], _OF_FILES.sub("", text))
         return re.sub(r"(^|\. )the ", r"\1The ", found)
 

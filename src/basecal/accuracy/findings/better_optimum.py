@@ -1,4 +1,4 @@
-"""`better-optimum`: another start or the certificate led to less cost, or a closed form predicts better."""
+"""`better-optimum`: another start or the certificate led to a lower cost, or a closed form predicts better."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from basecal.cell import Finding
 
 
 def guess_led_astray() -> Finding:
-    """An info that the transforms stated as guesses were not started from."""
+    """An info that the solver did not start from the stated guesses."""
     what = "The guesses of the cell led to an answer in which the recorded poses do not explain the views."
     return Finding("better-optimum", "info", (), what, why="The answer starts without them.")
 
 
 def better_optimum(evidence: Evidence) -> list[Finding]:
-    """An info if the answer is not the optimum the start had led to; a warning if a closed form is better."""
+    """An info if the certificate led to another optimum than the start; a warning if a closed form predicts better."""
     found = []
     if evidence.solution is not evidence.robust.solution:
         what = f"The start led to a local optimum of cost {evidence.robust.solution.cost:.6g}."

@@ -1,4 +1,4 @@
-"""`board-shape`: a target that is not shaped as stated: a board that is not flat, points in space that are off."""
+"""`board-shape`: a target whose shape is not as stated: a board that is not flat, or wrong 3-D points."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from basecal.effects.target_shape import freedoms, words
 
 
 def board_shape(evidence: Evidence) -> list[Finding]:
-    """An info about each target that is off its shape beyond chance; a warning if none is made so badly."""
+    """A finding about each target whose shape deviates significantly; a warning if the deviation is implausible."""
     findings = []
     for name, (shape, spread) in evidence.solution.noise.shapes.items():
         target = evidence.cell.targets[name].target

@@ -5,11 +5,11 @@ from __future__ import annotations
 from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
 
-_MANY_SHARE = 0.1  # share of the samples: whoever dropped a single one says so by an info; assumed
+_MANY_SHARE = 0.1  # share of the samples above which a warning is added to the infos about single samples; assumed
 
 
 def many_dropped_samples(inputs: Input) -> list[Finding]:
-    """A warning if more than a tenth of the samples could not be used, by the findings so far."""
+    """A warning if more than a tenth of the samples could not be used, according to the findings so far."""
     about = {name for f in inputs.findings if f.code == "dropped-sample" for name in f.about}
     dropped = {name for name in about if name.isdecimal()}
     total = len({int(number) for group in inputs.problem.groups for number in group.sample}) + len(dropped)

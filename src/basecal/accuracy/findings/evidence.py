@@ -1,4 +1,4 @@
-"""The evidence of findings: the input as it was read, and the answer with all that was computed about it."""
+"""Evidence for findings: the input as read, and the answer with everything computed about it."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from basecal.estimation.solve import Solution
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """The input as it was read, before anything is solved.
+    """The input as read, before solving.
 
     Attributes:
-        problem: Of cell and recording.
-        findings: Made while these were read.
-        on_paths: Whether robots' poses are read off their paths at the instants of views, not at stops.
+        problem: Problem built from cell and recording.
+        findings: Findings from reading them.
+        on_paths: Whether robot poses are interpolated at the instants of views, instead of recorded at stops.
         images: Number of recorded images in which a target can be searched.
     """
 
@@ -39,23 +39,23 @@ class Input:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """An answer, and what was computed to judge it.
+    """An answer, with the results that judge it.
 
     Attributes:
-        cell: What exists, and what is requested.
-        settings: How it was solved.
-        recorded: The problem as it was recorded, outliers among it.
-        robust: The solution without outliers, and these.
-        solution: The answer: that of `robust`, or a better one that the certificate led to.
-        cross_validation: How samples are predicted that were held out; None if the answer is none.
-        contradicted_sigmas: Stated sigmas that the residuals of the solution with them contradict.
+        cell: The cell, with the requested transforms.
+        settings: Settings of the solver.
+        recorded: The recorded problem, including outliers.
+        robust: The solution without outliers, and the outliers.
+        solution: The answer: the solution of `robust`, or a better one that the certificate led to.
+        cross_validation: Prediction errors of held-out samples; None if they cannot be computed.
+        contradicted_sigmas: Stated sigmas that the residuals of the solution with these sigmas contradict.
         refuted: The solution with the sigmas as stated, if some of these are contradicted as too small.
-        systematic_error: What explains the residuals better than noise; None if nothing does.
-        lens_structures: Cameras whose residuals go by their place in the image.
-        held_out_places: What remains at places of touches that were held out.
-        robot_model: What held-out samples say of the robots' kinematics; None if there was nothing to choose.
-        units_m: The assumed length of a unit of poses that are up to scale [m], by target.
-        images: Paths of the recorded images, by number of the sample and camera.
+        systematic_error: Systematic error that explains the residuals better than noise; None if there is none.
+        lens_structures: Cameras whose residuals depend on the position in the image.
+        held_out_places: Errors of touches at held-out places.
+        robot_model: Choice of the robots' kinematic model by held-out samples; None if there was nothing to choose.
+        units_m: Assumed length unit of poses known up to scale, by target [m].
+        images: Paths of the recorded images, by sample number and camera.
     """
 
     cell: Cell
@@ -75,7 +75,7 @@ class Evidence:
 
     @cached_property
     def residuals(self) -> Residuals:
-        """How the answer fits."""
+        """Residuals of the answer."""
         return residuals(self.solution, self.robust.left_out)
 
 

@@ -1,4 +1,4 @@
-"""`far-task`: the task is far from where an arm that records poses alone was recorded."""
+"""`far-task`: the task is far from the recorded poses of robots without recorded joints."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from basecal.geometry import Array
 
 
 def far_task(evidence: Evidence) -> list[Finding]:
-    """An info if no arm that records poses alone was recorded near the task."""
+    """An info if no robot without recorded joints was recorded near the task."""
     if evidence.settings.task_point is None:
         return []
     far = dict(_distances(evidence, np.array(evidence.settings.task_point)))
@@ -21,12 +21,12 @@ def far_task(evidence: Evidence) -> list[Finding]:
     if nearest_m < LENGTH_M / 2:
         return []
     what = f"The task point is {nearest_m:.2g} m from the nearest recorded flange of {' and '.join(far)}."
-    why = "The error there contains what arms err by that are not calibrated."
+    why = "The error there includes the uncalibrated kinematic errors of the arms."
     return [Finding("far-task", "info", tuple(far), what, ("Record samples where the arms will work.",), why)]
 
 
 def _distances(evidence: Evidence, point_m: Array) -> Iterator[tuple[str, float]]:
-    """Distance of a point from each robot's nearest recorded flange [m], of robots that record poses alone."""
+    """Distance of a point from the nearest recorded flange of each robot without recorded joints [m]."""
     problem, transforms = evidence.solution.problem, evidence.solution.state.transforms
     for robot in problem.robots:
         ends = problem.robot_ends(robot)

@@ -1,4 +1,4 @@
-"""`held-out-places`: touches at places that were held out are farther off than noise explains."""
+"""`held-out-places`: touches at held-out places have larger errors than noise explains."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from basecal.cell import Finding
 
 
 def held_out_places(evidence: Evidence) -> list[Finding]:
-    """An info about the mark that the answer of the other places predicts worst, if noise does not explain that."""
+    """An info about the mark with the largest held-out error over its noise, if noise does not explain this error."""
     if not evidence.held_out_places:
         return []
     worst = max(evidence.held_out_places, key=lambda each: each.ratio)
@@ -17,6 +17,6 @@ def held_out_places(evidence: Evidence) -> list[Finding]:
         return []
     error, noise = 1e3 * worst.error_m, 1e3 * worst.error_m / worst.ratio
     what = f"Touches of {worst.mark}, held out with their place, are off by {error:.2g} mm; {noise:.2g} mm is expected."
-    why = "The arm has an error there that its model does not have."
+    why = "The arm has an error there that its model does not contain."
     do = ("Touch marks at more places where the arm will work.",)
     return [Finding("held-out-places", "info", (worst.mark,), what, do, why)]

@@ -1,4 +1,4 @@
-"""`identical-robots`: two robots whose recorded poses are the same numbers."""
+"""`identical-robots`: two robots with identical recorded poses."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
 from basecal.geometry import Array
 
-_FEWEST_POSES = 3  # poses that two robots do not share by chance: a home pose, and that again, are two; assumed
+_FEWEST_POSES = 3  # distinct poses that two robots do not share by chance; more than a home pose and one more; assumed
 
 
 def identical_robots(inputs: Input) -> list[Finding]:
-    """An error about each pair of robots that move and have identical poses, such as of one file for both."""
+    """An error about each pair of moving robots with identical poses, such as from one file for both."""
     poses = {robot: _recorded_poses(inputs, robot) for robot in inputs.problem.robots}
     return [
         Finding(
@@ -31,7 +31,7 @@ def identical_robots(inputs: Input) -> list[Finding]:
 
 
 def _recorded_poses(inputs: Input, robot: str) -> Array:
-    """Distinct poses of a robot in the order of samples, as rows of 16 numbers; none of joints."""
+    """Poses of a robot in the order of samples, (n, 16); empty for joints or fewer than three distinct poses."""
     rows: dict[int, Array] = {}
     for group in inputs.problem.groups:
         end = group.robot_end(robot)

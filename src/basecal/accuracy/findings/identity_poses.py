@@ -1,4 +1,4 @@
-"""`identity-poses`: a robot's driver that gave nothing but the identity."""
+"""`identity-poses`: a robot's driver returned only the identity."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from basecal.estimation.observability.motions import mount_names
 
 
 def identity_poses(inputs: Input) -> list[Finding]:
-    """About each robot whose recorded poses are all the identity, exactly; joints are never that.
+    """A warning about each robot whose recorded poses are all exactly the identity; recorded joints are ignored.
 
-    An info if all that the robot carries is fixed: it may represent something that never moves.
+    An info if all mounts on the robot are fixed: the robot may represent something that never moves.
     """
     findings = []
     for robot in inputs.problem.robots:

@@ -1,4 +1,4 @@
-"""`prior-dominated` and `fixed-gauge` of robots' joints: parameters that the data do not hold."""
+"""`prior-dominated` and `fixed-gauge` of robots' joints: parameters that the data do not determine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.effects.registry import ROBOT_PARAMETERS
 
 
 def unobserved_joint_parameters(evidence: Evidence) -> list[Finding]:
-    """Infos about each robot's parameters, joint by joint, that stay at their prior, or at zero."""
+    """Infos about the joint parameters of each robot that stay at their prior, or at zero."""
     findings = []
     for kind, by_robot in robot_parameters(evidence.solution).items():
         for robot, found in by_robot.items():

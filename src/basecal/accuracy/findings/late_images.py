@@ -1,4 +1,4 @@
-"""`clock-offset`: images of arms that move, left out, that are where they would be a moment later or earlier."""
+"""`clock-offset`: outlier images of moving robots that fit if they were taken slightly later or earlier."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-# Share of what a view is off by that time takes away: of views off in any of six directions 1 in 900 has it, by
-# Beta(1/2, 5/2).
+# Share of a view's squared residual that a time offset explains: with residuals in six random directions, 1 in 900
+# views has it by chance, by Beta(1/2, 5/2).
 _EXPLAINED_SHARE = 0.9
-_LONGEST_S = 0.5  # that a velocity tells where a target was: arms change their way within; assumed
-_SHOWN_IMAGES = 5  # images whose delay is told; assumed to fit a sentence
+_LONGEST_S = 0.5  # [s] within which the velocity predicts the motion of a target; assumed
+_SHOWN_IMAGES = 5  # images whose delay is listed; assumed
 
 
 class _Late(NamedTuple):
-    """An image that was taken so much later than its stamp says [s]; below 0 earlier."""
+    """An image with the delay of its exposure after its time stamp [s]; negative if it was earlier."""
 
     sample: int
     by_s: float
 
 
 def late_images(evidence: Evidence) -> list[Finding]:
-    """Excluded images of each camera that their time explains: a warning above 3 %."""
+    """Findings about the outlier images of each camera that a time offset explains; a warning above 3 % of samples."""
     out = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
     found = []
     for camera in sorted({camera for _, camera in out}):

@@ -1,4 +1,4 @@
-"""`lens-model`: residuals that go by their place in the image."""
+"""`lens-model`: residuals that depend on the position in the image."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.lens_structure import LensStructure
 from basecal.cell import Finding
 
-# Sigmas by which a transform asked for has to move: less is within the sigma that is given; assumed.
+# Sigmas by which a requested transform has to shift for a warning: less is within its uncertainty; assumed.
 _RELEVANT_SIGMAS = 1.0
 
 
 def lens_model(evidence: Evidence) -> list[Finding]:
-    """A warning if what the lens model leaves moves the answer by more than its sigmas, else an info."""
+    """A warning if the error of a lens model shifts the answer by more than its sigmas, else an info."""
     findings = []
     for found in evidence.lens_structures:
         moves = [
@@ -22,9 +22,9 @@ def lens_model(evidence: Evidence) -> list[Finding]:
             if name in evidence.solution.problem.columns
         ]
         worst = max(moves, default=0.0)
-        what = f"Residuals of {found.camera} depend on their place in the image: {found.rms_px:.2g} px rms."
+        what = f"Residuals of {found.camera} depend on their position in the image: {found.rms_px:.2g} px rms."
         moved = f"which moves the answer by {worst:.1f} sigma"
-        why = f"Its lens model cannot have them (chance {found.chance:.0e}), {moved}. The covariance covers it."
+        why = f"Its lens model cannot represent them (chance {found.chance:.0e}), {moved}. The covariance covers it."
         do = "Try another lens model or more distortion terms.", "Fill the images to their corners."
         findings.append(
             Finding("lens-model", "warning" if worst > _RELEVANT_SIGMAS else "info", (found.camera,), what, do, why)

@@ -1,4 +1,4 @@
-"""Random effects of arms that the evidence shows, as an info: the covariance contains them."""
+"""An info about random effects of robots that the evidence supports and the covariance contains."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _CONTAINED_SENTENCE = "The covariance contains it."
 
 
 def likely_kinematics(evidence: Evidence) -> list[Finding]:
-    """The effect of joints or links whose evidence is far beyond that of stops that err independently.
+    """An info about an effect of joints or links whose evidence is far above that of independent stop errors.
 
-    Nothing if a warning reports it already.
+    Empty if a warning reports the effect already.
     """
     noise = evidence.solution.noise
     name, sigmas = next((each for each in noise.common.items() if RANDOM_EFFECTS[each[0]].likely), ("", {}))

@@ -1,6 +1,6 @@
-"""`long-mount`: what a flange carries is found far from it, and what stands on the ground near the base.
+"""`long-mount`: the mount on a flange is estimated to be long, and the static mount to be near the base.
 
-Inverse poses of one robot exchange mount and base: they fit as exactly, with the camera on the other end.
+Inverse poses of one robot exchange the two mounts: they fit equally well, with the camera on the other end.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import WORLD, Cell, Finding
 
-_LEAST_M = 0.4  # of a mount from its flange: most are within 0.2 m; assumed
-_TIMES_NEARER = 2.0  # what stands on the ground is to its base; assumed
+_LEAST_M = 0.4  # [m] length of a mount from its flange: most are within 0.2 m; assumed
+_TIMES_NEARER = 2.0  # length of the mount over the distance of the static device from the base; assumed
 
 
 def long_mount(evidence: Evidence) -> list[Finding]:
-    """A warning about the robot of a cell whose mount and base look exchanged."""
+    """A warning if the two mounts of a cell with one robot seem to be exchanged."""
     cell, found = evidence.cell, evidence.solution.state.transforms
     if len(cell.robots) != 1 or len(cell.cameras) != 1 or len(cell.targets) != 1 or not evidence.solution.converged:
         return []
@@ -30,7 +30,7 @@ def long_mount(evidence: Evidence) -> list[Finding]:
     if mount_m < max(_LEAST_M, _TIMES_NEARER * stand_m):
         return []
     what = f"{carried} is {mount_m:.2f} m from the flange of {robot}, and {standing} {stand_m:.2f} m from its base."
-    why = f"Inverse poses of {robot} fit as exactly, with {standing} on {robot} and {carried} on the ground."
+    why = f"Inverse poses of {robot} fit equally well, with {standing} on {robot} and {carried} on the ground."
     do = (
         f"Check what carries {camera}.",
         f"If {carried} is not on {robot}, import the inverse poses, with {carried} on {WORLD}.",

@@ -1,4 +1,4 @@
-"""`near-bases`: two robots whose bases are found nearly in one place, where no two robots stand."""
+"""`near-bases`: two robots whose estimated bases are closer together than is possible."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
 from basecal.geometry import SE3
 
-_LEAST_DISTANCE_M = 0.1  # less than the foot of a small arm is wide: 128 mm of a UR3e, by its data sheet
+_LEAST_DISTANCE_M = 0.1  # [m] less than the width of the foot of a small robot: 128 mm for a UR3e, by its data sheet
 
 
 def near_bases(evidence: Evidence) -> list[Finding]:
-    """An info about each pair of robots whose bases, which were free, are nearer than their feet allow."""
+    """An info about each pair of robots whose estimated bases are closer together than their feet allow."""
     cell, found = evidence.cell, evidence.solution.state.transforms
     origin = SE3.identity()
     placed = [name for name in evidence.solution.problem.robots if name == cell.reference or name in cell.bases]

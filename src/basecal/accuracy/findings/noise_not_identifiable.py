@@ -1,4 +1,4 @@
-"""`noise-not-identifiable`: noise of robots that state none, which the data do not determine."""
+"""`noise-not-identifiable`: unstated noise of robots that the data do not determine."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from basecal.cell import Finding
 from basecal.estimation.noise.robot_noise import count_stops
 from basecal.estimation.problem.problem import Problem
 
-FEWEST_STOPS = 12  # estimated sigmas scatter by a quarter from 15 boards (benchmarks.consistency), by more below
+FEWEST_STOPS = 12  # estimated sigmas scatter by a quarter for 15 boards (benchmarks.consistency), by more for fewer
 
 
 def robots_with_few_stops(problem: Problem) -> dict[str, int]:
-    """Stops of each robot that states no noise and moved, but too seldom to determine it."""
+    """Number of stops of each robot with unstated noise that moved, but has too few stops to determine it."""
     counts = {name: count_stops(problem, name) for name in sorted(problem.unstated)}
     return {name: count for name, count in counts.items() if 1 < count < FEWEST_STOPS}
 
 
 def robots_with_one_stop(problem: Problem) -> list[str]:
-    """Robots that state no noise and never moved."""
+    """Robots with unstated noise that never moved."""
     return [name for name in sorted(problem.unstated) if count_stops(problem, name) == 1]
 
 

@@ -1,4 +1,4 @@
-"""`not-converged`: the solver ended away from an optimum."""
+"""`not-converged`: the solver did not reach an optimum."""
 
 from __future__ import annotations
 

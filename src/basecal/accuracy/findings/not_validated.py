@@ -8,7 +8,10 @@ from basecal.cell import Finding
 
 
 def not_validated(evidence: Evidence) -> list[Finding]:
-    """An info about samples that cannot be held out, as a requested transform were unobservable, or where none can."""
+    """An info about samples that cannot be held out, since a requested transform would be unobservable without them.
+
+    The info also reports if no samples can be held out.
+    """
     found = evidence.cross_validation
     if found is None or not (found.skipped or not found.summary):
         return []

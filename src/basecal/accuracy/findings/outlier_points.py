@@ -7,11 +7,11 @@ from basecal.accuracy.phrases.outlier import list_outliers
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 
-_FEW_SHARE = 0.1  # share of the points: a few are the detector's everyday business; assumed
+_FEW_SHARE = 0.1  # share of the points: detectors usually produce a few outliers; assumed
 
 
 def outlier_points(evidence: Evidence) -> list[Finding]:
-    """The samples with points that were left out: a warning above one point in ten."""
+    """A finding about samples with outlier points; a warning above one point in ten."""
     outliers = [o for o in evidence.robust.outliers if o.ids]
     count = sum(len(o.ids) for o in outliers)
     if not count:

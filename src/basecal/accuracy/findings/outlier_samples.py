@@ -1,4 +1,4 @@
-"""`outlier-samples`: views that were left out, samples of which most disagree, and robots that were far off."""
+"""`outlier-samples`: outlier views, samples that mostly disagree, and stops with large pose errors."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import SE3, Array, IntArray
 
 FEW_SHARE = 0.03
-"""Share of the samples that is an event in the cell, and no sign of a fault in it; assumed."""
+"""Share of the samples up to which outliers are single events rather than a fault of the cell; assumed."""
 
-_FAR_SIGMAS = 6.0  # of a stop's error: a normal number is as far with a chance of 2e-9
-_FEWEST_MOVED = 3  # samples at an end of the recording: two may each be wrong for themselves; assumed
+_FAR_SIGMAS = 6.0  # sigmas of a stop's error: a normal variable exceeds it with a probability of 2e-9
+_FEWEST_MOVED = 3  # samples at an end of the recording: two may be single outliers; assumed
 
 
 def outlier_samples(evidence: Evidence) -> list[Finding]:
-    """The samples with a view that was left out: a warning above three in a hundred."""
+    """A finding about samples with an outlier view; a warning above 3 % of samples."""
     outliers = [o for o in evidence.robust.outliers if not o.ids]
     numbers, total = sorted({o.sample for o in outliers}), evidence.robust.samples
     if not numbers:
@@ -55,7 +55,7 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
 
 
 def _moved_sentence(outliers: Sequence[LeftOut], inliers: Problem) -> str:
-    """Likely cause of outliers that are all views of one thing from one sample on, or up to one; else nothing."""
+    """Likely cause of outliers that are all views of one frame after or before a sample; else an empty text."""
     views = {(o.camera, o.target) for o in outliers}
     groups = [group for group in inliers.groups if (group.camera, group.target) in views]
     frames = [
@@ -72,28 +72,31 @@ def _moved_sentence(outliers: Sequence[LeftOut], inliers: Problem) -> str:
     moved = [name for name in kept if len(kept[name]) == len(kept[fewest])]
     what = fewest.rpartition("_from_")[2] if len(moved) == 1 else "a base, a mount or the target"
     if numbers[0] > last:
-        return f" As if after sample {last} {what} had been moved{_distance_phrase(outliers)}: the answer is of before."
+        return (
+            f" The outliers look as if {what} was moved{_distance_phrase(outliers)} after sample {last}; "
+            "the answer is for the samples before."
+        )
     if numbers[-1] < first:
-        way = f"had been elsewhere{_distance_phrase(outliers)}"
-        return f" As if before sample {first} {what} {way}: the answer is of after."
+        way = f"was elsewhere{_distance_phrase(outliers)}"
+        return f" The outliers look as if {what} {way} before sample {first}; the answer is for the samples after."
     return ""
 
 
 def _distance_phrase(outliers: Sequence[LeftOut]) -> str:
-    """The distance of single points, in words."""
+    """Median distance of single points from their prediction, as text; empty if not all outliers are points."""
     known = [o.off_m for o in outliers if o.off_m is not None and o.off_rad is None]
     return f" by {1e3 * float(np.median(known)):.1f} mm" if len(known) == len(outliers) else ""
 
 
 def agreeing_samples(evidence: Evidence) -> list[Finding]:
-    """A warning if no answer rests on most samples: which of them agree with one another."""
+    """A warning if no solution explains most samples, with those that agree with one another."""
     robust = evidence.robust
     changed = changed_frame(evidence.recorded, evidence.cell) if robust.agreeing else None
     return agreement_findings(robust, changed)
 
 
 def agreement_findings(robust: RobustSolution, change: ChangedFrame | None = None) -> list[Finding]:
-    """Findings of a solution about which nothing else is known, except for changes between the samples."""
+    """A warning that few samples of a solution agree, with the frame that changed between samples, if it is known."""
     numbers = sorted(robust.agreeing if change is None else change.agreeing)
     if not numbers:
         return []
@@ -108,7 +111,7 @@ def agreement_findings(robust: RobustSolution, change: ChangedFrame | None = Non
 
 
 def far_stops(evidence: Evidence) -> list[Finding]:
-    """A warning about stops with a pose error of more than six sigma, where nothing else is said of samples."""
+    """A warning about stops with a pose error of more than six sigma, if no other finding is about samples."""
     solution = evidence.robust.solution
     errors = np.abs(solution.state.stop_errors).max(axis=1)
     far = np.flatnonzero(errors > _FAR_SIGMAS)
@@ -121,19 +124,20 @@ def far_stops(evidence: Evidence) -> list[Finding]:
     return [Finding("outlier-samples", "warning", tuple(map(str, samples)), what, do, why)]
 
 
-_SPREAD = 3.0  # of the worst view that was kept, as the fit saw no such row; held by slips 9 and 20 of `benchmarks`
-_MOST_OUTLIERS = 12  # whose pairs are tried; assumed: bounds the time
-# Metres in what a row may have been written in, by definition.
+# Times the worst residual of the inliers, since the fit excluded the row; tested by slips 9 and 20 of `benchmarks`.
+_SPREAD = 3.0
+_MOST_OUTLIERS = 12  # outliers whose pairs are tried; assumed: bounds the time
+# Factors to metres from the unit in which a row may have been written, by definition.
 _UNITS = {"millimetres": 1e-3, "metres among millimetres": 1e3}
 
 
 def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> Iterator[str]:
-    """Sentences about robots' rows under which views that were left out fit about as well as the others.
+    """Sentences about mistakes in robot rows that explain outlier views about as well as the inliers.
 
     Args:
-        problem: As it was recorded, outliers among it.
-        state: The answer without them.
-        numbers: The samples that were left out.
+        problem: The recorded problem, including outliers.
+        state: State of the answer without outliers.
+        numbers: Numbers of the samples with outliers.
     """
     for group in problem.groups:
         bare, of_outliers = group.without_stops(), np.isin(group.sample, list(numbers))
@@ -176,7 +180,7 @@ def _with_poses(group: ViewGroup, robot: str, pose: SE3) -> ViewGroup:
 
 
 def _costs(problem: Problem, state: State, group: ViewGroup) -> Array:
-    """Squares of what each view's residuals are in sigmas, (n,); infinite if it cannot have seen so."""
+    """Squared residuals of each view in sigmas, (n,); infinite if the view is impossible."""
     predicted = state.camera_from_target(group, problem.stops)
     cost = group.measurement.linearise(predicted, state.cameras.get(group.camera), False).cost
     return np.nan_to_num(cost, nan=np.inf)

@@ -1,4 +1,4 @@
-"""`overfit`: held-out samples are predicted much worse than used ones fit, and than the covariance expects."""
+"""`overfit`: prediction errors of held-out samples are far above the residuals and the expectation from covariance."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.cell import Finding
 
-_ROUNDING = 1e-12  # cost of a view that fits to rounding: synthetic cells without noise
+_ROUNDING = 1e-12  # cost of a view whose residuals are rounding errors: synthetic cells without noise
 
 
 def overfit(evidence: Evidence) -> list[Finding]:
-    """A warning if the cross-validation error is beyond what is expected by the residuals and the covariance.
+    """A warning if the cross-validation error is above the expectation from the residuals and the covariance.
 
-    Few samples leave a direction open, in which held-out ones are predicted badly: as one chi-square, at worst.
+    Few samples may hardly determine a direction, so that held-out predictions are poor: at worst with one degree of
+    freedom.
     """
     if evidence.cross_validation is None or evidence.cross_validation.summary is None:
         return []
@@ -32,7 +33,7 @@ def overfit(evidence: Evidence) -> list[Finding]:
 
 
 def _comparison(errors: HeldOutErrors, held_out: HeldOutErrors) -> str:
-    """Both errors in pixels, or in mm and degrees."""
+    """Both errors in pixels or mm, as text; empty if neither is known."""
     inside, outside = (root_mean(e.square_px, e.count_px) for e in (errors, held_out))
     if inside is not None and outside is not None:
         return f" ({outside:.2f} px against {inside:.2f} px)"

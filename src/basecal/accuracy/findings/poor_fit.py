@@ -1,4 +1,4 @@
-"""`poor-fit`: residuals larger than the stated sigmas, or any detector's or arm's noise, explain."""
+"""`poor-fit`: residuals larger than the stated sigmas, or any plausible noise of detectors or robots, explain."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from basecal.cell import Finding
 from basecal.estimation.noise.estimate import PLAUSIBLE_PX
 from basecal.geometry import Array
 
-# True sigma over the stated one: the covariance is estimated then, and the answer hardly moves; assumed.
+# Ratio of true to stated sigma without a warning: the covariance is estimated, and the answer hardly changes; assumed.
 _LITTLE_RATIO = 1.1
-_REPEATABILITY_M = 3e-3  # [m] per axis, thirty times the worst that makers state of arms, 0.02 to 0.1 mm
-_REPEATABILITY_RAD = 1e-2  # [rad] likewise: as much over 0.3 m
+_REPEATABILITY_M = 3e-3  # [m] per axis, thirty times the worst repeatability that makers state, 0.02 to 0.1 mm
+_REPEATABILITY_RAD = 1e-2  # [rad] per axis: as much over 0.3 m
 
 
 def poor_fit(evidence: Evidence) -> list[Finding]:
-    """A warning if residuals are larger than the stated sigmas explain, or any detector's or arm's noise."""
+    """A warning if residuals are larger than stated sigmas, or any plausible noise of detectors or robots, explain."""
     solution, rms_px = evidence.solution, evidence.residuals.rms_px
     stated = (each for each in evidence.contradicted_sigmas if not is_touch_noise(each, evidence))
     found = [_stated_finding(each, evidence) for each in stated]
@@ -39,18 +39,24 @@ def poor_fit(evidence: Evidence) -> list[Finding]:
 
 
 def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
-    """A warning if stated sigmas are too small, or hid directions; an info if they are too large, or off by little."""
+    """A warning if stated sigmas are clearly too small or replaced; an info if they are too large or nearly right."""
     about = _robots_in_doubt(sigma, evidence) if sigma.of_robot else (sigma.about,) if sigma.about else ()
-    whose = f"poses of {' or '.join(about)}" if sigma.of_robot else f"what {sigma.about} saw" if about else "everything"
+    whose = (
+        f"poses of {' or '.join(about)}"
+        if sigma.of_robot
+        else f"observations of {sigma.about}"
+        if about
+        else "all data"
+    )
     found = evidence.solution.noise.robots.get(sigma.about)
     stated = np.zeros(6) if found is None else _mean_noise(sigma.about, evidence)
     if found is not None and (not sigma.is_too_small or is_below_arms(stated)):
         what = f"The stated noise of {sigma.about} is {_noise(stated)}; the data show {_noise(found)}."
         do = (f"State noise of {_noise(found)}: sigma_t_m is in metres, sigma_r_rad in radians.",)
-        return Finding("poor-fit", "warning", about, what, do, "The answer is by the noise that the data show.")
+        return Finding("poor-fit", "warning", about, what, do, "The answer uses the noise that the data show.")
     if not sigma.is_too_small:
-        what = f"Noise of {whose} is {sigma.ratio:.2g} of what was stated."
-        why = "The covariance is wider than it need be."
+        what = f"Noise of {whose} is {sigma.ratio:.2g} times the stated noise."
+        why = "The covariance is wider than necessary."
         return Finding("poor-fit", "info", about, what, ("State the smaller sigmas.",), why)
     what = f"Residuals of {whose} are {sigma.ratio:.2f} times what the stated sigmas explain."
     why = f"That is not chance ({sigma.chance:.0e}); the covariance is that of the estimated noise."
@@ -59,13 +65,13 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
 
 
 def _mean_noise(robot: str, evidence: Evidence) -> Array:
-    """The noise that is stated of a robot, (6,) [m, rad]."""
+    """Mean stated sigmas of a robot's stops, (6,) [m, rad]."""
     stops = evidence.recorded.stops
     return np.asarray(stops.sigma[[name == robot for name in stops.robot]].mean(0))
 
 
 def _robots_in_doubt(sigma: ContradictedSigma, evidence: Evidence) -> tuple[str, ...]:
-    """A robot, and if its sigma is too small those in the same views that state theirs, too: either may be off."""
+    """A robot, and if its sigma is too small, the robots with stated noise in the same views: either may be wrong."""
     recorded = evidence.recorded
     seen = {robot for group in recorded.groups if sigma.about in group.robots for robot in group.robots}
     others = sorted(seen - {sigma.about} - set(recorded.unstated)) if sigma.is_too_small else []
@@ -73,5 +79,5 @@ def _robots_in_doubt(sigma: ContradictedSigma, evidence: Evidence) -> tuple[str,
 
 
 def _noise(sigma: Array) -> str:
-    """Sigmas of a robot, (6,), for people."""
+    """Mean sigmas of a robot, (6,) [m, rad], as text."""
     return f"{1e3 * float(np.mean(sigma[:3])):.3g} mm and {1e3 * float(np.mean(sigma[3:])):.3g} mrad"

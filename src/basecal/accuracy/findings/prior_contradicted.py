@@ -15,22 +15,23 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 from basecal.numerics.spectral import Spectrum, scaled_spectrum, spectrum
 
-# Of sigmas that are too small, where many parameters are each little off; assumed.
+# Smallest factor for sigmas that are too small, if many parameters each have a small error; assumed.
 _LEAST_WIDENING = 2.0
-# Share of a variance that the data take away, below which second-order terms move as much; assumed.
+# Share of the prior variance that the data remove, below which second-order terms are as large; assumed.
 _LEARNT_SHARE = 1e-3
 
 
 def prior_contradicted(evidence: Evidence) -> list[Finding]:
-    """A finding for each prior that is further from the answer than chance allows, once in 10,000 times."""
+    """A finding for each prior whose distance from the answer has a probability below 1 in 10,000."""
     return contradicted_priors(evidence.cell, evidence.solution)
 
 
 def contradicted_priors(cell: Cell, solution: Solution) -> list[Finding]:
     """A warning about each prior of a solution that the data contradict.
 
-    The answer differs from the mean of a true prior by a normal error. Its covariance is the prior's less the answer's,
-    in directions that the data show at all. Source: Bar-Shalom et al. 2001 (normalised innovation squared).
+    The answer differs from the mean of a true prior by a normal error. Its covariance is the covariance of the prior
+    minus that of the answer, in directions that the data inform. Source: Bar-Shalom et al. 2001 (normalised innovation
+    squared).
     """
     found, names = [], {(of.start, of.stop): name for name, of in solution.problem.columns.items()}
     for residual, jacobian, where in prior_residuals(solution.problem, solution.state):
@@ -46,13 +47,13 @@ def contradicted_priors(cell: Cell, solution: Solution) -> list[Finding]:
 
 
 def _is_of_general_knowledge(cell: Cell, name: str) -> bool:
-    """Whether a prior is that of any lens of its kind, which nobody stated."""
+    """Whether a prior was not stated for this lens, but is the general one for lenses of its kind."""
     lens = cell.cameras[name].intrinsics if name in cell.cameras else None
     return lens is not None and (lens.status == "free" or is_stated(lens))
 
 
 def _make_finding(cell: Cell, problem: Problem, name: str, sigmas: float) -> Finding:
-    """The finding about the prior of a transform, of a lens by its camera, or of a robot's parameters of a kind."""
+    """Finding about the prior of a transform, of the lens of a camera, or of one kind of robot parameters."""
     about, subject = name, f"the lens of {name}" if name in cell.cameras else name
     do: tuple[str, ...] = ("State larger sigmas or a better value, or make it free.",)
     if name in cell.cameras or transform_place(cell, name) is not None:
@@ -66,7 +67,7 @@ def _make_finding(cell: Cell, problem: Problem, name: str, sigmas: float) -> Fin
 
 
 def _wider_entry(kind: str, parameters: Parameters, sigmas: float) -> str:
-    """The entry of parameters in `cell.yaml` with sigmas that hold a value so many sigmas away."""
+    """Entry of parameters in `cell.yaml` with sigmas wide enough for a value that is `sigmas` sigmas away."""
     factor = max(_LEAST_WIDENING, np.ceil(sigmas))
     fields = parameters.model_dump(exclude_defaults=True)
     wider = {key: float(f"{factor * value:.2g}") if key.startswith("sigma") else value for key, value in fields.items()}
@@ -74,10 +75,10 @@ def _wider_entry(kind: str, parameters: Parameters, sigmas: float) -> str:
 
 
 def innovation(covariance: Array, wider: Array) -> Array:
-    """Covariance of estimates about the mean of unit priors, (k, k), where the priors in use were so much wider.
+    """Covariance of estimates about the mean of unit priors, (k, k), if wider priors are in use.
 
-    P is the information of the data, C the covariance under the priors in use. The estimate is C P d, of data d whose
-    covariance is I + P^-1. Its own covariance is C (P + P P) C, which is I - C for the priors as stated.
+    P is the information of the data, C the covariance under the priors in use. The estimate is C P d for data d with
+    covariance I + P^-1. The covariance of the estimate is C (P + P P) C, which is I - C for the priors as stated.
 
     Args:
         covariance: C, (k, k).
@@ -91,5 +92,5 @@ def innovation(covariance: Array, wider: Array) -> Array:
 
 
 def informed_spectrum(gain: Array) -> Spectrum:
-    """The directions of which the data say something at all."""
+    """Spectrum of the directions that the data inform."""
     return scaled_spectrum(gain, _LEARNT_SHARE)

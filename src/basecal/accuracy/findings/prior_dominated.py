@@ -1,4 +1,4 @@
-"""`prior-dominated`: what is known of a transform by its prior alone."""
+"""`prior-dominated`: directions of a transform that only its prior determines."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from basecal.estimation.observability.observability import analyse_observability
 from basecal.estimation.solve import Solution
 from basecal.numerics.spectral import scaled_spectrum
 
-# Posterior over prior sigma: the data tell a tenth of what the prior does, or less, as 0.95 squared is 0.9; assumed.
+# Posterior over prior sigma: the data have at most a tenth of the prior's information, as 0.95 squared is 0.9; assumed.
 _DOMINATED_RATIO = 0.95
 
 
 def prior_dominated(evidence: Evidence) -> list[Finding]:
-    """Infos: directions of a prior that the data hardly add to, and requested transforms that priors alone hold."""
+    """Infos about directions that hardly improve on a prior, with requested transforms that depend on priors alone."""
     problem, unknowns = evidence.solution.problem, evidence.solution.problem.unknowns
     priors = [n for n in problem.columns if n in unknowns and is_informed(unknowns[n])]
     cell = evidence.cell
-    # Marks were measured with their plate, and a rigid part is anywhere: nobody expects touches to add to these.
+    # Marks were measured with their plate, and a part in a clamp has any pose: touches need not improve on these.
     usual = [each.name for each in cell.targets.values() if each.on in cell.plates]
     usual += [each.name for each in cell.cameras.values() if each.kind == "clamp"]
     priors = [name for name in priors if name not in map(cell.mount_name, usual)]
@@ -44,7 +44,7 @@ def prior_dominated(evidence: Evidence) -> list[Finding]:
 
 
 def _dominated_findings(solution: Solution, name: str, resting: Sequence[str]) -> list[Finding]:
-    """A finding where the posterior of a transform is its prior along some directions."""
+    """A finding if the posterior of a transform equals its prior along some directions."""
     problem, where = solution.problem, solution.problem.columns[name]
     width = where.stop - where.start
     sigma = np.asarray(problem.unknowns[name].sigma)[:width]
@@ -56,8 +56,6 @@ def _dominated_findings(solution: Solution, name: str, resting: Sequence[str]) -
     vectors[where], scale[where] = dominated, sigma
     found = separate_null_space(problem, solution.state, vectors, scale)
     others = [n for n in resting if n != name]
-    rests = f"{' and '.join(others)} rest{'s' if len(others) == 1 else ''} on it." if others else ""
-    what = (
-        f"Known from its prior alone, to which the data add nothing: {' and '.join(map(describe_null_space, found))}."
-    )
+    rests = f"{' and '.join(others)} depend{'s' if len(others) == 1 else ''} on it." if others else ""
+    what = f"The data add nothing to the prior of {name} in: {' and '.join(map(describe_null_space, found))}."
     return [Finding("prior-dominated", "info", (name, *others), what, why=rests)]

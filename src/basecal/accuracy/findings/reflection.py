@@ -1,4 +1,4 @@
-"""`reflection`: bright spots beside a light, which all views together distinguish from it.
+"""`reflection`: bright spots near an LED, which all views together distinguish from it.
 
 `benchmarks.capture_images` judges its limits.
 """
@@ -14,13 +14,13 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array, BoolArray
 
-_LEAST_DISTANCE_PX = 1.0  # between two spots: nearer they are one
-_UNCLEAR_PX = 3.0  # of another spot from where the light is predicted: there it could be taken for the light
-_MANY_SHARE = 0.1  # share of the images in which it can be either, above which the answer may rest on the wrong ones
+_LEAST_DISTANCE_PX = 1.0  # [px] distance between two spots, below which they are one
+_UNCLEAR_PX = 3.0  # [px] distance of another spot from the predicted LED, below which it could be the LED
+_MANY_SHARE = 0.1  # share of ambiguous images above which the answer may depend on wrong spots
 
 
 def reflection(evidence: Evidence) -> list[Finding]:
-    """Each light with other spots beside it: a warning if more than one image in ten cannot be distinguished."""
+    """A finding about each LED with other bright spots; a warning if more than one image in ten is ambiguous."""
     found = []
     for group in evidence.solution.problem.groups:
         spots = _recorded_spots(group, evidence.recorded)
@@ -35,8 +35,8 @@ def reflection(evidence: Evidence) -> list[Finding]:
         why = "They are reflections or other lights; the geometry of all images together separates them."
         is_grave = bool(unclear.mean() > _MANY_SHARE)
         if is_grave:
-            why += f" In {int(unclear.sum())} images both are near where it is predicted."
-        do = ("Cover what shines, or switch the LED and take images with and without it.",)
+            why += f" In {int(unclear.sum())} images both are near the predicted position."
+        do = ("Cover shiny parts, or switch the LED and take images with and without it.",)
         found.append(Finding("reflection", "warning" if is_grave else "info", numbers, what, do, why))
     return found
 
@@ -47,7 +47,7 @@ def _points(group: ViewGroup) -> Array:
 
 
 def _recorded_spots(group: ViewGroup, problem: Problem) -> Array | None:
-    """The first point of each reading of a group's views, (k, n, 2) [px]; None if there is one reading."""
+    """First point of each alternative reading of a group's views, (k, n, 2) [px]; None if there is one reading."""
     for each in problem.groups:
         if (each.camera, each.target) == (group.camera, group.target) and len(each.readings) > 1:
             row = {number: k for k, number in enumerate(each.sample.tolist())}
@@ -57,7 +57,7 @@ def _recorded_spots(group: ViewGroup, problem: Problem) -> Array | None:
 
 
 def _spot_masks(group: ViewGroup, spots: Array, evidence: Evidence) -> tuple[BoolArray, BoolArray]:
-    """Which views, (n,), have another spot than the one that is used, and which one near where the light must be."""
+    """Whether each view has a spot besides the used one, and whether one is near the predicted LED, (n,) each."""
     assert isinstance(group.measurement, PixelMeasurement)
     used, state = group.measurement.pixels[:, 0], evidence.solution.state
     camera_from_target = state.camera_from_target(group, evidence.solution.problem.stops)

@@ -1,4 +1,4 @@
-"""Every check of an input or an answer, as findings are listed: a new one is a module, and its check here."""
+"""All checks of input and answers, in the order of their findings; a new check is a module with an entry here."""
 
 from __future__ import annotations
 

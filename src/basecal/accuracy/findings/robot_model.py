@@ -1,4 +1,4 @@
-"""`robot-model`: a robot's joint offsets or links are off, by cross-validation."""
+"""`robot-model`: errors of a robot's joint offsets or links, found by cross-validation."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from basecal.effects.registry import ROBOT_PARAMETERS
 
 
 def robot_model(evidence: Evidence) -> list[Finding]:
-    """See `robot_model_findings`; nothing if offsets stand in for another effect of the joints."""
+    """See `robot_model_findings`; empty if joint offsets only compensate another effect of the joints."""
     if evidence.robot_model is None or _is_other_effect(evidence.systematic_error, evidence.robot_model.chosen):
         return []
     return robot_model_findings(evidence.robot_model)
 
 
 def _is_other_effect(effect: FoundEffect | None, candidate: Candidate) -> bool:
-    """Whether an effect of joints is certain that no choice has, of a robot whose offsets are chosen."""
+    """Whether a joint effect that no candidate contains is certain, for a robot whose offsets are chosen."""
     if effect is None or not effect.is_certain or candidate.kind not in ("joint", "offsets"):
         return False
     effects = {each.effect for each in (effect, *effect.alternatives)} & ROBOT_PARAMETERS.keys()
@@ -34,7 +34,7 @@ def _is_other_effect(effect: FoundEffect | None, candidate: Candidate) -> bool:
 
 
 def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
-    """Findings that name parameters to free, their gain, and the line to write; none if the robots are as stated."""
+    """A finding with the parameters to free, their gain and the line to write; empty if the robots are as stated."""
     none, chosen = choice.candidates[0], choice.chosen
     if chosen.kind == "none" and choice.better is None:
         return []
@@ -68,7 +68,7 @@ def _error_change(baseline: Candidate, candidate: Candidate) -> str:
 
 
 def _largest_deviation(choice: RobotModelChoice) -> str:
-    """The offset that stands out most from its sigma, or how far links are off."""
+    """Describe the most significant joint offset, or the largest link error."""
     if choice.chosen.kind == "links":
         tangents = np.concatenate([each.kind_values(LINKS) for each in choice.solution.state.robots.values()])
         off_m, off_rad = (float(np.linalg.norm(half, axis=1).max()) for half in np.split(tangents, 2, axis=1))

@@ -1,4 +1,4 @@
-"""`rounded-poses`: poses of a robot that were written with few digits."""
+"""`rounded-poses`: poses of a robot that were recorded with few digits."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from basecal.estimation.noise.robot_noise import stands
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import Array
 
-# [m, rad, 1], and hundreds of degrees: rounding to a tenth of these is below the 0.02 mm that makers state of arms.
+# [m, rad, 1, 100 deg]: rounding to a tenth of these is below the repeatability of 0.02 mm that makers state.
 _STEP_SIZES = (1e-2, 1e-3, 1e-4)
-# Different numbers that are all multiples: chance has each at most once in 500, twice the share below.
+# Distinct numbers that all have to be multiples: each is one by chance with probability 1/500, twice the share below.
 _FEWEST_NUMBERS = 10
-_NEAR_SHARE = 1e-3  # of a step: what is left of a multiple after degrees and rotations have been converted; assumed
-# Noise in use over that of rounding. Far above it the digits that lack are no loss; far below it they are none that
-# the arm had: places that it was sent to, in round numbers.
+_NEAR_SHARE = 1e-3  # of a step: rounding error of a multiple after conversion of degrees and rotations; assumed
+# Noise in use over rounding noise. If the ratio is larger, the missing digits do not matter. If it is smaller, no
+# digits are missing: the robot was sent to poses with round numbers.
 _NOISE_RANGE = (0.5, 2.0)
 
 
 @dataclass(frozen=True)
 class _Rounding:
-    """A rounded quantity: its step [m or rad] and words, and the noise in use of the same kind, 1 sigma."""
+    """A rounded quantity: its step [m or rad] with its description, and the noise in use of the same unit, 1 sigma."""
 
     what: str
     step: float
@@ -35,18 +35,18 @@ class _Rounding:
 
     @property
     def sigma(self) -> float:
-        """The error that rounding makes, 1 sigma per axis."""
+        """Rounding error, 1 sigma per axis."""
         return float(self.step / np.sqrt(12))
 
     @property
     def severity(self) -> Severity:
-        """A warning if rounding makes a good part of the noise."""
+        """`warning` if rounding is a large part of the noise, else `info`."""
         low, high = _NOISE_RANGE
         return "warning" if low * self.sigma < self.noise < high * self.sigma else "info"
 
 
 def rounded_poses(evidence: Evidence) -> list[Finding]:
-    """A finding about each robot whose places or angles are all multiples of a step."""
+    """A finding about each robot whose translations or angles are all multiples of a step."""
     problem = evidence.solution.problem
     findings = []
     for robot in problem.robots:
@@ -92,7 +92,7 @@ def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
 
 
 def _angle_roundings(subject: str, ways: list[Array], noise: float) -> Iterator[_Rounding]:
-    """Angles [rad], written in one of several ways, in degrees or radians."""
+    """Roundings of angles [rad] that were written in one of several formats, in degrees or radians."""
     for values in ways:
         hundreds, radians = _step(np.degrees(values) / 100), _step(values)
         if hundreds is not None:
@@ -104,22 +104,22 @@ def _angle_roundings(subject: str, ways: list[Array], noise: float) -> Iterator[
 
 
 def _quaternion_roundings(quaternions: Array, noise: float) -> Iterator[_Rounding]:
-    """Unit quaternions (n, 4) that were written with few digits, and normalised afterwards.
+    """Roundings of unit quaternions, (n, 4), that were normalised afterwards.
 
-    An error of a component rotates by twice as much [rad].
+    An error of a component gives twice that rotation error [rad].
     """
     for step in _STEP_SIZES:
         numbers = _multiples(quaternions, step)
         if np.isfinite(numbers).all() and len(np.unique(numbers)) >= _FEWEST_NUMBERS:
-            yield _Rounding("quaternions", 2 * step, f"{step:g}, but for their length", noise)
+            yield _Rounding("quaternions", 2 * step, f"{step:g} before normalisation", noise)
             return
 
 
 def _multiples(quaternions: Array, step: float) -> Array:
-    """The whole numbers of steps (n, 4) that normalise to these quaternions (n, 4); NaN where none do."""
+    """Integer multiples of the step, (n, 4), that normalise to these quaternions, (n, 4); NaN if there are none."""
     largest = np.take_along_axis(quaternions, np.argmax(np.abs(quaternions), -1)[:, None], -1)
     found = np.full(quaternions.shape, np.nan)
-    for off in (-1, 0, 1):  # rounding changes the length, and so the largest component, by a step at most
+    for off in (-1, 0, 1):  # rounding changes the norm, and therefore the largest component, by at most one step
         numbers = quaternions / largest * (np.round(largest / step) + off)
         fits = np.all(np.abs(numbers - np.round(numbers)) < _NEAR_SHARE, axis=-1)
         found[fits] = np.round(numbers[fits])
@@ -127,7 +127,7 @@ def _multiples(quaternions: Array, step: float) -> Array:
 
 
 def _step(values: Array) -> float | None:
-    """The largest step of which all values are multiples; None without one, or where too few differ."""
+    """Largest step of which all values are multiples; None if there is none, or if too few values are distinct."""
     different = np.unique(np.round(values, 9))
     if len(different) < _FEWEST_NUMBERS:
         return None

@@ -1,4 +1,4 @@
-"""`same-stop`: poses read back at one place differ a little, and are counted as one stop."""
+"""`same-stop`: recorded poses at one place differ slightly, and are treated as one stop."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from basecal.numerics.batch import concatenate
 
 
 def same_stop(inputs: Input) -> list[Finding]:
-    """An info about each robot whose recorded poses vary within its stops; arms on paths make none of their own."""
+    """An info about each robot whose recorded poses vary within its stops; empty for robots on continuous paths."""
     if inputs.on_paths:
         return []
     findings = []
@@ -21,7 +21,7 @@ def same_stop(inputs: Input) -> list[Finding]:
         first = np.unique(stand, return_index=True)[1]
         off = (poses[first[np.searchsorted(stand[first], stand)]].inverse() @ poses).log()
         far_m, far_rad = (float(np.linalg.norm(half, axis=1).max()) for half in (off[:, :3], off[:, 3:]))
-        # Rotations that were read back as quaternions differ by rounding alone.
+        # Rotations that were recorded as quaternions differ by rounding alone.
         if far_m < ROUNDING and far_rad < ROUNDING:
             continue
         far = f"{1e3 * far_m:.2g} mm and {1e3 * far_rad:.2g} mrad"

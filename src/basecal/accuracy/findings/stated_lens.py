@@ -1,4 +1,4 @@
-"""`intrinsics`: a stated lens that is off by more than a usual calibration."""
+"""`intrinsics`: a stated lens whose error is larger than that of a usual calibration."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def stated_lens(evidence: Evidence) -> list[Finding]:
 
 
 def _is_contradicted(name: str, stated_camera: Camera, solution: Solution) -> bool:
-    """Whether chance makes a lens so far off once in 10,000 times, under the usual sigmas."""
+    """Whether the error of a lens has a probability below 1 in 10,000 under the usual sigmas."""
     usual, used = usual_sigmas(stated_camera), solution.problem.lenses[name].sigma
     assert used is not None
     off = (solution.state.cameras[name].parameters - stated_camera.parameters) / usual

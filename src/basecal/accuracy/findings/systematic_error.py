@@ -1,4 +1,4 @@
-"""Findings of effects that score tests found: lengths, clocks, moved frames, bent arms, joint offsets."""
+"""Findings about effects detected by score tests: lengths, clocks, moved frames, bent arms, joint offsets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from basecal.effects.registry import CONTAINED, describe_effect
 
 _COVERED_SENTENCE = "The answer {} it, and its covariance is wider."
 _NONLINEAR_SENTENCE = "The answer excludes it. Its covariance may be too small, since it is linear in errors of joints."
-# Joints off by 17 mrad leave bases within their ellipsoids, joints off by 35 do not; assumed between.
+# [rad] With joint offsets of 17 mrad bases are within their ellipsoids, with 35 mrad they are not; assumed between.
 _LINEAR_RAD = 0.03
 _CHANCE_SENTENCE = (
     "It is real with a probability of {:.0f} % at most. The covariance and the expected errors contain it."
@@ -25,9 +25,9 @@ _CHANCE_SENTENCE = (
 
 
 def systematic_error(evidence: Evidence) -> list[Finding]:
-    """A warning of an error that explains the residuals far better than noise; an info if chance may do so, too.
+    """A warning about an error that explains the residuals far better than noise; an info if it may be chance.
 
-    Joints that are off are left to `robot_model` if that finds its robots off, too: it reports all joints.
+    Joint offsets are left to `robot_model` if it has a finding, since it reports all joints.
     """
     found = evidence.systematic_error
     named = () if found is None else (found, *found.alternatives)
@@ -51,7 +51,7 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
 
 
 def _answer_sentence(effect: FoundEffect) -> str:
-    """The sentence about the answer beside a certain effect."""
+    """Sentence on how the answer accounts for a certain effect."""
     if effect.effect == joint_offsets.NAME and np.abs(effect.size).max() > _LINEAR_RAD:
         return _NONLINEAR_SENTENCE
     return _COVERED_SENTENCE.format("contains" if effect.effect in CONTAINED else "excludes")
@@ -61,15 +61,15 @@ _CODES = "board-size", "length-scale"
 
 
 def deduplicate_size_findings(cell: Cell, findings: Sequence[Finding], error: FoundEffect | None) -> list[Finding]:
-    """The findings, with one of lengths if two report the same.
+    """Merge two findings about the same length error into one.
 
     The test of conventions assumes that robots are exact, so its size absorbs some of their noise. The test of
-    systematic errors estimates the noise with the size.
+    systematic errors estimates the noise jointly with the size.
 
     Args:
-        cell: As declared.
-        findings: All of them.
-        error: The systematic error; None where there is none.
+        cell: The declared cell.
+        findings: All findings.
+        error: The systematic error; None if there is none.
     """
     suspected = any(f.code == "board-size" and f.severity == "warning" for f in findings)
     if not suspected or error is None or error.code != "length-scale" or not error.is_certain:

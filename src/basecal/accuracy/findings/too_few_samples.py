@@ -1,4 +1,4 @@
-"""`too-few-samples`: no view would be left to check the others by."""
+"""`too-few-samples`: the views are too few to check each other."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SEARCHED = ("dropped-sample", "few-images")  # codes of searches that found no 
 
 
 def too_few_samples(inputs: Input) -> list[Finding]:
-    """An error if no view can be checked: without the largest, equations are fewer than unknowns."""
+    """An error if no view can be checked: without the place of most equations, there are fewer than unknowns."""
     problem = inputs.problem
     count = len({int(number) for group in problem.groups for number in group.sample})
     if count == 0 and inputs.images and not any(each.code in _SEARCHED for each in inputs.findings):
@@ -23,7 +23,7 @@ def too_few_samples(inputs: Input) -> list[Finding]:
         found = "no sample shows" if count == 0 else "a single sample shows"
         return [_finding(f"{found} a target to a camera with every robot's pose")]
     equations = np.concatenate([_equations_by_place(group) for group in problem.groups])
-    # Scalars that no prior holds: of transforms and lenses, and of robots' own kinematics.
+    # Scalar unknowns without a prior: of transforms and lenses, and of the robots' kinematics.
     free = [n for n in problem.columns if n in problem.unknowns and problem.unknowns[n].status == "free"]
     unknowns = len(problem.column_indices(free))
     models = problem.models.values()
@@ -43,7 +43,7 @@ def _search_advice(images: int) -> Finding:
 
 
 def _equations_by_place(group: ViewGroup) -> Array:
-    """Equations of each place of a group's views, (k,): a second view from one place shows noise and nothing else."""
+    """Equations of each place of a group's views, (k,): a second view from the same place only shows noise."""
     places = np.stack([group.eye.stand, group.hand.stand], axis=1)
     of_place = np.unique(places, axis=0, return_inverse=True)[1].ravel()
     equations = np.zeros(int(of_place.max(initial=-1)) + 1)

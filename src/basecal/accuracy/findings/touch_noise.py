@@ -1,4 +1,4 @@
-"""`touch-noise`: touches that scatter more than stated, if nothing else explains it."""
+"""`touch-noise`: touches that scatter more than stated, if no other error explains it."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def touch_noise(evidence: Evidence) -> list[Finding]:
     why = "The covariance is that of the larger noise."
     return [
         *(_finding(each, evidence, why) for each in alone),
-        *(_finding(each, evidence, f"It is of touches or of the arm. {why}") for each in with_arm),
+        *(_finding(each, evidence, f"The noise is that of the touches or of the arm. {why}") for each in with_arm),
     ]
 
 
 def is_touch_noise(sigma: ContradictedSigma, evidence: Evidence) -> bool:
-    """Whether a stated sigma is too small, is that of touches, and no other error is likely."""
+    """Whether a stated sigma of touches is too small, and no other error is likely."""
     if sigma.of_robot or not sigma.is_too_small or not _touches(sigma.about, evidence):
         return False
     choice, effect = evidence.robot_model, evidence.systematic_error
@@ -34,13 +34,13 @@ def is_touch_noise(sigma: ContradictedSigma, evidence: Evidence) -> bool:
 
 
 def _touches(tip: str, evidence: Evidence) -> list[TouchMeasurement]:
-    """Touches by a tip; none if it is no tip."""
+    """Touches by a tip; empty if the camera is not a tip."""
     seen = (group.measurement for group in evidence.recorded.groups if group.camera == tip)
     return [each for each in seen if isinstance(each, TouchMeasurement) and each.noise_field == "touch_m"]
 
 
 def _stated_sigma(tip: str, evidence: Evidence) -> float:
-    """Mean sigma that touches of a tip state [m]."""
+    """Mean stated sigma of the touches of a tip [m]."""
     return float(np.mean([1 / np.mean(touches.stated) for touches in _touches(tip, evidence)]))
 
 

@@ -1,7 +1,7 @@
-"""`two-mounts`: what a robot carries hangs in two places, at some samples in one, at the others in the other.
+"""`two-mounts`: a mount has two positions, one at some samples and another at the others.
 
-A tool frame that was changed in the controller shifts the poses of the samples that have it, in whatever order. Noise
-that is estimated takes up the difference.
+A tool frame that was changed in the controller shifts the poses of some samples, in any order. Estimated noise absorbs
+the difference.
 """
 
 from __future__ import annotations
@@ -22,27 +22,33 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import principal_axes, spectrum
 
-_LEAST_SIDE = 3  # samples on either side: two may each be wrong for themselves; assumed
+_LEAST_SIDE = 3  # samples of either position: two may be single outliers; assumed
 
 
 class _Shifts(NamedTuple):
-    """Where a mount is by each of n samples: their numbers, shifts off the answer, (n, 3) [m], and information."""
+    """Positions of a mount from n single samples.
+
+    Attributes:
+        samples: Sample numbers, (n,).
+        shift_m: Shift of the mount from the answer, (n, 3) [m].
+        information: Information of the shifts, (n, 3, 3).
+    """
 
     samples: IntArray
     shift_m: Array
     information: Array
 
     def take(self, rows: IntArray) -> _Shifts:
-        """Some of the samples."""
+        """Shifts of the samples at these rows."""
         return _Shifts(self.samples[rows], self.shift_m[rows], self.information[rows])
 
     def mean(self) -> Array:
-        """(3,) by information."""
+        """Mean shift weighted by information, (3,) [m]."""
         weighted = (self.information @ self.shift_m[..., None]).sum(0)
         return np.linalg.solve(self.information.sum(0), weighted)[:, 0]
 
     def squares(self) -> Array:
-        """Squared sigmas of the first k about their own mean, (n,), for k of 1 to n."""
+        """Sum of squared residuals of the first k shifts about their own mean, in sigmas, for k = 1 to n, (n,)."""
         off = self.shift_m - self.mean()
         weighted = (self.information @ off[..., None])[..., 0]
         total, force = np.cumsum(self.information, 0), np.cumsum(weighted, 0)[..., None]
@@ -51,7 +57,7 @@ class _Shifts(NamedTuple):
 
 
 class _Split(NamedTuple):
-    """A mount in two places: its name, both sets of samples, and whether that is believed."""
+    """A mount with two positions: its name, both sets of samples, and the comparison with one position."""
 
     mount: str
     sides: tuple[_Shifts, _Shifts]
@@ -59,7 +65,7 @@ class _Split(NamedTuple):
 
 
 def two_mounts(evidence: Evidence) -> list[Finding]:
-    """A warning about the mount that two places explain best, where nothing that is certain explains it."""
+    """A warning about the mount that two positions explain best, if no certain systematic error explains it."""
     found = evidence.systematic_error
     if not evidence.solution.converged or (found is not None and found.is_certain):
         return []
@@ -71,13 +77,13 @@ def two_mounts(evidence: Evidence) -> list[Finding]:
     if not _is_explained(evidence.solution, best.mount, minority, majority):
         return []
     apart_mm = 1e3 * float(np.linalg.norm(minority.mean() - majority.mean()))
-    what = f"{best.mount} is {apart_mm:.2g} mm elsewhere at {list_samples(sorted(minority.samples.tolist()))}."
+    what = f"{best.mount} differs by {apart_mm:.2g} mm at {list_samples(sorted(minority.samples.tolist()))}."
     do = "Check whether the controller's tool frame was changed between samples.", "Calibrate both sets separately."
     return [Finding("two-mounts", "warning", (best.mount,), what, do, "The estimated noise contains the difference.")]
 
 
 def _is_explained(solution: Solution, mount: str, minority: _Shifts, majority: _Shifts) -> bool:
-    """Whether two places explain what errors that stops share do not, the noise estimated anew; as far as it is."""
+    """Whether two positions explain more than shared stop errors, with noise re-estimated; true if noise is stated."""
     situation = situate(solution)
     moves = tuple(
         situation.frame_jacobian(k, mount)[:, :, :3] * np.isin(group.sample, minority.samples)[:, None, None]
@@ -90,7 +96,7 @@ def _is_explained(solution: Solution, mount: str, minority: _Shifts, majority: _
 
 
 def _splits(evidence: Evidence) -> Iterator[_Split]:
-    """Each mount in the two places that explain it best."""
+    """Best split of each mount into two positions."""
     situation = situate(evidence.solution)
     for mount in situation.mounts:
         shifts = _mount_shifts(situation, mount)
@@ -108,7 +114,7 @@ def _splits(evidence: Evidence) -> Iterator[_Split]:
 
 
 def _mount_shifts(situation: Situation, mount: str) -> _Shifts:
-    """Shifts of a mount by each sample that shows where it is."""
+    """Shifts of a mount from each sample that determines its position."""
     samples, information, gradient = [], [], []
     for k, (group, views) in enumerate(zip(situation.groups, situation.linearisation.views, strict=True)):
         if situation.depends(k, mount):

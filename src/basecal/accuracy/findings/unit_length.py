@@ -1,4 +1,4 @@
-"""`unit-length`: how long the unit of poses is that are up to scale."""
+"""`unit-length`: length unit of poses known up to scale."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from basecal.effects.faces.effect import format_with_sigma
 
 
 def unit_lengths(evidence: Evidence) -> list[Finding]:
-    """An info about each target whose poses are up to scale, with the length of their unit."""
+    """An info about the length unit of each target whose poses are known up to scale."""
     solution = evidence.solution
     if not evidence.units_m or not solution.converged:
         return []

@@ -1,4 +1,4 @@
-"""`unobservable-direction`: translations and rotations that the data leave open, and the motions that hide them."""
+"""`unobservable-direction`: translations and rotations that the data do not determine, with the motions as cause."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from basecal.geometry import Array
 
 
 def unobservable_directions(evidence: Evidence) -> list[Finding]:
-    """A finding for each null space: by the solution, or where there is none by the recorded poses alone."""
+    """A finding for each null space of the solution, or if it did not converge, of the recorded poses alone."""
     by_poses = [] if evidence.solution.converged else unobservable_by_poses(evidence.cell, evidence.solution.problem)
     if by_poses:
         return by_poses
@@ -43,11 +43,11 @@ def unobservable_directions(evidence: Evidence) -> list[Finding]:
 
 
 def unobservable_by_poses(cell: Cell, problem: Problem) -> list[Finding]:
-    """Errors about what the recorded poses leave open whatever was seen: known before anything is solved.
+    """Errors about directions that the recorded robot poses leave unobservable for any views; needs no solution.
 
     Args:
-        cell: As it is stated.
-        problem: With the poses of its robots as recorded.
+        cell: The cell as stated.
+        problem: The problem with robot poses as recorded.
     """
     found = []
     for motion in motions(problem).values():
@@ -60,21 +60,21 @@ def unobservable_by_poses(cell: Cell, problem: Problem) -> list[Finding]:
     return found
 
 
-_NEAR_M = 0.05  # [m] of a mark from an axis that it counts as on; assumed
-# [m] of the next mark from the axis: touches of 0.3 mm hold a rotation to a mrad, 0.3 mm over 0.3 m.
+_NEAR_M = 0.05  # [m] distance of a mark from an axis, within which the mark counts as on the axis; assumed
+# [m] distance of the next mark from the axis: touches of 0.3 mm determine a rotation to 1 mrad, 0.3 mm over 0.3 m.
 _OFF_M = 0.3
 
 
 def touch_advice(
     cell: Cell, problem: Problem, state: State, direction: NullDirection
 ) -> tuple[tuple[str, ...], str] | None:
-    """The next place to touch, and why; None if touches do not leave the direction open.
+    """Advice on the next place to touch, and the reason; None if touches are not the cause.
 
     Args:
-        cell: What exists.
+        cell: The cell.
         problem: The problem.
-        state: Where marks were found.
-        direction: A rotation that is open, in the axes of the reference's base.
+        state: State with the estimated positions of marks.
+        direction: An unobservable rotation, in the axes of the reference robot's base.
     """
     seen = [g for g in problem.groups if direction.names[0] in g.frames]
     if direction.kind != "rotation" or not seen or not all(is_touch(g.measurement) for g in seen):
@@ -96,7 +96,7 @@ def touch_advice(
 
 
 def _marks(cell: Cell, problem: Problem, state: State, names: Sequence[str]) -> dict[str, Array]:
-    """Where marks are in the reference's base, (3,) each, by name."""
+    """Positions of marks in the base of the reference robot, (3,) [m] each, by name."""
     found = {}
     for group in problem.groups:
         target = cell.targets[group.target]
@@ -107,7 +107,7 @@ def _marks(cell: Cell, problem: Problem, state: State, names: Sequence[str]) -> 
 
 
 def _distance(point: Array, twist: Array) -> float:
-    """How far a point, (3,), is from the axis of a twist, (6,), about the origin [m]."""
+    """Distance of a point, (3,), from the axis of a twist about the origin, (6,) [m]."""
     axis = twist[3:] / np.linalg.norm(twist[3:])
     through = np.cross(twist[3:], twist[:3]) / (twist[3:] @ twist[3:])
     return float(np.linalg.norm(np.cross(axis, point - through)))

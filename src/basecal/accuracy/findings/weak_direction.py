@@ -1,4 +1,4 @@
-"""`weak-direction`: a requested transform is observable, but poorly known."""
+"""`weak-direction`: a requested transform is observable, but uncertain."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from basecal.cell import Finding
 from basecal.estimation.observability.motions import motions
 from basecal.estimation.observability.observability import UNOBSERVABLE_SIGMA
 
-# [rad], or share of the viewing distance: twice it counts as unobservable.
+# [rad], or share of the viewing distance: twice this sigma counts as unobservable.
 _WEAK_SIGMA = UNOBSERVABLE_SIGMA / 2
 
 

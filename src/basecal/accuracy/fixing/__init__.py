@@ -1,1 +1,1 @@
-"""Fixes that a diagnosis named, applied to the files of a cell."""
+"""Fixes of findings, applied to the files of a cell."""

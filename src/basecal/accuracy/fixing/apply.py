@@ -1,4 +1,4 @@
-"""A cure put into the files of a cell, whose originals are kept."""
+"""Application of a cure to the files of a cell, with backups of the originals."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ _CELL = "cell.yaml"
 
 
 def apply_cure(folder: Path, cure: Cure) -> Path:
-    """Write what a cure changes; the folder that keeps the files as they were.
+    """Write the changes of a cure and return the folder with the original files.
 
     Args:
-        folder: The cell's.
-        cure: What is done.
+        folder: Folder of the cell.
+        cure: The cure to apply.
 
     Raises:
-        InputError: if the files would hold no cell, hold the cure already, or cannot be written; they stay as they are.
+        InputError: if the changed files would be invalid, the cure is already applied, or the files cannot be written.
+            The files then stay unchanged.
     """
     change, path, journal = cure.change, folder / _CELL, folder / FOLDER / FILE
     text = old = read_text(path, "")
@@ -41,7 +42,7 @@ def apply_cure(folder: Path, cure: Cure) -> Path:
     if lines is not None:
         recording_from_text(lines.encode(), folder, described)
     if text == old and (lines is None or lines.encode() == journal.read_bytes()):
-        raise InputError(f"{path}: it is written so already, nothing is changed: {cure.words}")
+        raise InputError(f"{path}: already contains this, nothing is changed: {cure.words}")
     note = {"code": cure.finding.code, "found": cure.finding.what, "done": cure.words}
     kept = keep_originals(folder, (path, journal), note)
     if text != old:
@@ -52,11 +53,11 @@ def apply_cure(folder: Path, cure: Cure) -> Path:
 
 
 def describe_change(recording: Recording, change: Change) -> Iterator[str]:
-    """Description of the changed files, a line each.
+    """Describe a change of the files, line by line.
 
     Args:
-        recording: As it is written.
-        change: What would be done.
+        recording: The recording as written.
+        change: The change to describe.
     """
     for place, value in change.cell.items():
         yield f"cell.yaml: {yaml_entry(field_name(place), value)}"
@@ -73,7 +74,7 @@ def describe_change(recording: Recording, change: Change) -> Iterator[str]:
 
 
 def _example(old: Sample, new: Sample) -> Iterator[str]:
-    """The robots of one sample, before and after."""
+    """Describe the changed robot states and images of one sample."""
     for name, state in new.robots.items():
         if name in old.robots and state is not old.robots[name]:
             yield f"sample {new.sample}, {name}: {_state_words(old.robots[name])} becomes {_state_words(state)}"
@@ -89,7 +90,7 @@ def _state_words(state: RobotState) -> str:
 
 
 def _nest_values(places: Mapping[Loc, Any]) -> dict[Any, Any]:
-    """Values by place as the mapping that a `cell.yaml` is."""
+    """Nested mapping, as in `cell.yaml`, from values by location."""
     root: dict[str | int, Any] = {}
     for place, value in places.items():
         inner = root

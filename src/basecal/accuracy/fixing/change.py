@@ -1,4 +1,4 @@
-"""Changes that a fix makes to a cell and its recording: other samples, and other lines of `cell.yaml`."""
+"""Changes of a fix to a cell and its recording: changed samples, and changed lines of `cell.yaml`."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from basecal.geometry import SE3
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """The changed files.
+    """Changes to the files of a cell.
 
     Attributes:
-        samples: All of the recording; None if it stays.
-        cell: Values of `cell.yaml` by their places.
+        samples: All samples of the changed recording; None if it is unchanged.
+        cell: Changed values of `cell.yaml`, by location.
     """
 
     samples: tuple[Sample, ...] | None = None
@@ -34,17 +34,17 @@ class Change:
 
     @property
     def is_empty(self) -> bool:
-        """Whether all files stay."""
+        """Whether no file is changed."""
         return self.samples is None and not self.cell
 
 
 def change_of_hypothesis(recording: Recording, reading: Reading, hypothesis: ConventionHypothesis) -> Change | None:
-    """The changed files under a hypothesis; None if files cannot hold it.
+    """Changes that correct the files under a hypothesis; None if the files cannot represent it.
 
     Args:
-        recording: As it is written, without detections.
-        reading: As it was read, with them.
-        hypothesis: What is true.
+        recording: The recording as written, without detections.
+        reading: The declared reading, with detections.
+        hypothesis: The hypothesis that is true.
     """
     if hypothesis.by_order:
         return Change(_pair_samples(recording, reading, hypothesis))
@@ -61,7 +61,7 @@ def _groups(reading: Reading, result: Reading) -> list[tuple[ViewGroup, ViewGrou
 
 
 def _is_unwritable(old: ViewGroup, new: ViewGroup) -> bool:
-    """Whether pixels or points in space differ, which images hold and not the recording."""
+    """Whether pixels or 3-D points differ, which come from images, not from the recording."""
     for kind, name in ((PixelMeasurement, "pixels"), (PointMeasurement, "points_in_camera")):
         if isinstance(old.measurement, kind) and isinstance(new.measurement, kind):
             before, after = getattr(old.measurement, name), getattr(new.measurement, name)
@@ -70,7 +70,7 @@ def _is_unwritable(old: ViewGroup, new: ViewGroup) -> bool:
 
 
 def _with_values(recording: Recording, reading: Reading, result: Reading) -> tuple[Sample, ...]:
-    """Samples with the poses of robots and of targets that a reading has."""
+    """Samples with robot states and target poses replaced by those of the reading `result`."""
     row = {int(number): k for k, number in enumerate(reading.order)}
     robots = {name: track for name, track in result.tracks.items() if track is not reading.tracks[name]}
     views: dict[tuple[int, str, str], SE3] = {}
@@ -81,7 +81,7 @@ def _with_values(recording: Recording, reading: Reading, result: Reading) -> tup
                 views[int(number), old.camera, old.target] = after[k]
 
     def change_sample(sample: Sample) -> Sample:
-        """One sample; itself if nothing of it differs."""
+        """Change one sample; the same object if nothing differs."""
         k = row.get(sample.sample, -1)
         own = {name: track for name, track in robots.items() if k >= 0 and name in sample.robots}
         states = {name: _state(track, k) for name, track in own.items() if _moves(reading.tracks[name], track, k)}
@@ -107,7 +107,7 @@ def _state(track: Track, k: int) -> RobotState:
 
 
 def _pair_samples(recording: Recording, reading: Reading, hypothesis: ConventionHypothesis) -> tuple[Sample, ...]:
-    """Samples with robots and views of those that a reading pairs, which is asked where each position went."""
+    """Samples with robot states and views paired as under a hypothesis, which is applied to marked positions."""
     count, samples = len(reading.order), {sample.sample: sample for sample in recording.samples}
     place = np.zeros((count, 6))
     place[:, 0] = np.arange(count)
@@ -135,12 +135,12 @@ def _pair_samples(recording: Recording, reading: Reading, hypothesis: Convention
 
 
 def change_cell(cell: Cell, result: Cell) -> dict[Loc, Any]:
-    """Values of `cell.yaml` by which another cell differs."""
+    """Values of `cell.yaml` in which `result` differs from `cell`, by location."""
     return dict(_differences(cell_to_dict(cell), cell_to_dict(result)))
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any], parent: Loc = ()) -> Iterator[tuple[Loc, Any]]:
-    """Places whose values differ: a transform as a whole, else field by field; a field that is gone is false."""
+    """Locations with different values: a transform as a whole, else each field; a removed field is false."""
     for key in {**old, **new}:
         before, after = old.get(key), new.get(key, False)
         is_whole = not isinstance(after, dict) or ("status" in after and key != "intrinsics")
@@ -151,6 +151,6 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any], parent: Loc = (
 
 
 def change_carriers(carriers: Mapping[Loc, str]) -> Change:
-    """Other carriers, by place in `cell.yaml`, whose mounts are free."""
+    """Change to other carriers, by location in `cell.yaml`, with free mounts."""
     mounts: dict[Loc, Any] = {(*place[:-1], "mount"): {"status": "free"} for place in carriers}
     return Change(cell={**carriers, **mounts})

@@ -1,4 +1,4 @@
-"""Which findings of a calibration have a cure that the files of the cell allow."""
+"""Cures of findings of a calibration by changes to the files of the cell."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from basecal.estimation.solve import solve_problem
 from basecal.fields.problems import Loc, field_name
 
 _OF_STATED = ("intrinsics", "fixed-contradicted", "prior-contradicted")  # findings about a lens or a transform
-_FITTED = 40  # samples: more than the 16 of `benchmarks.slips`, which holds the cures
+_FITTED = 40  # samples of a fit: more than the 16 of `benchmarks.slips`, which tests the cures
 
 
 @dataclass(frozen=True, eq=False)
 class Cure:
-    """The fix of a finding.
+    """A fix of a finding.
 
     Attributes:
-        finding: What was wrong.
-        words: What is done, as a sentence.
-        change: What becomes of the files.
-        is_choice: Whether another one of its finding fits as exactly, so that only a person can choose.
+        finding: The finding.
+        words: Description of the fix, as a sentence.
+        change: Changes to the files.
+        is_choice: Whether another cure of the finding fits equally well, so that only the user can choose.
     """
 
     finding: Finding
@@ -44,13 +44,13 @@ class Cure:
 
 
 def find_cures(cell: Cell, recording: Recording, detections: Recording, calibration: Calibration) -> tuple[Cure, ...]:
-    """Cures of what a calibration found, in the order of its findings.
+    """Cures of the findings of a calibration, in their order.
 
     Args:
-        cell: As it is written.
-        recording: As it is written.
-        detections: With what was detected in its images.
-        calibration: Of these two.
+        cell: The cell as written.
+        recording: The recording as written.
+        detections: The recording with the detections of its images.
+        calibration: The calibration of cell and detections.
     """
     grave = [finding for finding in calibration.findings if finding.severity != "info"]
     by_convention = _convention_cures(cell, recording, detections, grave)
@@ -65,7 +65,7 @@ def find_cures(cell: Cell, recording: Recording, detections: Recording, calibrat
 def _convention_cures(
     cell: Cell, recording: Recording, detections: Recording, findings: list[Finding]
 ) -> dict[Finding, tuple[Cure, ...]]:
-    """Cures of findings that name a hypothesis of the input."""
+    """Cures of findings about a hypothesis of the input, by finding."""
     try:
         problem, _ = build_problem(cell, detections)
         declared = as_recorded(cell, detections, problem)
@@ -83,7 +83,7 @@ def _convention_cures(
 
 
 def _hypothesis_cures(finding: Finding, hypothesis: ConventionHypothesis, change: Change) -> Iterator[Cure]:
-    """The cure of a hypothesis that changes files, and the one that fits as exactly."""
+    """The cure that undoes a hypothesis, and the one by other carriers, which fits equally well."""
     carriers = hypothesis.carriers
     clause = describe_carriers(carriers) if carriers else ""
     if not change.is_empty:
@@ -94,19 +94,19 @@ def _hypothesis_cures(finding: Finding, hypothesis: ConventionHypothesis, change
 
 
 def _misfit(baseline: Reading, hypothesis: ConventionHypothesis) -> float:
-    """The error that a hypothesis leaves: of one claim there are several where a rotation has two lists of angles."""
+    """Error of the fit of a hypothesis; a claim has several hypotheses if a rotation has two triples of angles."""
     reading = hypothesis.reread(baseline).thin(_FITTED)
     fit = fit_hypothesis(reading.cell, reading.problem, STATED)
     return float("inf") if fit is None else fit.core
 
 
 def _claim(hypothesis: ConventionHypothesis) -> str:
-    """The first words of a finding about a hypothesis."""
+    """Beginning of a finding about a hypothesis."""
     return sentence(hypothesis.words, hypothesis.about).removesuffix(".")
 
 
 def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, finding: Finding) -> Iterator[Cure]:
-    """Cures of a finding that names samples, a lens, a transform, or a line to write."""
+    """Cures of a finding about samples, a lens or a transform, or with a line to write."""
     if places := offered_places(cell, finding):
         told = ", ".join(yaml_entry(field_name(place), value) for place, value in places.items())
         yield Cure(finding, f"Write {told}.", Change(cell=places))
@@ -122,6 +122,6 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
 
 
 def _freed_entry(cell: Cell, name: str) -> dict[Loc, Any]:
-    """The entry of `cell.yaml` that frees a stated lens, by its camera, or a transform; none if there is none."""
+    """Entry of `cell.yaml` that frees a transform, or the stated lens of a camera; empty if there is no such entry."""
     lens = cell.cameras[name].intrinsics if name in cell.cameras else None
     return free_transform(cell, name) if lens is None or lens.status == "free" else free_lens(cell, name)

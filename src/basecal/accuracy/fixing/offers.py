@@ -1,4 +1,4 @@
-"""Lines of `cell.yaml` that findings offer, and which findings `basecal fix` can undo."""
+"""Lines of `cell.yaml` that findings propose, and findings that `basecal fix` can fix."""
 
 from __future__ import annotations
 
@@ -12,21 +12,23 @@ from basecal.fields.problems import Loc
 
 _OFFER = re.compile(r"\b[Ww]rite (`[a-z_]+: .+)")
 _LINE = re.compile(r"`([a-z_]+: [^`]+)`")
-_OF_CAMERAS = ("clock", "rolling_shutter")  # findings about a camera may offer lines of its target
+# Fields of a camera that a finding may propose; findings about a camera may also propose lines of its target.
+_OF_CAMERAS = ("clock", "rolling_shutter")
 _COMMAND = "`basecal fix "
 
 
 def is_fixable(cell: Cell, finding: Finding) -> bool:
-    """Whether a finding that is no info names `basecal fix`, or offers lines that it writes."""
+    """Whether a warning or error names `basecal fix`, or proposes lines that this command can write."""
     if finding.severity == "info":
         return False
     return _COMMAND in finding.message or bool(offered_places(cell, finding))
 
 
 def offered_places(cell: Cell, finding: Finding) -> dict[Loc, Any]:
-    """The lines that a finding offers, by their places in `cell.yaml`; empty if it offers none.
+    """Lines that a finding proposes, by location in `cell.yaml`; empty if it proposes none.
 
-    They are of the targets, robots and cameras that the sentence quotes, else of those that the finding is about.
+    The lines apply to the targets, robots and cameras that the sentence quotes, else to those that the finding is
+    about.
     """
     kinds = {"cameras": cell.cameras, "targets": cell.targets, "robots": cell.robots}
     places = {name: (kind, name) for kind, of in kinds.items() for name in of}
@@ -40,7 +42,7 @@ def offered_places(cell: Cell, finding: Finding) -> dict[Loc, Any]:
 
 
 def _offered_lines(text: str) -> dict[str, Any]:
-    """Lines of `cell.yaml` in backquotes that a sentence says to write, by field."""
+    """Values of the `cell.yaml` lines in backquotes after "write" in a sentence, by field."""
     found = _OFFER.search(text)
     lines = ", ".join(_LINE.findall(found[1])) if found else ""
     try:

@@ -1,4 +1,4 @@
-"""Where `cell.yaml` states the transforms of a cell, and what frees them there."""
+"""Locations of the transforms of a cell in `cell.yaml`, and entries that free them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from basecal.fields.problems import Loc
 
 
 def transform_place(cell: Cell, name: str) -> Loc | None:
-    """Where `cell.yaml` has a transform; None if it is stated within another entry, as a mark of a plate is."""
+    """Location of a transform in `cell.yaml`; None if it is part of another entry, such as a mark of a plate."""
     places: dict[str, Loc] = {cell.base_name(robot): ("bases", robot) for robot in cell.robots}
     places |= {cell.plate_name(plate): ("marks", plate, "mount") for plate in cell.plates}
     for mark in (target for target in cell.targets.values() if target.is_touched and target.on == WORLD):
@@ -25,13 +25,13 @@ def transform_place(cell: Cell, name: str) -> Loc | None:
 
 
 def free_transform(cell: Cell, name: str) -> dict[Loc, Any]:
-    """The entry of `cell.yaml` that frees a transform; none if it has no entry of its own."""
+    """Entry of `cell.yaml` that frees a transform; empty if the transform has no entry of its own."""
     place = transform_place(cell, name)
     return {} if place is None else {place: stated_value(cell.with_transform(name, Unknown("free")), place)}
 
 
 def free_lens(cell: Cell, camera: str) -> dict[Loc, Any]:
-    """The entry of `cell.yaml` for a camera whose lens is a guess."""
+    """Entry of `cell.yaml` that frees the lens of a camera, with the stated lens as initial guess."""
     place: Loc = ("cameras", camera, "intrinsics")
     lens = cell.cameras[camera].intrinsics
     if lens is not None and lens.sigma is not None:
@@ -42,7 +42,7 @@ def free_lens(cell: Cell, camera: str) -> dict[Loc, Any]:
 
 
 def stated_value(cell: Cell, place: Loc) -> Any:
-    """The value that the `cell.yaml` of a cell has at a place."""
+    """Value at a location of the `cell.yaml` of a cell."""
     value: Any = cell_to_dict(cell)
     for key in place:
         value = value[key]

@@ -1,1 +1,1 @@
-"""Whether the input was given in other conventions, units or pairings than stated."""
+"""Tests whether the input has other conventions, units or pairings than stated."""

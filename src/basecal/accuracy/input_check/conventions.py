@@ -1,8 +1,8 @@
-"""An automatic test of conventions: does another hypothesis of the input explain it better, or as well.
+"""An automatic test of conventions: search for hypotheses that explain the input as well or better.
 
-A hypothesis is named only if it predicts held-out samples, contradicts no hard fact and moves the requested transforms.
-Nothing is ever applied. docs/conventions_test.md lists which data distinguish which mix-ups. `benchmarks.mutations`
-judges its limits.
+A hypothesis is reported only if it predicts held-out samples, contradicts no hard fact and changes the requested
+transforms. No hypothesis is ever applied. docs/conventions_test.md lists which data distinguish which mistakes.
+`benchmarks.mutations` judges its limits.
 """
 
 from __future__ import annotations
@@ -50,29 +50,29 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Camera
 from basecal.numerics.steps import run_in_step
 
-_SCREENED = 25  # samples of the quick look, of which a closed form of poses needs three
-_SOLVED = 40  # samples of a fit in earnest: enough to tell hypotheses apart; bounds the time
-_REWRITTEN = 400  # samples that are rewritten and judged by hard facts, which hold of all of them or of none
-_LIGHTS_SCREENED = 14  # views of a light, each two equations: twice as many as there are unknowns
-_MIN_SAMPLES = 5  # samples, of which three folds leave three to fit
+_SCREENED = 25  # samples of the screening; a closed form from poses needs three
+_SOLVED = 40  # samples of a full fit: enough to distinguish hypotheses; bounds the time
+_REWRITTEN = 400  # samples that are rewritten and checked against hard facts, which hold for all samples or for none
+_LIGHTS_SCREENED = 14  # views of an LED, two equations each: twice as many as there are unknowns
+_MIN_SAMPLES = 5  # samples, so that cross-validation with three folds fits three
 _LEAST_REDUNDANCY = 1.25  # equations over unknowns without the largest fold
 
-_OUT_OF_THE_RACE = 2.0  # times the error of the declared one, before the noise of poses is known
-_NEAR_RATIO = 3.0  # how many times worse than the best a hypothesis may close its loops and still be fitted
-_FLOOR_RAD = 0.01  # [rad] of loops of poses, within which the quick look of few samples does not rank
-_HOPELESS_RAD = 0.25  # [rad] of loops that even the best hypothesis does not close: none of them is so
-_OF_LIGHT = 0.2  # of both limits, of directions to a light, which have no rotation of their own
-_MOST_SOLVED = 8  # hypotheses to fit, which bounds the time
-_ODD = 0.08  # share of the motion unexplained that no recording in order has had, so that rare mix-ups are tried
+_OUT_OF_THE_RACE = 2.0  # times the error of the declared hypothesis, before the pose noise is known
+_NEAR_RATIO = 3.0  # largest loop error of a hypothesis that is fitted, over that of the best one
+_FLOOR_RAD = 0.01  # [rad] loop error of poses within which the screening of few samples does not rank
+_HOPELESS_RAD = 0.25  # [rad] loop error of the best hypothesis above which none is plausible
+_OF_LIGHT = 0.2  # factor of both limits for directions to an LED, which have no rotation
+_MOST_SOLVED = 8  # hypotheses to fit; bounds the time
+_ODD = 0.08  # share of unexplained motion above which rare mistakes are tried; no correct recording has had it
 
-_IN_STEP = 8  # pairs of camera and target of a cell of many robots: more gain little
+_IN_STEP = 8  # pairs of camera and target fitted as one batch in a cell of many robots: larger batches gain little
 
-_EXPLAINED = 1.15  # residuals over stated sigmas: nothing is left that a better hypothesis could explain
+_EXPLAINED = 1.15  # residuals over stated sigmas below which no better hypothesis is needed
 
 T = TypeVar("T")
 _Pairs = list[tuple[PairViews, Problem]]
 _Check = Generator[_Pairs, list[LoopFit | None], T]
-"""A check that asks for pairs to be fitted, and is told the fits."""
+"""A check that yields pairs to be fitted and receives the fits."""
 
 
 def check_conventions(
@@ -83,20 +83,21 @@ def check_conventions(
     settings: Settings,
     is_explained: bool = False,
 ) -> tuple[Finding, ...]:
-    """Findings about conventions that the input seems to break, or that it leaves open.
+    """Findings about conventions that the input seems to violate, or that it cannot determine.
 
     Args:
-        cell: As declared.
-        recording: As recorded.
-        problem: What was packed of both.
-        solution: What they gave.
-        settings: How they were solved.
-        is_explained: Whether noise such as arms have explains the residuals of robots that were assumed exact.
+        cell: The declared cell.
+        recording: The recording.
+        problem: The problem that was built from both.
+        solution: Its solution.
+        settings: Settings of the solution.
+        is_explained: Whether typical robot noise explains the residuals of robots that were assumed exact.
 
     Returns:
         An error for each hypothesis that explains the data better than the declared one. If the declared one
-        contradicts a known fact, a hypothesis that explains the data equally well is an error, too. Otherwise such
-        hypotheses give an `ambiguous-convention`. If no hypothesis explains the data, there is one `poor-fit` at most.
+        contradicts a known fact, a hypothesis that explains the data equally well is an error, too. Otherwise
+        hypotheses that explain the data equally well give one `ambiguous-convention`. If no hypothesis explains the
+        data, there is at most one `poor-fit`.
     """
     declared = as_recorded(cell, recording, problem)
     if not has_many_robots(problem):
@@ -112,10 +113,10 @@ def check_conventions(
 
 
 def _run_checks(checks: Sequence[_Check[T]]) -> list[T]:
-    """Where several checks end; the pairs of camera and target that they want fitted at a time go side by side."""
+    """Run several checks and return their results; the pairs that they yield are fitted as one batch."""
 
     def fit_pairs(requests: Sequence[_Pairs]) -> Iterator[list[LoopFit | None]]:
-        """The fits of the pairs of each check."""
+        """Fits of the pairs of each check."""
         fits = iter(fit_loops([pair for of in requests for pair in of]))
         return ([next(fits) for _ in of] for of in requests)
 
@@ -125,7 +126,7 @@ def _run_checks(checks: Sequence[_Check[T]]) -> list[T]:
 def _check_reading(
     baseline: Reading, state: State, settings: Settings, is_explained: bool
 ) -> _Check[tuple[Finding, ...]]:
-    """Check the conventions of all robots at once, as `check_conventions`."""
+    """Check the conventions of all robots of one reading jointly, as `check_conventions`."""
     if any(LINKS in model.columns for model in baseline.problem.models.values()):
         baseline, state = _without_links(baseline, state)
     cell, problem = baseline.cell, baseline.problem
@@ -144,7 +145,7 @@ def _check_reading(
 
 
 def _without_links(baseline: Reading, state: State) -> tuple[Reading, State]:
-    """Both with links as stated: no mix-up is as small as their errors, which would chase what they cannot explain."""
+    """Reading and state without link parameters, whose errors are smaller than the effect of any input mistake."""
     robots = {
         name: replace(robot, parameters={k: of for k, of in robot.parameters.items() if k != LINKS})
         for name, robot in baseline.cell.robots.items()
@@ -157,13 +158,13 @@ def _without_links(baseline: Reading, state: State) -> tuple[Reading, State]:
 
 
 def _can_hold_out(problem: Problem) -> bool:
-    """Whether two of three folds still have more equations than there are unknowns, by a quarter."""
+    """Whether two of three folds have at least a quarter more equations than unknowns."""
     equations = sum(int(group.measurement.equations().sum()) for group in problem.groups)
     return equations * (FOLDS - 1) / FOLDS > _LEAST_REDUNDANCY * problem.width
 
 
 def _as_declared(baseline: Reading, settings: Settings, state: State) -> HypothesisFit | None:
-    """The fit of the declared hypothesis; a start that misled it, such as a wrong guess, is no mix-up."""
+    """Fit of the declared hypothesis; also from a closed-form start, since a wrong guess is no input mistake."""
     cell, few = baseline.cell, baseline.thin(_SOLVED).problem
     fit = fit_hypothesis(cell, few, settings, state)
     if settings.start == "closed" or (fit is not None and plausible(fit)):
@@ -174,7 +175,7 @@ def _as_declared(baseline: Reading, settings: Settings, state: State) -> Hypothe
 
 
 def _try_hypotheses(baseline: Reading, as_is: TriedHypothesis, settings: Settings) -> _Check[list[TriedHypothesis]]:
-    """Hypotheses that survive a quick look, fitted in earnest."""
+    """Fully fit the hypotheses that survive the screening."""
     lenses = _lenses(baseline, as_is.fit)
     known = as_is.fit.solution.state
     found: list[TriedHypothesis] = []
@@ -182,7 +183,7 @@ def _try_hypotheses(baseline: Reading, as_is: TriedHypothesis, settings: Setting
     surviving = yield from _surviving(baseline, lenses, common)
     has_priors = any(unknown.status == "prior" for unknown in baseline.problem.unknowns.values())
     if not surviving and not plausible(as_is.fit) and has_priors:
-        # Loops of arms that turn about one axis stay open without what is known by priors, whatever is tried.
+        # Without priors, the loops of robots that rotate about one axis do not close under any hypothesis.
         surviving = [(hypothesis, {}) for hypothesis in common if not hypothesis.nested]
     for hypothesis, fits in surviving:
         found += _try(baseline, hypothesis, settings, (fits, lenses), as_is)
@@ -212,17 +213,17 @@ def _is_possible(trial: TriedHypothesis) -> bool:
 
 
 def _explains_all(trial: TriedHypothesis) -> bool:
-    """Whether no session is left unexplained: one of two may fit under a hypothesis that is wrong."""
+    """Whether every session is explained: under a wrong hypothesis one of two sessions may still fit."""
     return _is_possible(trial) and not has_tail(trial.fit)
 
 
 def every_hypothesis(baseline: Reading, state: State, settings: Settings) -> list[ConventionHypothesis]:
-    """All hypotheses of a reading that may be named, those among them whose number or sample is to be found.
+    """All hypotheses that may be reported, including those with an unknown number or sample.
 
     Args:
-        baseline: As it was declared.
-        state: Its fit.
-        settings: How it was solved.
+        baseline: The declared reading.
+        state: Fitted state of the declared reading.
+        settings: Settings of the fit.
     """
     found = [*convention_hypotheses(baseline), *rare_hypotheses(baseline), *half_turns(baseline)]
     found += size_hypotheses(baseline.thin(_SOLVED), state)
@@ -240,7 +241,7 @@ def _try(
     start: State | tuple[Fits, Lenses] | None,
     as_is: TriedHypothesis,
 ) -> list[TriedHypothesis]:
-    """The hypothesis fitted in earnest; nothing if it contradicts a fact, or is out of the race."""
+    """Fully fit a hypothesis; empty if it contradicts a fact or its error is far above that of the declared one."""
     reading = _reread(hypothesis, baseline)
     if impossible_reading(reading):
         return []
@@ -251,14 +252,14 @@ def _try(
 
 
 def _reread(hypothesis: ConventionHypothesis, baseline: Reading) -> Reading:
-    """The samples under a hypothesis, as many as determine it."""
+    """Reading under a hypothesis; of at most 400 samples unless the hypothesis depends on their order."""
     return hypothesis.reread(baseline if hypothesis.by_order else baseline.thin(_REWRITTEN))
 
 
 def _surviving(
     baseline: Reading, lenses: Lenses, candidates: Sequence[ConventionHypothesis]
 ) -> _Check[list[tuple[ConventionHypothesis, Fits]]]:
-    """Hypotheses that close the loops about as well as the one that closes them best."""
+    """Hypotheses whose loop errors are close to the smallest one, with their fits."""
     hypotheses, inputs = [AS_DECLARED], [baseline]
     for hypothesis in candidates:
         still = [name for name in hypothesis.about if name in baseline.tracks and not baseline.tracks[name].moves]
@@ -280,9 +281,9 @@ def _surviving(
 
 
 def _screen(inputs: Sequence[Reading], lenses: Lenses) -> _Check[list[Fits]]:
-    """The fit of each hypothesis to the loops of its pairs of camera and target, all fitted side by side.
+    """Fit each hypothesis to the loops of its pairs of camera and target, all as one batch.
 
-    A hypothesis has no fits where one of its pairs cannot be fitted.
+    A hypothesis has no fits if one of its pairs cannot be fitted.
     """
     views = ReadyViews(lenses)
     pairs = [_pairs(reading, views) for reading in inputs]
@@ -296,14 +297,14 @@ def _screen(inputs: Sequence[Reading], lenses: Lenses) -> _Check[list[Fits]]:
 
 
 def _pairs(reading: Reading, views: ReadyViews) -> _Pairs:
-    """Some views of each pair of camera and target, as a reading has them; none if they cannot be made ready."""
+    """Prepared views of each pair of camera and target of a reading; empty if they cannot be prepared."""
     problem = reading.thin(_SCREENED).problem
     known = known_transforms(problem)
     try:
         pairs = []
         for group in (g for g in problem.groups if not has_metric_start(g, known)):
             some = views.take(group, _SCREENED)
-            if some.candidates is None:  # a light, whose search is longer
+            if some.candidates is None:  # an LED, whose search takes longer
                 some = views.take(group, _LIGHTS_SCREENED)
             pairs.append((some, problem))
         return pairs
@@ -312,7 +313,7 @@ def _pairs(reading: Reading, views: ReadyViews) -> _Pairs:
 
 
 def _lenses(baseline: Reading, fit: HypothesisFit) -> dict[str, Camera]:
-    """A lens for each camera with pixels: stated, of a good fit, or from its views, which no robot misleads."""
+    """Lens of each camera with pixels: stated, from a plausible fit, or from its views without any robot."""
     found = {}
     for name, lens in baseline.problem.lenses.items():
         views = [g.measurement for g in baseline.problem.groups if g.camera == name]
@@ -323,5 +324,5 @@ def _lenses(baseline: Reading, fit: HypothesisFit) -> dict[str, Camera]:
 
 
 def _is_explained(fit: HypothesisFit) -> bool:
-    """Whether stated sigmas explain every residual, so that no wider model can gain a tenth."""
+    """Whether stated sigmas explain every residual, so that no wider model improves the fit noticeably."""
     return not fit.solution.noise.estimated and ratio(fit.solution) < _EXPLAINED and not has_tail(fit)

@@ -1,7 +1,7 @@
-"""Hypotheses of a cell and its recording that people mix up, each undone by another reading of it.
+"""Hypotheses about common mistakes in a cell and its recording; each is undone by reading the input differently.
 
-A hypothesis holds where the input means something else than its format says: flange_from_base written as
-base_from_flange, millimetres as metres. It is never applied to the answer; it is fitted beside the declared one.
+A hypothesis holds if the input deviates from its format: flange_from_base written as base_from_flange, or millimetres
+as metres. A hypothesis is never applied to the answer; it is fitted for comparison with the declared input.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from basecal.fields.problems import Loc
 from basecal.geometry import SE3
 
 _MILLI = 1e-3  # metres in a millimetre, by definition
-_SHIFTS = (1, -1, 2, -2)  # samples that a stream is late: one dropped or doubled image, or two; assumed
-# What stands in a field q_xyzw: components written as w, x, y, z; and x, y, z, w turned round once too often.
-_ORDERS = {"w, x, y, z": (1, 2, 3, 0), "turned from w, x, y, z though they were x, y, z, w": (3, 0, 1, 2)}
+_SHIFTS = (1, -1, 2, -2)  # delay of a stream in samples: one or two dropped or duplicated images; assumed
+# Wrong contents of a field q_xyzw: components in the order w, x, y, z, or reordered although they were x, y, z, w.
+_ORDERS = {"w, x, y, z": (1, 2, 3, 0), "converted from w, x, y, z although they were x, y, z, w": (3, 0, 1, 2)}
 
 Reread = Callable[[Reading], Reading]
 
 
 @dataclass(frozen=True, eq=False)
 class ConventionHypothesis:
-    """One way to read a cell and its recording.
+    """One interpretation of a cell and its recording.
 
     Attributes:
         code: The finding's code.
         about: Names of robots, cameras and targets.
-        words: What is so under this hypothesis, as the end of "It fits if ...".
-        fix: What to do, in one line.
-        distinction: What would distinguish it from the declared one where both fit.
-        reread: The reading that says so, of the declared one.
-        nested: Whether it has the declared hypothesis as a special case and so never fits worse.
-        by_order: Whether it goes by where samples stand among the others, so that `reread` needs all of them.
-        carriers: What things are `on` instead if that fits as exactly, by place in `cell.yaml`.
+        words: Statement of the hypothesis, as the end of "It fits if ...".
+        fix: Instruction to fix the input, in one line.
+        distinction: Instruction to record data that distinguish this hypothesis from the declared one.
+        reread: Function that returns the reading under this hypothesis, given the declared reading.
+        nested: Whether the declared hypothesis is a special case of this one, which therefore never fits worse.
+        by_order: Whether the hypothesis depends on the order of the samples, so that `reread` needs all of them.
+        carriers: Alternative values of `on` that fit equally well, by location in `cell.yaml`.
     """
 
     code: str
@@ -63,7 +63,7 @@ AS_DECLARED = ConventionHypothesis("", (), "it is as declared", "", "", lambda r
 
 
 def convention_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
-    """All hypotheses that change this reading, but for those with a number to be found."""
+    """All hypotheses that apply to this reading, except those with an unknown number."""
     by_pose, by_joints = baseline.pose_robots, baseline.joint_robots
     poses, points = baseline.shows(PoseMeasurement), baseline.shows(PointMeasurement)
     shifts = [by for by in _SHIFTS if abs(by) < len(baseline.order) // 3]
@@ -84,7 +84,7 @@ def convention_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
 
 
 def subsets(robots: list[str]) -> dict[tuple[str, ...], str]:
-    """Each robot alone, and all of several together, with their names in a sentence."""
+    """Each robot alone, and all robots together, with the names as a phrase."""
     found = [*((name,) for name in robots), tuple(robots)]
     return {names: " and ".join(names) for names in found if names}
 
@@ -92,27 +92,27 @@ def subsets(robots: list[str]) -> dict[tuple[str, ...], str]:
 def pose_subjects(
     robots: list[str], poses: bool, observations: str = "the observed poses"
 ) -> dict[tuple[str, ...], str]:
-    """`subsets` of robots that record poses, and observed poses without a name if there are any."""
+    """`subsets` of the robots that record poses; if `poses`, the observed poses under an empty tuple of names."""
     return subsets(robots) | ({(): observations} if poses else {})
 
 
 def map_poses(names: tuple[str, ...], pose_map: PoseMap) -> Reread:
-    """Recorded poses of these robots, or all observed ones where there are none, mapped."""
+    """Map the recorded poses of these robots, or all observed poses if `names` is empty."""
     return lambda reading: reading.with_poses(names, pose_map) if names else reading.with_target_poses(pose_map)
 
 
 def scale_translations(factor: float) -> PoseMap:
-    """Translations times a factor."""
+    """Pose map that multiplies translations by a factor."""
     return lambda poses: SE3(poses.rotation, factor * poses.translation)
 
 
 def _reorder_quaternion(order: tuple[int, ...]) -> PoseMap:
-    """Rotations whose quaternion's components are taken in another order; a sign does not matter."""
+    """Pose map that reorders the components of the quaternions; their sign does not matter."""
     return lambda poses: SE3.from_quaternion(poses.quaternion[..., list(order)], poses.translation)
 
 
 def _mirror_behind_camera(poses: SE3) -> SE3:
-    """The other pose from which a plane's points lie on the same lines: behind the camera if this is before it."""
+    """Mirror poses through the camera's centre: a plane's points lie on the same lines, but behind the camera."""
     return SE3(poses.rotation * np.array([-1.0, -1.0, 1.0]), -poses.translation)
 
 
@@ -187,7 +187,7 @@ def _size_unit_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
 
 def _scale_lengths(robots: list[str], factor: float) -> Reread:
     def reread(reading: Reading) -> Reading:
-        """The reading with all its lengths times the factor."""
+        """Multiply all lengths of the reading by the factor."""
         of = scale_translations(factor)
         mapped = reading.with_poses(tuple(robots), of).with_target_poses(of).with_points(factor)
         return mapped.resize(dict.fromkeys(reading.cell.targets, factor))
@@ -198,8 +198,8 @@ def _scale_lengths(robots: list[str], factor: float) -> Reread:
 def _joint_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
     for names, who in subsets(robots).items():
         for factor, words, advice in (
-            (np.pi / 180, "in degrees", "turn them into radians"),
-            (180 / np.pi, "turned from degrees into radians though they were radians", "leave them as they were"),
+            (np.pi / 180, "in degrees", "convert them to radians"),
+            (180 / np.pi, "converted from degrees to radians although they were radians", "do not convert them"),
         ):
             yield ConventionHypothesis(
                 "angle-unit",
@@ -242,23 +242,23 @@ def _exchange_hypotheses(baseline: Reading, robots: list[str], quantity: str) ->
 
 
 def streams(robots: list[str]) -> list[str | None]:
-    """Streams that may be paired wrongly with the rest: observations, and each robot if there are several."""
+    """Streams that may be paired wrongly: the observations (None), and each robot if there are several."""
     return [None, *(robots if len(robots) > 1 else [])]
 
 
 def shift(stream: str | None, count: int, start: int = 0, first: int | None = None) -> ConventionHypothesis:
-    """One stream paired with other samples; `first` is the number of the sample at position `start`."""
+    """Hypothesis that one stream is shifted by `count` samples; sample `first` is the one at position `start`."""
     late = f"{abs(count)} sample{'s' if abs(count) > 1 else ''} {'later' if count > 0 else 'earlier'}"
     return pair_differently(
         stream,
         f"{'' if first is None else f'from sample {first} on '}belongs {late}",
-        f"pair it so{' (was a detection missed or given twice there?)' if start else ''}",
+        f"pair it accordingly{' (was a detection missed or given twice there?)' if start else ''}",
         lambda reading: reading.shift(stream, count, start),
     )
 
 
 def pair_differently(stream: str | None, fault: str, fix: str, reread: Reread) -> ConventionHypothesis:
-    """One stream in another order: what cameras saw if it is None, or what a robot recorded."""
+    """Hypothesis that one stream is in another order: the observations if it is None, else a robot's records."""
     return ConventionHypothesis(
         "pairing-shifted",
         () if stream is None else (stream,),
@@ -336,21 +336,22 @@ def _fixed_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
 
 
 def free_lens(cell: Cell, name: str) -> Cell:
-    """The cell with the lens of a camera for a guess."""
+    """Copy of the cell that uses the stated lens of a camera as an initial guess only."""
     camera = cell.cameras[name]
     lens = camera.intrinsics
     freed = replace(camera, intrinsics=None if lens is None else replace(lens, status="free", exact=False))
     return replace(cell, cameras={**cell.cameras, name: freed})
 
 
-_AGREE = 0.15  # of one another, the factors along both sides: centres lie within a tenth of the middle
-_OTHER_FACTOR = 1.25  # factor of a resolution that is another one
+_AGREE = 0.15  # relative difference of the factors of width and height: centres lie within a tenth of the middle
+_OTHER_FACTOR = 1.25  # factor between two resolutions that count as different
 
 
 def other_resolution(camera: CellCamera, problem: Problem) -> str:
-    """A clause that names the resolution of which a camera matrix seems to be; empty where it suits the images.
+    """Clause that names the resolution that a camera matrix seems to have; empty if it matches the images.
 
-    Determined by its centre in images whose size is stated, else by how far the recorded pixels reach beyond it.
+    If the image size is stated, the principal point determines the resolution. Otherwise the extent of the recorded
+    pixels does.
     """
     lens = None if camera.intrinsics is None else camera.intrinsics.camera
     if lens is None:

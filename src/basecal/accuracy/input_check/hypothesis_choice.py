@@ -1,4 +1,4 @@
-"""Which of the hypotheses of an input that were fitted are named: those that predict better, or as well elsewhere.
+"""Choice of the fitted hypotheses to report: those that predict better, or equally well with another answer.
 
 `benchmarks.mutations` judges its limits.
 """
@@ -28,16 +28,16 @@ from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 
-_CERTAIN = 100.0  # twice the log ratio of likelihoods: true sizes gain up to 40 where arms have errors of their own
-_TAIL = 2.0  # rms of all samples over that of most, which no choice of samples makes
-_SIGMAS = 3.0  # by which an answer has to move to count as another
-# A wider model takes up some of the errors of arms and lenses: below this ratio of likelihoods it found no mix-up.
+_CERTAIN = 100.0  # twice the log likelihood ratio: true sizes gain up to 40 if the robots have errors of their own
+_TAIL = 2.0  # rms of all samples over that of most, which chance does not reach
+_SIGMAS = 3.0  # sigmas between two answers that count as different
+# A wider model absorbs some of the errors of robots and lenses: below this likelihood ratio it found no mistake.
 _WIDER = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class TriedHypothesis:
-    """A hypothesis and how it predicts.
+    """A hypothesis with its fit.
 
     Attributes:
         hypothesis: The hypothesis.
@@ -50,14 +50,14 @@ class TriedHypothesis:
     impossible: tuple[str, ...]
 
     def compare(self, baseline: HypothesisFit) -> Comparison:
-        """How it predicts the samples that the declared hypothesis has, too."""
+        """Compare its predictions with those of the declared hypothesis, for the samples of both."""
         clearly = _WIDER if self.hypothesis.nested else CLEARLY
         shared = np.intersect1d(self.fit.sample, baseline.sample)
         return compare_predictions(self.fit.squares(shared), baseline.squares(shared), clearly)
 
 
 def has_tail(fit: HypothesisFit) -> bool:
-    """Whether some samples are predicted far worse than most."""
+    """Whether some samples have far larger prediction errors than most."""
     return bool(np.isfinite(fit.core) and fit.rms > _TAIL * fit.core)
 
 
@@ -73,21 +73,21 @@ def decide_hypotheses(
     is_explained: bool = False,
     still: frozenset[str] = frozenset(),
 ) -> tuple[Finding, ...]:
-    """Findings about the hypotheses that are to be believed rather than the declared one, or as much.
+    """Findings about the hypotheses that are more plausible than the declared one, or equally plausible.
 
     Args:
-        cell: As declared.
+        cell: The declared cell.
         baseline: The declared hypothesis.
-        trials: Others.
-        is_explained: Whether noise such as arms have explains the residuals of robots that were assumed exact.
-        still: Robots that stand still throughout.
+        trials: Alternative hypotheses.
+        is_explained: Whether typical robot noise explains the residuals of robots that were assumed exact.
+        still: Robots that never move.
     """
     possible = [t for t in trials if not t.impossible and is_observable(cell, t.fit) and plausible(t.fit)]
     winning = _confirm_against_noise([t for t in possible if _wins(cell, t, baseline)], baseline, is_explained)
     if winning:
         best = min(winning, key=lambda w: w[0].fit.core * w[0].fit.rms)[0]
         as_good = [(t, certain) for t, certain in winning if _is_as_good(t, best.fit)]
-        # What was stated by hand is doubted before devices are.
+        # Values stated by hand are doubted before data from devices.
         stated = [each for each in as_good if each[0].hypothesis.code == fixed_transform.CODE]
         return tuple(dict.fromkeys(_make_finding(cell, t, baseline, certain) for t, certain in stated or as_good))
     if not plausible(baseline.fit):
@@ -103,7 +103,7 @@ def decide_hypotheses(
         for t in possible
         if not t.hypothesis.nested and _is_as_good(t, baseline.fit) and _has_moved(cell, t, baseline.fit, baseline.fit)
     ]
-    # Whatever is done to the one pose of an arm that stands still, its base makes up for it: no data tell otherwise.
+    # The base of a robot that never moves compensates any change of its one pose: no data can distinguish them.
     of_still = [t for t in rivals if set(t.hypothesis.about) <= still]
     others = [t for t in rivals if t not in of_still]
     kinds: tuple[tuple[Severity, list[TriedHypothesis]], ...] = (("warning", others), ("info", of_still))
@@ -115,7 +115,7 @@ def _is_as_good(trial: TriedHypothesis, reference: HypothesisFit) -> bool:
 
 
 def _wins(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis) -> bool:
-    """Whether a hypothesis is to be believed rather than the declared one."""
+    """Whether a hypothesis is more plausible than the declared one."""
     compared = trial.compare(baseline.fit)
     if baseline.impossible and compared.decision is not Decision.KEEP and not trial.hypothesis.nested:
         return True
@@ -145,7 +145,7 @@ def _step(fit: HypothesisFit, rival: HypothesisFit, name: str) -> SE3:
 def _confirm_against_noise(
     winning: Sequence[TriedHypothesis], baseline: TriedHypothesis, is_explained: bool
 ) -> list[tuple[TriedHypothesis, bool]]:
-    """Hypotheses that the data still support beside noise of the arms, and whether they leave no doubt."""
+    """Hypotheses that the data support even with robot noise, and whether each is certain."""
     found = []
     for tried in winning:
         if not tried.hypothesis.nested or not (is_explained or plausible(baseline.fit)):
@@ -175,7 +175,7 @@ def _make_finding(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis,
 
 
 def _ambiguous(cell: Cell, baseline: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity) -> Finding:
-    """One finding for all hypotheses that fit as well as the declared one."""
+    """One finding for all hypotheses that fit equally well as the declared one."""
     name = cell.requested_transforms[0]
     moves = [1e3 * float(np.linalg.norm(_step(baseline.fit, t.fit, name).translation)) for t in rivals]
     listed = " or ".join(
@@ -195,26 +195,27 @@ def _ambiguous(cell: Cell, baseline: TriedHypothesis, rivals: Sequence[TriedHypo
 
 
 def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | None:
-    """The evidence of the data for a hypothesis that has the declared one as a special case.
+    """Evidence of the data for a hypothesis that has the declared one as a special case.
 
-    With robots assumed exact, predictions improve whenever a further unknown compensates some of the arms' errors, most
-    of all with few samples. With noise estimated beside both hypotheses, the gain shows whether there is more to it.
+    With robots assumed exact, any further unknown compensates some of their errors and improves predictions, most of
+    all with few samples. With noise estimated under both hypotheses, the gain shows whether the hypothesis itself
+    explains the data.
 
-    For a size two likelihoods are compared: of the views' poses, and of how points in space scatter about these. Points
-    in space have a size of their own, while pixels of a target of any size scatter equally. The search for the
-    hypothesis' noise starts from the declared one's. If both the arms and the images may be off, two noises explain
-    the views. A gain of one over the other is then no gain of the hypothesis.
+    For a size, two likelihoods are compared: that of the view poses, and that of the scatter of 3-D points about them.
+    3-D points determine the size, while the scatter of pixels is the same for a target of any size. The search for the
+    noise of the hypothesis starts from that of the declared one. If both robots and images may have errors, two
+    noise estimates explain the views. A gain of one over the other is then no gain of the hypothesis.
 
     For a lens or a transform that is freed, the evidence is its squared distance from the stated one, in sigmas.
-    Likelihoods are not compared in this case. Views that estimate their own lens hold more than those that do not, and
-    restricted likelihoods of different unknowns are not comparable.
+    Likelihoods are not compared in this case. Views that estimate their own lens contain more information than those
+    that do not, and restricted likelihoods of different unknowns are not comparable.
 
     Args:
-        fit: The hypothesis' fit.
-        baseline: That of the declared one.
+        fit: Fit of the hypothesis.
+        baseline: Fit of the declared hypothesis.
 
     Returns:
-        None if the two rest on different views.
+        None if the two fits use different views.
     """
     if _views(fit.solution) != _views(baseline.solution):
         return None
@@ -236,7 +237,7 @@ def _views(solution: Solution) -> int:
 
 
 def _scatter_gain(wider: Solution, narrower: Solution) -> float:
-    """Twice the log ratio of likelihoods of points in space about their view's pose; by their scatter if unstated."""
+    """Twice the log likelihood ratio of 3-D points about the view poses; from their scatter if sigma is unstated."""
     gain, more = 0.0, _scatter(narrower)
     for name, (less, freedoms) in _scatter(wider).items():
         if name == STATED:
@@ -247,7 +248,7 @@ def _scatter_gain(wider: Solution, narrower: Solution) -> float:
 
 
 def _scatter(solution: Solution) -> dict[str, tuple[float, float]]:
-    """Squares of points in space about their view's own pose at unit sigma, and freedoms, by field of `Noise`."""
+    """Squared residuals of 3-D points about the view pose at unit sigma and degrees of freedom, by `Noise` field."""
     found: dict[str, tuple[float, float]] = {}
     for group in (g for g in solution.problem.groups if isinstance(g.measurement, PointMeasurement)):
         for name, view in view_estimates(solution.problem, group, solution.state).items():
@@ -257,7 +258,7 @@ def _scatter(solution: Solution) -> dict[str, tuple[float, float]]:
 
 
 def _distance(solution: Solution, step: Array, name: str) -> tuple[float, int]:
-    """Square of a part of a step, (p,), from what is stated of a lens or transform, in sigmas, and its freedoms."""
+    """Squared Mahalanobis distance of a lens or transform from its stated value, and its degrees of freedom."""
     where = solution.problem.columns[name]
     known = spectrum(solution.covariance[where, where])
     return float(known.squared_mahalanobis(step[where])), int(known.rank)

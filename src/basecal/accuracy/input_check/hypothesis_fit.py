@@ -1,4 +1,4 @@
-"""How well a hypothesis about the input predicts held-out samples.
+"""Prediction error of a hypothesis about the input for held-out samples.
 
 `benchmarks.mutations` judges its limits.
 """
@@ -25,24 +25,24 @@ from basecal.estimation.start.rotation_search import KEPT_SHARE
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array, IntArray
 
-FOLDS = 3  # few, since each costs a fit of every hypothesis
-_HEAVY_TAIL = 2.0  # rms of all over rms of the best 70 %: 1.8 of one normal residual a view, less of more
+FOLDS = 3  # few, since each needs a fit of every hypothesis
+_HEAVY_TAIL = 2.0  # rms of all over rms of the best 70 %: 1.8 for one normal residual per view, smaller for more
 _CONCENTRATIONS = 2
-_MOST_STEPS = 25  # of a hypothesis: what is so comes to rest within ten, free links of robots chase what is not
-_PLAUSIBLE_RAD = 0.03  # [rad] of angles, and lengths over the distance, beyond any detector of poses
-_LOST = 1e3  # [rad] of a view whose error is no number
+_MOST_STEPS = 25  # iterations of a hypothesis: true ones converge within ten; free link parameters may need many
+_PLAUSIBLE_RAD = 0.03  # [rad] of angles, and lengths over the distance: more than the error of any pose detector
+_LOST = 1e3  # [rad] error of a view whose error is not finite
 
 
 @dataclass(frozen=True, eq=False)
 class HypothesisFit:
-    """A hypothesis' fit and what it predicts.
+    """Fit of a hypothesis with its prediction errors.
 
     Attributes:
-        solution: The fit to the samples that agree with it.
-        off: (n,) error of each held-out view against its prediction. It is in thousands of pixels, or combines the
-            angle and the length over the distance to the target [rad].
-        sample: (n,) numbers of their samples.
-        in_pixels: Whether views are of pixels.
+        solution: The fit to the samples that agree with the hypothesis.
+        off: Prediction error of each held-out view, (n,). It is in thousands of pixels, or combines the angle and the
+            length over the distance to the target [rad].
+        sample: Sample number of each view, (n,).
+        in_pixels: Whether the views are pixels.
     """
 
     solution: Solution
@@ -52,12 +52,12 @@ class HypothesisFit:
 
     @property
     def core(self) -> float:
-        """Rms of the 70 % of views that are predicted best."""
+        """RMS of the smallest 70 % of the prediction errors."""
         return trimmed_rms(self.off)
 
     @property
     def rms(self) -> float:
-        """Rms of all views."""
+        """RMS of all prediction errors."""
         return trimmed_rms(self.off, 1.0)
 
     def squares(self, samples: IntArray) -> Array:
@@ -70,7 +70,7 @@ class HypothesisFit:
         return mean
 
     def error_in_words(self) -> str:
-        """The error with its unit, for people."""
+        """The error with its unit, as text."""
         if not np.isfinite(self.core):
             return "not at all"
         if self.in_pixels:
@@ -79,40 +79,40 @@ class HypothesisFit:
 
 
 def plausible(fit: HypothesisFit) -> bool:
-    """Whether data could have come from there: an optimum with residuals of a few sigmas or pixels, not more."""
+    """Whether a fit is an optimum with residuals of at most a few sigmas or pixels."""
     return is_near(fit) and (bool(fit.solution.noise.estimated) or ratio(fit.solution) < PLAUSIBLE_SIGMAS)
 
 
 def is_near(fit: HypothesisFit) -> bool:
-    """Whether it is an optimum with residuals of a few pixels or hundredths of a radian."""
+    """Whether a fit is an optimum with residuals of at most a few pixels or hundredths of a radian."""
     if not fit.solution.converged or not np.isfinite(fit.solution.cost):
         return False
     return fit.core < (PIXEL_SCALE * PLAUSIBLE_PX if fit.in_pixels else _PLAUSIBLE_RAD)
 
 
 def ratio(solution: Solution) -> float:
-    """Residuals over what their sigmas explain."""
+    """Ratio of the residuals to their expected size."""
     return float(np.sqrt(solution.cost / max(solution.dof, 1)))
 
 
 def fit_hypothesis(
     cell: Cell, problem: Problem, settings: Settings, start: State | None = None, limit: float = np.inf
 ) -> HypothesisFit | None:
-    """The fit of a cell and its held-out errors over three folds; None where there is nothing to fit.
+    """Fit a cell and compute its held-out errors over three folds; None if the fit fails.
 
-    A fit that no data could have come from is not held out: its errors are those that it was fitted to. Where a few
-    views are far off, the fit is repeated on the others, so that gross outliers do not hide a hypothesis.
+    An implausible fit is not cross-validated: its errors are the residuals of the fit. If a few views have large
+    errors, the fit is repeated on the others, so that gross outliers do not hide a hypothesis.
 
     Args:
-        cell: As the hypothesis has it.
-        problem: Likewise.
-        settings: How to solve.
-        start: Where to start; without a guess where None.
-        limit: `core` from which on a fit is of no interest: None is returned.
+        cell: The cell under the hypothesis.
+        problem: The problem under the hypothesis.
+        settings: Settings of the solver.
+        start: Initial state; None to compute one.
+        limit: Largest `core` of interest: None is returned if the fit from `start` exceeds it.
     """
     if np.isfinite(limit):
         settings = replace(settings, iterations=min(settings.iterations, _MOST_STEPS))
-    # A wrong hypothesis may send the descent anywhere: infinities there are no error of the user's.
+    # A wrong hypothesis may make the descent diverge: infinities there are no user error.
     with np.errstate(all="ignore"):
         return _fit(cell, problem, settings, start, limit)
 
@@ -139,7 +139,7 @@ def _fit(cell: Cell, problem: Problem, settings: Settings, start: State | None, 
 
 
 def _concentrate(solution: Solution, settings: Settings) -> Solution:
-    """The solution of the views that agree best, where the others are far off."""
+    """Refit to the views with the smallest errors if the others have far larger ones."""
     whole = solution.problem
     for _ in range(_CONCENTRATIONS):
         off = [view_errors(whole, group, solution.state) for group in whole.groups]
@@ -156,7 +156,7 @@ def _concentrate(solution: Solution, settings: Settings) -> Solution:
 
 
 def _held_out_errors(problem: Problem, solution: Solution) -> tuple[Array, IntArray] | None:
-    """Held-out errors of all views, each by the fit to the folds that it is not in, and the numbers of their samples.
+    """Held-out errors of all views, each from the fit without its fold, and their sample numbers.
 
     None if no samples can be held out.
     """
@@ -168,7 +168,7 @@ def _held_out_errors(problem: Problem, solution: Solution) -> tuple[Array, IntAr
 
 
 def _view_errors(predictions: Sequence[tuple[Problem, State]]) -> tuple[Array, IntArray]:
-    """How far views of problems are off the states beside them, (n,), and the numbers of their samples, (n,)."""
+    """Errors of the views of problems, each with its state, (n,), and their sample numbers, (n,)."""
     views = [(problem, group, state) for problem, state in predictions for group in problem.groups]
     return np.concatenate([view_errors(*each) for each in views]), np.concatenate(
         [group.sample for _, group, _ in views]

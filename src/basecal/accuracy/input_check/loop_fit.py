@@ -1,7 +1,7 @@
-"""How nearly the loops of one camera and one target can be closed at all: a quick look that discards hypotheses.
+"""Smallest loop errors of one camera and one target: a screening that discards hypotheses.
 
-Only fixed transforms are taken as known, and each pair of camera and target stands alone. So a hypothesis that closes
-no loop here closes none in the whole cell either; one that does is solved in earnest afterwards. `benchmarks.mutations`
+Only fixed transforms are known, and each pair of camera and target is fitted separately. A hypothesis that closes
+no loop here closes none in the whole cell either; the others are fully fitted afterwards. `benchmarks.mutations`
 judges its limits.
 """
 
@@ -30,19 +30,19 @@ from basecal.estimation.view.view_pose import KnownPoses, view_poses
 from basecal.geometry import Array, Camera, IntArray
 from basecal.geometry.rotation import lengths
 
-_MOST_POINTS = 16  # of a view, spread: more make its pose no clearer
-_LIGHT_STARTS = {0: 1, 1: 3, 2: 6}  # by how many rotations are unknown: cells of the grid to refine
-_LIGHT_STEPS = 12  # of each, enough to rank them
+_MOST_POINTS = 16  # well-spread points of a view: more do not improve its pose
+_LIGHT_STARTS = {0: 1, 1: 3, 2: 6}  # grid cells to refine, by the number of unknown rotations
+_LIGHT_STEPS = 12  # iterations for each grid cell, enough to rank them
 
 
 @dataclass(frozen=True, eq=False)
 class LoopFit:
-    """X, Y and Z of one pair of camera and target, and how far each view is off.
+    """X, Y and Z of one pair of camera and target, with the loop error of each view.
 
     Attributes:
         triple: eye_flange_from_camera, eye_base_from_hand_base and hand_flange_from_target.
-        off: (n,) of each view [rad]: the angle, and the length over the distance to the target.
-        of_light: Whether only one point was fitted, whose place represents the target's.
+        off: Loop error of each view, (n,) [rad]: of the angle, and of the length over the distance to the target.
+        of_light: Whether only one point was fitted, whose position represents the target's.
     """
 
     triple: Triple
@@ -52,11 +52,11 @@ class LoopFit:
 
 Lenses = Mapping[str, Camera]
 Fits = Mapping[tuple[str, str], LoopFit]
-"""By camera and target."""
+"""Loop fits by camera and target."""
 
 
 def trimmed_rms(errors: Array, share: float = KEPT_SHARE) -> float:
-    """Rms of the share of values that are least; infinite without any."""
+    """RMS of the smallest errors, of the given share; infinite if there are no errors."""
     if not len(errors):
         return float("inf")
     ordered = np.sort(np.where(np.isfinite(errors), errors, np.inf))[: max(1, int(np.ceil(share * len(errors))))]
@@ -64,18 +64,18 @@ def trimmed_rms(errors: Array, share: float = KEPT_SHARE) -> float:
 
 
 def ready_views(group: ViewGroup, camera: Camera | None, views: int, poses_of: ViewPosesOf = view_poses) -> PairViews:
-    """At most so many views, made ready."""
+    """Prepare at most `views` views of a group."""
     return pair_views(group, camera, views, _MOST_POINTS, poses_of)
 
 
 @dataclass(frozen=True, eq=False)
 class ReadyViews:
-    """Views made ready, those of the same pixels once: most hypotheses are about robots, not about what was seen.
+    """Cache of prepared views: most hypotheses concern robots and share the same pixels.
 
     Attributes:
-        lenses: By camera.
-        known: What was made ready, by all that it depends on.
-        poses: Of single views, which other pairings show at other samples.
+        lenses: Lenses by camera.
+        known: Prepared views by camera, target, number of views and the bytes of their pixels.
+        poses: Poses of single views, which other pairings assign to other samples.
     """
 
     lenses: Lenses
@@ -83,7 +83,7 @@ class ReadyViews:
     poses: KnownPoses = field(default_factory=KnownPoses)
 
     def take(self, group: ViewGroup, views: int) -> PairViews:
-        """At most so many views of a group, made ready."""
+        """Prepare at most `views` views of a group, from the cache if possible."""
         measurement, camera = group.measurement, self.lenses.get(group.camera)
         if not isinstance(measurement, PixelMeasurement):
             return ready_views(group, camera, views)
@@ -97,9 +97,9 @@ class ReadyViews:
 
 
 def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None]:
-    """The transforms that close each pair's loops best, with only what is fixed known; None if the solve fails.
+    """Transforms that minimise the loop errors of each pair, with only fixed transforms known.
 
-    All pairs are searched side by side, whatever hypotheses of the input they come from.
+    The pairs of all hypotheses are fitted as one batch. A fit is None if the solve fails.
     """
     first = _fit_pairs(pairs, [np.zeros(len(sight.group), dtype=np.int64) for sight, _ in pairs])
     again = {}
@@ -113,7 +113,7 @@ def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None
 
 
 def _fit_pairs(pairs: Sequence[tuple[PairViews, Problem]], pose_indices: Sequence[IntArray]) -> list[LoopFit | None]:
-    """Fits of pairs with the chosen (n,) candidate pose of each view; a light has none."""
+    """Fits of pairs with the chosen candidate pose of each view, (n,); an LED has no candidates."""
     fits: dict[int, LoopFit | None] = {}
     loops: dict[int, Loop] = {}
     lights: dict[int, Refinement] = {}
@@ -132,7 +132,7 @@ def _fit_pairs(pairs: Sequence[tuple[PairViews, Problem]], pose_indices: Sequenc
 
 
 def pair_state(problem: Problem, fits: Fits, cameras: Lenses) -> State | None:
-    """The state that the only pair of a problem was fitted with; None if there are several, or a mere light."""
+    """State from the fit of the only pair of a problem; None for several pairs or an LED."""
     if len(problem.groups) != 1:
         return None
     (group,) = problem.groups
@@ -149,10 +149,10 @@ def pair_state(problem: Problem, fits: Fits, cameras: Lenses) -> State | None:
 
 
 def loop_errors(sight: PairViews, triple: Triple) -> Array:
-    """How far each view is off where X, Y and Z put it, (n,) [rad]; of its candidate poses the nearest counts."""
+    """Loop error of each view given X, Y and Z, (n,) [rad]; the smallest over its candidate poses."""
     predicted = sight.group.close_loop(*triple)
     if sight.candidates is None:
-        # Chords of the point that most views see, whose place `z` is; NaN where it is not seen.
+        # Chords of the point that most views see, whose position is `z`; NaN in views that do not see it.
         chords, point = as_light(sight.group.measurement)
         unit = predicted.translation / np.maximum(lengths(predicted.translation), 1e-12)[:, None]
         off = lengths(unit - chords.bearings_in_camera[:, point])
@@ -170,9 +170,9 @@ def _loop(sight: PairViews, problem: Problem, pose_indices: IntArray) -> Loop:
 
 
 def _triples(loops: Sequence[Loop]) -> list[Triple | None]:
-    """Transforms by closed form if the rotations are determined, else by a search of all loops at once.
+    """Transforms in closed form if the rotations are determined, else by a joint search over all loops.
 
-    The closed form of three unknown rotations multiplies the noise of few views, so that it is settled on them.
+    The closed form of three unknown rotations amplifies the noise of few views, so its result is refined.
     """
     found = {k: rotations for k, loop in enumerate(loops) if (rotations := _closed_form(loop)) is not None}
     alike: dict[tuple[str, bool], list[int]] = {}
@@ -196,7 +196,7 @@ def _triple(loop: Loop, rotations: Rotations | None) -> Triple | None:
 
 
 def _closed_form(loop: Loop) -> Rotations | None:
-    """Rotations by the closed form, which may not be clear; None if there is nothing to find, or the solve fails."""
+    """Rotations in closed form, possibly ambiguous; None if no transform is unknown or the solve fails."""
     if not loop.unknown:
         return None
     try:
@@ -206,7 +206,7 @@ def _closed_form(loop: Loop) -> Rotations | None:
 
 
 def _light(sight: PairViews, problem: Problem) -> Refinement | None:
-    """The point that most views see, with the best cells of a grid over rotations; None if the solve fails."""
+    """Refinement of the point that most views see, from the best rotations of a grid; None if the solve fails."""
     try:
         loop = _loop(sight, problem, np.zeros(len(sight.group), dtype=np.int64))
         one, light, starts = light_search(sight, loop, _LIGHT_STARTS[(loop.x is None) + (loop.y is None)])

@@ -1,4 +1,4 @@
-"""Hypotheses of which a sample is to be found: where the pairing slips, and which views are read upside down.
+"""Hypotheses with an unknown sample: where the pairing slips, and which views are read upside down.
 
 `benchmarks.mutations` judges its limits.
 """
@@ -28,29 +28,30 @@ from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray
 
-_VIEWS = 24  # of each half, to fit it to
-_ALL_VIEWS = 400  # that say which pairing they have
+_VIEWS = 24  # views of each half that are fitted
+_ALL_VIEWS = 400  # views whose pairing is determined
 _SLIPS = (1, -1)  # samples: one detection missed, or given twice
 _MIN_HALF_SAMPLES = 6  # samples of a half, which a fit of three unknown transforms needs
-_FEWEST_SLIPPED = 4  # samples at an end: fewer may each be wrong for themselves
-_LEAST_OFF = 0.005  # [rad] of a loop, below which it counts as closed
-_FAR_RATIO = 4.0  # times the best samples' loops, above which a sample is off, however far
-_CANDIDATES = 2  # candidates to fit, the second in case the first is a neighbour's
-# Of the mean and which views are turned: of recordings spread by half a radian 93 % are told, with one of these 65 %.
+_FEWEST_SLIPPED = 4  # samples at either end: fewer may be single outliers
+_LEAST_OFF = 0.005  # [rad] loop error below which a loop counts as closed
+_FAR_RATIO = 4.0  # times the loop error of the best samples, at which the error of a sample is clipped
+_CANDIDATES = 2  # candidates to fit; the second in case the first is its neighbour
+# Alternations of the mean rotation and the turned views. Of recordings spread by half a radian, four identify 93 %
+# and one 65 %.
 _ALTERNATIONS = 4
 
 
 def pairing_errors(
     baseline: Reading, lenses: Lenses, streams: list[str | None]
 ) -> list[tuple[ConventionHypothesis, Fits]]:
-    """The likeliest samples from which on one stream is paired one sample off, best first, and their fits.
+    """Most likely samples from which on one stream is shifted by one sample, best first, and their fits.
 
     One half of the recording is paired correctly throughout, as declared or as shifted. After a fit to that half, every
     sample shows which of the two pairings it has.
     """
     count, known = len(baseline.order), known_transforms(baseline.problem)
     without_poses = any(has_metric_start(group, known) for group in baseline.problem.groups)
-    if count < 2 * _MIN_HALF_SAMPLES or without_poses:  # points without a pose, such as touches, close no loop alone
+    if count < 2 * _MIN_HALF_SAMPLES or without_poses:  # points without a pose, such as touches, close no loop
         return []
     slips = [(stream, by) for stream in streams for by in _SLIPS]
     moved = [baseline.shift(stream, by) for stream, by in slips]
@@ -69,7 +70,7 @@ def pairing_errors(
 
 
 def _fits(readings: list[Reading], lenses: Lenses) -> list[Fits]:
-    """Fits of the pairs of camera and target of each reading, all searched side by side."""
+    """Fits of the pairs of camera and target of each reading, as one batch."""
     pairs = []
     for k, reading in enumerate(readings):
         problem = reading.thin(_VIEWS).problem
@@ -89,9 +90,9 @@ def _pairs(reading: Reading, lenses: Lenses) -> list[PairViews]:
 
 
 def _change(errors: Array, shifted_errors: Array, lost_count: int) -> tuple[float, int]:
-    """How far samples are off at best if the pairing changes at one position and loses samples there; that position.
+    """Smallest RMS error if the pairing changes at one position and loses samples there, and that position.
 
-    So few samples at either end that these may each be wrong for themselves are no change of the pairing.
+    A few samples at either end may be single outliers, so that the pairing never changes there.
     """
     limit = _FAR_RATIO * max(min(trimmed_rms(errors, 0.4), trimmed_rms(shifted_errors, 0.4)), _LEAST_OFF)
     errors, shifted_errors = (np.minimum(np.nan_to_num(off, nan=limit), limit) ** 2 for off in (errors, shifted_errors))
@@ -103,7 +104,7 @@ def _change(errors: Array, shifted_errors: Array, lost_count: int) -> tuple[floa
 
 
 def _sample_errors(pairs: list[PairViews], baseline: Reading, fits: Fits) -> Array:
-    """Error of the views of each sample of the declared reading; NaN if it has none."""
+    """RMS error of the views of each sample of the declared reading, (m,); NaN if a sample has no view."""
     squares: dict[int, list[float]] = {}
     for sight in pairs:
         fit = fits.get((sight.group.camera, sight.group.target))
@@ -114,9 +115,9 @@ def _sample_errors(pairs: list[PairViews], baseline: Reading, fits: Fits) -> Arr
 
 
 def half_turns(baseline: Reading) -> list[ConventionHypothesis]:
-    """Observed poses of a grid without a first end of which some are read from the other end.
+    """Hypotheses that some observed poses of a symmetric grid are rotated by half a turn.
 
-    The views of a camera are brought to the end that turns them least against the first one, or to the other.
+    All views of a camera are brought to the same end of the grid, by their rotations relative to each other.
     """
     found = []
     for group in baseline.problem.groups:
@@ -132,7 +133,7 @@ def half_turns(baseline: Reading) -> list[ConventionHypothesis]:
 
 
 def _is_nearer_turned(poses: SE3, turned_poses: SE3) -> BoolArray:
-    """Which views are nearer to the others when turned, (n,)."""
+    """Whether each view is nearer to the others when rotated by half a turn, (n,)."""
     flip = np.zeros(len(poses), dtype=bool)
     mean = poses.rotation[0]
     for _ in range(_ALTERNATIONS):
@@ -146,7 +147,7 @@ def _half_turn(group: ViewGroup, turn: SE3, mask: BoolArray) -> ConventionHypoth
     shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
 
     def turn_group(view_group: ViewGroup) -> ViewGroup:
-        """The chosen samples read from the target's other end."""
+        """Rotate the views of the chosen samples by half a turn of the target."""
         seen = view_group.measurement
         if not isinstance(seen, PoseMeasurement) or (view_group.camera, view_group.target) != (group.camera, name):
             return view_group

@@ -1,6 +1,6 @@
-"""Limits of plausible arms, cameras and targets, wide enough for any that people calibrate.
+"""Limits of plausible robots, cameras and targets, wide enough for any usual cell.
 
-They are assumed: a sound cell beyond them is taken for one in other units.
+The limits are assumed: a correct cell beyond them is treated as one in other units.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths
 from basecal.kinematics.chain import LIMIT_EXCESS_RAD, TURN_RAD
 
-# Wide enough for any arm, cell and target that people calibrate, and a factor of 1000 beyond which none is.
+# Wide enough for any robot, cell and target that is calibrated; no such cell is still plausible after a factor of 1000.
 _REACH_M = 0.02, 5.0  # [m] of the farthest flange from its base
 _BASES_M = 0.02, 20.0  # [m] between bases
 _MOUNT_M = 2.0  # [m] of a camera or target from the flange that carries it
@@ -34,12 +34,12 @@ _DISTANCE_M = 0.02, 20.0  # [m] from camera to target, the median
 _TARGET_M = 2e-3, 5.0  # [m] of a target's longest side
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254}
 FARTHEST_M = 2.5
-"""[m] of a flange from its base, or a target from its camera, in most cells: one farther is not in centimetres."""
-_MOST_BEHIND = 0.8  # share of the views behind the camera: a few may be outliers; assumed
+"""Largest usual distance of a flange from its base, or a target from its camera [m], to guess the unit of a length."""
+_MOST_BEHIND = 0.8  # share of targets behind the camera that is implausible: a few may be outliers; assumed
 
 
 def impossible_input(cell: Cell, recording: Recording) -> tuple[str, ...]:
-    """Implausible input: distances of flanges, joints, sizes and places of targets."""
+    """Implausible input: distances of flanges, joints, sizes and positions of targets."""
     seen = [o for sample in recording.samples for o in sample.observations]
     as_points = {o.target for o in seen if isinstance(o, PixelObservation | PointObservation)}
     return (*_robot_faults(cell, recording), *_size_faults(cell, as_points), *_view_faults(cell, recording))
@@ -79,11 +79,11 @@ def _robot_faults(cell: Cell, recording: Recording) -> list[str]:
 
 
 def likely_unit(length: float, most_m: float) -> tuple[str, str]:
-    """The unit of a length that is implausible in metres, and how to convert it.
+    """Likely unit of a length that is implausible in metres, and advice on how to convert it.
 
     Args:
-        length: As it is stated.
-        most_m: As long as a length of its kind usually is at most [m].
+        length: The stated length.
+        most_m: Largest usual length of this kind [m].
     """
     metres = {unit: length * size for unit, size in UNITS_M.items() if length * size <= most_m}
     if len(metres) > 1:
@@ -118,7 +118,7 @@ def _size_faults(cell: Cell, targets: set[str]) -> list[str]:
 
 
 def _view_faults(cell: Cell, recording: Recording) -> list[str]:
-    """Targets seen as poses or 3-D points: before the camera, and not too near or far, if their unit is a metre."""
+    """Implausible positions of targets observed as poses or 3-D points in metres."""
     metric = {name for name, target in cell.targets.items() if not target.has_free_scale}
     places = [
         o.camera_from_target.translation if isinstance(o, PoseObservation) else o.points_in_camera.mean(0)
@@ -130,7 +130,7 @@ def _view_faults(cell: Cell, recording: Recording) -> list[str]:
 
 
 def _place_faults(p_in_camera: Array) -> list[str]:
-    """Implausible places of targets; none of touches, which are at the origin of the tip."""
+    """Implausible positions of targets, (n, 3) [m]; touches, which are at the origin of the tip, are ignored."""
     p_in_camera = p_in_camera[np.any(p_in_camera, axis=-1)]
     if not len(p_in_camera):
         return []
@@ -151,10 +151,10 @@ def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
     bases = {cell.base_name(robot): robot for robot in cell.robots if cell.base_name(robot) in transforms}
     for name, robot in bases.items():
         if cell.transforms[name].status != "fixed":
-            # Arms by joints may begin at one link, such as a turntable or a torso.
+            # Robots given by joints may share a base link, such as a turntable or a torso.
             nearest = 0.0 if cell.robots[robot].chain is not None else _BASES_M[0]
             far = _length(transforms[name])
-            # Of a long row of arms the last is far from the first, and none is from the next.
+            # In a long row of robots the last is far from the first, but near to the previous one.
             others = [_length(transforms[name].inverse() @ transforms[other]) for other in bases if other != name]
             if far < nearest or min(far, *others, np.inf) > _BASES_M[1]:
                 found.append(f"{name} {far:.3g} m")

@@ -1,7 +1,7 @@
-"""Mix-ups that are looked for only where nothing usual explains how the targets move.
+"""Rare input mistakes, which are tried only if no common one explains the motion of the targets.
 
-A reversed order, streams off by many samples, transposed rotation matrices, angles that were read as another
-controller's, and arms exchanged in one session. They are many: each costs a look, and chance more to choose from.
+A reversed order, streams shifted by many samples, transposed rotation matrices, angles in another controller's
+convention, and robots exchanged in one session. They are many: each takes time and makes a chance match more likely.
 `benchmarks.mutations` judges its limits.
 """
 
@@ -35,12 +35,12 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import lengths
 
-_FAR_SHIFTS = tuple(by for far in (3, 4, 5, 6) for by in (far, -far))  # samples; up to two are usual slips
-_RADIANS_AS_DEGREES_RAD = np.radians(2 * np.pi)  # of three angles up to half a turn each, read as degrees
-_CENTRES = 20  # rotations of which one is in the middle of most
-_FEWEST_STILL = 5  # samples in a row at which an arm stood still, and a tenth of all: a session
+_FAR_SHIFTS = tuple(by for far in (3, 4, 5, 6) for by in (far, -far))  # samples; up to two are common mistakes
+_RADIANS_AS_DEGREES_RAD = np.radians(2 * np.pi)  # [rad] of three angles of up to half a turn each, read as degrees
+_CENTRES = 20  # rotations among which the central one is searched
+_FEWEST_STILL = 5  # consecutive samples with a robot at rest that make a session; at least a tenth of all, too
 _NO_TURN_RAD = 1e-9  # [rad] below which a rotation vector has no direction
-# How controllers list three numbers of a rotation, by SciPy's names: capitals are axes that turn with the flange.
+# Three-number rotation formats of controllers, by SciPy's names: capitals are axes that rotate with the flange.
 _LISTINGS = {
     "roll, pitch, yaw about fixed axes x, y, z (ROS, FANUC)": "xyz",
     "angles about moving axes x, y, z (Staubli)": "XYZ",
@@ -61,7 +61,7 @@ _AXES = {
 
 
 def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
-    """All of them that this reading can have."""
+    """All rare hypotheses that apply to this reading."""
     robots, cell = baseline.pose_robots, baseline.cell
     moved = streams([name for name in cell.robots if baseline.tracks[name].seen.any()])
     poses = baseline.shows(PoseMeasurement)
@@ -84,7 +84,7 @@ def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
 
 
 def _small_angle_hypotheses(small: list[str]) -> Iterator[ConventionHypothesis]:
-    """Roll, pitch and yaw, or rotation vectors, in radians that were read as degrees: then no flange turns far."""
+    """Roll, pitch and yaw, or rotation vectors, in radians that were read as degrees: all rotations are small."""
     for names, who in subsets(small).items():
         for what, of in (("roll, pitch and yaw", _degrees_of_rpy), ("rotation vectors", _degrees)):
             yield ConventionHypothesis(
@@ -98,22 +98,22 @@ def _small_angle_hypotheses(small: list[str]) -> Iterator[ConventionHypothesis]:
 
 
 def _degrees(poses: SE3) -> SE3:
-    """Rotations whose vectors in radians are taken as degrees that were read as radians."""
+    """Multiply rotation vectors by 180 / pi: undo radians that were read as degrees."""
     return SE3.from_rotvec(np.degrees(poses.rotvec), poses.translation)
 
 
 def _degrees_of_rpy(poses: SE3) -> SE3:
-    """Degrees of roll, pitch and yaw about fixed axes."""
+    """Multiply roll, pitch and yaw about fixed axes by 180 / pi: undo radians that were read as degrees."""
     return SE3.from_rpy(np.degrees(poses.rpy), poses.translation)
 
 
 def _turns_rad(track: Track) -> float:
-    """How far a flange turns from its base's axes at most [rad]."""
+    """Largest rotation angle of a flange with respect to its base [rad]."""
     return float(lengths(track.pose.rotvec[track.seen]).max())
 
 
 def _stated_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
-    """A base or a mount that is stated the wrong way round."""
+    """A base or mount transform that is stated inverted."""
     for name, unknown in cell.transforms.items():
         if unknown.status == "free" or unknown.mean is None:
             continue
@@ -130,7 +130,7 @@ def _stated_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
 
 
 def _inch_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
-    """Inches that were read in the unit of a controller."""
+    """Inches that were read as the length unit of a controller."""
     for unit, length_m in (("millimetres", 1e-3), ("metres", 1.0)):
         for names, who in subsets(robots).items():
             yield ConventionHypothesis(
@@ -144,7 +144,7 @@ def _inch_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
 
 
 def _carrier_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
-    """A target on another robot that moves, or on the world, than is stated."""
+    """A target that is on a moving robot or the world other than stated."""
     cell = baseline.cell
     moving = [name for name, track in baseline.tracks.items() if track.moves]
     eyes = {group.target: group.eye.robot for group in baseline.problem.groups}
@@ -163,7 +163,7 @@ def _carrier_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
 
 
 def _session_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
-    """The states of two arms exchanged in a session in which one stood still, or their places in two of these."""
+    """States of two robots exchanged in a session with one robot at rest, or their rest poses in two such sessions."""
     tracks = {name: baseline.tracks[name] for name in (*baseline.pose_robots, *baseline.joint_robots)}
     runs = {name: _still_runs(baseline.order, track) for name, track in tracks.items()}
     for first, second in combinations(tracks, 2):
@@ -194,7 +194,7 @@ def _exchanged_states(
 
 
 def _still_runs(order: IntArray, track: Track) -> list[IntArray]:
-    """The samples of each session in which an arm stood at one stop; none if it always did."""
+    """Sample numbers of each session with a robot at rest at one stop; empty if it never moved."""
     runs = np.split(np.arange(len(order)), np.flatnonzero(np.diff(track.stand)) + 1)
     fewest = max(_FEWEST_STILL, len(order) // 10)
     return [order[run] for run in runs if fewest <= len(run) < len(order) and track.seen[run[0]]]
@@ -221,10 +221,10 @@ def _order_hypotheses(streams: list[str | None], count: int) -> Iterator[Convent
 
 
 def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
-    """Rows that were sorted as text by their numbers from `first`: 1, 10, 11, 2."""
+    """Rows numbered from `first` that were sorted as text: 1, 10, 11, 2."""
 
     def reread(reading: Reading) -> Reading:
-        """Each row where its number belongs."""
+        """Sort the rows by their numbers."""
         return reading.pair_stream(stream, np.argsort(sorted(range(first, first + len(reading.order)), key=str)))
 
     order = ", ".join(sorted(map(str, range(first, first + 12)))[:4])
@@ -233,10 +233,10 @@ def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
 
 def _reverse_order(stream: str | None) -> ConventionHypothesis:
     def reread(reading: Reading) -> Reading:
-        """The last in the place of the first."""
+        """Reverse the order of the stream."""
         return reading.pair_stream(stream, np.arange(len(reading.order))[::-1])
 
-    return pair_differently(stream, "stands in reverse order", "turn its order round", reread)
+    return pair_differently(stream, "is in reverse order", "reverse its order", reread)
 
 
 def _rotation_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[ConventionHypothesis]:
@@ -252,11 +252,11 @@ def _rotation_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[Conve
     yield from _position_axes(names, subject)
     for meant, read in permutations(_LISTINGS, 2):
         if (_LISTINGS[meant], _LISTINGS[read]) == ("ZYX", "xyz"):
-            continue  # the same three numbers the other way round, as the reverse is
+            continue  # the same three numbers in reverse order, as in the opposite pair
         words = f"the rotations of {subject} are {meant} that were read as {read}"
         if (_LISTINGS[meant], _LISTINGS[read]) == ("xyz", "ZYX"):
             words = f"the angles of {subject} are in the reverse order: roll, pitch, yaw and KUKA's A, B, C mixed up"
-        # Two lists of angles give one rotation. The middle one of three axes is usually within a quarter turn.
+        # Two triples of angles give one rotation. With three different axes the middle angle is usually within 90 deg.
         of_three_axes = all(len(set(_LISTINGS[each])) == len("xyz") for each in (meant, read))
         choices = (
             (_first, _nearest) if not _LISTINGS[read] else (_first,) if of_three_axes else (_first, _second, _shorter)
@@ -290,7 +290,7 @@ def _with_axes(axes: Array) -> PoseMap:
 
 def _relist_rotations(convention: str, read: str, choose: Callable[[Array, Array], IntArray]) -> PoseMap:
     def relist(poses: SE3) -> SE3:
-        """The poses whose three numbers, listed as `meant`, were read as `read`."""
+        """Poses whose three numbers in the format `convention` were read in the format `read`."""
         numbers = _numbers(poses.rotation, read)
         of_numbers, flat = scipy.spatial.transform.Rotation, numbers.reshape(-1, 3)
         turned = of_numbers.from_euler(convention, flat) if convention else of_numbers.from_rotvec(flat)
@@ -314,23 +314,23 @@ def _shorter(numbers: Array, rotations: Array) -> IntArray:
 
 
 def _nearest(numbers: Array, rotations: Array) -> IntArray:
-    """The list of each rotation that is nearest to those of the others: arms move about a home."""
+    """Index of the candidate of each rotation nearest to the others, (n,): robots move about a home pose."""
     centres = rotations[:_CENTRES].reshape(-1, 3, 3)
-    traces = np.einsum("cij,nkij->cnk", centres, rotations)  # 1 + 2 cos of the angle between two
+    traces = np.einsum("cij,nkij->cnk", centres, rotations)  # 1 + 2 cos of the angle between two rotations
     angles = np.arccos(np.clip((traces - 1) / 2, -1, 1))
     chosen: IntArray = np.argmin(angles[np.argmin(angles.min(axis=2).sum(axis=1))], axis=1)
     return chosen
 
 
 def _numbers(rotation: Array, listing: str) -> Array:
-    """The two lists of three numbers that give each rotation, (n, 2, 3) [rad]; of a rotation vector one, twice."""
+    """The two triples of numbers that describe each rotation, (n, 2, 3) [rad]."""
     turned = scipy.spatial.transform.Rotation.from_matrix(rotation)
     if not listing:
         vector = turned.as_rotvec()
         angle = lengths(vector)[:, None]
         return np.stack([vector, vector * (1 - 2 * np.pi / np.maximum(angle, _NO_TURN_RAD))], axis=1)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # where two axes align any split of the angles is right
+        warnings.simplefilter("ignore")  # if two axes align, any split of the angles is right
         angles = turned.as_euler(listing)
     first, middle, last = angles.T
     other = -middle if listing[0] == listing[2] else np.pi - middle

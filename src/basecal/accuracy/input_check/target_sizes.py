@@ -1,4 +1,4 @@
-"""How large a target would have to be: the reading with a factor to be found.
+"""Hypotheses about the size of a target, by an unknown factor.
 
 `benchmarks.mutations` judges its limits.
 """
@@ -23,19 +23,19 @@ from basecal.estimation.problem.problem import State
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array
 
-_DESCENT_STEPS = 25  # of a descent
-_GAUSS_NEWTON_ROUNDS = 10  # of Gauss and Newton: from a size a third off six suffice
-_LARGEST_STEP, _SETTLED_LOG = 0.3, 1e-5  # of the factor's logarithm
-# By a smaller share of the squares no other size could predict so much better that it were named.
+_DESCENT_STEPS = 25  # iterations of a descent
+_GAUSS_NEWTON_ROUNDS = 10  # Gauss-Newton iterations: six suffice for an initial error of a third
+_LARGEST_STEP, _SETTLED_LOG = 0.3, 1e-5  # steps of the logarithm of the factor
+# Share of the cost that another size has to gain: with less, its predictions cannot improve enough to be reported.
 _WORTHWHILE = 0.25
 
 
 def size_hypotheses(baseline: Reading, state: State) -> list[ConventionHypothesis]:
-    """The size of each target that fits best, if the reading shows one, it fits better by some, and a size is stated.
+    """Hypotheses of the best-fitting size of each target, if a size is stated and another fits noticeably better.
 
     Args:
-        baseline: As it was declared.
-        state: Its fit.
+        baseline: The declared reading.
+        state: Fitted state of the declared reading.
     """
     seen = dict.fromkeys(group.target for group in baseline.problem.groups)
     names = [name for name in seen if not baseline.cell.targets[name].has_free_scale]
@@ -44,7 +44,7 @@ def size_hypotheses(baseline: Reading, state: State) -> list[ConventionHypothesi
 
 
 def target_size(name: str, factor: float, cell: Cell) -> ConventionHypothesis:
-    """A target `factor` times as large as stated, or so much further away than its observed poses say."""
+    """Hypothesis that a target, or the distances of its observed poses, are `factor` times as large as stated."""
     words = f"{name} is {factor:.4g} times as large as stated"
     if len(cell.robots) == 1:  # whose lengths by the inverse factor fit as well
         words += f", or poses of {next(iter(cell.robots))} are {factor:.4g} times as long as they are"
@@ -64,7 +64,7 @@ def _resize(reading: Reading, name: str, factor: float) -> Reading:
 
 
 def _factor(baseline: Reading, name: str, state: State) -> float | None:
-    """The factor of least cost; None if another size gains too little, the target has none, or the solve fails."""
+    """The factor of least cost; None if the gain is too small, the target has no size, or the solve fails."""
     try:
         first = _step(baseline, name, 0.0, state)
         by_spread = _spread_factor(baseline, name)
@@ -85,13 +85,13 @@ def _factor(baseline: Reading, name: str, state: State) -> float | None:
 
 
 class _Step(NamedTuple):
-    """A step from the optimum of one size to another.
+    """A step from one size to a better one.
 
     Attributes:
-        cost: Of the optimum.
-        gain: What the other size gains of it, to second order.
-        size: Logarithm of the factor between the two.
-        state: The optimum.
+        cost: Cost of the optimum at the current size.
+        gain: Reduction of the cost by the step, to second order.
+        size: Logarithm of the factor between the two sizes.
+        state: State of the optimum at the current size.
     """
 
     cost: float
@@ -101,7 +101,7 @@ class _Step(NamedTuple):
 
 
 def _step(baseline: Reading, name: str, log: float, state: State) -> _Step:
-    """The step by the score of a size, given by its logarithm, at its optimum."""
+    """Score step of the size at its optimum; `log` is the logarithm of the current factor."""
     problem = _resize(baseline, name, float(np.exp(log))).problem
     start = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
     optimum = bundle_adjust(problem, start, 1, _DESCENT_STEPS)
@@ -117,7 +117,7 @@ def _step(baseline: Reading, name: str, log: float, state: State) -> _Step:
 
 
 def _spread_factor(baseline: Reading, name: str) -> float | None:
-    """The factor by how far points in space are apart, over how far they should be; None if there are none."""
+    """Factor from the observed spread of 3-D points over their stated spread; None if there are no 3-D points."""
     seen = [g.measurement for g in baseline.problem.groups if g.target == name]
     ratios = [
         _spread(points[is_seen]) / _spread(of.points_in_target[is_seen])

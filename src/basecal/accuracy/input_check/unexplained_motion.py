@@ -1,4 +1,4 @@
-"""How much of the way targets move before the cameras the poses of the robots leave unexplained.
+"""Share of the targets' motion in front of the cameras that the robot poses do not explain.
 
 `benchmarks.mutations` judges its limits.
 """
@@ -22,21 +22,22 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import IntArray
 
-_AGREEING = 0.5  # share of the views that counts, the best: as many may be outliers
-_LEAST_MOTION = 0.02  # [rad], or thousands of pixels: noise is a part of less, whatever the robots do
-# Of real recordings in order 0.07 at most is unexplained (an arm of hobby grade), of boards mispaired 0.25 and more.
+_AGREEING = 0.5  # share of the views that counts, those with the smallest errors: the rest may be outliers
+_LEAST_MOTION = 0.02  # [rad] or thousands of pixels: noise is a large part of any smaller motion
+# Unexplained share of motion: at most 0.07 in correct real recordings (a hobby robot), at least 0.25 with mispaired
+# boards.
 _HOPELESS = 0.2
-_FEWEST_STOPS = 5  # of robots that moved at all: of fewer nothing but the lack of motion is told
-_USELESS_PX = 50.0  # [px] likewise, half of what a glance at the image would show: hobby arms reach 20
+_FEWEST_STOPS = 5  # views at different stops, below which residuals in pixels are not judged
+_USELESS_PX = 50.0  # [px] residual of a useless fit, half of what is obvious in an image; hobby robots reach 20
 
 
 def is_hopeless(problem: Problem, state: State) -> bool:
-    """Whether robots and views do not belong together: no noise of arms or cameras is as large as what is left."""
+    """Whether robots and views do not match: the residuals are larger than any noise of robots or cameras."""
     return unexplained_motion(problem, state) > _HOPELESS or _left_px(problem, state) > _USELESS_PX
 
 
 def hopeless(problem: Problem, state: State) -> Finding:
-    """An error that says so."""
+    """An error that the robot poses do not explain the target's motion."""
     share, left_px = unexplained_motion(problem, state), _left_px(problem, state)
     left = f"{100 * share:.0f} % of it" if share > _HOPELESS else f"residuals of {left_px:.0f} px"
     what = f"The robot poses do not explain the target's motion: even the best 50 % of the views leave {left}."
@@ -50,7 +51,7 @@ def hopeless(problem: Problem, state: State) -> Finding:
 
 
 def _instants_advice(problem: Problem) -> str:
-    """Advice on the instants of poses and images; offsets of clocks are tried within a second alone."""
+    """Advice on the instants of poses and images; clock offsets are searched only within one second."""
     clocks = sorted(problem.open_clocks & {*problem.robots, *(group.camera for group in problem.groups)})
     if not clocks:
         return "Check that poses and images of a sample are of one instant."
@@ -59,16 +60,16 @@ def _instants_advice(problem: Problem) -> str:
 
 
 def _robots_advice(problem: Problem) -> str:
-    """Advice on what robots recorded: joints, or poses where one has no joints."""
+    """Advice on the recorded joints, or on the recorded poses if a robot has no joints."""
     are_joints = all(recorded_by_joints(problem, robot) for robot in problem.robots)
     return advise_check(problem.robots if are_joints else ())
 
 
 def unexplained_motion(problem: Problem, state: State) -> float:
-    """Residuals with the robots as recorded, over those of targets that stand where most views have them; 0 to 1.
+    """Residuals with the robots as recorded, over residuals with targets at rest at their median pose; 0 to 1.
 
-    Each is the rms over the best 50 % of the stops: of pixels, of 3-D points, or of angles and lengths over the
-    distance. Where hardly anything moves it is 0.
+    Each is the RMS over the best 50 % of the stops: of pixels, of 3-D points, or of angles and lengths over the
+    distance. The ratio is 0 if hardly anything moves.
     """
     groups = [group.take(_one_a_stop(group)) for group in problem.groups if len(group)]
     if not groups:
@@ -79,7 +80,7 @@ def unexplained_motion(problem: Problem, state: State) -> float:
 
 
 def _left_px(problem: Problem, state: State) -> float:
-    """Residuals in the images, rms over the best 50 % of the views with robots as recorded [px]; 0 without any."""
+    """Residuals in the images, RMS over the best 50 % of the stops with robots as recorded [px]; 0 for few stops."""
     in_pixels = [group for group in problem.groups if len(group) and isinstance(group.measurement, PixelMeasurement)]
     seen = [group.take(_one_a_stop(group)) for group in in_pixels]
     if sum(map(len, seen)) < _FEWEST_STOPS:
@@ -88,18 +89,18 @@ def _left_px(problem: Problem, state: State) -> float:
 
 
 def _one_a_stop(group: ViewGroup) -> IntArray:
-    """The first view of each pair of stops: many of one would pass for a target that hardly moves."""
+    """Rows of the first view of each pair of stops: many views of one would resemble a target that hardly moves."""
     stops = np.column_stack([end.stand for end in group.ends])
     return np.sort(np.unique(stops, axis=0, return_index=True)[1]).astype(np.int64)
 
 
 def explaining_offsets(problem: Problem, state: State, settings: Settings) -> list[Finding]:
-    """An error that names the offsets of robots that are given by joints; nothing if these explain no more.
+    """An error with the joint offsets of robots given by joints; empty if the offsets do not explain the motion.
 
     Args:
-        problem: What was recorded, with robots whose kinematics are not estimated.
-        state: Where its solution ended, which explains nothing.
-        settings: How to solve.
+        problem: The recorded problem, with robots whose kinematics are not estimated.
+        state: State of its solution, which does not explain the motion.
+        settings: Settings of the solver.
     """
     stated = {joint_offsets.NAME: joint_offsets.Stated(status="free")}
     models = {
@@ -118,7 +119,7 @@ def explaining_offsets(problem: Problem, state: State, settings: Settings) -> li
     robots = " and ".join(found)
     largest = {robot: int(np.argmax(np.abs(values))) for robot, values in found.items()}
     each = [f"joint {k + 1} of {robot} by {np.degrees(found[robot][k]):.1f} deg" for robot, k in largest.items()]
-    what = f"Joints of {robots} are off, most of them {' and '.join(each)}."
+    what = f"Joints of {robots} are offset, most of all {' and '.join(each)}."
     before, after = unexplained_motion(problem, state), unexplained_motion(freed, end)
     why = f"The robots as stated leave {100 * before:.0f} % of the target's motion, with these {100 * after:.0f} %."
     entry = joint_offsets.entry(np.concatenate(list(found.values())))

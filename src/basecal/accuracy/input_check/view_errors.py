@@ -1,4 +1,4 @@
-"""How far views are from where a state puts them, and how far they move, in one measure for all that is seen."""
+"""Errors of views against their predictions, and motion of views, in one measure for all kinds of measurement."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.geometry.rotation import lengths, nearest_rotation
 
-# [rad/px] of a usual lens, 1000 px of focal length, so that errors in pixels and angles are of one size; assumed.
+# [rad/px] of a typical lens with a focal length of 1000 px, to make errors in pixels and angles comparable; assumed.
 PIXEL_SCALE = 1e-3
-_SHORTEST_M = 1e-12  # [m] of a distance to a target, which is divided by: rounding
+_SHORTEST_M = 1e-12  # [m] smallest distance to a target, to avoid a division by zero
 
 
 def view_errors(problem: Problem, group: ViewGroup, state: State) -> Array:
-    """How far each view of a group is from where a state puts it, robots as recorded, (n,); see `HypothesisFit.off`."""
+    """Error of each view of a group under a state, with robots as recorded, (n,); see `HypothesisFit.off`."""
     as_recorded = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
     predicted = as_recorded.camera_from_target(group, problem.stops)
     measurement = group.measurement
@@ -36,7 +36,7 @@ def view_errors(problem: Problem, group: ViewGroup, state: State) -> Array:
 
 
 def moved_views(group: ViewGroup) -> Array:
-    """How far each view is from one that stands where most do, whatever the robots' poses, (n,); see `view_errors`."""
+    """Deviation of each view from the median view, independent of the robot poses, (n,); see `view_errors`."""
     measurement = group.measurement
     if isinstance(measurement, PoseMeasurement):
         seen = measurement.measured_camera_from_target
@@ -50,7 +50,7 @@ def moved_views(group: ViewGroup) -> Array:
 
 
 def _subtract_median(values: Array, is_visible: BoolArray) -> Array:
-    """Points of each view about the median of the same point over the views that see it, (n, m, k)."""
+    """Subtract from each point its median over the views that see it, (n, m, k)."""
     known = np.where(is_visible[..., None], values, np.nan)
     somewhere = is_visible.any(0)
     median = np.zeros(values.shape[1:])
@@ -67,7 +67,7 @@ def _pose_errors(measured_pose: SE3, predicted_pose: SE3) -> Array:
 
 
 def _rms(errors: Array, is_visible: BoolArray) -> Array:
-    """Rms over the coordinates of the points that each view sees."""
+    """RMS over the coordinates of the points that each view sees, (n,)."""
     squares = np.where(is_visible[..., None], errors, 0.0) ** 2
     count = errors.shape[2] * np.maximum(is_visible.sum(1), 1)
     rms: Array = np.sqrt(squares.sum((1, 2)) / count)

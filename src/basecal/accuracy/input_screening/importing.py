@@ -1,4 +1,4 @@
-"""Import of an importer's rows into a cell, unless they are implausible.
+"""Import of rows into a cell, with a check for implausible input.
 
 `benchmarks.slips` judges its limits.
 """
@@ -17,23 +17,24 @@ from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.importing.bring_in import Brought, add_to_cell
 from basecal.exchange.importing.imported import Imported
 
-# Times farther or nearer than most flanges: inches among metres are 39 times farther, metres among millimetres nearer.
+# Limits of the distance of a flange over the usual one, and of the inverse: inches among metres are 39 times farther,
+# and metres among millimetres 1000 times nearer.
 _FARTHER_RATIO, _NEARER_RATIO = 20, 200
 _UNITS = {"millimetres": "mm", "centimetres": "cm", "inches": "inch"}
-_SAME_ARM_RATIO = 2  # distances of flanges of one arm are mostly within this factor
+_SAME_ARM_RATIO = 2  # distances of the flange of one robot are mostly within this factor
 
 
 def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, session: bool = False) -> Brought:
-    """Bring what an importer read into a cell's folder, all of it or nothing.
+    """Import the rows of an importer into a cell's folder; if this fails, the folder is unchanged.
 
     Args:
-        cell: The folder; the cell is made if there is none.
-        imports: What was read for this cell, as by `basecal.read_poses`.
-        replace: Whether it stands in for what is recorded; the files as they were are kept in `originals`.
-        session: Whether it makes samples of its own, as what was recorded on another day.
+        cell: The folder; the cell is created if there is none.
+        imports: Data read for this cell, such as by `basecal.read_poses`.
+        replace: Whether to replace recorded data; the previous files are kept in `originals`.
+        session: Whether to add new samples, such as of a recording on another day.
 
     Raises:
-        InputError: if it is implausible, does not fit the cell, or would overwrite what is recorded.
+        InputError: if the data are implausible, do not fit the cell, or would overwrite recorded data.
     """
     if not isinstance(imports, Imported):
         raise InputError(f"expected what an importer read, such as basecal.read_poses, got {imports!r}")
@@ -42,13 +43,13 @@ def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, s
         raise InputError(f"{imports.source} was only listed: read it without list=True to import it")
 
     def implausible(cell: Cell, recording: Recording) -> tuple[str, ...]:
-        """The implausible input, in a line; empty if all is plausible."""
+        """Describe implausible input in one line; empty if all input is plausible."""
         if (rows := next(_foreign_rows(imports), None)) is not None:
             if imports.is_strict:
                 raise rows
             return (str(rows),)
         found = impossible_input(cell, recording)
-        told = f"{imports.source}: {'; '.join(found)}: that cannot be"
+        told = f"{imports.source}: {'; '.join(found)}: implausible"
         if found and imports.is_strict:
             raise InputError(f"{told}, nothing is imported; {imports.advice}")
         return (f"{told}; {imports.advice}",) if found else ()
@@ -61,7 +62,7 @@ def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, s
 
 
 def _foreign_rows(imports: Imported) -> Iterator[DatasetError]:
-    """An error for each robot of which a few rows are in another unit of length than most."""
+    """An error for each robot with a few rows in another length unit than most."""
     has_lines = all(row.line is not None for row in imports.rows)
     for robot in dict.fromkeys(name for row in imports.rows for name in row.robots):
         states = [(row.line or k, row.robots.get(robot)) for k, row in enumerate(imports.rows, start=1)]
@@ -78,7 +79,7 @@ def _foreign_rows(imports: Imported) -> Iterator[DatasetError]:
 
 
 def _describe_cure(names: str, ratio: float) -> str:
-    """The unit of rows that are so many times farther than most, and how to correct them."""
+    """Advice on rows whose distance is `ratio` times the usual one, with their likely unit."""
     likely = [name for name, unit in _UNITS.items() if 1 / _SAME_ARM_RATIO < ratio * UNITS_M[unit] < _SAME_ARM_RATIO]
     if len(likely) != 1:
         return f"another length unit? Correct {names}"

@@ -1,4 +1,4 @@
-"""A quick look at what was imported: do the loops close as it is read, and does nothing else close them better.
+"""Quick check of imported data: whether the loops close as declared, and whether another convention fits better.
 
 `benchmarks.slips` judges its limits.
 """
@@ -27,25 +27,26 @@ from basecal.estimation.settings import DEFAULT, STATED
 from basecal.estimation.solve import solve_problem
 from basecal.estimation.streams.streams import recording_streams
 
-# Rows are spread, for arms may take turns to move; beside them robots alone stay, for images may be that much late.
+# Runs of samples are spread over the recording, since robots may take turns to move. Neighbours of a run keep only
+# robot states, since images may be late by that many samples.
 _ROW_COUNT = 3
 _ROW_SAMPLES = 6
 _NEIGHBOUR_COUNT = 2
-_STREAM_VIEWS = 40  # views of streams: offsets of clocks are found beside all else
-_FEW_SHARE = 0.2  # of the samples, which may disagree with all others
-_UNEXPLAINED = "poor-fit"  # code of findings that no convention explains
+_STREAM_VIEWS = 40  # views of streams, whose clock offsets are estimated, too
+_FEW_SHARE = 0.2  # share of the samples that may disagree with all others
+_UNEXPLAINED = "poor-fit"  # code of the finding that no convention explains the data
 _FEWEST_SAMPLES = 5  # samples, below which conventions are not tested
 
 
 @dataclass(frozen=True, eq=False)
 class QuickLook:
-    """The quick check of one reading of a part of a recording.
+    """Result of the quick check of a recording or a part of it.
 
     Attributes:
-        views: How many samples with a view were looked at.
-        findings: What they are certain of, and of a whole recording also what they doubt.
-        error: How far views are from where the others predict them, in words; None where `untold`.
-        untold: Why nothing is reported; empty where something is.
+        views: Number of checked samples with a view.
+        findings: Errors; for a whole recording, warnings, too.
+        error: Prediction error of a view from the others, as text; None if it is not determined.
+        untold: Why the conventions are not determined; empty if they are.
     """
 
     views: int
@@ -55,10 +56,10 @@ class QuickLook:
 
 
 def preview_samples(recording: Recording) -> Recording:
-    """The samples that a quick look takes, rows that are spread over the recording, and robots beside them."""
+    """Samples for a quick check: runs spread over the recording, with the robot states of their neighbours."""
     samples = recording.samples
     views = [k for k, sample in enumerate(samples) if sample.observations or sample.images]
-    if any(not samples[k].robots for k in views):  # streams: robots are needed all along
+    if any(not samples[k].robots for k in views):  # streams: all robot states are needed
         spread = np.linspace(0, len(views) - 1, min(len(views), _STREAM_VIEWS)).astype(int)
         passed_over = set(views) - {views[k] for k in spread}
         return replace(recording, samples=tuple(s for k, s in enumerate(samples) if k not in passed_over))
@@ -74,20 +75,18 @@ def preview_samples(recording: Recording) -> Recording:
 
 
 def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> QuickLook:
-    """Whether a recording closes its loops as it was read.
+    """Check whether a recording closes its loops under the declared conventions.
 
     Args:
-        cell: As it was imported.
-        recording: What `preview_samples` took of it, with what its images show.
-        is_whole: Whether that is all of it, so that doubts will not be dispelled by the rest.
+        cell: The imported cell.
+        recording: Samples chosen by `preview_samples`, with the detections of their images.
+        is_whole: Whether these are all samples, so that no further data can resolve doubts.
     """
     try:
         streams = recording_streams(cell, recording)
         lenses = [camera.intrinsics for camera in cell.cameras.values() if camera.intrinsics is not None]
         if streams is not None and any(lens.status == "free" for lens in lenses):
-            return QuickLook(
-                0, untold="clocks and a lens that is not known are found together: basecal calibrate determines"
-            )
+            return QuickLook(0, untold="basecal calibrate determines clocks and an unknown lens jointly")
         samples = recording if streams is None else search_offsets(streams, DEFAULT).recording
         units_m, unseen = estimate_units(cell, samples)
         if unseen:
@@ -103,10 +102,10 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
 
 
 def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
-    """The quick check of samples by one clock; of those that agree, if a few hide that they do.
+    """Quick check of samples of one clock; repeated without a few outliers if these hide that the others agree.
 
     Raises:
-        BasecalError: if nothing can be solved.
+        BasecalError: if the problem cannot be solved.
     """
     look = _judge(cell, recording, is_whole)
     if look.error is not None or look.views < _FEWEST_SAMPLES or any(f.code != _UNEXPLAINED for f in look.findings):
@@ -122,7 +121,7 @@ def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
 
 
 def _disagreeing(cell: Cell, recording: Recording) -> dict[int, LeftOut]:
-    """A few samples that disagree with all others, by number; none if they are many."""
+    """A few samples that disagree with all others, by number; empty if they are many."""
     problem, _ = build_problem(cell, recording)
     left_out = solve_robustly(problem, cell, STATED).outliers
     found = {each.sample: each for each in left_out if not each.ids}
@@ -139,10 +138,10 @@ def _disagreement(outliers: dict[int, LeftOut]) -> Finding:
 
 
 def _judge(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
-    """The quick check of samples, all of which count.
+    """Quick check of all given samples.
 
     Raises:
-        BasecalError: if nothing can be solved.
+        BasecalError: if the problem cannot be solved.
     """
     problem, _ = build_problem(cell, recording)
     views = len({int(sample) for group in problem.groups for sample in group.sample})
@@ -160,14 +159,14 @@ def _judge(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
         return QuickLook(views, untold=_left_open(cell, fit))
     if not plausible(fit):
         return QuickLook(
-            views, untold=f"the others predict each to {fit.error_in_words()}, in no other convention better"
+            views, untold=f"held-out views have an error of {fit.error_in_words()}, and no other convention reduces it"
         )
     return QuickLook(views, error=fit.error_in_words())
 
 
 def _left_open(cell: Cell, fit: HypothesisFit | None) -> str:
-    """Finding of directions that views leave open; open offsets of joints hide a base whatever the arms do."""
-    fitted = "" if fit is None else f"they fit to {fit.error_in_words()} as they are read, but "
+    """Text on undetermined transforms; free joint offsets couple with a base whatever the robots do."""
+    fitted = "" if fit is None else f"as declared the views fit with an error of {fit.error_in_words()}, but "
     by_zeros = any(robot.parameters for robot in cell.robots.values())
     what = "without the priors of its robots" if by_zeros else "; turn every arm about two axes or more"
-    return f"{fitted}leave open what is asked for{' ' if by_zeros else ''}{what}"
+    return f"{fitted}the requested transforms are not determined{' ' if by_zeros else ''}{what}"

@@ -1,4 +1,4 @@
-"""`repeated-view`: an image or a view that stands under two places of the robots."""
+"""`repeated-view`: an image or a view that is recorded with two different robot poses."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from basecal.cell import Cell, Finding, PixelObservation, PointObservation, Pose
 from basecal.cell.recording import Sample
 from basecal.geometry import Array
 
-_READ_BACK_TOLERANCE = 5e-3  # [m, rad]: a robot that stands still is read back within; assumed
-_FEWEST_NUMBERS = 8  # of a view: with fewer, two may be the same by rounding
-_SHOWN_PAIRS = 5  # pairs of samples in a sentence; assumed to fit it
+_READ_BACK_TOLERANCE = 5e-3  # [m, rad] repeatability of the recorded state of a robot at rest; assumed
+_FEWEST_NUMBERS = 8  # numbers of a view: with fewer, two views may be equal by rounding
+_SHOWN_PAIRS = 5  # pairs of samples in a sentence; assumed
 
 
 def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
-    """A warning if a camera saw the very same twice, to the last bit, while what moves it stood elsewhere."""
+    """A warning if two views of a camera are equal to the last bit while its robot or the target's moved."""
     first: dict[tuple[str, str, bytes], Sample] = {}
     pairs: list[tuple[int, int]] = []
     for sample in recording.samples:
@@ -32,13 +32,13 @@ def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
         return []
     listed = ", ".join(f"{list_samples(pair).replace(', ', ' and ')}" for pair in pairs[:_SHOWN_PAIRS])
     more = f" and {len(pairs) - _SHOWN_PAIRS} more pairs" if len(pairs) > _SHOWN_PAIRS else ""
-    what = f"The same image or view is there twice under other poses, at {listed}{more}."
+    what = f"The same image or view occurs twice with different robot poses, at {listed}{more}."
     about = tuple(str(number) for number in dict.fromkeys(number for pair in pairs for number in pair))
-    return [Finding("repeated-view", "warning", about, what, ("Pair poses and images anew, or remove the copies.",))]
+    return [Finding("repeated-view", "warning", about, what, ("Pair poses and images again, or remove the copies.",))]
 
 
 def _numbers(observation: object) -> bytes | None:
-    """Content of a view, as bytes; None if it is too little to be distinguished from another."""
+    """Content of a view as bytes; None if it has too few numbers to be distinguished from another."""
     if isinstance(observation, PixelObservation) and observation.pixels.size >= _FEWEST_NUMBERS:
         return observation.ids.tobytes() + observation.pixels.tobytes()
     if isinstance(observation, PointObservation) and observation.points_in_camera.size >= _FEWEST_NUMBERS:
@@ -49,7 +49,7 @@ def _numbers(observation: object) -> bytes | None:
 
 
 def _has_moved(sample: Sample, second: Sample, robots: set[str]) -> bool:
-    """Whether one of these robots stands elsewhere, by more than robots are read back anew."""
+    """Whether one of these robots moved between two samples by more than its repeatability."""
     shared = [name for name in robots if name in sample.robots and name in second.robots]
     states = [(_state(sample, name), _state(second, name)) for name in shared]
     return any(one.shape != two.shape or bool(np.abs(one - two).max() > _READ_BACK_TOLERANCE) for one, two in states)

@@ -1,4 +1,4 @@
-"""Implausible units, found from the input alone: before images are searched and anything is solved.
+"""Implausible units, determined from the input before detection and solving.
 
 `benchmarks.slips` judges its limits.
 """
@@ -17,16 +17,16 @@ from basecal.geometry import Array
 from basecal.kinematics.chain import LIMIT_EXCESS_RAD, TURN_RAD
 from basecal.numerics.spectral import ROUNDING
 
-# Beyond what any arm reaches and any target spans, and within a thousand times of it: it is told by its size alone.
-_LARGEST_DISTANCE_M = 50.0  # [m] of flanges from their base, or targets from their camera, the median
+# Larger than the reach of any robot and the size of any target, but smaller than a thousand times it.
+_LARGEST_DISTANCE_M = 50.0  # [m] median distance of flanges from their base, or targets from their camera
 _LARGEST_TARGET_M = 20.0  # [m] of a target's longest side
-_WIDEST_M = 1.0  # [m] of a target in most cells
+_WIDEST_M = 1.0  # [m] largest usual size of a target
 
 
 def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
-    """An error for each unit that is certainly another one: degrees for radians, millimetres for metres.
+    """An error for each unit that is certainly wrong: degrees for radians, millimetres for metres.
 
-    Only what its size alone decides is reported; all else is left to the test of conventions, which fits.
+    Only units that the size of the values decides are reported; `check_conventions` tests the others by fits.
     """
     return [
         *_degrees(cell, recording),
@@ -37,7 +37,7 @@ def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
     ]
 
 
-_NEARER_THOUSAND = 1000**0.5  # times the usual, beyond which a length is nearer to a thousand times it than to it
+_NEARER_THOUSAND = 1000**0.5  # times the usual length, beyond which a length is nearer to 1000 times the usual one
 
 
 def _degrees(cell: Cell, recording: Recording) -> Iterator[Finding]:
@@ -50,7 +50,7 @@ def _degrees(cell: Cell, recording: Recording) -> Iterator[Finding]:
 
 
 def _is_in_degrees(robot: Robot, recording: Recording) -> bool:
-    """Whether joints turn farther than joints do, and in degrees are where the URDF lets them be."""
+    """Whether joints exceed any plausible range in radians, but are within the URDF's limits if read as degrees."""
     joints = _joints(recording, robot.name)
     if robot.chain is None or not len(joints):
         return False
@@ -119,7 +119,7 @@ def _target_findings(cell: Cell, recording: Recording) -> Iterator[Finding]:
 
 
 def _sigma_findings(recording: Recording) -> Iterator[Finding]:
-    """An error for stated sigmas of which the largest carry less than rounding beside the smallest."""
+    """An error for stated sigmas whose range is so large that rounding loses the information of the largest."""
     sigmas: dict[str, list[Array]] = {}
     for observation in (o for sample in recording.samples for o in sample.observations):
         if isinstance(observation, PixelObservation) and not observation.detected:
@@ -139,18 +139,18 @@ def _sigma_findings(recording: Recording) -> Iterator[Finding]:
 
 
 def _collect_sigma(sigmas: dict[str, list[Array]], unit: str, sigma: Array | None) -> None:
-    """Add the sigmas of an observation, if it states some."""
+    """Add the sigmas of an observation, if it states any."""
     if sigma is not None and sigma.size:
         sigmas.setdefault(unit, []).append(np.ravel(sigma))
 
 
 def needs_search(cell: Cell, recording: Recording) -> bool:
-    """Whether a recording has images, and units that leave the verdict open."""
+    """Whether a recording has images and no implausible units."""
     return any(sample.images for sample in recording.samples) and not impossible_units(cell, recording)
 
 
 def count_searchable_images(cell: Cell, recording: Recording) -> int:
-    """How many images were taken through a known kind of lens, if the cell has a target that images show."""
+    """Number of images from cameras with stated intrinsics, if the cell has a target that can be detected in images."""
     if not any(each.target is not None and each.target.found_by is not None for each in cell.targets.values()):
         return 0
     cameras = {name for name, camera in cell.cameras.items() if camera.intrinsics is not None}

@@ -1,1 +1,1 @@
-"""Numbers of an estimation in words, as several findings use them."""
+"""Descriptions of estimation results that several findings share."""

@@ -1,4 +1,4 @@
-"""The frame that changed between two parts of a recording that each close the loop alone."""
+"""Detection of a frame that changed between two parts of a recording, each of which is consistent alone."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from basecal.estimation.solve import Solution, solve_problem
 from basecal.geometry import PoseEstimate
 from basecal.numerics.spectral import spectrum
 
-_FEWEST_SAMPLES = 4  # of a part: as many as determine a mount and a base with something left over; assumed
+_FEWEST_SAMPLES = 4  # samples of a part: enough to determine a mount and a base with some redundancy; assumed
 
 
 class ChangedFrame(NamedTuple):
-    """Numbers of the samples that agree, all before or all after the rest, and a sentence about what differs there."""
+    """Numbers of the agreeing samples, all before or all after the others, and a sentence about the difference."""
 
     agreeing: tuple[int, ...]
     sentence: str
 
 
 def changed_frame(problem: Problem, cell: Cell) -> ChangedFrame | None:
-    """The one transform that differs between earlier and later samples; None if there is none.
+    """Find the one transform that differs between earlier and later samples; None if there is none.
 
-    One half of the samples at least is of one frame alone: the samples that it explains end where the frame changed.
+    At least one half of the samples has only one frame. The samples that its solution explains end at the change.
 
     Args:
-        problem: Of all samples.
-        cell: What exists.
+        problem: Problem of all samples.
+        cell: The cell.
     """
     numbers = np.unique(np.concatenate([group.sample for group in problem.groups]))
     if len(numbers) < 2 * _FEWEST_SAMPLES:
@@ -51,7 +51,7 @@ def changed_frame(problem: Problem, cell: Cell) -> ChangedFrame | None:
 
 
 def _solve_parts(problem: Problem, cell: Cell, first_sample: int) -> list[Solution]:
-    """The samples before one, and the others, each solved alone, if it converges."""
+    """Solve the samples before `first_sample`, and the others, separately; omit a part that does not converge."""
     parts = []
     for is_later in (False, True):
         with suppress(NotConverged):
@@ -60,7 +60,7 @@ def _solve_parts(problem: Problem, cell: Cell, first_sample: int) -> list[Soluti
 
 
 def _find_difference(first_part: Solution, second_part: Solution) -> str:
-    """The transform that differs far more than all others, in sigmas; "" if none does."""
+    """Name of the transform that differs far more than all others, in sigmas; "" if there is none."""
     parts = first_part, second_part
     shared = frozenset.intersection(*(frozenset(p.transforms) - frozenset(p.observability.unobservable) for p in parts))
     sigmas = {name: _sigmas(first_part.transforms[name], second_part.transforms[name]) for name in shared}
@@ -75,7 +75,7 @@ def _part(problem: Problem, first_sample: int, is_later: bool) -> Problem:
 
 
 def _sigmas(first: PoseEstimate, second: PoseEstimate) -> float:
-    """How far two estimates are from one another, in sigmas of both, for which robots are assumed exact."""
+    """Mahalanobis distance between two estimates, whose covariances assume exact robots."""
     off = (first.mean.inverse() @ second.mean).log()
     return float(np.sqrt(spectrum(first.covariance + second.covariance).squared_mahalanobis(off)))
 
@@ -88,5 +88,5 @@ def _sentence(name: str, first_sample: int, parts: Sequence[Solution]) -> str:
     if thing.endswith("_base"):
         what = f"the poses of {thing.removesuffix('_base')} are in another base frame, or its base was moved"
     else:
-        what = f"the poses of {carrier.removesuffix('_flange')} are of another tool frame, or {thing} was mounted anew"
+        what = f"the poses of {carrier.removesuffix('_flange')} are of another tool frame, or {thing} was mounted again"
     return f"From sample {first_sample} on {what}: {name} differs by {size}."

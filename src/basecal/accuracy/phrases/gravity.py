@@ -1,4 +1,4 @@
-"""Where gravity is taken to pull on the links of arms, in words."""
+"""Description of the assumed direction of gravity."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from basecal.cell import Cell
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 
-_LEVEL_DEG = 10.0  # that bases which stand upright may be tilted to one another; assumed
+_LEVEL_DEG = 10.0  # largest tilt between two upright bases; assumed
 _AXIS_TOLERANCE = 1e-9  # rounding of a unit vector along an axis
 
 
 def describe_gravity(cell: Cell, solution: Solution, robots: Sequence[str]) -> str:
-    """Along what gravity is taken to pull in the bases of robots, and whether the bases contradict that.
+    """Describe the assumed direction of gravity in the bases of robots, and whether the estimated bases contradict it.
 
     Args:
-        cell: What exists.
-        solution: Of a problem whose chains of these robots have masses.
-        robots: Their names.
+        cell: The cell.
+        solution: Solution of a problem in which the chains of these robots have masses.
+        robots: Names of the robots.
     """
     downs = {name: chain.masses.down for name, chain in solution.problem.chains.items() if chain.masses is not None}
     where = " and ".join(f"{_axis_name(downs[robot])} of {robot}_base" for robot in robots)
@@ -36,11 +36,11 @@ def describe_gravity(cell: Cell, solution: Solution, robots: Sequence[str]) -> s
     if apart < _LEVEL_DEG:
         return taken
     entry = "`deflection: {down: [x, y, z]}`"
-    return f"{taken} By the answer, it differs by {apart:.0f} deg between the arms: if it is wrong, state {entry}."
+    return f"{taken} In the answer, it differs by {apart:.0f} deg between the arms: if it is wrong, state {entry}."
 
 
 def _axis_name(direction: Array) -> str:
-    """An axis by its name, or the three numbers."""
+    """Name of an axis, such as "-z", or else the three components of the direction."""
     axis = int(np.argmax(np.abs(direction)))
     if abs(direction[axis]) > 1 - _AXIS_TOLERANCE:
         return f"{'-' if direction[axis] < 0 else '+'}{'xyz'[axis]}"

@@ -1,4 +1,4 @@
-"""Why residuals are smaller than the errors of held-out views, in words."""
+"""Explanation of residuals that are smaller than the errors of held-out views."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 
 from basecal.cell import Calibration
 
-_CLEAR_RATIO = 1.5  # times as large, below which the two may differ by the views they are of; assumed
+_CLEAR_RATIO = 1.5  # ratio of the two errors, below which the choice of views may explain the difference; assumed
 
 
 def explain_held_out_error(calibration: Calibration) -> str | None:
-    """One sentence where the errors of robots' stops absorb what is not in the residuals; else None."""
+    """Explanation if the pose errors of robot stops absorb much of the held-out errors; else None."""
     residuals, validation = calibration.residuals, calibration.validation
     if validation is None or residuals.rms_px is None or validation.rms_px is None:
         return None

@@ -1,4 +1,4 @@
-"""Directions that the data leave open, in words: any translation of a frame, its rotation about an axis."""
+"""Descriptions of unobservable directions, such as any translation of a frame or its rotation about an axis."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.estimation.observability.null_space import NullDirection, separate_twists
 from basecal.geometry import Array
 
-_PITCH_M = 0.02  # [m/rad] of a screw motion, below which it reads as a plain rotation; assumed
+_PITCH_M = 0.02  # [m/rad] pitch of a screw motion, below which it is described as a plain rotation; assumed
 
 
 def describe_null_space(direction: NullDirection) -> str:
-    """Description of the null space, such as "any translation of hand_base, coupled with hand_flange_from_board"."""
+    """Describe a direction with its coupling: "any translation of hand_base, coupled with hand_flange_from_board"."""
     coupled = f", coupled with {' and '.join(direction.names[1:])}" if direction.names[1:] else ""
     return describe_direction(direction) + coupled
 
 
 def is_unobservable(phrases: Sequence[str], names: Sequence[str]) -> str:
-    """A clause that says so of several directions that move the same unknowns."""
+    """Clause that several directions, which move the same unknowns, are unobservable."""
     verb, coupled = "is" if len(phrases) == 1 else "are", " and ".join(names)
     return f"{' and '.join(phrases)} {verb} unobservable{f' (coupled with {coupled})' if names else ''}"
 
 
 def describe_direction(direction: NullDirection) -> str:
-    """Description of the unknown that moves most, such as "any translation of hand_base"."""
+    """Describe the motion of the unknown that moves most, such as "any translation of hand_base"."""
     main, twists = direction.names[0], direction.twists_in_parent
     match direction.kind:
         case "lens":
@@ -45,7 +45,7 @@ def describe_direction(direction: NullDirection) -> str:
 
 
 def describe_twists(frame: str, twists: Array) -> str:
-    """Twists of a robot's base in its own axes, (k, 6) [m, rad], such as a recording alone leaves open."""
+    """Describe unobservable twists of a robot's base in its own axes, (k, 6) [m, rad]."""
     if len(twists) == 6:
         return f"any translation or rotation of {frame}"
     directions, rotations = separate_twists(twists)
@@ -54,7 +54,7 @@ def describe_twists(frame: str, twists: Array) -> str:
 
 
 def _translation(frame: str, directions: Array, parent: str) -> str:
-    """Translations of a frame along (m, 3) orthonormal directions in the parent's axes."""
+    """Describe translations of a frame along orthonormal directions in the parent's axes, (m, 3)."""
     if len(directions) == 3:
         return f"any translation of {frame}"
     if len(directions) == 2:
@@ -64,7 +64,7 @@ def _translation(frame: str, directions: Array, parent: str) -> str:
 
 
 def _rotation(frame: str, twist: Array, parent: str) -> str:
-    """Rotation of a frame by a twist, (6,) [m, rad], in the parent's axes and about its origin."""
+    """Describe the rotation of a frame by a twist, (6,) [m, rad], in the parent's axes and about its origin."""
     translation, rotation = twist[:3], twist[3:]
     square = float(rotation @ rotation)
     through, pitch = np.cross(rotation, translation) / square, float(rotation @ translation) / square
@@ -74,7 +74,7 @@ def _rotation(frame: str, twist: Array, parent: str) -> str:
 
 
 def _axis(direction: Array) -> str:
-    """A direction without its sense: its largest component positive."""
+    """Format a direction without a sign: its largest component is positive."""
     unit = direction / np.linalg.norm(direction)
     return _numbers(unit * np.sign(unit[np.argmax(np.round(np.abs(unit), 3))]))
 

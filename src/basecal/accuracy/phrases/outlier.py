@@ -1,4 +1,4 @@
-"""Why a view or a point was left out, in words."""
+"""Descriptions of outliers, with their size and likely cause."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ import numpy as np
 from basecal.cell import Outlier
 from basecal.estimation.outliers.left_out import LeftOut
 
-_LARGEST_SIGMAS = 1000.0  # sigmas, beyond which the number says no more; assumed
-_SHOWN_OUTLIERS = 5  # outliers that a finding lists, the first with its cause; assumed to fit it
+_LARGEST_SIGMAS = 1000.0  # sigmas above which the exact number is not shown; assumed
+_SHOWN_OUTLIERS = 5  # outliers that a finding lists, the first with its cause; assumed
 
 Images = Mapping[tuple[int, str], str]
 
 
 def described_outlier(outlier: LeftOut, images: Images) -> Outlier:
-    """The entry of a calibration for an excluded item, with its image of `images`, by sample and camera."""
+    """Outlier entry of a calibration, with its image from `images`, which are by sample and camera."""
     image = images.get((outlier.sample, outlier.camera))
     return Outlier(outlier.sample, outlier.camera, outlier.target, outlier.ids, outlier_reason(outlier), image)
 
 
 def name_sample(number: int, image: str | None) -> str:
-    """A sample and the file name of its image, if there is one: "sample 11 (IMG_12.png)"."""
+    """Name a sample with the file name of its image, if there is one: "sample 11 (IMG_12.png)"."""
     return f"sample {number}" if image is None else f"sample {number} ({PurePath(image).name})"
 
 
 def list_outliers(outliers: Sequence[LeftOut], images: Images) -> str:
-    """Sentences about excluded items: the reason of the first, and the sizes of the next few."""
+    """Describe outliers in sentences: the reason of the first, and the sizes of the next few."""
     places = [name_sample(o.sample, images.get((o.sample, o.camera))) for o in outliers]
     sentences = [f"At {places[0]}, {outlier_reason(outliers[0])}."]
     for place, outlier in zip(places[1:_SHOWN_OUTLIERS], outliers[1:_SHOWN_OUTLIERS], strict=False):
         sentences.append(f"S{place[1:]}: {_size(outlier)}.")
     if len(outliers) > _SHOWN_OUTLIERS:
-        sentences.append("Those that follow are under `outliers` of calibration.json.")
+        sentences.append("The others are listed under `outliers` in calibration.json.")
     return " ".join(sentences)
 
 
 def outlier_reason(outlier: LeftOut) -> str:
-    """How far it is from where the rest predicts it, and what that may come from."""
+    """Describe the distance of an outlier from its prediction, and the likely cause."""
     if outlier.ids:
         which = "a point is" if len(outlier.ids) == 1 else f"{len(outlier.ids)} points are up to"
         cause = "a reflection, a wrong id or occluded"
@@ -58,7 +58,7 @@ def outlier_reason(outlier: LeftOut) -> str:
 
 
 def _size(outlier: LeftOut) -> str:
-    """How far an excluded item is off, without its cause."""
+    """Describe the distance of an outlier from its prediction, without the cause."""
     count = f"{len(outlier.ids)} points, up to " if len(outlier.ids) > 1 else ""
     angle = "" if outlier.off_rad is None else f" and {np.degrees(outlier.off_rad):.2f} deg"
     beyond = f" ({_sigmas(outlier.sigmas)})" if np.isfinite(outlier.sigmas) else ""

@@ -1,4 +1,4 @@
-"""Advice on robots by what was recorded of them."""
+"""Advice on robots, depending on the recorded quantity."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 
 def advise_check(robots: Sequence[str]) -> str:
-    """Advice on robots whose joints were recorded; on poses if there are none."""
+    """Advice on robots whose joints were recorded; advice on recorded poses if `robots` is empty."""
     if not robots:
         return "Check that poses are base_from_flange in metres, of the named robot."
     return f"Check the URDF of {' and '.join(robots)}, and the unit, signs and order of the joints."

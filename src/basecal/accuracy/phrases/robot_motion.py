@@ -1,4 +1,4 @@
-"""How robots moved and what motion is missing, in words."""
+"""Descriptions of the motion of robots, and advice on missing motion."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from basecal.numerics.spectral import principal_axes
 
 # [rad] of rotation about a second axis, below which a robot counts as hardly rotated about it; assumed.
 _LITTLE_ROTATION_RAD = 0.15
-_SHOWN_DEG = 0.005  # [deg] which two decimals would round to nothing: derived from the format below
+_SHOWN_DEG = 0.005  # [deg] below which two decimals show zero: derived from the format below
 
 
 def describe_cause(
     cell: Cell, problem: Problem, motions: Mapping[str, Motion], names: Sequence[str]
 ) -> tuple[tuple[str, ...], str]:
-    """The samples that make unknowns observable, and why they are not, by the motion of their robots.
+    """Advice that makes unknowns observable, and the reason from the motion of their robots.
 
     Args:
-        cell: What exists.
+        cell: The cell.
         problem: The problem.
-        motions: How each robot moved.
-        names: Of the unknowns.
+        motions: Motion of each robot, by name.
+        names: Names of the unknowns.
     """
     near = [
         m for robot, m in motions.items() if set(names) & {*mount_names(problem, robot), *base_names(problem, robot)}
@@ -53,12 +53,12 @@ def has_little_rotation(motion: Motion) -> bool:
 
 
 def describe_poor_motions(problem: Problem) -> str:
-    """How the robots move that hardly rotate about a second axis; empty if all do."""
+    """Describe the robots that hardly rotate about a second axis; empty if there are none."""
     return " and ".join(describe_motion(m) for m in motions(problem).values() if has_little_rotation(m))
 
 
 def describe_motion(motion: Motion) -> str:
-    """How a robot moves, such as "hand only translates, it rotates by at most 0.10 deg"."""
+    """Describe the motion of a robot, such as "hand only translates, it rotates by at most 0.10 deg"."""
     robot, angle = motion.robot, np.degrees(motion.turn_rad)
     if motion.is_still:
         return f"{robot} never moves in {motion.samples} sample{'s' if motion.samples > 1 else ''}"
@@ -78,12 +78,12 @@ def describe_motion(motion: Motion) -> str:
 
 
 def advise_motion(cell: Cell, problem: Problem, motion: Motion) -> str:
-    """The samples of a robot, or a statement about its payload, that make more observable."""
+    """Advice on samples of a robot, or on a statement about its mounts, that make more directions observable."""
     robot = motion.robot
     unknown = [n for n in mount_names(problem, robot) if problem.unknowns[n].status != "fixed"]
     known = _stated_alternative(unknown)
     chain = cell.robots[robot].chain
-    # As those of a SCARA arm are.
+    # Such as the joint axes of a SCARA robot.
     axes_are_parallel = chain is not None and principal_axes(chain.jacobian(np.zeros(chain.n))[3:].T).dimension < 2
     if axes_are_parallel and not (motion.is_still or motion.is_translation_only):
         state = f"State {' and '.join(unknown or base_names(problem, robot))} as a prior or fixed"

@@ -1,14 +1,14 @@
-"""Numbers of samples in words."""
+"""Text for lists of sample numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-_SHOWN_RANGES = 10  # ranges, the rest as an ellipsis; assumed to fit a sentence
+_SHOWN_RANGES = 10  # ranges shown before an ellipsis; assumed
 
 
 def list_samples(numbers: Sequence[int]) -> str:
-    """Samples in order, three and more in a row as first to last: "samples 1, 4 to 7"."""
+    """List samples in order, three or more consecutive ones as a range: "samples 1, 4 to 7"."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][-1] + 1:

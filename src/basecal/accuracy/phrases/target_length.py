@@ -1,4 +1,4 @@
-"""The true size of a target in the fields that state it."""
+"""Scaling of the lengths in the fields of a target."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from basecal.cell import Cell
 
 
 def as_written(cell: Cell, name: str, factor: float) -> str:
-    """A clause with the first length among a target's fields times a factor; empty without one, such as points."""
+    """Clause with a target's first length field times a factor; empty if there is none, such as for points."""
     shape = cell.targets[name].target
     lengths = _lengths({} if shape is None else scale_lengths(shape.options, factor))
     return next((f": {field} would be {value:.5g}" for field, value in lengths), "")
 
 
 def scale_lengths(fields: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """A target's fields with all lengths, of tags in a list too, times a factor, to the digits that a size has."""
+    """Multiply all lengths of a target's fields, and of tags in a list, by a factor; rounded to five digits."""
     return {key: _scale(value, factor, key.endswith("_m")) for key, value in fields.items()}
 
 
@@ -29,7 +29,7 @@ def _scale(value: Any, factor: float, is_length: bool) -> Any:
 
 
 def _lengths(fields: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    """Fields that are one length, those of tags in a list too."""
+    """Fields with a single length, including those of tags in a list."""
     for key, value in fields.items():
         if key.endswith("_m") and isinstance(value, float):
             yield key, value

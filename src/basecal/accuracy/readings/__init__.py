@@ -1,1 +1,1 @@
-"""One way to read a cell and its recording, and what others make of it."""
+"""Interpretations of a cell and its recording, and transformations between them."""

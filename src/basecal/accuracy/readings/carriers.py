@@ -1,4 +1,4 @@
-"""Camera and target of one robot on each other's carriers: what fits as exactly as the robot's poses inverted."""
+"""Swapped carriers of the camera and target of one robot, which fit exactly as well as inverted robot poses."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from basecal.fields.problems import Loc
 
 
 def swap_carriers(cell: Cell, robots: tuple[str, ...]) -> dict[Loc, str]:
-    """Carriers of all cameras and targets if robot and world changed places, by place in `cell.yaml`.
+    """Carriers of all cameras and targets with robot and world swapped, by location in `cell.yaml`.
 
-    Empty where inverted poses do not give the same loops: with several robots, or if a mount is known.
+    Empty if inverted poses do not give the same loops: with several robots, or if a mount is known.
     """
     if robots != tuple(cell.robots) or len(robots) != 1 or cell.sees_scene or cell.plates:
         return {}
@@ -26,6 +26,6 @@ def swap_carriers(cell: Cell, robots: tuple[str, ...]) -> dict[Loc, str]:
 
 
 def describe_carriers(carriers: Mapping[Loc, str]) -> str:
-    """Carriers in words: "camera is on hand and target on world"."""
+    """Describe carriers, such as "camera is on hand and target on world"."""
     first, *others = [f"{place[1]} is on {on}" for place, on in carriers.items()]
     return " and ".join([first, *(each.replace(" is on ", " on ") for each in others)])

@@ -1,6 +1,6 @@
-"""A cell and what was recorded in it as arrays, and the same read in another way.
+"""A cell and its recording as arrays, and transformations to other interpretations of them.
 
-What is packed once is moved: poses, points and pixels are mapped, and robots' states are paired with other views.
+The packed arrays are transformed: poses, points and pixels are mapped, and robot states are paired with other views.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ M = TypeVar("M", bound=Measurement)
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """The recorded track of one robot, sample by sample in the order of time.
+    """Recorded states of one robot, by sample in the order of time.
 
     Attributes:
-        seen: (m,) whether a sample has a state of it.
-        pose: (m,) base_from_flange; that of a neighbour without a state.
-        joints: (m, k) [rad]; None if poses were recorded.
-        stand: (m,) number of the stop; -1 without a state.
+        seen: Whether a sample has a state of the robot, (m,).
+        pose: base_from_flange, (m,); a sample without a state has the pose of another sample.
+        joints: Joint positions, (m, k) [rad]; None if poses were recorded.
+        stand: Number of the stop, (m,); -1 for a sample without a state.
         by_pose: Whether every state was recorded as a pose.
     """
 
@@ -47,7 +47,7 @@ class Track:
     by_pose: bool
 
     def take(self, rows: IntArray) -> Track:
-        """The states of these samples, (n,); none of row -1."""
+        """States of the samples at these rows, (n,); row -1 gives a sample without a state."""
         joints = None if self.joints is None else self.joints[rows]
         return replace(
             self,
@@ -58,7 +58,7 @@ class Track:
         )
 
     def with_states(self, rows: IntArray, track: Track, sources: IntArray) -> Track:
-        """The states of some samples, (n,), replaced by those of another track at `sources`, repeated if fewer."""
+        """Replace the states at `rows`, (n,), by those of another track at `sources`, repeated if these are fewer."""
         chosen = np.arange(len(self.seen))
         chosen[rows] = len(self.seen) + np.resize(sources, len(rows))
         own_joints, joints = self.joints, track.joints
@@ -73,24 +73,24 @@ class Track:
 
     @property
     def joint_count(self) -> int:
-        """How many joints were recorded; 0 of poses."""
+        """Number of recorded joints; 0 if poses were recorded."""
         return 0 if self.joints is None else self.joints.shape[1]
 
     @property
     def moves(self) -> bool:
-        """Whether the robot stood in more than one place."""
+        """Whether the robot has more than one stop."""
         return len(np.unique(self.stand[self.seen])) > 1
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """One way to read a cell and its recording.
+    """One interpretation of a cell and its recording.
 
     Attributes:
-        cell: As this reading has it.
-        problem: Likewise.
-        order: (m,) numbers of the samples in the order of time, those without views among them.
-        tracks: What was recorded of each robot at these samples.
+        cell: The cell under this interpretation.
+        problem: The problem under this interpretation.
+        order: Numbers of the samples in the order of time, including those without views, (m,).
+        tracks: Recorded states at these samples, by robot.
     """
 
     cell: Cell
@@ -109,15 +109,15 @@ class Reading:
         return [name for name, track in self.tracks.items() if track.joints is not None]
 
     def shows(self, *kinds: type[Measurement]) -> bool:
-        """Whether any view is such a measurement."""
+        """Whether any view is a measurement of one of these kinds."""
         return any(isinstance(group.measurement, kinds) for group in self.problem.groups)
 
     def restate(self, cell: Cell) -> Reading:
-        """The same views in a cell that states its transforms and lenses otherwise."""
+        """Copy with the same views in a cell with other statements about transforms and lenses."""
         return replace(self, cell=cell, problem=restate(cell, self.problem))
 
     def single_group(self, cell: Cell, group: ViewGroup) -> Reading:
-        """One group of views, in a cell of its own."""
+        """Copy with one group of views, in a cell of its own."""
         rows = np.flatnonzero(np.isin(self.order, group.sample))
         tracks = {name: track for name, track in self.tracks.items() if name in cell.robots}
         groups = tuple(g for g in self.problem.groups if (g.camera, g.target) == (group.camera, group.target))
@@ -126,41 +126,41 @@ class Reading:
         return replace(self, problem=problem, tracks=tracks).restate(cell).take(rows)
 
     def take(self, rows: IntArray) -> Reading:
-        """Some of the samples."""
+        """Copy with the samples at these rows."""
         tracks = {name: track.take(rows) for name, track in self.tracks.items()}
         return replace(self, order=self.order[rows])._with_tracks(tracks)
 
     def thin(self, max_count: int) -> Reading:
-        """At most so many of the samples, spread evenly."""
+        """Copy with at most `max_count` samples, spread evenly."""
         count = len(self.order)
         return self if count <= max_count else self.take(np.linspace(0, count - 1, max_count).round().astype(np.int64))
 
     def with_poses(self, robots: tuple[str, ...], pose_map: PoseMap) -> Reading:
-        """Recorded poses of robots mapped."""
+        """Copy with the recorded poses of these robots mapped."""
         tracks = {name: self.tracks[name] for name in robots}
         mapped = {name: replace(of, pose=pose_map(of.pose), joints=None) for name, of in tracks.items()}
         return self._with_tracks(mapped)
 
     def with_joints(self, robots: tuple[str, ...], factor: float) -> Reading:
-        """Recorded joints of robots times a factor."""
+        """Copy with the recorded joints of these robots multiplied by a factor."""
         moved = {name: self._robot_track(name, self.tracks[name], factor) for name in robots}
         return self._with_tracks(moved)
 
     def _robot_track(self, robot: str, track: Track, factor: float = 1.0) -> Track:
-        """A track as if a robot had made it, its joints times a factor."""
+        """Track with joints multiplied by a factor, and poses computed by the kinematics of a robot."""
         chain = self.cell.robots[robot].chain
         if track.joints is None or chain is None:
             return track
         return replace(track, joints=factor * track.joints, pose=chain.forward(factor * track.joints))
 
     def exchange(self, first: str, second: str) -> Reading:
-        """The states of two robots exchanged."""
+        """Copy with the states of two robots exchanged."""
         other = {first: second, second: first}
         moved = {name: self._robot_track(name, self.tracks[other[name]]) for name in other}
         return self._with_tracks(moved)
 
     def exchange_states(self, numbers: Mapping[str, IntArray]) -> Reading:
-        """The states of two robots, by name, at these samples exchanged: those of one repeated if they are fewer."""
+        """Copy with the states of two robots exchanged at these samples, by robot; the fewer states are repeated."""
         (first, second), rows = numbers, {name: np.flatnonzero(np.isin(self.order, of)) for name, of in numbers.items()}
         moved = {
             name: self._robot_track(name, self.tracks[name].with_states(rows[name], self.tracks[other], rows[other]))
@@ -169,14 +169,14 @@ class Reading:
         return self._with_tracks(moved)
 
     def with_carrier(self, target: str, carrier: str) -> Reading:
-        """A target on the flange of a robot or on the world, its mount free."""
+        """Copy with a target on the flange of a robot or on the world, with a free mount."""
         other = replace(self.cell.targets[target], on=carrier, mount=Unknown())
         cell = replace(self.cell, targets={**self.cell.targets, target: other})
         robot = None if carrier == WORLD else carrier
         base = None if carrier in (WORLD, cell.reference) else cell.base_name(carrier)
 
         def set_carrier(group: ViewGroup) -> ViewGroup:
-            """Views of the target with its other end."""
+            """Attach the views of the target to the new carrier."""
             if group.target != target:
                 return group
             nowhere = np.full(len(group), -1, dtype=np.int64)
@@ -186,15 +186,15 @@ class Reading:
         return self.with_seen(set_carrier)._with_tracks({}).restate(cell)
 
     def shift(self, stream: str | None, count: int, start: int = 0) -> Reading:
-        """One stream paired anew: what stands at position i - `count` moves to position i.
+        """Copy with one stream shifted: the entry at position i - `count` moves to position i.
 
         Args:
-            stream: A robot's name, or None for what the cameras saw.
-            count: By how many samples.
-            start: The position from which on; earlier samples stay.
+            stream: A robot's name, or None for the observations.
+            count: Number of samples to shift by.
+            start: First position to shift; earlier samples stay.
 
         Returns:
-            The reading without the samples that nothing is left for.
+            The reading without the samples that have no entry after the shift.
         """
         place = np.arange(len(self.order))
         source = np.where(place < start, place, place - count)
@@ -203,7 +203,7 @@ class Reading:
         )
 
     def pair_stream(self, stream: str | None, source: IntArray) -> Reading:
-        """One stream with what stood at positions `source`, (m,), in the place of its own; without what is at -1."""
+        """Copy with the entries of one stream taken from positions `source`, (m,); samples with -1 are dropped."""
         kept = source >= 0
         if stream is None:
             place = np.full(len(source), -1)
@@ -213,7 +213,7 @@ class Reading:
         return self._with_tracks({stream: track}).take(np.flatnonzero(track.seen))
 
     def _move_views(self, place: IntArray) -> Reading:
-        """Views of each position moved to another one, (m,); without those moved to -1."""
+        """Move the views of each position to `place`, (m,); drop those moved to -1."""
         groups = []
         for group in self.problem.groups:
             there = place[self._rows(group)]
@@ -222,12 +222,12 @@ class Reading:
         return replace(self, problem=self.problem.with_groups(g for g in groups if len(g)))._with_tracks({})
 
     def _rows(self, group: ViewGroup) -> IntArray:
-        """Positions of the samples of a group's views, (n,); -1 of those that are no more."""
+        """Positions of the samples of a group's views, (n,); -1 for samples that no longer exist."""
         row = {int(number): k for k, number in enumerate(self.order)}
         return np.array([row.get(int(number), -1) for number in group.sample], dtype=np.int64)
 
     def _with_tracks(self, tracks: Mapping[str, Track]) -> Reading:
-        """The same views of robots of which some have other states; without views that these have none for."""
+        """Copy with new states of some robots; views without a state of their robots are dropped."""
         tracks = {**self.tracks, **tracks}
         stops, first = _stops(self.problem.stops, tracks)
         groups = (self._carry_group(group, tracks, first) for group in self.problem.groups)
@@ -244,11 +244,11 @@ class Reading:
         return group.take(np.flatnonzero(kept)).with_ends(lambda end: _carry_end(end, tracks, rows, first))
 
     def with_seen(self, change: Callable[[ViewGroup], ViewGroup]) -> Reading:
-        """The groups of views changed."""
+        """Copy with each group of views changed."""
         return replace(self, problem=self.problem.with_groups(map(change, self.problem.groups)))
 
     def with_target_poses(self, pose_map: PoseMap, target: str | None = None) -> Reading:
-        """Observed poses mapped, of one target or of all."""
+        """Copy with observed poses mapped, of one target or of all targets."""
         return self._with_views(
             PoseMeasurement,
             lambda views: replace(views, measured_camera_from_target=pose_map(views.measured_camera_from_target)),
@@ -256,21 +256,21 @@ class Reading:
         )
 
     def with_points(self, factor: float) -> Reading:
-        """Observed 3-D points times a factor, their stated sigmas unchanged."""
+        """Copy with observed 3-D points multiplied by a factor; stated sigmas are unchanged."""
         return self._with_views(
             PointMeasurement, lambda views: replace(views, points_in_camera=factor * views.points_in_camera)
         )
 
     def with_pixels_exchanged(self) -> Reading:
-        """U in the place of v."""
+        """Copy with the pixel coordinates u and v exchanged."""
         return self._with_views(PixelMeasurement, lambda views: replace(views, pixels=views.pixels[..., ::-1]))
 
     def _with_views(self, kind: type[M], change: Callable[[M], M], target: str | None = None) -> Reading:
-        """Views of one kind changed, of one target or of all."""
+        """Copy with the views of one kind changed, of one target or of all targets."""
         return self.with_seen(lambda g: _change_views(g, kind, change) if target in (None, g.target) else g)
 
     def resize(self, factors: Mapping[str, float]) -> Reading:
-        """Targets larger by a factor, by name: their points in the cell and in what was seen."""
+        """Copy with the points of targets multiplied by factors, by target, in the cell and in its views."""
         targets = dict(self.cell.targets)
         for name, factor in factors.items():
             shape = targets[name].target
@@ -280,7 +280,7 @@ class Reading:
                 targets[name] = replace(targets[name], target=larger_shape)
 
         def larger(group: ViewGroup) -> ViewGroup:
-            """Views of the larger target."""
+            """Resize the target of a group of views."""
             shape = targets[group.target].target
             if shape is None or group.target not in factors:
                 return group
@@ -292,12 +292,12 @@ class Reading:
 
 
 def as_recorded(cell: Cell, recording: Recording, problem: Problem) -> Reading:
-    """The reading as it was declared.
+    """The declared reading.
 
     Args:
-        cell: As declared.
-        recording: Likewise.
-        problem: Packed of both; the jitter of single stamps is left out.
+        cell: The declared cell.
+        recording: The recording.
+        problem: Problem built from both; timing jitter of single samples is removed.
     """
     samples = canonical_order(recording.samples)
     tracks = {name: _track(cell, name, [s.robots.get(name) for s in samples]) for name in cell.robots}
@@ -320,7 +320,7 @@ def _track(cell: Cell, robot: str, states: list[RobotState | None]) -> Track:
 
 
 def _stops(stops: Stops, tracks: Mapping[str, Track]) -> tuple[Stops, dict[str, int]]:
-    """The stops of tracks, of robots that have noise, and the first of each."""
+    """Stops of the tracks of robots with noise, and the index of each robot's first stop."""
     known = zip(stops.robot, stops.sigma, strict=True)
     sigmas = {name: sigma for name, sigma in known if name in tracks}
     counts = {name: int(tracks[name].stand.max(initial=-1)) + 1 for name in sigmas}
@@ -330,7 +330,7 @@ def _stops(stops: Stops, tracks: Mapping[str, Track]) -> tuple[Stops, dict[str, 
 
 
 def _carry_end(end: End, tracks: Mapping[str, Track], rows: IntArray, first: Mapping[str, int]) -> End:
-    """An end of views at these samples, (n,), whose robot made the tracks."""
+    """End of views with the states of its robot at these samples, (n,)."""
     if end.robot is None:
         return end
     of = tracks[end.robot].take(rows)
@@ -339,7 +339,7 @@ def _carry_end(end: End, tracks: Mapping[str, Track], rows: IntArray, first: Map
 
 
 def _change_views(group: ViewGroup, kind: type[M], change: Callable[[M], M]) -> ViewGroup:
-    """A group with its views, and other ways to read them, changed if they are of one kind."""
+    """Change the views of a group, and their alternative readings, if they are of one kind."""
     if not isinstance(group.measurement, kind):
         return group
     readings = (change(each) for each in group.readings if isinstance(each, kind))

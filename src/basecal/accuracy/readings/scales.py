@@ -1,6 +1,6 @@
-"""Poses up to scale, as of a reconstruction from images: the length of their unit, by how arms moved.
+"""Length unit of poses known up to scale, such as from structure from motion, estimated from robot motion.
 
-Rotations do not depend on the unit. With them each loop is linear in the unit's inverse, and in
+Rotations do not depend on the unit. With known rotations, each loop is linear in the unit's inverse and in the
 translations over the unit.
 Source: Andreff, Horaud & Espiau 2001, "Robot hand-eye calibration using structure-from-motion".
 """
@@ -21,23 +21,23 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 
-_MOST_ALTERNATIONS = 6  # of rotations and lengths in turn: from a unit a third off two or three do
-_SETTLED_LOG = 1e-4  # of the unit: below any that is estimated
-_REWEIGHTED = 20  # rounds of weights
-_LEAST_USUAL = 1e-12  # [m] of residuals: exact data have no scatter
-_UNDETERMINED = 1e-4  # share of a column's length that the others leave, below which the unit is not determined
+_MOST_ALTERNATIONS = 6  # alternations of rotations and lengths: two or three suffice for an initial error of a third
+_SETTLED_LOG = 1e-4  # change of the logarithm of the unit at convergence: below any uncertainty of an estimate
+_REWEIGHTED = 20  # rounds of reweighting
+_LEAST_USUAL = 1e-12  # [m] smallest scale of residuals: exact data have no scatter
+_UNDETERMINED = 1e-4  # unexplained share of the column of the unit, below which the unit is not determined
 
 
 def convert_units(recording: Recording, units_m: Mapping[str, float]) -> Recording:
-    """The recording with poses of targets, and their sigmas, in metres.
+    """Convert the poses of targets, and their sigmas, to metres.
 
     Args:
-        recording: As it was read.
-        units_m: The length of a unit by target [m].
+        recording: The recording as read.
+        units_m: Length of the unit, by target [m].
     """
 
     def convert(view: PoseObservation, unit_m: float) -> PoseObservation:
-        """A pose in metres."""
+        """Convert an observed pose to metres."""
         pose = SE3(view.camera_from_target.rotation, unit_m * view.camera_from_target.translation)
         sigma = None if view.sigma is None else view.sigma * np.repeat([unit_m, 1.0], 3)
         return replace(view, camera_from_target=pose, sigma=sigma)
@@ -58,14 +58,14 @@ def convert_units(recording: Recording, units_m: Mapping[str, float]) -> Recordi
 
 
 def estimate_units(cell: Cell, recording: Recording) -> tuple[dict[str, float], list[Finding]]:
-    """The length of a unit of each target's poses that are up to scale [m], and errors where it is not determined.
+    """Length units of target poses known up to scale [m], by target, and an error for each undetermined one.
 
     Args:
-        cell: What exists and what is known.
-        recording: As it was read.
+        cell: The cell.
+        recording: The recording as read.
 
     Raises:
-        NotObservable: if no rotation can be found.
+        NotObservable: if no rotation can be determined.
     """
     names = [name for name, target in cell.targets.items() if target.has_free_scale]
     if not names:
@@ -83,7 +83,7 @@ def estimate_units(cell: Cell, recording: Recording) -> tuple[dict[str, float], 
 
 
 def _refusal(name: str) -> Finding:
-    what = f"How long a unit of {name}'s poses is cannot be seen, or its poses and the arms' do not agree."
+    what = f"The length unit of {name}'s poses is not determined, or its poses and the arms' do not agree."
     do = (
         "Record samples between which the camera moves by some decimetres, not only turns.",
         "Check that the poses belong to these samples.",
@@ -92,14 +92,14 @@ def _refusal(name: str) -> Finding:
 
 
 def _groups(problem: Problem, target: str) -> Iterator[tuple[ViewGroup, SE3]]:
-    """Views of a target, and its poses."""
+    """Groups of pose views of a target, each with its observed poses."""
     for group in problem.groups:
         if group.target == target and isinstance(group.measurement, PoseMeasurement):
             yield group, group.measurement.measured_camera_from_target
 
 
 def _first_unit(problem: Problem, target: str) -> float:
-    """The spread of the flanges over that of the poses [m]: right to a factor of a few."""
+    """Spread of the flanges over the spread of the poses [m]: correct within a factor of a few."""
     of_arms = of_poses = 0.0
     for group, poses in _groups(problem, target):
         of_arms += sum(len(group) * _variance(end.base_from_flange) for end in group.ends)
@@ -114,7 +114,7 @@ def _variance(poses: SE3) -> float:
 def _linear_factor(problem: Problem, state: State, target: str) -> float | None:
     """The true length of a unit over the assumed one; None if it is not determined.
 
-    Poses have errors of their own, and arms have little: what the poses are is regressed on how arms stood.
+    Observed poses have larger errors than robots: they are regressed on the robot poses.
     """
     free = [name for name, unknown in problem.unknowns.items() if unknown.status != "fixed"]
     columns = {name: 3 * k for k, name in enumerate(free)}
@@ -133,7 +133,7 @@ def _linear_factor(problem: Problem, state: State, target: str) -> float | None:
 
 
 def _add_end(block: Array, constant: Array, end: End, state: State, columns: Mapping[str, int], sign: int) -> Array:
-    """Add one end of a loop to its equations; rotations from the world to what is mounted there, (n, 3, 3)."""
+    """Add one end of a loop to its equations; return the rotations from camera or target to the world, (n, 3, 3)."""
     base = SE3.identity() if end.base is None else state.transforms.get(end.base, SE3.identity())
     mount, flange = state.transforms[end.mount], end.base_from_flange
     to_flange = np.broadcast_to(base.rotation @ flange.rotation, (len(block), 3, 3))
@@ -148,7 +148,7 @@ def _add_end(block: Array, constant: Array, end: End, state: State, columns: Map
 
 
 def _robust_least_squares(matrix: Array, right: Array) -> Array:
-    """Unknowns by Cauchy's weights of points in space, of least norm if they are not determined."""
+    """Least squares with Cauchy weights of 3-D points; the minimum-norm solution if it is not determined."""
     weight, found = np.ones(len(right)), np.zeros(matrix.shape[1])
     for _ in range(_REWEIGHTED):
         weighed = weight[:, None] * matrix
@@ -160,7 +160,7 @@ def _robust_least_squares(matrix: Array, right: Array) -> Array:
 
 
 def _left_share(matrix: Array) -> float:
-    """Share of the last column's length that the others do not explain."""
+    """Share of the last column's norm that the other columns do not explain."""
     squares = matrix.T @ matrix
     others, across, own = squares[:-1, :-1], squares[:-1, -1], float(squares[-1, -1])
     left = own - float(across @ spectrum(others).inverse @ across)

@@ -1,7 +1,7 @@
-"""Cells of many robots, one camera and one target at a time: what a mix-up is, each pair shows by its own views.
+"""Split of a cell of many robots into pairs of one camera and one target, whose own views show input mistakes.
 
-Of the samples of a hundred robots hardly any belong to one pair. Each way to misread one robot would have to be tried
-on all of them.
+With a hundred robots, hardly any samples belong to a given pair. Without the split, each hypothesis about one robot
+would be fitted to the views of all robots.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 
 JOINT_PAIRS = 4
-"""So many robots are looked at together: two arms and what stands beside them; assumed."""
+"""Largest number of robots that are checked jointly: two arms and their additional axes; assumed."""
 
 
 @dataclass(frozen=True, eq=False)
 class SinglePair:
-    """A camera and a target as a cell of their own.
+    """A camera and a target as a separate cell.
 
     Attributes:
-        reading: The cell, with the robots that carry them and the reference, and the samples with a view of it.
-        state: What is known of them; errors of stops are none.
+        reading: The cell with the two carriers and the reference robot, and the samples with a view of the pair.
+        state: Estimated state of the pair, without stop errors.
     """
 
     reading: Reading
@@ -33,33 +33,33 @@ class SinglePair:
 
     @property
     def robots(self) -> frozenset[str]:
-        """The carriers of the two."""
+        """Robots that carry the camera and the target."""
         cell = self.reading.cell
         on = [camera.on for camera in cell.cameras.values()] + [target.on for target in cell.targets.values()]
         return frozenset(on) - {WORLD}
 
 
 def has_many_robots(problem: Problem) -> bool:
-    """Whether a cell is looked at pair by pair."""
+    """Whether a cell has too many robots to be checked jointly."""
     return len(problem.robots) > JOINT_PAIRS
 
 
 def solve_single_pairs(baseline: Reading, state: State) -> list[SinglePair]:
-    """Pairs of camera and target, as few as it takes for each robot, camera and target to be in one.
+    """Pairs of camera and target that cover each robot, camera and target, as few as a greedy choice needs.
 
     Args:
-        baseline: As declared.
-        state: Its solution.
+        baseline: The declared reading.
+        state: Solved state of the declared reading.
     """
     return [_solve_pair(baseline, group, state) for group in _covering(baseline.problem.groups)]
 
 
 def merge_findings(pairs: Sequence[SinglePair], findings: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
-    """The findings of pairs, each once; of what one pair leaves open only that which all pairs of a robot do.
+    """Merge the findings of pairs; keep an `ambiguous-convention` only if all pairs of its robots have one.
 
     Args:
         pairs: The pairs.
-        findings: The findings of each.
+        findings: Findings of each pair.
     """
     opened = [{name for f in of if f.code == "ambiguous-convention" for name in f.about} for of in findings]
     kept: dict[tuple[str, tuple[str, ...]], Finding] = {}
@@ -73,7 +73,7 @@ def merge_findings(pairs: Sequence[SinglePair], findings: Sequence[Sequence[Find
 
 
 def _covering(groups: Sequence[ViewGroup]) -> Iterator[ViewGroup]:
-    """Groups until each robot, camera and target is in one; that with most that no other has comes next."""
+    """Greedy cover: groups of views until each robot, camera and target is in one."""
     names = [{g.camera, g.target, *g.robots} for g in groups]
     left = set().union(*names)
     while left:
@@ -86,7 +86,7 @@ def _solve_pair(baseline: Reading, group: ViewGroup, state: State) -> SinglePair
     cell = baseline.cell
     bases = {name: unknown for name, unknown in cell.bases.items() if name in group.robots}
     if group.eye.robot is not None and group.eye.base is not None and group.hand.base is not None:
-        # How the two stand to each other is all that the pair tells.
+        # The pair determines only the pose of the two bases relative to each other.
         bases[group.eye.robot] = Unknown("fixed", state.transforms[group.eye.base])
     alone = replace(
         cell,

@@ -1,1 +1,1 @@
-"""The stages of a calibration: functions from a case to the same case with more known of it."""
+"""Stages of a calibration: functions that return a case with further results."""

@@ -1,4 +1,4 @@
-"""A calibration on its way from what was read to its verdict."""
+"""State of a calibration in progress, from the recording to the verdict."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from basecal.estimation.solve import Solution
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """The knowledge of a calibration so far; a stage uses the results of those before it.
+    """Results of a calibration so far; each stage uses those of the previous stages.
 
     Attributes:
-        cell: What exists and what is known.
-        recording: Samples as they were read; by clocks that were estimated, if any were.
-        settings: How to solve.
-        findings: Made so far.
-        units_m: The length of a unit of poses that are up to scale [m], by target.
-        clocked: The recording by estimated clocks; None if no stream was recorded.
-        packed: Cell and recording as arrays, outliers among them.
-        plain: The solution with the noise as stated.
-        noisy: The same with unstated noise estimated; None if none is to be.
-        robust: The solution without outliers.
-        weighed: The answer, and what was computed to judge it.
-        certificate: Of the answer; None if none was requested.
-        answers: The answer as fitted, with the covariance of effects that noise is not, and of clocks.
-        clock_step: The step of the clocks beside these effects; None if no clock was estimated.
-        scene: Points of the static scene, if it takes part.
+        cell: The cell.
+        recording: The recording as read; with robot poses at estimated clock offsets, if clocks were estimated.
+        settings: Settings of the solver.
+        findings: Findings so far.
+        units_m: Length unit of poses known up to scale, by target [m].
+        clocked: Recording with estimated clocks; None if no stream was recorded.
+        packed: Cell and recording as arrays, including outliers.
+        plain: Solution with the noise as stated.
+        noisy: Solution with unstated noise estimated; None if no noise is to be estimated.
+        robust: Solution without outliers.
+        weighed: The answer, and the evidence to judge it.
+        certificate: Certificate of the answer; None if there is none.
+        answers: Answer as fitted, with the covariance of systematic effects, and with that of clocks, too.
+        clock_step: Remaining step of the clocks, including these effects; None if no clock was estimated.
+        scene: Points of the static scene, if it is used.
         calibration: The result.
-        is_ended: Whether no stage is left to do.
+        is_ended: Whether the calibration is complete, so that no further stage runs.
     """
 
     cell: Cell
@@ -63,34 +63,34 @@ class Case:
 
     @property
     def problem(self) -> Problem:
-        """Cell and recording as arrays, outliers among them."""
+        """Cell and recording as arrays, including outliers."""
         assert self.packed is not None
         return self.packed
 
     @property
     def solution(self) -> Solution:
-        """Without outliers; before these are left out that with the noise as stated."""
+        """The solution without outliers if there is one, else the solution with the noise as stated."""
         found = self.plain if self.robust is None else self.robust.solution
         assert found is not None
         return found
 
     @property
     def evidence(self) -> Evidence:
-        """The answer, and what was computed to judge it."""
+        """The answer, and the evidence to judge it."""
         assert self.weighed is not None
         return self.weighed
 
     @property
     def stated_settings(self) -> Settings:
-        """The settings, with robots exact that state no noise."""
+        """The settings with robots of unstated noise assumed exact."""
         return replace(self.settings, robot_noise="stated")
 
     def weighing(self, **parts: Any) -> Self:
-        """The case with more evidence."""
+        """Copy of the case with further evidence."""
         return replace(self, weighed=replace(self.evidence, **parts))
 
     def with_findings(self, findings: Iterable[Finding]) -> Self:
-        """The case with more findings."""
+        """Copy of the case with further findings."""
         return replace(self, findings=(*self.findings, *findings))
 
     @property
@@ -99,10 +99,10 @@ class Case:
         return judge_findings(self.findings) == "refused"
 
     def refuse(self, findings: Iterable[Finding] | None = None) -> Self:
-        """The case at its end without numbers: these would be of a cell that does not exist.
+        """Ended case with verdict `refused` and without estimates, which would not describe the real cell.
 
         Args:
-            findings: In place of those so far.
+            findings: Findings to replace those so far; None to keep those.
         """
         found = self.findings if findings is None else tuple(findings)
         result = Calibration("refused", findings=found, settings=self.settings.as_dict())

@@ -1,4 +1,4 @@
-"""Stages that make the calibration: clocks, all transforms with their covariance, the error at the task."""
+"""Stages that build the calibration: clocks, all transforms with their covariance, and the error at the task."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from basecal.cell import Calibration
 
 
 def conclude(case: Case) -> Case:
-    """Make the calibration of all that is known."""
+    """Build the calibration from the results of all previous stages."""
     clocked, left = case.clocked, case.clock_step
     if clocked is None or left is None:
         return replace(case, calibration=_calibration(case))
@@ -35,7 +35,7 @@ def conclude(case: Case) -> Case:
 
 
 def find_error_at_task(case: Case) -> Case:
-    """Add the error at the task, if one is named."""
+    """Add the error at the task, if a task is stated."""
     assert case.calibration is not None
     fitted, as_modelled, final = case.answers
     offsets = None if case.clock_step is None else case.clock_step.offsets
@@ -64,7 +64,7 @@ def _calibration(case: Case) -> Calibration:
 
 
 def _estimates(case: Case) -> dict[str, Any]:
-    """The requested estimates, as far as they are observable: transforms, lenses, parameters of robots."""
+    """Observable estimates as fields of `Calibration`: transforms, lenses and robot parameters, with covariances."""
     solution = case.answers[-1]
     found = solution.transforms if solution.converged else {}
     estimates = {n: e for n, e in found.items() if n not in solution.observability.unobservable}

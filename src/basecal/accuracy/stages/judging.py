@@ -1,4 +1,4 @@
-"""Stages that judge a solution: what its residuals, its rivals and held-out samples say of it."""
+"""Stages that judge a solution by its residuals, by alternative models and by held-out samples."""
 
 from __future__ import annotations
 
@@ -55,25 +55,25 @@ def screen_stated_sigmas(case: Case) -> Case:
 
 
 def choose_kinematics(case: Case) -> Case:
-    """Ask held-out samples whether robots are built as stated."""
+    """Choose the kinematic model of each robot by its prediction of held-out samples."""
     return case.weighing(robot_model=choose_robot_model(case.solution, case.stated_settings))
 
 
 def find_systematic_error(case: Case) -> Case:
-    """Look for what explains the residuals better than noise."""
+    """Search for a systematic error that explains the residuals better than noise."""
     stamps = {s.sample: s.stamp_s for s in case.recording.samples if s.stamp_s is not None}
     found = systematic_error(case.solution, case.problem, stamps, case.settings, case.evidence.refuted)
     return case.weighing(systematic_error=found)
 
 
 def certify_solution(case: Case) -> Case:
-    """Prove that no other optimum is better, or go to it."""
+    """Prove that no other optimum is better, or switch to a better one."""
     solution, certificate = prove_solution(case.solution, case.stated_settings)
     return replace(case.weighing(solution=solution), certificate=certificate)
 
 
 def predict_held_out_samples(case: Case) -> Case:
-    """Predict held-out samples, and test lenses for what their models lack."""
+    """Predict held-out samples, and test whether the lens models are sufficient."""
     solution = case.evidence.solution
     validated = cross_validate(
         thin_solution(solution, case.stated_settings), case.cell.requested_transforms, case.stated_settings
@@ -86,16 +86,17 @@ def predict_held_out_samples(case: Case) -> Case:
 
 
 def list_findings(case: Case) -> Case:
-    """Put into words what the evidence shows."""
+    """Add the findings that the evidence supports."""
     found = (finding for check in ANSWER_CHECKS for finding in check(case.evidence))
     findings = deduplicate_size_findings(case.cell, [*case.findings, *found], case.evidence.systematic_error)
     first = {(each.code, each.about): each for each in reversed(findings) if each.code == fixed_transform.CODE}
-    kept = (each for each in findings if first.get((each.code, each.about), each) is each)  # by either test, once
+    # An error that both tests report is listed once.
+    kept = (each for each in findings if first.get((each.code, each.about), each) is each)
     return replace(case, findings=tuple(kept))
 
 
 def cover_effects(case: Case) -> Case:
-    """Move the answer by effects that it contains, and widen its covariance by all that are no noise."""
+    """Shift the answer by contained effects, and widen its covariance by all systematic effects."""
     evidence = case.evidence
     fitted = solution = evidence.solution
     rival = None if evidence.cross_validation is None else evidence.cross_validation.rival
@@ -113,7 +114,7 @@ def cover_effects(case: Case) -> Case:
 
 
 def _robots_with_fields(case: Case) -> frozenset[str]:
-    """Robots whose fields of errors contain a systematic error that may be chance; none if it is certain."""
+    """Robots whose stated error fields already cover the systematic error; empty if that error is certain."""
     error = case.evidence.systematic_error
     if error is None or error.is_certain:
         return frozenset()
@@ -123,12 +124,12 @@ def _robots_with_fields(case: Case) -> frozenset[str]:
 def _effect_shift(
     solution: Solution, effect: FoundEffect | ClosedFormRival | LensStructure, in_fields: frozenset[str] = frozenset()
 ) -> Array:
-    """How far an effect moves the answer, (p,); of confounded effects the one that moves it most.
+    """Shift of the answer by an effect, (p,); of confounded effects the largest shift.
 
     Args:
         solution: The answer.
         effect: The effect.
-        in_fields: Robots whose fields of errors contain what effects by place move.
+        in_fields: Robots whose error fields already cover position-dependent effects.
     """
     if isinstance(effect, FoundEffect):
         others = (each for each in (effect, *effect.alternatives) if each.effect not in CONTAINED)
@@ -137,14 +138,14 @@ def _effect_shift(
     return effect.moved
 
 
-# Better optima to go to, one after another: each lowers the cost; `benchmarks.certificate` judges it.
+# Switches to a better optimum, each of which lowers the cost; `benchmarks.certificate` judges it.
 _CERTIFICATE_ROUNDS = 3
 
 
 def prove_solution(solution: Solution, settings: Settings) -> tuple[Solution, Certificate | None]:
-    """The best solution found and its certificate; the solution that was given where the proof finds none better.
+    """The best solution found and its certificate; the given solution if the proof finds no better one.
 
-    A certificate is made where the settings ask for it, and where starts ended in different optima.
+    A certificate is computed if the settings request it, or if starts converged to different optima; else it is None.
     """
     if not (settings.certify or solution.disputed):
         return solution, None
@@ -158,9 +159,9 @@ def prove_solution(solution: Solution, settings: Settings) -> tuple[Solution, Ce
 
 
 def thin_solution(solution: Solution, settings: Settings) -> Solution:
-    """The solution by at most 2,000 views of each camera and target, spread evenly, with the sigmas of all of them.
+    """Solution from at most 2,000 views of each camera and target, spread evenly, with the sigmas from all views.
 
-    As it is where there are no more, or where those have no optimum near that of all.
+    The given solution if it has no more views, or if the solve for the fewer views does not converge.
     """
     if max(map(len, solution.problem.groups), default=0) <= MANY_VIEWS:
         return solution

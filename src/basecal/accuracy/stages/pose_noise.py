@@ -1,4 +1,4 @@
-"""The stage that asks whether poses of targets err as those of flat targets do, by their distance, size and tilt.
+"""Stage that tests whether errors of target poses depend on distance, size and tilt, as for flat targets.
 
 `benchmarks.target_poses` judges its limits.
 """
@@ -22,12 +22,12 @@ from basecal.estimation.view.pose_errors import CornerErrors
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 
-_SIZES = (0.02, 0.04, 0.08, 0.15, 0.3)  # half of a target's side, of its median distance
+_SIZES = (0.02, 0.04, 0.08, 0.15, 0.3)  # half of a target's side, over its median distance
 _FEWEST_VIEWS = 6
 
 
 def shape_pose_noise(case: Case) -> Case:
-    """Weigh poses without stated noise by what their views hold, if their errors are clearly likelier so."""
+    """Weight poses of unstated noise by the noise of their corners, if the data are clearly more likely then."""
     if not is_explained(case):
         return case
     targets = _open_targets(case.problem)
@@ -45,7 +45,7 @@ def _solve_by_corners(case: Case, sizes: Mapping[str, float]) -> Case:
 
 
 def _with_most_views(case: Case, targets: Sequence[str]) -> Case:
-    """The case, or the case with errors by corners if that leaves fewer views out: all of these are to be judged."""
+    """The case, or the case with corner errors if that excludes fewer views, so that more views are judged."""
     assert case.robust is not None
     if not case.robust.outliers:
         return case
@@ -55,7 +55,7 @@ def _with_most_views(case: Case, targets: Sequence[str]) -> Case:
 
 
 def _open_targets(problem: Problem) -> list[str]:
-    """Targets before the camera, of which poses without stated noise were measured."""
+    """Targets in front of the camera whose poses were measured without stated noise."""
     return sorted({group.target for group in problem.groups if _is_open(group)})
 
 
@@ -67,7 +67,7 @@ def _is_open(group: ViewGroup) -> bool:
 
 
 def likely_size(case: Case, target: str) -> float | None:
-    """Half of a target's side over its median distance, by the evidence; None if equal errors are as likely."""
+    """Half of a target's side over its median distance, from the evidence; None if equal errors are as likely."""
     solution, last, evidence = case.solution, case.solution, []
     packed = replace(solution.problem, held=False)
     for size in (None, *_SIZES):
@@ -79,7 +79,7 @@ def likely_size(case: Case, target: str) -> float | None:
 
 
 def _peak(ratios: Array) -> float:
-    """The size at which a parabola through the largest ratio and its neighbours peaks."""
+    """Size at the peak of a parabola through the largest ratio and its neighbours."""
     at = int(np.clip(np.argmax(ratios), 1, len(_SIZES) - 2))
     logs = np.log(_SIZES)
     bend, slope, _ = np.polyfit(logs[at - 1 : at + 2], ratios[at - 1 : at + 2], 2)
@@ -88,7 +88,7 @@ def _peak(ratios: Array) -> float:
 
 
 def _shape_errors(problem: Problem, state: State, sizes: Mapping[str, float | None]) -> Problem:
-    """The problem with the errors of these targets' poses as of four corners of this size each, or equal."""
+    """Problem with pose errors of targets as from four corners of the given size, or equal errors if it is None."""
     recorded = without_errors(problem, state)
     groups = []
     for group in problem.groups:
@@ -103,7 +103,7 @@ def _shape_errors(problem: Problem, state: State, sizes: Mapping[str, float | No
 
 
 def _corner_errors(measured_pose: SE3, predicted_pose: SE3, size: float) -> CornerErrors:
-    """Errors at the predicted poses, of which noise takes no part; at measured ones where these are far from it."""
+    """Corner errors at the predicted poses, which are free of noise; at the measured poses if these are far away."""
     distance = np.linalg.norm(measured_pose.translation, axis=-1)
     is_near = np.linalg.norm(predicted_pose.translation - measured_pose.translation, axis=-1) < distance / 2
     rotation = np.where(is_near[:, None, None], predicted_pose.rotation, measured_pose.rotation)

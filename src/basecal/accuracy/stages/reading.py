@@ -1,4 +1,4 @@
-"""Stages before anything is solved: clocks, units, the problem, and whether there is one."""
+"""Stages before solving: clocks, units, the problem, and checks of the input."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from basecal.estimation.streams.streams import recording_streams
 
 
 def check_task(case: Case) -> Case:
-    """Check that something is placed for the task.
+    """Check that a requested transform places something in the reference base, if a task point is stated there.
 
     Raises:
-        InputError: if a task point is named and nothing is.
+        InputError: if a task point is stated, but there is no such transform.
     """
     if case.settings.task_point is not None and case.settings.method != "axis-shift":
         base_transforms(case.cell)
@@ -29,7 +29,7 @@ def check_task(case: Case) -> Case:
 
 
 def calibrate_from_scene(case: Case) -> Case:
-    """Calibrate from the static scene, if it is requested, the cell states no other target, or tracks are all there is.
+    """Calibrate from the static scene, if it is requested, or if cell or recording have no other target.
 
     Raises:
         InputError: if there are no images with poses.
@@ -38,14 +38,14 @@ def calibrate_from_scene(case: Case) -> Case:
     has_tracks_alone = any(each.tracks for each in samples) and not any(each.observations for each in samples)
     if case.settings.method != "scene" and not case.cell.sees_scene and not has_tracks_alone:
         return case
-    # It reads images, which most calibrations do not.
+    # The module reads images, which most calibrations do not need.
     from basecal.accuracy.scene.calibrate_scene import calibrate_scene
 
     return replace(case, calibration=calibrate_scene(case.cell, case.recording, case.settings), is_ended=True)
 
 
 def estimate_clocks(case: Case) -> Case:
-    """Estimate clocks of streams, and read the robots' paths by them."""
+    """Estimate the clocks of streams, and interpolate the robots' paths accordingly."""
     streams = recording_streams(case.cell, case.recording)
     if streams is None:
         return case
@@ -54,7 +54,7 @@ def estimate_clocks(case: Case) -> Case:
 
 
 def measure_units(case: Case) -> Case:
-    """Find how long the unit of poses is that are up to scale, and take them in metres."""
+    """Estimate the length unit of poses known up to scale, and convert these to metres."""
     units_m, findings = estimate_units(case.cell, case.recording)
     if findings:
         return case.refuse((*findings, *case.recording.findings))
@@ -62,13 +62,13 @@ def measure_units(case: Case) -> Case:
 
 
 def screen_units(case: Case) -> Case:
-    """Refuse lengths and angles that no arm and no board has."""
+    """Refuse implausible lengths and angles."""
     units = impossible_units(case.cell, case.recording)
     return case.refuse((*units, *case.recording.findings)) if units else case
 
 
 def pack_problem(case: Case) -> Case:
-    """Turn cell and recording into arrays."""
+    """Convert cell and recording to arrays."""
     problem, dropped = build_problem(case.cell, case.recording)
     problem = problem if case.clocked is None else case.clocked.add_jitter(problem)
     case = case.with_findings((*case.recording.findings, *repeated_views(case.cell, case.recording), *dropped))
@@ -76,7 +76,7 @@ def pack_problem(case: Case) -> Case:
 
 
 def check_input(case: Case) -> Case:
-    """Refuse what is too little, and report what is odd."""
+    """Refuse insufficient input, and report suspicious input."""
     images = count_searchable_images(case.cell, case.recording)
     given = Input(case.problem, case.findings, on_paths=case.clocked is not None, images=images)
     case = case.with_findings(finding for check in INPUT_CHECKS for finding in check(given))
@@ -84,7 +84,7 @@ def check_input(case: Case) -> Case:
 
 
 def calibrate_by_shifts(case: Case) -> Case:
-    """Calibrate by the paper's closed form, if it is requested."""
+    """Calibrate with the paper's closed form, if it is requested."""
     if case.settings.method != "axis-shift":
         return case
     found = calibrate_axis_shift(case.cell, case.problem, case.settings, list(case.findings))

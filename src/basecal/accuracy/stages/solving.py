@@ -1,4 +1,4 @@
-"""Stages that solve: with the noise as stated, with noise estimated, without outliers, with likely lenses."""
+"""Stages that solve: with the noise as stated, with estimated noise, without outliers, with likely lenses."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def screen_conventions(case: Case) -> Case:
 
 
 def leave_outliers_out(case: Case) -> Case:
-    """Solve for the samples that agree; robots are exact if no noise of arms explains the views."""
+    """Solve without outliers; robots are assumed exact if no plausible robot noise explains the views."""
     assert case.plain is not None
     noisy = case.noisy
     if noisy is not None and is_as_of_arms(noisy):
@@ -48,7 +48,7 @@ def leave_outliers_out(case: Case) -> Case:
         return replace(case, robust=exact)
     try:
         robust = solve_with_noise(case.cell, case.settings, case.plain, noisy, exact)
-    except np.linalg.LinAlgError:  # with noise of arms the unknowns go to infinity: it explains nothing
+    except np.linalg.LinAlgError:  # with robot noise the unknowns diverge: it explains nothing
         robust = exact
     return replace(case, robust=robust)
 
@@ -59,18 +59,18 @@ def _has_open_noise(solution: Solution) -> bool:
 
 
 def widen_lenses(case: Case) -> Case:
-    """Estimate stated lenses with errors as large as the data show."""
+    """Estimate stated lenses with priors as wide as the data suggest."""
     assert case.robust is not None
     return replace(case, robust=with_likely_lenses(case.robust, case.cell, case.settings))
 
 
 def join_static_scene(case: Case) -> Case:
-    """Let the static scene take part, if it is requested or tracks of it were recorded."""
+    """Add the static scene to the solution, if it is requested or tracks of it were recorded."""
     has_tracks = any(each.tracks for each in case.recording.samples)
     if not (case.settings.joins_scene or has_tracks) or not case.solution.converged:
         return case
     from basecal.accuracy.scene.checks import drop_target_findings
-    from basecal.accuracy.scene.join_scene import join_scene  # it reads images, which most calibrations do not
+    from basecal.accuracy.scene.join_scene import join_scene  # reads images, which most calibrations do not need
 
     assert case.robust is not None
     outliers = {int(number) for group in case.robust.left_out.groups for number in group.sample}
@@ -80,18 +80,18 @@ def join_static_scene(case: Case) -> Case:
 
 
 def integrate_noise(case: Case) -> Case:
-    """Integrate the covariance over all that unstated sigmas may be."""
+    """Integrate the covariance over the distribution of unstated sigmas."""
     assert case.robust is not None
     return replace(case, robust=replace(case.robust, solution=integrate_solution(case.solution)))
 
 
 def is_explained(case: Case) -> bool:
-    """Whether the solution explains how the targets move."""
+    """Whether the solution explains the motion of the targets."""
     return case.is_ended or not is_hopeless(case.solution.problem, case.solution.state)
 
 
 def refuse_unexplained_poses(case: Case) -> Case:
-    """Refuse poses that do not explain the views: directions that they hide lead a solver astray, or they are wrong."""
+    """Refuse poses that do not explain the views, because of unobservable directions or because they are wrong."""
     if is_explained(case):
         return case
     last = case.solution
@@ -104,7 +104,7 @@ def refuse_unexplained_poses(case: Case) -> Case:
 
 
 def _disagreement(case: Case) -> list[Finding]:
-    """Errors about samples of which earlier and later ones differ by a frame, or that poses and views do not agree."""
+    """Errors that a frame changed between earlier and later samples, or that poses and views do not agree."""
     assert case.robust is not None
     changed, last = changed_frame(case.problem, case.cell), case.solution
     agreement = agreement_findings(case.robust, changed)
