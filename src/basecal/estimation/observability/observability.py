@@ -25,7 +25,7 @@ from basecal.numerics.spectral import Spectrum, scaled_spectrum, spectrum
 UNOBSERVABLE_SIGMA = 0.3
 _NO_INFORMATION_SIGMA = 30.0  # scaled sigma [m, rad] above which the information is only rounding
 TOUCHED_SHARE = 1e-3
-"""Share of a null direction in an unknown above which the unknown is unobservable: 1e-6 squared, above rounding."""
+"""Share of a null direction in an unknown above which the unknown is unobservable; its square is far above rounding."""
 _SMALLEST_FACTOR = 1e-4  # variance factor of exact data: at least a hundredth of a sigma; assumed
 _DISTORTION_SCALE = 10.0  # scale of a distortion term, equivalent to a radian; assumed
 _PRIOR_SHARE = 0.5  # share of an eigenvalue due to priors above which it is information: rounding has either sign
