@@ -1,4 +1,4 @@
-"""Deflection of an arm's joints by gravity. Source: docs/mathematics.md (9.2)."""
+"""Gravity torques of an arm's joints. Source: docs/mathematics.md (9.2)."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from basecal.geometry import Array
 from basecal.kinematics.chain import SerialChain
 
 STANDARD_GRAVITY = 9.80665  # [m/s^2]
-_LEAST_TORQUE_NM = 1e-9  # about a joint whose axis is along gravity rounding leaves less
+_LEAST_TORQUE_NM = 1e-9  # smaller torques are rounding, such as for an axis along gravity
 
 
 def gravity_torques(chain: SerialChain, joints: Array) -> Array:
-    """Torque by which gravity turns each joint about its axis, (..., n) [Nm].
+    """Torque of gravity about each joint axis, (..., n) [Nm].
 
     Args:
-        chain: The arm, with its masses and where down is.
+        chain: The arm, with masses and the direction of gravity.
         joints: (..., n) [rad].
 
     Raises:
