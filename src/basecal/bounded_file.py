@@ -9,7 +9,7 @@ from pathlib import Path
 from basecal.errors import DatasetError
 
 _MB = 2**20
-_NO_FILE = "is not a file but a pipe, a device or the like; copy what it gives into a file"
+_NO_FILE = "is not a file but a pipe, a device or the like; copy its content into a file"
 
 
 class MissingFile(DatasetError):
@@ -43,7 +43,7 @@ def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
     if not is_file:
         raise DatasetError(name, _NO_FILE)
     if max(size, len(data)) > largest:  # some special files report size zero
-        raise DatasetError(name, f"has more than {largest / _MB:.3g} MB, no such file has; is it the right one?")
+        raise DatasetError(name, f"has more than {largest / _MB:.3g} MB, the limit of such files; is it the right one?")
     return data
 
 

@@ -81,7 +81,7 @@ def frames(
         finally:
             _end(process, ending_s)
     if code == -getattr(signal, "SIGXCPU", 0):
-        raise BoxError(f"takes more than {seconds} s to read, no such file does")
+        raise BoxError(f"takes more than {seconds} s to read, the limit for its size")
     if code:
         raise BoxError(f"ends the process that reads it ({code})")
 
@@ -188,7 +188,7 @@ def _run(module: str, seconds: int, most_bytes: int, words: Sequence[str], outpu
         for frame in given_frames:
             given += _write(frame, output)
             if given > most_bytes:
-                raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, no such file does")
+                raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, the limit for its size")
 
 
 def _end_with_parent() -> None:
@@ -218,7 +218,7 @@ def _answer(module: str, seconds: int, most_bytes: int, words: Sequence[str], ou
     try:
         _run(module, seconds, most_bytes, words, output)
     except MemoryError:
-        _write(({"refused": "needs more memory than such a file does", "code": InputError.exit_code}, b""), output)
+        _write(({"refused": "needs more memory to read than the limit", "code": InputError.exit_code}, b""), output)
     except BasecalError as error:
         _write(({"refused": str(error), "code": error.exit_code}, b""), output)
     except Exception as error:

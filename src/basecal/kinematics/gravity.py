@@ -25,7 +25,7 @@ def gravity_torques(chain: SerialChain, joints: Array) -> Array:
     Source: the virtual work of the weights; Lynch & Park 2017, "Modern Robotics", 8.1.
     """
     if chain.masses is None:
-        raise InputError("the torques of gravity need masses: give the links of the URDF an <inertial>")
+        raise InputError("gravity torques need masses: add <inertial> elements to the links of the URDF")
     frames = chain.joint_frames(joints)
     rotation, places = np.moveaxis(frames.rotation, 0, -3), np.moveaxis(frames.translation, 0, -2)
     centres = places + np.einsum("...nij,nj->...ni", rotation, chain.masses.centres)

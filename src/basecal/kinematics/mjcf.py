@@ -56,7 +56,9 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
         for joint in range(first, first + int(model.body_jntnum[body])):
             name = model.joint(joint).name or f"{model.body(body).name}_joint"
             if not _is_hinge(model, joint):
-                raise DatasetError(path, "on the way is no hinge; arms turn", field=f"joint {name!r}")
+                raise DatasetError(
+                    path, "is not a hinge, the only type supported between base and flange", field=f"joint {name!r}"
+                )
             anchor, axis = SE3.from_rotvec(np.zeros(3), model.jnt_pos[joint]), np.array(model.jnt_axis[joint])
             names.append(name)
             origins.append(since_last @ anchor)
@@ -101,7 +103,7 @@ def _compile_model(root: Element, path: str) -> Any:
     try:
         return mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
     except ValueError as error:
-        raise DatasetError(path, f"MuJoCo does not take it: {error_words(error)}") from error
+        raise DatasetError(path, f"MuJoCo cannot compile it: {error_words(error)}") from error
 
 
 def _body_path(model: Any, base: str, flange: str, path: str) -> tuple[list[int], SE3]:
@@ -118,7 +120,7 @@ def _body_path(model: Any, base: str, flange: str, path: str) -> tuple[list[int]
     way: list[int] = []
     while body != bodies[base]:
         if body == _WORLD_BODY:
-            raise DatasetError(path, f"{flange!r} does not hang under {base!r}")
+            raise DatasetError(path, f"{flange!r} is not below {base!r}")
         way.append(body)
         body = int(model.body_parentid[body])
     return way[::-1], tip

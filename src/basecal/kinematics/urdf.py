@@ -97,7 +97,7 @@ def parse_chain(
             origins.append(since_last)
             since_last = SE3.identity()
         elif joint.kind != "fixed":
-            raise joint.error("type", f"{joint.kind!r} on the way, expected revolute, continuous or fixed")
+            raise joint.error("type", f"{joint.kind!r} between base and flange, expected revolute, continuous or fixed")
     limits = np.array([_limits(joint) for joint in turning])
     axes = np.array([_axis(joint) for joint in turning])
     names = tuple(joint.name for joint in turning)
@@ -163,8 +163,8 @@ def _joint_path(
         for _ in above:
             highest = above[highest].parent if highest in above else highest
         exchanged = _joints_up_to(above, base_link, flange_link) is not None
-        where = "above it: exchange base_link and flange_link" if exchanged else f"under {highest!r}"
-        raise DatasetError(path, f"{flange_link!r} does not hang under {base_link!r}, but {where}")
+        where = "above it: exchange base_link and flange_link" if exchanged else f"below {highest!r}"
+        raise DatasetError(path, f"{flange_link!r} is not below {base_link!r}, but {where}")
     turning = sum(joint.kind in _TURNING_TYPES for joint in way)
     if not 0 < turning <= _MOST_JOINTS:
         where = f"between {base_link!r} and {flange_link!r}"
@@ -233,7 +233,7 @@ def _tree(text: str | bytes, path: str) -> tuple[dict[str, _Joint], dict[str, El
                 raise joint.error("", f"names the link {link!r}, which does not exist")
         if joint.child in above:
             raise joint.error(
-                "child", f"{joint.child!r} already hangs on joint {above[joint.child].name!r}: not a tree"
+                "child", f"{joint.child!r} already has the parent joint {above[joint.child].name!r}: not a tree"
             )
         above[joint.child] = joint
     roots = [link for link in links if link not in above]
@@ -263,7 +263,7 @@ def _origin(joint: _Joint) -> SE3:
 
 def _axis(joint: _Joint) -> Array:
     if joint.element.find("mimic") is not None:
-        raise joint.error("mimic", "a joint that follows another is not supported on the way")
+        raise joint.error("mimic", "a joint that mimics another is not supported between base and flange")
     axis = _numbers(joint, "axis", "xyz", "1 0 0", 3)
     length = np.linalg.norm(axis)
     if length < 1e-9:

@@ -50,7 +50,7 @@ def image_gradient(image_shifts: Array, shifts_in_light: Array) -> Array:
         NotObservable: if the shifts lie in a plane.
     """
     if principal_axes(shifts_in_light, _FLAT_SHIFTS).dimension < 3:
-        raise NotObservable("the shifts of the light lie in one plane: add one that leaves it")
+        raise NotObservable("the shifts of the LED lie in one plane: add a shift out of this plane")
     return np.asarray(np.swapaxes(pseudo_inverse(shifts_in_light) @ image_shifts, -1, -2))
 
 
@@ -113,7 +113,7 @@ def orthonormalise(rows: Array) -> Array:
         x = x + step
         if np.abs(step).max() < _NEWTON_SETTLED:
             return np.stack([x[:3], x[3:6], np.cross(x[:3], x[3:6])])
-    raise NotConverged("the orthonormalisation of eq. (16) did not settle", state=x)
+    raise NotConverged("the orthonormalisation of eq. (16) did not converge", state=x)
 
 
 def _gram_schmidt(rows: Array) -> Array:

@@ -103,8 +103,8 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
     stations = [station for station in found if station is not None]
     if not stations:
         raise NotObservable(
-            "no station found: the axis-shift method needs stations of a single light. The camera stands still there, "
-            "and the light shifts without rotating, along three directions that are not in one plane"
+            "no station found: the axis-shift method needs stations with a single LED. At a station the camera is at "
+            "rest. The LED shifts without rotating, along three directions that are not in one plane"
         )
     return stations
 

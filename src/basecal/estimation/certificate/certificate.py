@@ -86,7 +86,7 @@ def certify(solution: Solution) -> Certified:
     if len(known) < len(loops):
         of = solution.problem.groups[loops.index(None)]
         views = f"fewer than {_FEWEST_VIEWS} views of {of.target} by {of.camera}"
-        return _undecided_certificate(f"no pose from a single view: {views} have one that is beyond doubt")
+        return _undecided_certificate(f"no pose from a single view: {views} have an unambiguous pose")
     gap = max(loop.gap for loop in known)
     better = _from_proven(solution, known)
     if better is not None:

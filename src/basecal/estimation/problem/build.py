@@ -227,7 +227,7 @@ def _views(
             if missing:
                 lacking[f"no pose of {missing[0]} in the same sample"].append(sample.sample)
             elif isinstance(observation, CandidateObservation) and (shape is None or not shape.is_point):
-                lacking["candidates for several lights, which cannot be distinguished"].append(sample.sample)
+                lacking["candidates for several LEDs, which cannot be distinguished"].append(sample.sample)
             else:
                 stops = [int(poses[r].states.stand[poses[r].row[i]]) for r in needed if r in cell.robots]
                 content = view_content(observation, stops)

@@ -113,8 +113,8 @@ def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
     if unstamped is not None and not any(stated.values()) and all(s.stamp_s is None for s in recording.samples):
         raise InputError(_missing_robots(cell, recording))
     if unstamped is not None:
-        why = "clocks are stated" if any(stated.values()) else "robots and views stand in lines of their own"
-        raise InputError(f"sample {unstamped} has no stamp_s: {why}, which takes the time of every line")
+        why = "clocks are stated" if any(stated.values()) else "robots and views are recorded in separate lines"
+        raise InputError(f"sample {unstamped} has no stamp_s, which every line needs: {why}")
     clocks = {
         name: clock or (_FREE_CLOCK if asynchronous and name in cell.cameras else _EXACT_CLOCK)
         for name, clock in stated.items()
@@ -281,9 +281,9 @@ def _check_overlap(streams: Streams) -> None:
             stamps = [s.stamp_s + shift for s in seen if s.stamp_s is not None]
             if stamps and len(path.times) and (max(stamps) < path.times[0] or min(stamps) > path.times[-1]):
                 raise InputError(
-                    f"stamps of {camera} and of {robot} share no time: {min(stamps):.3f} to {max(stamps):.3f} s and "
+                    f"stamps of {camera} and of {robot} do not overlap: {min(stamps):.3f} to {max(stamps):.3f} s and "
                     f"{path.times[0]:.3f} to {path.times[-1]:.3f} s; write `clock: {{status: free, offset_s: ...}}` at "
-                    f"{camera} with what is to be added to its stamps, to about a second"
+                    f"{camera} with the offset to add to its stamps, to about 1 s"
                 )
 
 

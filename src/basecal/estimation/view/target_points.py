@@ -80,7 +80,7 @@ def require_camera(camera: Camera | None) -> Camera:
         InputError: if the camera is None.
     """
     if camera is None:
-        raise InputError("pixels say nothing without the camera's lens")
+        raise InputError("pixels need the lens of the camera: state its intrinsics")
     return camera
 
 
