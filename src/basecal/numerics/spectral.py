@@ -233,7 +233,7 @@ def sort_by_share(basis: Array, rows: IntArray) -> Turned:
 
 @dataclass(frozen=True, eq=False)
 class PrincipalAxes:
-    """Principal axes of vectors: unit axes as columns, (k, k), decreasing extents (k,), and the number of extents."""
+    """Principal axes of vectors: unit axes as columns, (k, k), decreasing extents (k,), and their number above zero."""
 
     axes: Array
     extents: Array

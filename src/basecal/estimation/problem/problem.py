@@ -117,7 +117,7 @@ class Problem:
 
     @cached_property
     def robots(self) -> tuple[str, ...]:
-        """Names of the robots that see or are seen."""
+        """Names of the robots that carry a camera or target of the views."""
         return tuple(sorted({robot for group in self.all_groups for robot in group.robots}))
 
     def robot_ends(self, robot: str | None) -> list[End]:
