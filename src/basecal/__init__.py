@@ -1,6 +1,6 @@
-"""Poses of robot bases relative to each other, with covariance, from camera views of targets.
+"""Calibrate the poses of robot bases relative to each other, with covariance, from camera views of targets.
 
-The public names are loaded when they are first used, so that `import basecal` costs nothing.
+Public names are loaded when they are first used, so that `import basecal` is fast.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from importlib import import_module
 
 from basecal.methods import METHODS
 
-TYPE_CHECKING = False  # not from `typing`, whose import is most of what a command does before it can be interrupted
+TYPE_CHECKING = False  # not from `typing`: its import would delay the point from which a command can be interrupted
 if TYPE_CHECKING:
     from basecal.accuracy.arrays.array_calibration import ArrayCalibration as ArrayCalibration
     from basecal.accuracy.arrays.functions import base_to_base as base_to_base
@@ -139,7 +139,7 @@ def __getattr__(name: str) -> object:
 
 
 def _lazy_function(name: str) -> Callable[..., object]:
-    """A public function that is loaded when it is called."""
+    """Make a public function that is loaded when it is called."""
 
     def call(*arguments: object, **options: object) -> object:
         """Load the function and call it."""

@@ -1,16 +1,16 @@
-"""`basecal`, and `python -m basecal`: the command line, interruptible from its first import on."""
+"""Command line `basecal`, or `python -m basecal`, which can be interrupted from its first import on."""
 
 import gc
 import os
 import sys
 
-# More than a calibration loads and makes: that stays, and a whole capture leaves some thousand objects in cycles.
+# More objects than a calibration creates: they stay alive, and a whole capture leaves only some thousand in cycles.
 _OBJECTS_BETWEEN_SEARCHES = 200_000
 
 
 def run() -> int:
-    """Run the command of this process and give its exit code."""
-    # Libraries write to it as they are imported, even where whoever began this process closed it.
+    """Run the command of this process and return its exit code."""
+    # Libraries write to stderr when they are imported, even if the parent process closed it.
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     gc.set_threshold(_OBJECTS_BETWEEN_SEARCHES)
     try:
@@ -21,18 +21,18 @@ def run() -> int:
         print("basecal: error: interrupted", file=sys.stderr)
         code = 130
     _end_threads(code)
-    gc.freeze()  # else all is searched for cycles as Python ends, which takes a tenth of a calibration
+    gc.freeze()  # otherwise Python collects all objects at exit, which takes 10 % of a calibration
     return code
 
 
 def _end_threads(code: int) -> None:
-    """End the process here if threads of it still run: Python would end them inside of C++ libraries, which abort."""
+    """Exit the process now if daemon threads still run: C++ libraries abort if Python ends threads inside them."""
     threads = sys.modules.get("threading")
     if threads is not None and any(thread.daemon for thread in threads.enumerate()):
         for stream in filter(None, (sys.stdout, sys.stderr)):
             try:
                 stream.flush()
-            except OSError:  # the exit code counts
+            except OSError:  # only the exit code matters
                 continue
         os._exit(code)
 

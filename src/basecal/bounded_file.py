@@ -1,4 +1,4 @@
-"""Content of a regular file of bounded size."""
+"""Read regular files of bounded size."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from pathlib import Path
 from basecal.errors import DatasetError
 
 _MB = 2**20
-_NO_FILE = "is not a file but a pipe, a device or the like; copy what it gives into a file"
+_NO_FILE = "is not a file but a pipe, a device or the like; copy its content into a file"
 
 
 class MissingFile(DatasetError):
-    """A file that is not there."""
+    """A file does not exist."""
 
 
 def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
-    """The bytes of a regular file.
+    """Read the bytes of a regular file.
 
-    Pipes, devices and folders are refused without waiting for them, and no more than `largest` bytes are ever held.
+    Pipes, devices and folders are rejected without blocking, and at most `largest` + 1 bytes are read.
 
     Args:
         path: The file.
-        largest: How many bytes it may have.
-        missing: What to do where there is none.
+        largest: Largest size [bytes].
+        missing: Advice for the error message if the file does not exist.
 
     Raises:
-        MissingFile: if it is not there.
-        DatasetError: if it is no regular file, has more bytes, or cannot be read.
+        MissingFile: if the file does not exist.
+        DatasetError: if the path is not a regular file, the file is too large, or it cannot be read.
     """
     name = str(path)
     try:
@@ -42,16 +42,16 @@ def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
         raise DatasetError(name, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not is_file:
         raise DatasetError(name, _NO_FILE)
-    if max(size, len(data)) > largest:  # some files say that they are empty and are not
-        raise DatasetError(name, f"has more than {largest / _MB:.3g} MB, no such file has; is it the right one?")
+    if max(size, len(data)) > largest:  # some special files report size zero
+        raise DatasetError(name, f"has more than {largest / _MB:.3g} MB, the limit of such files; is it the right one?")
     return data
 
 
 def check_regular(path: str | Path) -> None:
-    """Check that others may read a file by its name without end: it is no pipe and no device.
+    """Check that a path is a regular file or a folder, not a pipe or device, on which a reader could block.
 
     Raises:
-        DatasetError: if it is one, is not there, or cannot be read.
+        DatasetError: if it is a pipe or device, does not exist, or cannot be read.
     """
     try:
         number, about = _open_descriptor(path)

@@ -1,7 +1,7 @@
-"""One box for untrusted files: who reads them runs in a process of its own, within memory, time and bytes.
+"""Sandbox for untrusted files: they are read in a separate process with limits of memory, time and output.
 
-The process is `python -m basecal.box MODULE SECONDS BYTES WORDS...`: the module's `read_frames(words)` gives frames,
-which are some plain data and some bytes, and are written to standard output. It ends with whoever started it, also by
+The process is `python -m basecal.box MODULE SECONDS BYTES WORDS...`. The module's `read_frames(words)` yields frames,
+which are plain data and bytes, and are written to standard output. The process ends when its parent ends, also by
 Ctrl-C.
 """
 
@@ -24,27 +24,27 @@ from typing import IO, Any
 
 from basecal.errors import BasecalError, InputError, UsageError
 
-_MEMORY_BYTES = 3 * 2**28  # 768 MiB beyond what libraries have mapped
-_ORPHAN_S = 1.0  # that a process has to end after its parent
-_LEAST_S, _BYTES_PER_S = 20, 4e6  # of the processor: for any file, and how slowly a large one may be read
-_LEAST_BYTES, _TIMES = 2**30, 50  # that may come of a file: 1 GiB, or so many times its own
+_MEMORY_BYTES = 3 * 2**28  # 768 MiB in addition to the memory mapped by libraries
+_ORPHAN_S = 1.0  # time of a process to end after its parent
+_LEAST_S, _BYTES_PER_S = 20, 4e6  # CPU time for any file, and the least reading speed of large files
+_LEAST_BYTES, _TIMES = 2**30, 50  # limit of the output: 1 GiB, or 50 times the size of the file
 _LENGTHS = struct.Struct("<II")
-_OWN = ("basecal", "__main__")  # rooms of modules: `__main__` is this one, where it is a process
+_OWN = ("basecal", "__main__")  # top-level packages of this project; `__main__` is this module as a process
 
 Frame = tuple[Any, bytes]
-"""Plain data, as JSON has it, and bytes."""
+"""Plain data that JSON can represent, and bytes."""
 
 
 class BoxError(InputError):
-    """The process in the box took more than it may, or crashed; without the name of what it read."""
+    """The sandboxed process exceeded a limit, or crashed; the message does not name the file."""
 
 
 class LibraryError(InputError):
-    """A library in the box could not read the file; without the file's name."""
+    """A library in the sandbox could not read the file; the message does not name the file."""
 
 
 class BoxFault(RuntimeError):
-    """A fault of this package in the box, which no file excuses; its traceback there is a note of it."""
+    """An internal error of this package in the sandbox; its traceback is added as a note."""
 
 
 _ERRORS: dict[Any, type[BasecalError]] = {each.exit_code: each for each in (UsageError, InputError)}
@@ -53,18 +53,18 @@ _ERRORS: dict[Any, type[BasecalError]] = {each.exit_code: each for each in (Usag
 def frames(
     module: str, words: Sequence[str], size: int, ending_s: float = 0.0, silence_s: float = math.inf
 ) -> Iterator[Frame]:
-    """Frames of a module's `read_frames`, one after another.
+    """Yield the frames of a module's `read_frames`, run in the sandbox.
 
     Args:
-        module: Its full name.
-        words: Words of its request.
-        size: Of the files that it reads [bytes]: time and bytes that it may take grow with it.
-        ending_s: That it has to end after an interrupt, before it is killed [s].
-        silence_s: After which it is ended if it gives no frame [s].
+        module: Full name of the module.
+        words: Arguments of `read_frames`.
+        size: Size of the files to read [bytes]; the limits of time and output increase with it.
+        ending_s: Time of the process to end after an interrupt, before it is killed [s].
+        silence_s: Timeout of a frame, after which the process is ended [s].
 
     Raises:
-        InputError: if it cannot read them, or takes more than it may; without the name of the file.
-        BoxFault: if the module is at fault.
+        InputError: if the module cannot read the files, or exceeds a limit. The message does not name the file.
+        BoxFault: if the module has an internal error.
     """
     seconds, most = int(_LEAST_S + size / _BYTES_PER_S), _LEAST_BYTES + _TIMES * size
     command = [sys.executable, "-m", "basecal.box", module, str(seconds), str(most), *words]
@@ -81,7 +81,7 @@ def frames(
         finally:
             _end(process, ending_s)
     if code == -getattr(signal, "SIGXCPU", 0):
-        raise BoxError(f"takes more than {seconds} s to read, no such file does")
+        raise BoxError(f"takes more than {seconds} s to read, the limit for its size")
     if code:
         raise BoxError(f"ends the process that reads it ({code})")
 
@@ -89,18 +89,18 @@ def frames(
 def _read_in_time(
     process: subprocess.Popen[bytes], stream: IO[bytes], silence_s: float, ending_s: float
 ) -> Frame | None:
-    """The next frame; None at the end.
+    """Read the next frame before a timeout; None at the end.
 
     Raises:
-        BoxError: if it does not come in time.
-        InputError: with the reason, if it could not be read.
+        BoxError: if there is no frame before the timeout.
+        InputError: if the file could not be read; the message is the reason.
     """
     if math.isinf(silence_s):
         return _read(stream)
     is_late = threading.Event()
 
     def end() -> None:
-        """End what is silent, and its stream with it: an arm is stopped first."""
+        """End a silent process, and thereby its stream; the interrupt lets a driver stop its arm first."""
         is_late.set()
         _end(process, ending_s)
 
@@ -117,7 +117,7 @@ def _read_in_time(
 
 
 def _end(process: subprocess.Popen[bytes], ending_s: float) -> None:
-    """Interrupt a process that has time to end, then kill it."""
+    """Interrupt a process if it has time to end, then kill it."""
     if ending_s and process.poll() is None:
         process.send_signal(signal.SIGINT)
         with suppress(subprocess.TimeoutExpired):
@@ -126,11 +126,11 @@ def _end(process: subprocess.Popen[bytes], ending_s: float) -> None:
 
 
 def _read(stream: IO[bytes]) -> Frame | None:
-    """The next frame; None at the end.
+    """Read the next frame; None at the end.
 
     Raises:
-        InputError: with the reason, if it could not be read.
-        BoxFault: if the module is at fault.
+        InputError: if the file could not be read; the message is the reason.
+        BoxFault: if the module has an internal error.
     """
     lengths = stream.read(_LENGTHS.size)
     if len(lengths) < _LENGTHS.size:
@@ -156,7 +156,7 @@ def _write(frame: Frame, stream: IO[bytes]) -> int:
 
 
 def limit(seconds: int, most_bytes: int) -> None:
-    """Bound this process: address space, time of the processor, and the size of files it writes."""
+    """Limit the address space, the CPU time, and the size of written files of this process."""
     if sys.platform == "win32":
         return
     import resource
@@ -172,7 +172,7 @@ def limit(seconds: int, most_bytes: int) -> None:
 
 
 def _address_space_bytes() -> int:
-    """Mapped address space of this process [bytes]; an upper bound for libraries if the system does not report it."""
+    """Mapped address space of this process [bytes]; 8 GiB if the system does not report it."""
     try:
         with open("/proc/self/statm", encoding="ascii") as file:
             return int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")
@@ -188,11 +188,11 @@ def _run(module: str, seconds: int, most_bytes: int, words: Sequence[str], outpu
         for frame in given_frames:
             given += _write(frame, output)
             if given > most_bytes:
-                raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, no such file does")
+                raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, the limit for its size")
 
 
 def _end_with_parent() -> None:
-    """Interrupt this process once its parent has ended, however it did: an arm that moves is stopped."""
+    """Wait for the end of the parent process, then interrupt this process, so that a moving arm is stopped."""
     os.read(0, 1)
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(_ORPHAN_S)
@@ -200,9 +200,9 @@ def _end_with_parent() -> None:
 
 
 def is_own_fault(error: Exception) -> bool:
-    """Whether an error is a fault of this package: of a kind of Python's own, and raised by a line of this package.
+    """Whether an error is internal to this package: a built-in exception raised by code of this package.
 
-    What a library raises, in its own lines or by a kind of its own, is of the file that it reads.
+    Exceptions raised by a library's code, or of a library's own types, are attributed to the file.
     """
     if isinstance(error, BoxFault):
         return True
@@ -214,11 +214,11 @@ def is_own_fault(error: Exception) -> bool:
 
 
 def _answer(module: str, seconds: int, most_bytes: int, words: Sequence[str], output: IO[bytes]) -> None:
-    """Write the frames of a module, and at the end why there are no more."""
+    """Write the frames of a module, and the error if it fails."""
     try:
         _run(module, seconds, most_bytes, words, output)
     except MemoryError:
-        _write(({"refused": "needs more memory than such a file does", "code": InputError.exit_code}, b""), output)
+        _write(({"refused": "needs more memory to read than the limit", "code": InputError.exit_code}, b""), output)
     except BasecalError as error:
         _write(({"refused": str(error), "code": error.exit_code}, b""), output)
     except Exception as error:
@@ -229,7 +229,7 @@ def _answer(module: str, seconds: int, most_bytes: int, words: Sequence[str], ou
 
 
 def main() -> None:
-    """Run the task that the words of this process name; what libraries print goes nowhere."""
+    """Run the module named by the arguments of this process; the output of libraries is discarded."""
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     module, seconds, most_bytes, *words = sys.argv[1:]

@@ -1,4 +1,4 @@
-"""Every exception that basecal raises on purpose, and the exit code it represents."""
+"""Exceptions of basecal with their exit codes, and checks of arguments."""
 
 from __future__ import annotations
 
@@ -8,43 +8,43 @@ from itertools import islice
 from numbers import Integral
 from pathlib import Path
 
-_SHOWN_NAMES = 20  # names in a message, and those of many that are looked at for a near one
-_LOOKED_AT = 1000
-_LONGEST = 60  # characters of a name that are compared
+_SHOWN_NAMES = 20  # most names in a message
+_LOOKED_AT = 1000  # most names that are compared to find a similar one
+_LONGEST = 60  # most characters of a name that are compared
 
 
 def printable(text: str) -> str:
-    """Text with what a terminal would obey, or hide, written out: `\\x1b`; newlines stay."""
+    """Escape control characters and invisible characters of a text, such as `\\x1b`; newlines stay."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
 
 
 def list_names(names: Sequence[str]) -> str:
-    """Names for a message: the first of many."""
+    """List names for a message; the first twenty of many."""
     more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
     return ", ".join(map(str, names[:_SHOWN_NAMES])) + more or "none"
 
 
 def sentence(clause: str, names: Iterable[str] = ()) -> str:
-    """A clause as a sentence; names stay as they are written."""
+    """Convert a clause to a sentence; a leading name from `names` is not capitalised."""
     is_name = clause.partition(" ")[0] in set(names)
     return f"{clause if is_name else clause[:1].upper() + clause[1:]}."
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """A hint " (did you mean 'x'?)", or nothing if no known name is near."""
+    """Hint " (did you mean 'x'?)", or an empty string if no known name is similar."""
     close = get_close_matches(str(name)[:_LONGEST], list(islice(names, _LOOKED_AT)), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def error_words(error: BaseException) -> str:
-    """Words of a library's error on one line; its kind if it has none."""
+    """Message of a library's error on one line; the name of its type if the message is empty."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def describe_fault(error: Exception) -> str:
-    """Message of an error that is none of ours, with the file of its traceback."""
+    """Write the traceback of an internal error to a file, and return a message with the file's name."""
     import tempfile
     import traceback
 
@@ -60,23 +60,23 @@ def describe_fault(error: Exception) -> str:
 
 
 class BasecalError(Exception):
-    """Base of all errors of this package."""
+    """Base class of all errors of this package."""
 
     exit_code = 3
 
 
 class InputError(BasecalError, ValueError):
-    """The input cannot be used as it is; the message says what was expected."""
+    """The input is invalid; the message states what was expected."""
 
 
 class UsageError(InputError):
-    """Options that do not go together; the message says which and what to give instead."""
+    """Options are incompatible; the message names them and states what to use instead."""
 
     exit_code = 2
 
 
 class DatasetError(InputError):
-    """A file cannot be read as written.
+    """The content of a file is invalid.
 
     The message is one line: path, line, field, what was expected, what to do.
     """
@@ -89,7 +89,7 @@ class DatasetError(InputError):
 
 
 class FrameNotFound(BasecalError, KeyError):
-    """A frame or transform that does not exist was requested; the message lists those that do."""
+    """A requested frame or transform does not exist; the message lists the existing names."""
 
     def __init__(self, name: str, names: Sequence[str]) -> None:
         self.name, self.known = name, tuple(names)
@@ -106,7 +106,7 @@ class NotObservable(BasecalError):
 
 
 class RefusedCalibration(BasecalError):
-    """A calibration that is refused was to be used; the message says why it is."""
+    """A refused calibration cannot be used; the message states the reason."""
 
     exit_code = 4
 
@@ -118,7 +118,7 @@ class RefusedCalibration(BasecalError):
 
 
 class NotConverged(BasecalError):
-    """An iteration ended away from an optimum; `state` is where it stopped."""
+    """An iteration did not converge; `state` is its last state."""
 
     exit_code = 4
 
@@ -128,7 +128,7 @@ class NotConverged(BasecalError):
 
 
 class MissingExtra(BasecalError, ImportError):
-    """A package that an extra brings is not installed; the message is the line that installs it."""
+    """A package of an optional extra is not installed; the message contains the command to install it."""
 
     exit_code = 2
 
@@ -138,10 +138,10 @@ class MissingExtra(BasecalError, ImportError):
 
 
 def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
-    """Refuse a value that is none of the choices.
+    """Check that a value is one of the choices.
 
     Raises:
-        InputError: if so; it lists the choices.
+        InputError: if it is not; the message lists the choices.
     """
     if value not in choices:
         hint = nearest(value, choices) if isinstance(value, str) else ""
@@ -149,24 +149,24 @@ def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
 
 
 def check_type(name: str, value: object, kind: type) -> None:
-    """Refuse an argument that is of another type.
+    """Check the type of an argument.
 
     Raises:
-        InputError: if so; it names both types.
+        InputError: if the type is wrong; the message names both types.
     """
     if not isinstance(value, kind):
         raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}")
 
 
 def check_integer(name: str, value: object, least: int) -> None:
-    """Refuse what is no whole number, or a smaller one.
+    """Check that a value is a whole number of at least `least`.
 
     Raises:
-        InputError: if so.
+        InputError: if it is not.
     """
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
         raise InputError(f"{name} is {value!r}, expected a whole number >= {least}")
 
 
 class DriverError(BasecalError):
-    """A robot or camera does not answer, has nothing more to give, or cannot do what it was asked."""
+    """A robot or camera does not respond, has no more data, or cannot execute a request."""

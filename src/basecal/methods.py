@@ -1,8 +1,8 @@
-"""Functions of upper layers that nouns offer as methods: `basecal` enters them, nothing here is imported upward."""
+"""Registry of functions of upper layers that classes offer as methods; `basecal` fills it to avoid upward imports."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 METHODS: dict[str, Callable[..., object]] = {}
-"""By name: `export`, `export_kinds`, `html_summary`."""
+"""Functions by name: `export`, `export_kinds`, `html_summary`."""

@@ -88,7 +88,7 @@ def test_a_missing_link_is_told_with_those_that_exist(base, flange, missing):
         (robot(LINKS, TURN, HOLD.replace('child link="tool"', "child")), "joint 'hold' child: has no 'link'"),
         (robot(LINKS, TURN, HOLD.replace('type="fixed"', "")), "joint 'hold': has no 'type'"),
         (robot(LINKS, TURN, HOLD.replace('"tool"', '"tol"')), "joint 'hold': names the link 'tol'"),
-        (robot(LINKS, TURN, HOLD, SECOND), "joint 'again' child: 'tool' already hangs on joint 'hold'"),
+        (robot(LINKS, TURN, HOLD, SECOND), "joint 'again' child: 'tool' already has the parent joint 'hold'"),
         (robot(LINKS, LOOSE, TURN, HOLD), "not a tree: .* base, loose"),
         (robot(LINKS, TURN, HOLD, BACK), "not a tree: .* none"),
         (robot(LINKS, TURN.replace("0 0 0.3", "0 nan 0.3"), HOLD), "joint 'turn' origin xyz: expected 3 finite"),
@@ -114,7 +114,7 @@ def test_files_that_are_no_arm_are_refused(text, message):
 
 def test_a_flange_above_the_base_is_refused():
     """A flange that does not hang under the base has no chain."""
-    with pytest.raises(DatasetError, match="'base' does not hang under 'tool', but above it: exchange"):
+    with pytest.raises(DatasetError, match="'base' is not below 'tool', but above it: exchange"):
         parse_chain(robot(LINKS, TURN, HOLD), "tool", "base")
 
 
@@ -123,7 +123,7 @@ def test_a_loop_beside_the_root_is_refused():
     ring = HOLD.replace('"arm"', '"ring"').replace('"tool"', '"arm"').replace("hold", "a")
     ring += HOLD.replace('"arm"', '"tool"').replace('"tool"/><o', '"ring"/><o').replace("hold", "b")
     ring += HOLD.replace("hold", "c")
-    with pytest.raises(DatasetError, match=r"'tool' does not hang under 'base', but under '\w+'$"):
+    with pytest.raises(DatasetError, match=r"'tool' is not below 'base', but below '\w+'$"):
         parse_chain(robot(LINKS, '<link name="ring"/>', ring), "base", "tool")
 
 
@@ -137,7 +137,7 @@ def test_joints_off_the_way_may_be_anything(folder):
     """Prismatic fingers and mimics beside the chain do not matter; asked for, they are refused."""
     path = folder / "six_axis.urdf"
     assert read_chain(path, "base_link", "tool0").n == 6
-    with pytest.raises(DatasetError, match="joint 'left' type: 'prismatic' on the way"):
+    with pytest.raises(DatasetError, match="joint 'left' type: 'prismatic' between base and flange"):
         read_chain(path, "base_link", "left_finger")
 
 
@@ -217,7 +217,7 @@ def test_a_flange_elsewhere_is_told_by_what_it_hangs_under():
     """The root above it; or that base and flange are exchanged."""
     forked = '<link name="aside"/><joint name="off" type="fixed"><parent link="base"/><child link="aside"/></joint>'
     text = robot(LINKS, TURN, HOLD, forked)
-    with pytest.raises(DatasetError, match=r"'tool' does not hang under 'aside'.*under 'base'"):
+    with pytest.raises(DatasetError, match=r"'tool' is not below 'aside'.*below 'base'"):
         parse_chain(text, "aside", "tool")
     with pytest.raises(DatasetError, match="exchange base_link and flange_link"):
         parse_chain(text, "tool", "base")

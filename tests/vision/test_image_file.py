@@ -133,7 +133,7 @@ def test_a_file_of_the_largest_size_is_read_whole(tmp_path: Path, monkeypatch: p
     (tmp_path / "largest").write_bytes(bytes(2**20))
     assert read_bytes(tmp_path / "largest") == bytes(2**20)
     (tmp_path / "larger").write_bytes(bytes(2**20 + 1))
-    assert read_bytes(tmp_path / "larger") == "has more than 1 MB, no such file has; is it the right one?"
+    assert read_bytes(tmp_path / "larger") == "has more than 1 MB, the limit of such files; is it the right one?"
 
 
 def test_a_bmp_may_hold_what_its_program_reserves() -> None:

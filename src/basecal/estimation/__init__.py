@@ -1,1 +1,1 @@
-"""Everything unknown from everything seen: starts, maximum likelihood, covariance."""
+"""Estimation of all unknowns of a cell: initial guesses, maximum likelihood, covariance."""

@@ -1,7 +1,8 @@
-"""A state by the poses of all views together.
+"""Initial state from the target poses of all views together.
 
-A pair that was seen twice or three times does not determine its mounts; several pairs that share them do. Loops of
-poses are brought together downhill of random rotations: of twenty rings of three arms one in five ends at the optimum.
+Two or three views of one camera and target do not determine their mounts; several pairs that share mounts do. The pose
+loops are closed by descents from random rotations. For twenty rings of three arms, one descent in five ends at the
+optimum.
 """
 
 from __future__ import annotations
@@ -19,17 +20,18 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
 from basecal.numerics.batch import take
 
-_VIEWS, _POINTS = 100, 40  # of a pair at most; assumed: bounds the time
-_STARTS = 100  # of which all miss the optimum in 0.2 % of the worst of twenty rings, where one in sixteen hits it
-_SEED = 1  # any other would do
+_VIEWS, _POINTS = 100, 40  # most views and points per pair; assumed: bounds the time
+# For the worst of twenty rings, one start in sixteen finds the optimum: all starts miss it in 0.2 % of cases.
+_STARTS = 100
+_SEED = 1  # any seed works
 
 
 def joint_state(problem: Problem, cell: Cell) -> State | None:
-    """The state at which the poses of all views agree best; None if some view has no pose, or there is one pair.
+    """State that fits the target poses of all views best; None if some pair has no poses, or there is one pair only.
 
     Args:
         problem: The problem.
-        cell: Where the lenses and what is known of them stand.
+        cell: The cell, with the stated lenses.
     """
     cameras = lenses(problem, cell)
     shown = [group for group in problem.groups if group.measurement.equations().any()]
@@ -50,7 +52,7 @@ def joint_state(problem: Problem, cell: Cell) -> State | None:
 
 
 def _pose_problem(problem: Problem, sights: list[PairViews]) -> Problem:
-    """The problem of the likeliest poses of views, of robots without errors."""
+    """Make the problem whose measurements are the most likely poses of the views, with exact robots."""
     groups = []
     for sight in sights:
         assert sight.candidates is not None

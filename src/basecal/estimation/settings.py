@@ -16,7 +16,7 @@ from basecal.estimation.stages import StageName, Stages
 LOG = logging.getLogger("basecal")
 
 MOST_STEPS = 100
-"""Steps of a descent at most; assumed: one that needs more is reported as not converged."""
+"""Most steps of a descent; assumed: a descent that needs more is reported as not converged."""
 Method = Literal["maximum-likelihood", "axis-shift", "scene"]
 Start = Literal["closed", "thorough", "guess", "axis-shift"]
 StationChoice = Literal["nearest", "weighted"]
@@ -38,25 +38,25 @@ class Settings:
     Attributes:
         method: `maximum-likelihood`; `axis-shift`, the paper's closed form; or `scene`, from images of the static
             scene, without a target.
-        iterations: Steps of the descent, at most.
-        start: One of four. `closed`: a closed form, or a search where the data need it. `thorough`: always a search.
+        iterations: Most steps of the descent.
+        start: One of four. `closed`: a closed form, or a search if the data need it. `thorough`: always a search.
             `guess`: the cell's means and guesses. `axis-shift`: the paper's closed form.
-        task_point: (x, y, z) [m] in the reference robot's base, about which the error is reported by source and place.
-            The axis-shift method fits best there; for it the point is in the eye robot's base, and None is a mean of
-            all stations.
+        task_point: (x, y, z) [m] in the reference robot's base, at which the error is reported by source and place.
+            For the axis-shift method, the point is in the eye robot's base and the fit is best there; None takes the
+            mean of all stations.
         task_box: With a task point: two opposite corners, (x, y, z, x, y, z) [m] in the same frame, of a part of the
-            workspace. This part is calibrated separately as well. If None, the workspace is divided by the places of
+            workspace. This part is also calibrated separately. If None, the workspace is divided by the places of
             the samples.
-        robot_noise: `estimated` if none is stated, together with all other noise, or `stated`: robots that state none
-            are exact.
-        station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
-        certify: Prove that no other state fits better, or report why that cannot be proven.
-        against: Other methods whose predictions of held-out views are reported beside the answer's; None for none.
-        joins_scene: Whether the static scene takes part beside targets.
-        stages: Where the time of each stage is counted; no part of what is asked.
+        robot_noise: `estimated`: unstated noise of robots is estimated together with all other noise. `stated`: robots
+            without stated noise are assumed exact.
+        station_choice: With a task point: the `nearest` station, or all stations `weighted` by distance.
+        certify: Prove that no other state fits better, or report why this cannot be proven.
+        against: Method to compare with: its predictions of held-out views are reported in addition; None for none.
+        joins_scene: Whether images of the static scene are used in addition to targets.
+        stages: Counter of the time of each stage; not part of the saved settings.
 
     Raises:
-        InputError: if a value is none of its choices, or a place has other than finite numbers.
+        InputError: if a value is not one of its choices, or a point or box has non-finite numbers.
     """
 
     method: Method = "maximum-likelihood"
@@ -89,28 +89,28 @@ class Settings:
             raise InputError(f"task_box is {self.task_box!r}, expected two corners that differ in x, in y and in z")
 
     def as_dict(self) -> dict[str, Any]:
-        """The settings as plain values, for files."""
+        """Convert the settings to plain values, for files."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "stages"}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Settings:
-        """The settings of `as_dict`, as a file holds them; what else it holds is left aside."""
+        """Make settings from the values of `as_dict`; other keys are ignored."""
         return cls(**{f.name: values[f.name] for f in fields(cls) if f.name in values})
 
     def stage(self, name: StageName) -> AbstractContextManager[None]:
-        """A part of the work: it is logged as it begins, and its time is counted where that is requested."""
+        """Context of a stage: log its begin, and count its time if `stages` is set."""
         LOG.info("stage: %s", name)
         return nullcontext() if self.stages is None else self.stages.stage(name)
 
     def part(self, done_count: int, total: int) -> None:
-        """How much of the present stage is done."""
+        """Report how much of the present stage is done."""
         LOG.info("%d of %d", done_count, total)
         if self.stages is not None:
             self.stages.part(done_count, total)
 
 
 def _place(name: str, numbers: Any, count: int) -> tuple[float, ...] | None:
-    """A tuple of `count` finite numbers [m]; None is none."""
+    """Convert to a tuple of `count` finite numbers [m]; None stays None."""
     if numbers is None:
         return None
     values = tuple(numbers) if isinstance(numbers, Iterable) else ()
@@ -121,4 +121,4 @@ def _place(name: str, numbers: Any, count: int) -> tuple[float, ...] | None:
 
 DEFAULT = Settings()
 STATED = Settings(robot_noise="stated")
-LOG.addHandler(logging.NullHandler())  # quiet, unless who uses this package says where its words go
+LOG.addHandler(logging.NullHandler())  # silent unless the application configures logging

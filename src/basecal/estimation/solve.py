@@ -1,4 +1,4 @@
-"""Every unknown of a cell and a recording with its covariance: start, maximum likelihood, nothing else."""
+"""Estimate all unknowns of a cell from a recording, with covariance: initial guess and maximum likelihood alone."""
 
 from __future__ import annotations
 
@@ -34,34 +34,34 @@ from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.numerics.spectral import spectrum
 from basecal.numerics.threads import limit_threads
 
-_READING_ROUNDS = 6  # rounds of choosing correspondences at most; assumed
+_READING_ROUNDS = 6  # most rounds of choosing correspondences; assumed
 _LARGEST_FACTOR = 1e30  # keeps covariances finite where exact robots cannot explain the data at all
-# Residuals of measured poses and points [m, rad] beyond which another start is tried; assumed. Lower ones cost time,
-# higher ones hide wrong optima: `benchmarks.starts`.
+# Residuals of measured poses and points [m, rad] beyond which another start is tried; assumed. Lower limits cost time,
+# higher limits hide wrong optima: `benchmarks.starts`.
 _PLAUSIBLE_M, _PLAUSIBLE_RAD = 0.02, 0.05
 
 SAME_COST = 1e-6
-"""Relative difference of costs that descents to one optimum may leave.
+"""Relative difference of costs below which two descents have reached the same optimum.
 
-Each ends within `CONVERGED_SIGMAS` of its optimum, 1e-5 sigmas, which leave 1e-10 of a cost.
+Each descent ends within `CONVERGED_SIGMAS` of its optimum, 1e-5 sigmas, where the cost differs by 1e-10.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The maximum-likelihood state and what the data say about it.
+    """Maximum-likelihood state with covariance and observability.
 
     Attributes:
-        problem: What was solved, with the noise in use.
+        problem: The problem that was solved, with the noise in use.
         state: The optimum.
-        covariance: (p, p) of all columns of `problem`; directions not seen hold no information and stand as zero.
-        observability: Which directions the data determine.
+        covariance: (p, p) covariance of all columns of `problem`; zero in unobservable directions.
+        observability: Directions that the data determine.
         noise: Sigmas in use, stated or estimated.
         cost: Sum of squared residuals over sigmas.
-        dof: Scalar residuals less unknowns.
-        converged: Whether it is an optimum.
-        findings: About samples that were not used, and noise that cannot be distinguished.
-        disputed: Whether starts were tried that ended in different optima.
+        dof: Degrees of freedom: scalar residuals minus unknowns.
+        converged: Whether the state is an optimum.
+        findings: Findings about samples that were not used.
+        disputed: Whether several starts were tried and ended in different optima.
     """
 
     problem: Problem
@@ -76,21 +76,21 @@ class Solution:
     disputed: bool = False
 
     def __repr__(self) -> str:
-        """One line."""
+        """Summary in one line."""
         free = [f"{name} {each.words()}" for name, each in self.transforms.items() if name in self.problem.columns]
         state = "converged" if self.converged else "unconverged"
         return f"<{state} solution: {'; '.join(free) or 'no transform'}; chi-square {self.cost:.4g} of {self.dof}>"
 
     @property
     def transforms(self) -> dict[str, PoseEstimate]:
-        """Every transform, (6, 6) covariances; a single point's mount has none of rotation."""
+        """All transforms by name, with (6, 6) covariances; zero rotation covariance for the mount of a single point."""
         return {
             name: PoseEstimate(mean, self.joint_transform_covariance([name]))
             for name, mean in self.state.transforms.items()
         }
 
     def joint_transform_covariance(self, names: list[str]) -> Array:
-        """Joint covariance of transforms, (6 n, 6 n) [m, rad]; fixed ones have none."""
+        """Joint covariance of named transforms, (6 n, 6 n) [m, rad]; zero for fixed transforms."""
         out = np.zeros((6 * len(names), 6 * len(names)))
         rows, source = [], []
         for i, name in enumerate(names):
@@ -102,7 +102,7 @@ class Solution:
         return out
 
     def lens_covariance(self, camera: str) -> Array:
-        """Covariance of a lens's parameters, (4 + k, 4 + k); zero where it is fixed."""
+        """Covariance of a lens's parameters, (4 + k, 4 + k); zero if the lens is fixed."""
         where = self.problem.columns.get(camera)
         size = len(self.state.cameras[camera].parameters)
         return np.zeros((size, size)) if where is None else self.covariance[where, where]
@@ -110,16 +110,16 @@ class Solution:
 
 @limit_threads
 def solve(cell: Cell, recording: Recording, settings: Settings = STATED) -> Solution:
-    """Start, maximum likelihood and covariance.
+    """Estimate all unknowns of a cell from a recording by maximum likelihood.
 
     Args:
-        cell: What exists and what is known.
-        recording: What was seen; clocks are as stated, or as guessed.
-        settings: How to go about it.
+        cell: Robots, cameras and targets, with all that is known of them.
+        recording: Robot states and observations; clocks are as stated, or as guessed.
+        settings: Settings of the solver.
 
     Raises:
-        NotObservable: if nothing was seen that could be solved for.
-        InputError: if an argument is of another type, or the cell contradicts the recording.
+        NotObservable: if the recording has no views that could be solved for.
+        InputError: if an argument has the wrong type, or the cell contradicts the recording.
     """
     check_type("cell", cell, Cell)
     check_type("recording", recording, Recording)
@@ -134,7 +134,7 @@ def solve_problem(
     settings: Settings = STATED,
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
-    """As `solve`, from arrays."""
+    """Same as `solve`, for a problem already built."""
     with settings.stage("start"):
         problem, start, disputed = _start(problem, cell, settings)
     return replace(solve_from(problem, start, settings, findings), disputed=disputed)
@@ -146,26 +146,28 @@ def solve_from(
     settings: Settings = STATED,
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
-    """Maximum likelihood and covariance downhill of a start."""
+    """Same as `solve_problem`, from a given initial state."""
     found = solve_at_mode(problem, start, settings, findings)
     with settings.stage("noise"):
         return integrate_solution(found)
 
 
 def integrate_solution(solution: Solution, is_quick: bool = False, guess: NoiseEstimate | None = None) -> Solution:
-    """A solution whose covariance holds how well its sigmas are known, where these were estimated jointly.
+    """Return a solution whose covariance includes the uncertainty of jointly estimated sigmas.
+
+    The solution stays unchanged if its sigmas were not estimated jointly.
 
     Args:
-        solution: At the most likely sigmas.
-        is_quick: Whether a covariance that is good to a tenth will do.
-        guess: The integrated sigmas of nearly the same views, to start from.
+        solution: Solution at the most likely sigmas.
+        is_quick: Whether a covariance accurate to 10 % is sufficient.
+        guess: Integrated sigmas of nearly the same views, as the starting point.
     """
     noise = integrate_sigmas(solution.problem, solution.state, solution.noise, is_quick, guess)
     if noise.covariance is None:
         return solution
     seen = solution.observability
     at_mode = spectrum(linearise(solution.problem, solution.state).hessian).inverse
-    # Where noise alone says something of a direction that poses leave open, the data say less than the model has it.
+    # If only the noise model determines a direction, the data contain less information on it than the model assumes.
     of_sigmas = seen.onto_held @ (noise.covariance - at_mode) @ seen.onto_held.T
     return replace(solution, noise=noise, covariance=seen.inverse + of_sigmas)
 
@@ -177,14 +179,14 @@ def solve_at_mode(
     findings: tuple[Finding, ...] = (),
     guess: NoiseEstimate | None = None,
 ) -> Solution:
-    """As `solve_from`, with the covariance at the most likely sigmas.
+    """Same as `solve_from`, but with the covariance at the most likely sigmas.
 
     Args:
         problem: The problem.
-        start: Where to start.
-        settings: How to go about it.
-        findings: What is known to be wrong already.
-        guess: Sigmas of nearly the same views, to start from.
+        start: Initial state.
+        settings: Settings of the solver.
+        findings: Findings so far, to include in the solution.
+        guess: Sigmas of nearly the same views, as the starting point.
     """
     dof = degrees_of_freedom(problem)
     if settings.robot_noise == "estimated":
@@ -206,7 +208,13 @@ def solve_at_mode(
 
 
 def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, State, bool]:
-    """The start whose descent ends lowest, of those allowed and called for, and whether their ends differ."""
+    """Best initial state according to the settings.
+
+    If the residuals of the closed-form start are implausible, other starts are tried.
+
+    Returns:
+        The problem with the chosen readings, the state of least cost, and whether the costs of the descents differ.
+    """
     if settings.start == "guess":
         guess = guessed_state(problem, cell)
         if guess is None:
@@ -225,7 +233,7 @@ def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, S
 
 
 def _settle_readings(problem: Problem, state: State, settings: Settings) -> tuple[Problem, State, float]:
-    """The problem read as its own optimum predicts, that optimum, and its cost."""
+    """Alternate descent and choice of readings; return the problem with its readings, the optimum and its cost."""
     dof = degrees_of_freedom(problem)
     problem, _ = choose_correspondence(problem, state)
     for _ in range(_READING_ROUNDS):
@@ -238,7 +246,7 @@ def _settle_readings(problem: Problem, state: State, settings: Settings) -> tupl
 
 
 def shifted_state(problem: Problem, cell: Cell) -> State:
-    """The state that the paper's closed form gives: known mounts, and the base as the mean of all stations.
+    """State from the paper's closed form: known mounts, and the base as the mean of all stations.
 
     Raises:
         NotObservable: if there is no station, or a mount is not known.
@@ -256,7 +264,7 @@ def shifted_state(problem: Problem, cell: Cell) -> State:
 
 
 def _is_plausible(problem: Problem, cost: float) -> bool:
-    """Whether a descent ended where data could have come from: residuals of a few sigmas or pixels, not more."""
+    """Whether the residuals at the end of a descent are plausible: at most a few sigmas or pixels."""
     dof = degrees_of_freedom(problem)
     unstated = {f: n for f, n in residual_counts(problem).items() if f != "stated" and n}
     if not unstated:

@@ -1,4 +1,4 @@
-"""Many recordings of one structure solved side by side: draws of a Monte Carlo study, folds, subsets."""
+"""Solve many recordings of one structure as a batch: draws of a Monte Carlo study, folds, subsets."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from basecal.geometry import Array, BoolArray
 
 @dataclass(frozen=True, eq=False)
 class SolutionBatch:
-    """The maximum-likelihood states of a batch.
+    """Maximum-likelihood states of a batch.
 
     Attributes:
         state: The optima, (b,).
-        covariance: (b, p, p) of all columns of the problem.
+        covariance: (b, p, p) covariances of all columns of the problem.
         cost: (b,) sums of squared residuals over sigmas.
-        dof: Scalar residuals less unknowns, of each.
-        converged: (b,) whether each is an optimum.
+        dof: Degrees of freedom of each entry: scalar residuals minus unknowns.
+        converged: (b,) whether each state is an optimum.
     """
 
     state: State
@@ -34,16 +34,17 @@ class SolutionBatch:
 
 
 def solve_batch(problem: Problem, starts: State, iterations: int = MOST_STEPS) -> SolutionBatch:
-    """Maximum likelihood and covariance downhill of a batch of starts, each as `solve` gives it alone.
+    """Estimate a batch of states by maximum likelihood; each entry equals the result of `solve` for it alone.
 
     Args:
-        problem: One structure, in which all measurements have a leading batch axis. All sigmas are stated, or none of
-            one kind of measurement. The variance of that kind is then cost / dof, in each entry its own.
-        starts: (b,), see `batch_of`.
-        iterations: At most.
+        problem: Problem of one structure, in which all measurements have a leading batch axis. Either all sigmas are
+            stated, or there is one kind of measurement without stated sigmas. Its variance is cost / dof of each
+            entry.
+        starts: (b,) initial states; see `State.spread`.
+        iterations: Most steps of each descent.
 
     Raises:
-        InputError: if sigmas of several kinds are to be estimated: that is done one problem at a time.
+        InputError: if sigmas of several kinds are to be estimated, which needs one problem at a time.
     """
     first = problem.take_batch(np.array([0]))
     kinds = [kind for kind, count in residual_counts(first).items() if count]

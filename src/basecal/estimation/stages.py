@@ -1,4 +1,4 @@
-"""Where the time of a calibration goes, by stage."""
+"""Time of a calibration, by stage."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ StageName = Literal[
 
 
 class Stages:
-    """Time by stage, and word of each as it begins.
+    """Count time by stage, and report progress.
 
     Args:
-        notify: Called with the name of each stage as it begins, and as parts of it are done.
-        clock: Where the time comes from [s].
+        notify: Called with the name of each stage when it begins, and when parts of it are done.
+        clock: Function that returns the time [s].
 
     Attributes:
-        seconds: By stage, in the order in which they first began [s].
+        seconds: Time by stage, in the order in which the stages first began [s].
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Stages:
 
     @contextmanager
     def stage(self, name: StageName) -> Iterator[None]:
-        """Count what is done inside as time of a stage; within another stage it is part of that one."""
+        """Context whose time counts for a stage; inside another stage, it counts for the outer stage."""
         if self._running:
             yield
             return

@@ -1,4 +1,4 @@
-"""Rigid transforms, estimates of them, and cameras."""
+"""Rigid transforms, pose estimates with covariance, and cameras."""
 
 from basecal.geometry.array import Array, BoolArray, IntArray, Rows, read_only, read_only_ids
 from basecal.geometry.camera import Camera

@@ -1,4 +1,4 @@
-"""A camera: its lens, from points to pixels and back."""
+"""Camera model: projection of points to pixels, and its inverse."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from basecal.geometry.lenses.registry import find_lens, term_counts
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A lens and the size of its images; x right, y down, z forward; the centre of the top-left pixel is (0, 0).
+    """Lens and image size of a camera; x right, y down, z forward; the centre of the top-left pixel is (0, 0).
 
     Attributes:
         model: Name of a lens model, such as `pinhole` (Brown-Conrady) or `fisheye` (Kannala-Brandt).
         parameters: (..., 4 + k) fx, fy, cx, cy [px] and k distortion terms of the model. Leading axes are a batch of
-            lenses, which lines up with the leading axes of what is projected.
-        size_px: Width and height; None if not known.
+            lenses, aligned with the leading axes of projected points.
+        size_px: Width and height [px]; None if not known.
 
     Raises:
         InputError: if the model is not known, a parameter is not finite, or a focal length or the size is not positive.
-            It is also raised if the model has no such number of distortion terms.
+            It is also raised if the number of distortion terms does not suit the model.
     """
 
     model: str
@@ -63,7 +63,7 @@ class Camera:
 
     @property
     def matrix(self) -> Array:
-        """The camera matrix of a single lens, (3, 3) [px]."""
+        """Camera matrix of a single lens, (3, 3) [px]."""
         (fx, fy), (cx, cy) = self.focal, self.center
         return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
 
@@ -74,33 +74,33 @@ class Camera:
 
     @property
     def term_sigmas(self) -> Array:
-        """How large the distortion terms of real lenses are, (k,): 1 sigma about zero, infinite if not known."""
+        """Typical distortion terms of real lenses, (k,): 1 sigma about zero, infinite if not known."""
         sigmas, count = self._lens.TERM_SIGMAS, self.distortion.shape[-1]
         return np.array(sigmas[:count]) if count <= len(sigmas) else np.full(count, np.inf)
 
     def __getitem__(self, index: Any) -> Camera:
-        """Lenses of the batch."""
-        made = object.__new__(Camera)  # what was checked as a whole needs no check of its parts
+        """Select lenses of the batch."""
+        made = object.__new__(Camera)  # parts of checked parameters need no check
         made.__dict__.update(model=self.model, parameters=self.parameters[index], size_px=self.size_px)
         return made
 
     def with_parameters(self, parameters: ArrayLike) -> Camera:
-        """The same model and size with other `parameters`, (..., 4 + k).
+        """Return a camera of the same model and size with other `parameters`, (..., 4 + k).
 
         Raises:
-            InputError: as the class itself.
+            InputError: see `Camera`.
         """
         return Camera(self.model, read_only(parameters, name="parameters"), self.size_px)
 
     def project(self, points_in_camera: Array) -> Array:
-        """Pixels of points.
+        """Project points to pixels.
 
         Args:
             points_in_camera: (..., 3) [m].
 
         Returns:
-            (..., 2) [px]; NaN if z <= 0, for a fisheye only on the axis. Past the fold of the lens the formula
-            still gives a pixel that no real lens does: see `sees`.
+            (..., 2) [px]; NaN if z <= 0, for a fisheye only on the axis. Pixels beyond the fold of the lens are
+            finite but not those of a real lens: see `sees`.
 
         Raises:
             InputError: if the last axis is not 3.
@@ -115,16 +115,16 @@ class Camera:
     def project_with_derivatives(
         self, points_in_camera: Array, intrinsics: bool = False
     ) -> tuple[Array, Array, Array | None]:
-        """Pixels of points, and their derivatives.
+        """Project points to pixels, with derivatives.
 
         Args:
             points_in_camera: (..., 3) [m].
-            intrinsics: Whether to give the derivative to the parameters as well.
+            intrinsics: Whether to return the derivative with respect to the parameters too.
 
         Returns:
             Pixels, (..., 2) [px], as `project`.
-            Derivative to the point, (..., 2, 3) [px/m].
-            Derivative to `parameters`, (..., 2, 4 + k), or None.
+            Derivative with respect to the point, (..., 2, 3) [px/m].
+            Derivative with respect to `parameters`, (..., 2, 4 + k), or None.
 
         Raises:
             InputError: if the last axis is not 3.
@@ -134,9 +134,10 @@ class Camera:
         return pixels, image.by_points, by_parameters
 
     def image(self, points_in_camera: Array, terms: bool) -> tuple[Array, Projection]:
-        """Pixels of points, (..., 2) [px], as `project`, and the image on the plane at unit distance they follow from.
+        """Project points to pixels, (..., 2) [px], as `project`, and to the plane at unit distance.
 
-        It holds their derivatives, to the distortion if `terms`; those to fx and fy are u and v, to cx and cy 1.
+        The projection includes the derivatives of the pixels, also by the distortion terms if `terms`. The derivatives
+        by fx and fy are u and v, by cx and cy 1.
 
         Raises:
             InputError: if the last axis is not 3.
@@ -148,14 +149,14 @@ class Camera:
             return _pixels(image.u, image.v, beside), image
 
     def undistort(self, pixels: Array) -> tuple[Array, BoolArray]:
-        """Directions in which pixels look, by a single lens.
+        """Back-project pixels of a single lens to directions.
 
         Args:
             pixels: (..., 2) [px].
 
         Returns:
             Unit directions in the camera's axes, (..., 3); NaN if not valid.
-            Valid, (...,): whether the lens has an image there: not so past the radius where its polynomial folds.
+            Valid, (...,): whether the pixel is inside the fold, the radius up to which the lens polynomial increases.
 
         Raises:
             InputError: if the last axis is not 2.
@@ -167,7 +168,7 @@ class Camera:
         return np.where(valid[..., None], unit, np.nan), valid
 
     def sees(self, points_in_camera: Array) -> BoolArray:
-        """Whether points, (..., 3) [m], have an image: inside the fold of the lens and, where known, the image, (...,).
+        """Whether points, (..., 3) [m], are inside the fold of the lens and, if its size is known, the image, (...,).
 
         Raises:
             InputError: if the last axis is not 3.
@@ -183,7 +184,7 @@ class Camera:
 
 
 def _broadcast_parameters(parameters: Array, points: Array) -> list[Number]:
-    """Each parameter as what multiplies values (...,) of points (..., 3): a number, or an array over the lenses."""
+    """Parameters that broadcast against values (...,) of points (..., 3): numbers, or arrays over the lenses."""
     if parameters.ndim == 1:
         numbers: list[Number] = parameters.tolist()
         return numbers
@@ -200,7 +201,7 @@ def _pixels(u: Array, v: Array, points: list[Number]) -> Array:
 
 
 def _parameter_derivative(u: Array, v: Array, d_terms: Array) -> Array:
-    """Derivative of the pixels to fx, fy, cx, cy and the distortion, (..., 2, 4 + k)."""
+    """Derivative of the pixels with respect to fx, fy, cx, cy and the distortion terms, (..., 2, 4 + k)."""
     out = to_back(np.empty((2, 4 + d_terms.shape[-1], *u.shape)), 2)
     for row, at in enumerate((u, v)):
         out[..., row, row], out[..., row, 1 - row] = at, 0.0

@@ -1,4 +1,4 @@
-"""Angles of rotations, to the last digit wherever they are ill-defined one by one."""
+"""Euler angles of rotations, accurate near singularities, where single angles are ill-defined."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import numpy as np
 
 from basecal.geometry.array import Array
 
-_LOCKED_COSINE = 1e-15  # of a pitch whose yaw and roll are one angle: rounding
+_LOCKED_COSINE = 1e-15  # cosine of the pitch below which there is gimbal lock: rounding
 
 
 def rpy_of_rotation(rotation: Array) -> Array:
-    """Angles about the fixed axes x, y, z, (..., 3, 3) to (..., 3) [rad], whose product is the rotation exactly.
+    """Angles about the fixed axes x, y, z of rotations, (..., 3, 3) to (..., 3) [rad]; their product is exact.
 
-    Near a pitch of 90 deg yaw alone is ill-defined. The roll is what remains after the yaw, and 0 at 90 deg.
-    Source: Shoemake 1994.
+    Near a pitch of 90 deg, yaw alone is ill-defined. The roll follows from the rotation without the yaw; it is 0 at
+    90 deg. Source: Shoemake 1994.
     """
     r = rotation
     cos_pitch = np.hypot(r[..., 0, 0], r[..., 1, 0])
@@ -26,9 +26,9 @@ def rpy_of_rotation(rotation: Array) -> Array:
 
 
 def zyz_of_rotation(rotation: Array) -> Array:
-    """Angles a, b, c of Rz(a) Ry(b) Rz(c), (..., 3, 3) to (..., 3) [rad], b in [0, pi], likewise exact.
+    """Angles a, b, c of Rz(a) Ry(b) Rz(c), (..., 3, 3) to (..., 3) [rad], with b in [0, pi]; their product is exact.
 
-    Near b of 0 or 180 deg a alone is ill-defined; c is what is left after it. Source: Shoemake 1994.
+    Near b = 0 or 180 deg, a alone is ill-defined. c follows from the rotation without a. Source: Shoemake 1994.
     """
     r = rotation
     first = np.arctan2(r[..., 1, 2], r[..., 0, 2])

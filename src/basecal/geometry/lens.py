@@ -1,4 +1,4 @@
-"""The interface of lens models: the map between points and their image on the plane at unit distance."""
+"""Interface of lens models: the map between points and their image on the plane at unit distance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Number = float | Array
 
 
 class Image(NamedTuple):
-    """Where directions (a, b, 1) are on the plane at unit distance, and the derivatives of that, (...,) each."""
+    """Image of directions (a, b, 1) on the plane at unit distance, and its derivatives, (...,) each."""
 
     u: Array
     v: Array
@@ -26,13 +26,14 @@ class Image(NamedTuple):
 
 
 class Projection(NamedTuple):
-    """The image of points on the plane at unit distance, u and v, (...,) each, and the derivatives of their pixels.
+    """Image of points on the plane at unit distance, and the derivatives of their pixels.
 
     Attributes:
-        u: Along x.
-        v: Along y.
-        by_points: To the points, (..., 2, 3) [px/m].
-        by_terms: To the distortion terms, (..., 2, k) [px]; None if they were not requested.
+        u: Image coordinate along x, (...,).
+        v: Image coordinate along y, (...,).
+        by_points: Derivative of the pixels with respect to the points, (..., 2, 3) [px/m].
+        by_terms: Derivative of the pixels with respect to the distortion terms, (..., 2, k) [px]; None if not
+            requested.
     """
 
     u: Array
@@ -43,27 +44,27 @@ class Projection(NamedTuple):
 
 Mapped = Callable[[Array, Array], Image]
 
-# Newton's method doubles its digits; a start near the fold takes longer, and one that has not come by then does not.
+# Most Newton steps: convergence is quadratic, but slower near the fold; after these steps there is none.
 _MOST_STEPS = 60
-_TOLERANCE = 1e-12  # of the image [focal lengths]: 1e-9 px, above the rounding of the polynomials
-# Where the image grows by half or more, from so near the next step ends at rounding: it need not be looked at.
+_TOLERANCE = 1e-12  # tolerance of the image [focal lengths]: 1e-9 px, above the rounding of the polynomials
+# Residual from which the next step ends at rounding, if the determinant is at least this: it needs no check.
 _LAST_STEP, _LEAST_DETERMINANT = 1e-7, 0.25
-_IMAGINARY_SHARE = 1e-9  # imaginary parts of a root below this share of it are rounding
+_IMAGINARY_SHARE = 1e-9  # imaginary parts of a root below this share of its size are rounding
 
 
 class Lens(Protocol):
-    """The face of a lens, a module of `basecal.geometry.lenses`.
+    """Interface of a lens, a module of `basecal.geometry.lenses`.
 
-    A lens's numbers are floats, or over a batch of lenses arrays that broadcast against the coordinates of the points.
+    Parameters are floats, or for a batch of lenses arrays that broadcast against the coordinates of the points.
 
     Attributes:
-        MODEL: What its model is called in files; two lenses of one model differ in their numbers of terms.
-        TERM_NAMES: Of its distortion terms, in their order.
-        TERMS: How many of them it may have.
-        TERM_SIGMAS: How large the terms of real lenses are, 1 sigma about zero, infinite if they may be anything. They
-            hold for a lens with at most so many terms. If a lens has more, all its terms may be anything.
-        USUAL_TERMS: How many it has where nothing is said.
-        USUAL_FOCAL_PX: Least and greatest focal length, in an image 1280 px wide, of one that a simulation draws.
+        MODEL: Name of the model in files; two lenses of one model differ in their numbers of terms.
+        TERM_NAMES: Names of the distortion terms, in their order.
+        TERMS: Valid numbers of distortion terms.
+        TERM_SIGMAS: Typical terms of real lenses, 1 sigma about zero, infinite if not known. They hold for a lens with
+            at most as many terms as sigmas. If a lens has more terms, no sigma is known.
+        USUAL_TERMS: Default number of terms.
+        USUAL_FOCAL_PX: Least and greatest focal length of simulated lenses, for an image 1280 px wide [px].
     """
 
     MODEL: str
@@ -74,33 +75,34 @@ class Lens(Protocol):
     USUAL_FOCAL_PX: tuple[float, float]
 
     def usual_distortion(self, rng: np.random.Generator) -> Array:
-        """Distortion terms as a simulation draws them, (USUAL_TERMS,)."""
+        """Draw distortion terms for a simulation, (USUAL_TERMS,)."""
 
     def project(self, points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
-        """Image u and v, (...,) each, of points (..., 3); NaN if the lens is not defined."""
+        """Image u and v, (...,) each, of points (..., 3); NaN where the lens is not defined."""
 
     def project_with_derivatives(
         self, points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
     ) -> Projection:
-        """The image of points, (..., 3), and the derivatives of the pixels, to the distortion if `terms`."""
+        """Image of points, (..., 3), with derivatives of the pixels, also by the distortion terms if `terms`."""
 
     def domain_mask(self, points: Array, distortion: list[float]) -> BoolArray:
-        """Whether points lie where the model is one to one, (...,)."""
+        """Whether points are in the domain where the model is injective, (...,)."""
 
     def unproject(self, u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
-        """Directions of any length, (..., 3), and whether each has the image (u, v) where the model is one to one."""
+        """Directions of any length, (..., 3), with the image (u, v), and whether each is in the domain, (...,)."""
 
 
 def invert_map(mapping: Mapped, u: Array, v: Array, limit: float) -> tuple[Array, BoolArray]:
-    """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) where a^2 + b^2 < limit, (...,).
+    """Invert a lens map: directions (a, b, 1), (..., 3), with the image (u, v), and whether each is valid, (...,).
 
-    Newton's method from the image itself, kept inside the limit.
+    Newton's method, with the image as the initial guess and steps clipped to the limit. A direction is valid if the
+    iteration has converged inside the limit.
 
     Args:
-        mapping: From a and b, (...,) each, to their image and its derivative.
-        u: Of the image, (...,).
-        v: Likewise.
-        limit: How far out the map is one to one.
+        mapping: Function of a and b, (...,) each, that returns their image and its derivatives.
+        u: Image coordinate along x, (...,).
+        v: Image coordinate along y, (...,).
+        limit: The map is injective for a^2 + b^2 below this limit.
     """
     a, b = _clip_direction(u, v, limit)
     size = _TOLERANCE * (1 + np.sqrt(u * u + v * v))
@@ -115,7 +117,7 @@ def invert_map(mapping: Mapped, u: Array, v: Array, limit: float) -> tuple[Array
         step_a = (at.dv_db * miss_u - at.du_db * miss_v) / determinant
         step_b = (at.du_da * miss_v - at.dv_da * miss_u) / determinant
         a, b = _clip_direction(a + step_a, b + step_b, limit)
-        if not np.any((square > _LAST_STEP**2) | (determinant < _LEAST_DETERMINANT)):  # what is no number stays none
+        if not np.any((square > _LAST_STEP**2) | (determinant < _LEAST_DETERMINANT)):  # NaN stays NaN
             here, near = (a, b), np.isfinite(determinant)
             break
     valid = near & (determinant > 0) & (at.du_da + at.dv_db > 0)
@@ -134,7 +136,7 @@ def _clip_direction(a: Array, b: Array, limit: float) -> tuple[Array, Array]:
 def first_root(rising: Array) -> float:
     """Smallest positive root of 1 + c1 s + c2 s^2 + ..., or infinity.
 
-    Its mirror image in 1 / s is monic, so that no coefficient, however small, overflows.
+    The equivalent polynomial in 1 / s is monic, so that small coefficients cannot cause an overflow.
     """
     degree = int(np.flatnonzero(rising)[-1])
     if not degree:
@@ -148,5 +150,5 @@ def first_root(rising: Array) -> float:
 
 
 def any_nonzero(numbers: Sequence[Number]) -> bool:
-    """Whether any of these is not zero, for any lens of a batch."""
+    """Whether any number is not zero, for any lens of a batch."""
     return any(bool(number) if isinstance(number, float) else bool(np.any(number)) for number in numbers)

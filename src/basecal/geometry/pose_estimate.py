@@ -15,17 +15,17 @@ from basecal.geometry.se3 import SE3
 
 @dataclass(frozen=True, eq=False)
 class PoseEstimate:
-    """A mean and how sure it is, to first order.
+    """Estimate of a rigid transform: mean and first-order covariance.
 
-    The truth is `mean @ SE3.exp(xi)` with `xi` normal about 0 with `covariance`. For an `a_from_b`, the covariance is
-    in the axes of b, free of the lever arm.
+    The true transform is `mean @ SE3.exp(xi)` with `xi` ~ N(0, covariance). For an `a_from_b`, the covariance is in the
+    axes of b and about the origin of b, without a lever arm.
 
     Attributes:
-        mean: One transform.
+        mean: A single transform.
         covariance: (6, 6) [m, rad], translation first.
 
     Raises:
-        InputError: if the mean is a batch, or the covariance is none of (6, 6).
+        InputError: if the mean is a batch, or the shape of the covariance is not (6, 6).
     """
 
     mean: SE3
@@ -42,11 +42,11 @@ class PoseEstimate:
 
     @classmethod
     def exact(cls, mean: SE3) -> PoseEstimate:
-        """A transform known without error."""
+        """Make the estimate of an exact transform, with zero covariance."""
         return cls(mean, np.zeros((6, 6)))
 
     def words(self) -> str:
-        """Translation [mm] and rotation vector [deg], each with its sigma per axis."""
+        """Format translation [mm] and rotation vector [deg], each with its sigma per axis."""
         mean = self.mean
         halves = (
             (mean.translation * 1e3, self.sigma_t * 1e3, "mm"),
@@ -55,19 +55,19 @@ class PoseEstimate:
         return ", ".join(f"{_row(values)} ± {_row(sigmas)} {unit}" for values, sigmas, unit in halves)
 
     def __repr__(self) -> str:
-        """One line."""
+        """Summary in one line."""
         return f"PoseEstimate({self.words()})"
 
     def inverse(self) -> PoseEstimate:
-        """`b_from_a` of an `a_from_b`: the perturbation changes its side by the adjoint."""
+        """Return `b_from_a` of an `a_from_b`, with the covariance transformed by the adjoint."""
         ad = self.mean.adjoint()
         return PoseEstimate(self.mean.inverse(), ad @ self.covariance @ ad.T)
 
     def __matmul__(self, other: PoseEstimate | SE3) -> PoseEstimate:
-        """`a_from_c` of `a_from_b` and an independent or exact `b_from_c`; of a point, give `SE3(np.eye(3), point)`.
+        """Compose `a_from_b` with an independent or exact `b_from_c`; for a point, use `SE3(np.eye(3), point)`.
 
         Raises:
-            InputError: if an array is given.
+            InputError: if `other` is an array.
         """
         if isinstance(other, np.ndarray | Sequence):
             raise InputError("expected a transform: write estimate @ SE3(np.eye(3), point), or SE3.from_matrix")
@@ -79,11 +79,11 @@ class PoseEstimate:
         return PoseEstimate(self.mean @ other.mean, ad @ self.covariance @ ad.T + other.covariance)
 
     def __rmatmul__(self, other: SE3) -> PoseEstimate:
-        """`a_from_c` of an exact `a_from_b`."""
+        """Compose an exact `a_from_b` with this `b_from_c`."""
         return PoseEstimate.exact(other) @ self if isinstance(other, SE3) else NotImplemented
 
     def left_covariance(self) -> Array:
-        """Covariance of `xi` in `SE3.exp(xi) @ mean`: the axes and the origin of a, (6, 6)."""
+        """Covariance of `xi` in `SE3.exp(xi) @ mean`, in the axes and about the origin of a, (6, 6)."""
         ad = self.mean.adjoint()
         covariance: Array = ad @ self.covariance @ ad.T
         return covariance
@@ -100,7 +100,7 @@ class PoseEstimate:
 
     @property
     def sigma_norms(self) -> tuple[float, float]:
-        """Standard deviation of the translation [m] and the rotation [rad], 3-D norms: roots of the traces."""
+        """Standard deviations of translation [m] and rotation [rad] as 3-D norms: square roots of the traces."""
         return float(np.linalg.norm(self.sigma_t)), float(np.linalg.norm(self.sigma_r))
 
 

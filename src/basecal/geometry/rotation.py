@@ -1,6 +1,6 @@
-"""Rotation matrices, batched over leading axes: their exponential, logarithm and quaternions.
+"""Rotation matrices, batched over leading axes: exponential, logarithm and quaternions.
 
-Below 0.5 rad every coefficient is a series, since the closed forms cancel.
+Below 0.5 rad all coefficients are computed by series, since the closed forms suffer from cancellation.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from basecal.geometry.array import Array
 
 _SERIES_LIMIT_RAD = 0.5
 _NEXT_AXIS = np.array([1, 2, 0])
-_SHORT_SERIES_TERMS, _SHORT_SERIES_LIMIT_RAD = 4, 0.03  # [rad] of the series: 0.03^8 over 9! is a sixtieth of rounding
-_NUMERATORS: tuple[Callable[[Array, Array, Array], Array], ...] = (  # of x, its sine and its cosine
+_SHORT_SERIES_TERMS, _SHORT_SERIES_LIMIT_RAD = 4, 0.03  # below this [rad]: 0.03^8 / 9! is a sixtieth of rounding
+_NUMERATORS: tuple[Callable[[Array, Array, Array], Array], ...] = (  # functions of x, its sine and its cosine
     lambda x, sine, cosine: sine,
     lambda x, sine, cosine: 1 - cosine,
     lambda x, sine, cosine: x - sine,
@@ -28,7 +28,7 @@ ROTATION_TOLERANCE = 1e-3
 
 
 def cross_matrix(w: Array) -> Array:
-    """The cross-product matrix, (..., 3) to (..., 3, 3): `cross_matrix(w) @ v == cross(w, v)`."""
+    """Cross-product matrices, (..., 3) to (..., 3, 3): `cross_matrix(w) @ v == cross(w, v)`."""
     out = np.zeros((*w.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -w[..., 2], w[..., 1], -w[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = w[..., 2], -w[..., 1], w[..., 0]
@@ -36,14 +36,13 @@ def cross_matrix(w: Array) -> Array:
 
 
 def exp_coefficients(angle: Array, count: int = 3) -> Array:
-    """The first of `sin x / x, (1 - cos x) / x^2, (x - sin x) / x^3, (x^2 / 2 + cos x - 1) / x^4` and so on, up to
-    five.
+    """First `count` coefficients of `sin x / x, (1 - cos x) / x^2, (x - sin x) / x^3, ...`, (count, ...).
 
-    Exact at and near zero.
+    The fourth is `(x^2 / 2 + cos x - 1) / x^4`, the fifth `(x^3 / 6 - x + sin x) / x^5`. All are exact near zero.
 
     Args:
-        angle: (...) [rad].
-        count: How many of them, which go first: (count, ...).
+        angle: (...) [rad], not negative.
+        count: Number of coefficients, up to five.
     """
     largest = angle.max(initial=0.0)
     all_small = bool(largest < _SERIES_LIMIT_RAD)
@@ -52,7 +51,7 @@ def exp_coefficients(angle: Array, count: int = 3) -> Array:
     terms = _SHORT_SERIES_TERMS if largest < _SHORT_SERIES_LIMIT_RAD else len(_RECIPROCALS)
     coefficients = _RECIPROCALS[:terms, :count].reshape(-1, count, *[1] * angle.ndim)
     values: Array = coefficients[-1] * x2
-    for coefficient in coefficients[-2:0:-1]:  # Horner's way
+    for coefficient in coefficients[-2:0:-1]:  # Horner's method
         values += coefficient
         values *= x2
     values += coefficients[0]
@@ -67,20 +66,20 @@ def exp_coefficients(angle: Array, count: int = 3) -> Array:
 
 
 def cross(left: Array, right: Array) -> Array:
-    """Cross products of vectors, (..., 3): `np.cross` in a third of its time."""
+    """Cross products of vectors, (..., 3): three times as fast as `np.cross`."""
     a, b = left[..., _NEXT_AXIS], right[..., _NEXT_AXIS]
     product: Array = (left * b - right * a)[..., _NEXT_AXIS]
     return product
 
 
 def lengths(vectors: Array) -> Array:
-    """Euclidean lengths of vectors, (..., k) to (...,): `np.linalg.norm` in half its time."""
+    """Euclidean norms of vectors, (..., k) to (...,): twice as fast as `np.linalg.norm`."""
     found: Array = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
     return found
 
 
 def with_identity(matrix: Array, share: Array) -> Array:
-    """Matrices, (..., 3, 3), to which so many times the identity, (...), was added in place."""
+    """Add a multiple of the identity, (...), to matrices (..., 3, 3) in place, and return them."""
     diagonal = np.einsum("...ii->...i", matrix)  # a view
     diagonal += share[..., None]
     return matrix
@@ -98,13 +97,13 @@ def rotation_exp(w: Array) -> Array:
 def rotation_log(rotation: Array) -> Array:
     """Rotation vectors of rotation matrices, (..., 3, 3) to (..., 3) [rad], angle in [0, pi].
 
-    By the quaternion, which is well conditioned at every angle.
+    Computed from the quaternion, which is well conditioned at every angle.
     """
     q = quaternion_from_rotation(rotation)
     v, w = q[..., :3], q[..., 3]
     norm = np.linalg.norm(v, axis=-1)
     safe = np.where(norm > 0, norm, 1.0)
-    # atan2(n, w) / n tends to 1 / w where n tends to zero; w >= 0 by construction.
+    # atan2(n, w) / n tends to 1 / w as n tends to zero; w >= 0 by construction.
     scale = np.where(norm > 0, 2 * np.arctan2(norm, w) / safe, 2.0)
     return v * scale[..., None]
 
@@ -112,7 +111,7 @@ def rotation_log(rotation: Array) -> Array:
 def quaternion_from_rotation(rotation: Array) -> Array:
     """Unit quaternions (x, y, z, w) with w >= 0 of rotation matrices, (..., 3, 3) to (..., 4).
 
-    Source: Bar-Itzhack 2000 written out: the largest of four exact expressions is divided by.
+    Source: Bar-Itzhack 2000 in closed form, with the largest of four exact expressions as the divisor.
     """
     r = rotation
     d = np.stack([r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]], -1)
@@ -139,7 +138,7 @@ def rotation_from_quaternion(q_xyzw: Array) -> Array:
 
 
 def nearest_rotation(matrix: Array) -> Array:
-    """The rotation nearest in the Frobenius norm, (..., 3, 3). Source: Umeyama 1991."""
+    """Nearest rotations in the Frobenius norm, (..., 3, 3). Source: Umeyama 1991."""
     u, _, vt = np.linalg.svd(matrix)
     rotation: Array = u @ vt
     mirrored = np.linalg.det(rotation) < 0
@@ -151,12 +150,12 @@ def nearest_rotation(matrix: Array) -> Array:
 
 
 def check_rotation(rotation: Array, name: str = "rotation") -> None:
-    """Refuse finite matrices, (..., 3, 3), that are no rotations within 1e-3.
+    """Check that finite matrices, (..., 3, 3), are rotations within 1e-3.
 
     Raises:
-        InputError: if one is scaled, sheared or a reflection.
+        InputError: if a matrix is scaled, sheared or a reflection.
     """
-    off = np.abs(rotation.mT @ rotation - np.eye(3)).max(initial=0.0)  # NaN where a state is beyond numbers
+    off = np.abs(rotation.mT @ rotation - np.eye(3)).max(initial=0.0)  # NaN if a state is not finite
     if off > 2 * ROTATION_TOLERANCE:
         raise InputError(f"{name} is not a rotation: R' R is off the identity by {off:.2g}")
     if np.any(np.einsum("...i,...i->...", cross(rotation[..., 0], rotation[..., 1]), rotation[..., 2]) < 0):
@@ -164,10 +163,10 @@ def check_rotation(rotation: Array, name: str = "rotation") -> None:
 
 
 def checked_rotation(rotation: Array, name: str = "rotation") -> Array:
-    """The nearest rotation of a matrix within 1e-3 of one, (..., 3, 3).
+    """Nearest rotations of matrices that are rotations within 1e-3, (..., 3, 3).
 
     Raises:
-        InputError: if it is further away, or a reflection.
+        InputError: if a matrix is farther from a rotation, or a reflection.
     """
     nearest = nearest_rotation(rotation)
     off = np.abs(nearest - rotation).max(initial=0.0)

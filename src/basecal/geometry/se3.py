@@ -1,7 +1,7 @@
 """Rigid transforms, batched over leading axes.
 
 `a_from_b @ b_from_c` composes, `a_from_b @ p_in_b` moves points. Tangents are (translation [m], rotation [rad]) and
-perturb on the right: `a_from_b @ SE3.exp(xi)`, so `xi` reads in the axes of b. Source: Sola et al. 2018,
+perturb on the right: `a_from_b @ SE3.exp(xi)`, so `xi` is in the axes of b. Source: Sola et al. 2018,
 arXiv:1812.01537.
 """
 
@@ -33,7 +33,7 @@ from basecal.geometry.rotation import (
 
 
 def _product(left: Array, right: Array) -> Array:
-    """Products of matrices; many by one and one by many as a single product, which is fivefold faster."""
+    """Products of matrices; a batch times a single matrix is one large product, which is five times as fast."""
     if right.ndim == 2 and left.ndim > 2:
         return (left.reshape(-1, 3) @ right).reshape(left.shape)
     if right.ndim > 2 and right.shape[-3] == 1 and left.ndim > 2:
@@ -49,7 +49,7 @@ def _product(left: Array, right: Array) -> Array:
 
 
 def _rotate(rotation: Array, vectors: Array) -> Array:
-    """Rotated vectors, likewise."""
+    """Rotate vectors; a single rotation of a batch of vectors is one large product."""
     if rotation.ndim == 2:
         return np.asarray(vectors @ rotation.T, dtype=np.float64)
     if rotation.shape[-3] == 1 and vectors.ndim > 1:
@@ -60,16 +60,16 @@ def _rotate(rotation: Array, vectors: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, init=False)
 class SE3:
-    """One rigid transform or a batch of them.
+    """A rigid transform, or a batch of transforms.
 
-    The arrays are read-only copies of what was given.
+    The arrays are read-only copies of the arguments.
 
     Attributes:
-        rotation: (..., 3, 3).
-        translation: (..., 3) [m], its leading axes those of the rotation.
+        rotation: (..., 3, 3) rotation matrices.
+        translation: (..., 3) [m], with the same leading axes as the rotation.
 
     Raises:
-        InputError: if the shapes are others, or a finite rotation is none.
+        InputError: if the shapes are wrong, or a finite matrix is not a rotation.
     """
 
     rotation: Array
@@ -90,9 +90,9 @@ class SE3:
 
     @classmethod
     def adopt(cls, rotation: Array, translation: Array) -> SE3:
-        """The transform that these arrays become, (..., 3, 3) and (..., 3) [m], made read-only.
+        """Make a transform of arrays (..., 3, 3) and (..., 3) [m] without a copy; they become read-only.
 
-        Nothing is copied or checked, which is a third of the time: for arrays just made and held by no one else.
+        Nothing is copied or checked, which takes a third of the time. Use it for new arrays without other references.
         """
         rotation.setflags(write=False)
         translation.setflags(write=False)
@@ -102,7 +102,7 @@ class SE3:
 
     @classmethod
     def identity(cls, shape: tuple[int, ...] = ()) -> SE3:
-        """The transform that moves nothing, `shape` times."""
+        """Identity transforms, a batch of `shape`."""
         return cls.adopt(np.broadcast_to(np.eye(3), (*shape, 3, 3)).copy(), np.zeros((*shape, 3)))
 
     @classmethod
@@ -112,7 +112,7 @@ class SE3:
         A rotation part within 1e-3 of a rotation is projected onto the nearest one.
 
         Raises:
-            InputError: if a value is not finite, the last row is not (0, 0, 0, 1) or the rest is no rotation.
+            InputError: if a value is not finite, the last row is not (0, 0, 0, 1), or the upper left is not a rotation.
         """
         m = read_only(matrix, (4, 4), name)
         if not np.all(np.isfinite(m)):
@@ -128,7 +128,7 @@ class SE3:
         """Make poses from quaternions (x, y, z, w), (..., 4), of norm 1 within 1e-3, and translations (..., 3) [m].
 
         Raises:
-            InputError: if a value is not finite or a norm is off by more.
+            InputError: if a shape is wrong, a value is not finite, or a norm differs from 1 by more.
         """
         q, t = read_only(q_xyzw, name=name), read_only(translation, name="translation")
         if q.shape[-1:] != (4,) or t.shape[-1:] != (3,):
@@ -174,10 +174,10 @@ class SE3:
 
     @classmethod
     def stack(cls, transforms: Sequence[SE3]) -> SE3:
-        """A batch from transforms of equal shapes, along a new first axis.
+        """Stack transforms of equal shapes along a new first axis.
 
         Raises:
-            InputError: if one is no transform, or their shapes differ.
+            InputError: if an entry is not a transform, or shapes differ.
         """
         if not len(transforms):
             return cls.identity((0,))
@@ -198,18 +198,18 @@ class SE3:
         return np.concatenate([v, w], axis=-1)
 
     def inverse(self) -> SE3:
-        """`b_from_a` of an `a_from_b`."""
+        """Return `b_from_a` of an `a_from_b`."""
         rt = self.rotation.mT
         return SE3.adopt(rt.copy(), -_rotate(rt, self.translation))
 
     def adjoint(self) -> Array:
-        """(..., 6, 6): `T @ exp(xi) == exp(T.adjoint() @ xi) @ T`."""
+        """Adjoint matrices, (..., 6, 6): `T @ exp(xi) == exp(T.adjoint() @ xi) @ T`."""
         out = np.zeros((*self.shape, 6, 6))
         self.put_adjoint(out, 1.0)
         return out
 
     def put_adjoint(self, zeros: Array, sign: float) -> None:
-        """Write the adjoint, times 1 or -1, into (..., 6, 6) of a larger array of zeros: half the time of a copy."""
+        """Write the adjoint, times 1 or -1, into a view (..., 6, 6) of zeros: twice as fast as a copy."""
         rotation = self.rotation if sign > 0 else -self.rotation
         zeros[..., :3, :3] = zeros[..., 3:, 3:] = rotation
         t = self.translation[..., None]
@@ -259,20 +259,20 @@ class SE3:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The batch's shape, () of a single transform."""
+        """Shape of the batch; () for a single transform."""
         return self.translation.shape[:-1]
 
     def spread(self) -> SE3:
-        """(..., 1): with a last axis more, over which it broadcasts."""
+        """Add a last batch axis of length 1 for broadcasting, (..., 1)."""
         return SE3.adopt(self.rotation[..., None, :, :], self.translation[..., None, :])
 
     def repeat(self, count: int) -> SE3:
-        """A single transform so many times, (count,)."""
+        """Repeat a single transform, (count,)."""
         rotation = np.broadcast_to(self.rotation, (count, 3, 3))
         return SE3.adopt(rotation, np.broadcast_to(self.translation, (count, 3)))
 
     def __repr__(self) -> str:
-        """One line: translation [m] and rotation vector [rad], or the shape of a batch."""
+        """Summary in one line: translation [m] and rotation vector [rad], or the shape of a batch."""
         if self.shape:
             return f"SE3({' x '.join(map(str, self.shape))} transforms)"
         t, w = (", ".join(f"{value:.5g}" for value in values) for values in (self.translation, self.rotvec))
@@ -287,7 +287,7 @@ class SE3:
 
     @property
     def quaternion(self) -> Array:
-        """Unit quaternions (x, y, z, w), w >= 0, (..., 4)."""
+        """Unit quaternions (x, y, z, w) with w >= 0, (..., 4)."""
         return quaternion_from_rotation(self.rotation)
 
     @property

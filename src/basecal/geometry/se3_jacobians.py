@@ -1,4 +1,4 @@
-"""How exponential and logarithm of SE(3) answer to small steps on the right.
+"""Right Jacobians of the exponential and logarithm of SE(3).
 
 Source: Barfoot 2017, "State Estimation for Robotics"; Sola et al. 2018, arXiv:1812.01537.
 """
@@ -12,10 +12,10 @@ from basecal.geometry.rotation import cross_matrix, exp_coefficients, lengths, w
 
 
 def right_jacobian(xi: Array) -> Array:
-    """The derivative d log(exp(xi)^-1 exp(xi + d)) / dd at 0, (..., 6) to (..., 6, 6).
+    """Right Jacobian d log(exp(xi)^-1 exp(xi + d)) / dd at d = 0, (..., 6) to (..., 6, 6).
 
-    This is Barfoot's (7.86) at -xi, with the products of cross-product matrices written out. hat(a) hat(b) is b a' -
-    a'b I, and hat(a) hat(b) hat(a) is -a'b hat(a).
+    This is Barfoot's (7.86) at -xi, with expanded products of cross-product matrices: hat(a) hat(b) = b a' - a'b I and
+    hat(a) hat(b) hat(a) = -a'b hat(a).
     """
     v, w = xi[..., :3], xi[..., 3:]
     angle = lengths(w)
@@ -33,5 +33,5 @@ def right_jacobian(xi: Array) -> Array:
 
 
 def right_jacobian_inverse(xi: Array) -> Array:
-    """The derivative d log(exp(xi) exp(d)) / dd at 0, (..., 6) to (..., 6, 6); rotation angle below 2 pi."""
+    """Inverse right Jacobian d log(exp(xi) exp(d)) / dd at d = 0, (..., 6) to (..., 6, 6); angles below 2 pi."""
     return np.asarray(np.linalg.inv(right_jacobian(xi)), dtype=np.float64)

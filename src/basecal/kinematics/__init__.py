@@ -1,4 +1,4 @@
-"""Serial arms: where the flange is, its derivatives, and the way back."""
+"""Kinematics of serial arms: forward kinematics, derivatives, and inverse kinematics."""
 
 from basecal.kinematics.chain import ChainPosture, Masses, SerialChain
 from basecal.kinematics.gravity import gravity_torques

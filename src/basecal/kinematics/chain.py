@@ -1,4 +1,4 @@
-"""A serial arm: where its flange is, how that moves with joints and with the links themselves, and what hangs on it."""
+"""Serial kinematic chain: flange pose, derivatives with respect to joints and links, masses, collision bodies."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from basecal.geometry.rotation import cross_matrix
 from basecal.kinematics.collision import Collision
 
 TURN_RAD = 2.2 * np.pi
-"""How far a joint turns [rad]: a turn and a bit. Some wrists turn without end; degrees are 57 times as many."""
+"""Largest plausible joint angle [rad]: 1.1 revolutions. Larger values are continuous wrists, or degrees."""
 
 LIMIT_EXCESS_RAD = 0.1
-"""How far a joint may be past the URDF's limits [rad], which some leave out or round."""
+"""Tolerance of a URDF's joint limits [rad], since some files omit or round them."""
 
 
 @dataclass(frozen=True, eq=False)
 class SerialChain:
-    """Revolute joints one after another, or a batch of arms that differ in their links alone.
+    """Serial chain of revolute joints, or a batch of arms that differ in their links only.
 
-    `base_from_flange` is the product of `origins[i] @ turn(axes[i], joints[i])` over the joints, and of `tip`. Joints
-    of a batch of arms are (b, m, n), or (m, n) where all take the same.
+    `base_from_flange` is the product of `origins[i] @ rotation(axes[i], joints[i])` over the joints, and of `tip`.
+    Joints of a batch of arms are (b, m, n), or (m, n) if all arms have the same joints.
 
     Attributes:
-        joint_names: From base to flange, n of them.
-        origins: ([b,] n) where each joint stands in the frame after the joint before it.
+        joint_names: Names of the n joints, from base to flange.
+        origins: ([b,] n) pose of each joint in the rotated frame of the joint before it.
         axes: (n, 3) unit axes in the joints' own frames.
         tip: ([b,]) `last_joint_from_flange`.
-        lower: (n,) [rad], -inf where there is no limit.
-        upper: (n,) [rad], inf where there is no limit.
-        masses: What hangs on the joints; None if it is not known.
-        collisions: Bodies of its links, as a URDF states them.
+        lower: (n,) lower limits [rad], -inf if there is no limit.
+        upper: (n,) upper limits [rad], inf if there is no limit.
+        masses: Masses carried by the joints; None if not known.
+        collisions: Collision bodies of the links, from a URDF.
 
     Raises:
-        InputError: if a shape is not as above or an axis not a unit vector.
+        InputError: if a shape is wrong, or an axis is not a unit vector.
     """
 
     joint_names: tuple[str, ...]
@@ -64,19 +64,19 @@ class SerialChain:
 
     @property
     def n(self) -> int:
-        """How many joints there are."""
+        """Number of joints."""
         return len(self.joint_names)
 
     @property
     def batch(self) -> tuple[int, ...]:
-        """The shape of the batch, () of a single arm."""
+        """Shape of the batch; () for a single arm."""
         return self.tip.shape
 
     def forward(self, joints: Array) -> SE3:
-        """`base_from_flange`, (...).
+        """Forward kinematics `base_from_flange`, (...).
 
         Args:
-            joints: (..., n) [rad]; limits are not looked at.
+            joints: (..., n) [rad]; limits are not checked.
 
         Raises:
             InputError: if the last axis is not n.
@@ -84,14 +84,14 @@ class SerialChain:
         return self.posture(joints).base_from_flange
 
     def jacobian(self, joints: Array) -> Array:
-        """Derivative of `base_from_flange` to the joints, (..., 6, n); see `ChainPosture.joint_derivative`."""
+        """Derivative of `base_from_flange` with respect to joints, (..., 6, n); see `ChainPosture.joint_derivative`."""
         return self.posture(joints).joint_derivative
 
     def posture(self, joints: Array) -> ChainPosture:
-        """The arm at some joints, with its derivatives.
+        """Compute the posture at given joints, with access to derivatives.
 
         Args:
-            joints: (..., n) [rad]; limits are not looked at.
+            joints: (..., n) [rad]; limits are not checked.
 
         Raises:
             InputError: if the last axis is not n.
@@ -108,7 +108,7 @@ class SerialChain:
         rotation[-1], translation[-1] = (
             self._broadcast_tip(each) for each in (self.tip.rotation, self.tip.translation)
         )
-        for i in range(self.n - 1, 0, -1):  # what stands behind a joint is its own frame, the next one's origin first
+        for i in range(self.n - 1, 0, -1):  # joint i - 1 to flange: origin and rotation of joint i, then the rest
             rotation[i - 1] = behind[i] @ rotation[i]
             translation[i - 1] = (behind[i] @ translation[i][..., None])[..., 0] + place[i]
         first = (behind[0] @ translation[0][..., None])[..., 0] + place[0]
@@ -117,7 +117,7 @@ class SerialChain:
         )
 
     def _turns(self, angles: Array) -> Array:
-        """Rotations by each joint's angle about its axis, (n, ...) to (n, ..., 3, 3). Source: Rodrigues 1840."""
+        """Rotations about the joint axes by angles (n, ...), (n, ..., 3, 3). Source: Rodrigues 1840."""
         across, squared = self._axis_matrices
         shape = (self.n, *[1] * (angles.ndim - 1), 3, 3)
         sine, rest = np.sin(angles)[..., None, None], (1 - np.cos(angles))[..., None, None]
@@ -125,22 +125,22 @@ class SerialChain:
 
     @cached_property
     def _axis_matrices(self) -> tuple[Array, Array]:
-        """(n, 3, 3) which takes a vector's product with each axis, and its square."""
+        """Cross-product matrix of each axis, and its square, (n, 3, 3) each."""
         across = cross_matrix(self.axes)
         return across, across @ across
 
     def _origins(self, dimensions: int) -> tuple[Array, Array]:
-        """Rotations and translations of the origins, joints first, that broadcast against arrays of so many axes."""
+        """Rotations and translations of the origins, joints first, to broadcast against arrays of `dimensions` axes."""
         rotation, translation = np.moveaxis(self.origins.rotation, -3, 0), np.moveaxis(self.origins.translation, -2, 0)
         shape = (self.n, *self.batch, *[1] * (dimensions - 3 - len(self.batch)))
         return rotation.reshape(*shape, 3, 3), translation.reshape(*shape, 3)
 
     def _broadcast_tip(self, tip: Array) -> Array:
-        """The tip's rotation or translation, which broadcasts against joints."""
+        """Rotation or translation of the tip, with axes to broadcast against joints."""
         return np.expand_dims(tip, len(self.batch)) if self.batch else tip
 
     def perturb_links(self, link_tangents: Array) -> SerialChain:
-        """The chain with each origin, and last the tip, perturbed on the right by (..., n + 1, 6) [m, rad].
+        """Return the chain with right perturbations of each origin, and last of the tip, (..., n + 1, 6) [m, rad].
 
         Raises:
             InputError: if the shape does not end with (n + 1, 6).
@@ -152,10 +152,10 @@ class SerialChain:
         return replace(self, origins=self.origins @ of_origins, tip=self.tip @ of_tip)
 
     def joint_frames(self, joints: Array) -> SE3:
-        """`base_from_joint` of each joint's own frame, which turns with it, (n, ...).
+        """Poses `base_from_joint` of the joints' own frames, which rotate with the joints, (n, ...).
 
         Args:
-            joints: (..., n) [rad]; of a single arm.
+            joints: (..., n) joints of a single arm [rad].
         """
         posture = self.posture(joints)
         return posture.base_from_flange @ posture.joint_from_flange.inverse()
@@ -163,13 +163,13 @@ class SerialChain:
 
 @dataclass(frozen=True, eq=False)
 class ChainPosture:
-    """An arm, or a batch of arms, at some joints, and how its flange moves.
+    """Posture of an arm, or of a batch of arms, with derivatives of the flange pose.
 
     Attributes:
-        axes: (n, 3) of the joints in their own frames.
-        base_from_flange: (...).
-        turns: (n, ..., 3, 3) of each joint about its axis.
-        joint_from_flange: (n, ...) in the frames that turn with the joints.
+        axes: (n, 3) axes of the joints in their own frames.
+        base_from_flange: (...) flange poses.
+        turns: (n, ..., 3, 3) rotation of each joint about its axis.
+        joint_from_flange: (n, ...) flange poses in the frames that rotate with the joints.
     """
 
     axes: Array
@@ -179,9 +179,9 @@ class ChainPosture:
 
     @cached_property
     def joint_derivative(self) -> Array:
-        """Derivative of `base_from_flange` to the joints, (..., 6, n) [m/rad, rad/rad].
+        """Derivative of `base_from_flange` with respect to the joints, (..., 6, n) [m/rad, rad/rad].
 
-        The right tangent: `forward(q + d) == forward(q) @ SE3.exp(joint_derivative @ d)` to first order in d.
+        Right tangents: `forward(q + d) == forward(q) @ SE3.exp(joint_derivative @ d)` to first order in d.
         Source: Lynch & Park 2017, "Modern Robotics", 5.1.4 (the body Jacobian).
         """
         axes = self.axes.reshape(len(self.axes), *[1] * len(self.base_from_flange.shape), 3)
@@ -193,9 +193,10 @@ class ChainPosture:
 
     @cached_property
     def link_derivative(self) -> Array:
-        """Derivative of `base_from_flange` to right perturbations of each origin, last of the tip, (..., 6, 6 (n + 1)).
+        """Derivative of `base_from_flange` by right perturbations of each origin, last of the tip, (..., 6, 6 (n + 1)).
 
-        The right tangent: `moved(d).forward(q) == forward(q) @ SE3.exp(by_links @ d.ravel())` to first order in d.
+        Right tangents: `perturb_links(d).forward(q) == forward(q) @ SE3.exp(link_derivative @ d.ravel())` to first
+        order in d.
         """
         tail = self.joint_from_flange
         behind = SE3.adopt(self.turns @ tail.rotation, (self.turns @ tail.translation[..., None])[..., 0])
@@ -206,15 +207,15 @@ class ChainPosture:
 
 @dataclass(frozen=True, eq=False)
 class Masses:
-    """Masses that hang rigidly on each joint of a chain, n of them; the last has what the flange carries too.
+    """Masses rigidly attached to each of the n joints of a chain; the last includes the load of the flange.
 
     Attributes:
-        kg: (n,).
-        centres: (n, 3) centres of mass in the joints' own frames, which turn with them [m].
-        down: (3,) along gravity, of any length, in the chain's base; its -z where nothing else is known.
+        kg: (n,) masses [kg].
+        centres: (n, 3) centres of mass in the joints' own frames, which rotate with the joints [m].
+        down: (3,) direction of gravity in the chain's base, of any length; -z by default.
 
     Raises:
-        InputError: if a shape is not as above, a mass negative, or down no direction.
+        InputError: if a shape is wrong, a mass is negative, or `down` is zero.
     """
 
     kg: Array

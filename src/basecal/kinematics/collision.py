@@ -17,21 +17,21 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 
-_ROD_M, _MOST_RODS = 0.08, 8  # widest part of a box that one capsule encloses; most of them across it
-_LARGEST_VALUE = 1e3  # [m, rad] of any number
+_ROD_M, _MOST_RODS = 0.08, 8  # largest width of a box per capsule [m]; most capsules across a box
+_LARGEST_VALUE = 1e3  # largest valid number [m, rad]
 
 
 @dataclass(frozen=True, eq=False)
 class Collision:
-    """A <collision> element, read when it is needed.
+    """A <collision> element, which is read when it is needed.
 
     Attributes:
-        link: Name of its link.
-        frame: What carries it: 0 is the base, k the frame that turns with joint k.
-        frame_from_link: Pose of the link.
-        element: The element.
-        urdf: The file.
-        folder: That holds all meshes.
+        link: Name of the link.
+        frame: Frame that the link is fixed to: 0 is the base, k the frame that rotates with joint k.
+        frame_from_link: Pose of the link in this frame.
+        element: The XML element.
+        urdf: The URDF file.
+        folder: Folder that contains all meshes.
     """
 
     link: str
@@ -43,13 +43,13 @@ class Collision:
 
 
 class Capsules(NamedTuple):
-    """Segments with a radius, k of them, that enclose what is known of bodies.
+    """k capsules, segments with a radius, that enclose bodies.
 
     Attributes:
-        frame: (k,) what carries each: 0 is the base, j turns with joint j, n + 1 is the flange.
-        ends: (k, 2, 3) [m] in that frame.
-        radius: (k,) [m].
-        padding: (k,) [m] by which a body may be larger than what is known.
+        frame: (k,) frame of each capsule: 0 is the base, j rotates with joint j, n + 1 is the flange.
+        ends: (k, 2, 3) ends of the segments in this frame [m].
+        radius: (k,) radii [m].
+        padding: (k,) amount by which a body may be larger than its capsule [m].
     """
 
     frame: IntArray
@@ -59,13 +59,13 @@ class Capsules(NamedTuple):
 
 
 def box_capsules(frame: int, pose: SE3, bounds: Array, padding_m: float = 0.0) -> Capsules:
-    """Capsules along the longest side of a box that enclose it.
+    """Enclose a box by capsules along its longest side.
 
     Args:
-        frame: What carries the box.
-        pose: Of the axes that its sides are parallel to, in the frame.
-        bounds: (2, 3) its least and largest coordinates along these axes [m].
-        padding_m: By which the body may be larger.
+        frame: Frame of the box; see `Capsules`.
+        pose: Pose of the box's axes in the frame.
+        bounds: (2, 3) least and largest coordinates along these axes [m].
+        padding_m: Amount by which the body may be larger than the box [m].
     """
     size = bounds[1] - bounds[0]
     counts = np.clip(np.ceil(size / _ROD_M), 1, _MOST_RODS)
@@ -80,15 +80,15 @@ def box_capsules(frame: int, pose: SE3, bounds: Array, padding_m: float = 0.0) -
 
 
 def box_corners(bounds: Array) -> Array:
-    """Corners of a box between its least and largest coordinates, (2, 3), as (8, 3)."""
+    """Corners of a box, (8, 3), from its least and largest coordinates, (2, 3)."""
     return np.stack(np.meshgrid(*bounds.T, indexing="ij"), -1).reshape(-1, 3)
 
 
 def body_capsules(body: Collision) -> Capsules:
-    """Capsules that enclose a body.
+    """Enclose a body by capsules.
 
     Raises:
-        InputError: if it cannot be read, or lies outside of the cell's folder.
+        InputError: if the body cannot be read, or its mesh is outside the cell's folder.
     """
     pose, shape = placed_shape(body)
     if shape.tag == "mesh":
@@ -103,10 +103,10 @@ def body_capsules(body: Collision) -> Capsules:
 
 
 def placed_shape(body: Collision) -> tuple[SE3, Element]:
-    """Where a body's shape is in the frame that carries it, and its element.
+    """Pose of a body's shape in its frame, and the element of the shape.
 
     Raises:
-        InputError: if it has none, or its origin is no numbers.
+        InputError: if the body has no shape, or the numbers of its origin are invalid.
     """
     origin, shape = body.element.find("origin"), body.element.find("geometry/*")
     if shape is None:
@@ -117,10 +117,10 @@ def placed_shape(body: Collision) -> tuple[SE3, Element]:
 
 
 def shape_numbers(text: str, count: int) -> Array:
-    """Numbers of an attribute, (count,).
+    """Parse the numbers of an attribute, (count,).
 
     Raises:
-        InputError: if they are not finite, or not so many.
+        InputError: if their number is not `count`, one is not finite, or one is beyond 1e3.
     """
     numbers = numbers_in_text(text, count, _LARGEST_VALUE)
     if numbers is None:
@@ -129,7 +129,7 @@ def shape_numbers(text: str, count: int) -> Array:
 
 
 def numbers_in_text(text: str, count: int, largest: float) -> Array | None:
-    """Numbers of an attribute, (count,); None if they are not so many, not finite, or one is beyond the largest."""
+    """Parse `count` numbers, (count,); None if their number differs, one is not finite, or one is beyond `largest`."""
     try:
         numbers = np.array([float(word) for word in text.split()])
     except ValueError:
@@ -138,10 +138,10 @@ def numbers_in_text(text: str, count: int, largest: float) -> Array | None:
 
 
 def mesh_file(shape: Element, body: Collision) -> Path:
-    """The file of a body's mesh, with or without its package's name, in the URDF's folder or one above it.
+    """Find the file of a body's mesh, with or without the package name, in the URDF's folder or a parent folder.
 
     Raises:
-        InputError: if it is not in the cell's folder.
+        InputError: if there is no such file inside the cell's folder.
     """
     name = shape.get("filename", "")
     whole = Path(name.removeprefix("package://").removeprefix("file://"))

@@ -1,4 +1,4 @@
-"""Deflection of an arm's joints by gravity. Source: docs/mathematics.md (9.2)."""
+"""Gravity torques of an arm's joints. Source: docs/mathematics.md (9.2)."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from basecal.geometry import Array
 from basecal.kinematics.chain import SerialChain
 
 STANDARD_GRAVITY = 9.80665  # [m/s^2]
-_LEAST_TORQUE_NM = 1e-9  # about a joint whose axis is along gravity rounding leaves less
+_LEAST_TORQUE_NM = 1e-9  # smaller torques are rounding, such as for an axis along gravity
 
 
 def gravity_torques(chain: SerialChain, joints: Array) -> Array:
-    """Torque by which gravity turns each joint about its axis, (..., n) [Nm].
+    """Torque of gravity about each joint axis, (..., n) [Nm].
 
     Args:
-        chain: The arm, with its masses and where down is.
+        chain: The arm, with masses and the direction of gravity.
         joints: (..., n) [rad].
 
     Raises:
@@ -25,7 +25,7 @@ def gravity_torques(chain: SerialChain, joints: Array) -> Array:
     Source: the virtual work of the weights; Lynch & Park 2017, "Modern Robotics", 8.1.
     """
     if chain.masses is None:
-        raise InputError("the torques of gravity need masses: give the links of the URDF an <inertial>")
+        raise InputError("gravity torques need masses: add <inertial> elements to the links of the URDF")
     frames = chain.joint_frames(joints)
     rotation, places = np.moveaxis(frames.rotation, 0, -3), np.moveaxis(frames.translation, 0, -2)
     centres = places + np.einsum("...nij,nj->...ni", rotation, chain.masses.centres)

@@ -1,4 +1,4 @@
-"""Joints that bring the flange to a pose."""
+"""Inverse kinematics by Levenberg-Marquardt."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.kinematics.chain import SerialChain
 from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 
-_LARGEST_STEP = 1.0  # [rad]; further, the linear model sends the arm through its singular poses
+_LARGEST_STEP = 1.0  # [rad]; with larger steps the linear model moves the arm through singular poses
 
 
 def inverse(
     chain: SerialChain, base_from_flange: SE3, start: Array, *, tolerance: float = 1e-10, iterations: int = 200
 ) -> Array:
-    """Joints within the limits that bring the flange to `base_from_flange`, (..., n) [rad].
+    """Joints within the limits at which the flange is at `base_from_flange`, (..., n) [rad].
 
     Args:
         chain: The arm.
-        base_from_flange: One pose or (b,) of them, side by side.
-        start: (n,) or (b, n) [rad]; of the solutions, one near here is given; far from all of them there may be a dead
-            end.
+        base_from_flange: One pose, or a batch (b,) of poses.
+        start: (n,) or (b, n) initial joints [rad]. A solution near them is returned; far from all solutions, the
+            iteration may end in a local minimum.
         tolerance: Largest entry of the remaining tangent [m, rad].
-        iterations: Steps tried at most.
+        iterations: Most steps.
 
     Raises:
         InputError: if `start` is not n finite numbers, for each pose or for all.
-        NotConverged: if a pose is not reached; its `state` holds the joints of the nearest poses found.
+        NotConverged: if a pose is not reached; the error's `state` holds the joints of the nearest poses found.
 
     Source: Levenberg 1944, Marquardt 1963; joints on a limit that would leave it are held, as in Bertsekas 1982.
     """
@@ -55,17 +55,17 @@ def inverse(
 
 @dataclass(frozen=True, eq=False)
 class _Arm:
-    """Poses (b,) that an arm's flange shall reach, as Levenberg-Marquardt knows them; see `System`."""
+    """An arm and target poses of its flange, (b,), as a `System` for Levenberg-Marquardt."""
 
     chain: SerialChain
     base_from_flange: SE3
 
     def remaining_tangent(self, q: Array) -> Array:
-        """Tangents of what is left to go, (b, 6)."""
+        """Tangents from the present flange poses to the target poses, (b, 6) [m, rad]."""
         return (self.chain.forward(q).inverse() @ self.base_from_flange).log()
 
     def linearise(self, q: Array) -> Quadratic:
-        """See `System`; joints on a limit that would leave it count for nothing."""
+        """See `System`; joints at a limit that would exceed it are held."""
         at = self.chain.posture(q)
         reached, by_joints = at.base_from_flange, at.joint_derivative
         left = (reached.inverse() @ self.base_from_flange).log()
@@ -78,7 +78,7 @@ class _Arm:
         return Quadratic((left**2).sum(axis=1), np.where(held, 0.0, uphill), hessian)
 
     def retract(self, q: Array, model: Quadratic, step: Array) -> Array:
-        """See `System`; steps are shortened and end at the limits."""
+        """See `System`; steps are limited in length and clipped to the joint limits."""
         share = _LARGEST_STEP / np.maximum(np.abs(step).max(axis=1, keepdims=True), _LARGEST_STEP)
         there: Array = (q + share * step).clip(self.chain.lower, self.chain.upper)
         return there

@@ -1,6 +1,6 @@
-"""The serial chain between two bodies of an MJCF, MuJoCo's own kind of file, which MuJoCo reads itself.
+"""Read the serial chain between two bodies of an MJCF file, MuJoCo's own format.
 
-Only bodies and their joints are handed to it, so that no mesh, image or other file is opened.
+MuJoCo compiles the model. It receives only bodies and their joints, so that no mesh, image or other file is opened.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from basecal.kinematics.chain import Masses, SerialChain
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-_KEPT_SECTIONS = frozenset({"compiler", "default", "worldbody"})  # sections that say where bodies are
+_KEPT_SECTIONS = frozenset({"compiler", "default", "worldbody"})  # sections that determine the poses of bodies
 _DROPPED_ELEMENTS = frozenset({"geom", "mesh", "material", "camera", "light", "composite", "flexcomp", "plugin"})
-_FILE_ELEMENTS = frozenset({"include", "attach", "model"})  # elements by which another file is read
-# What MuJoCo asks of the mass of a body that moves; a body whose mass is not written has no more than this.
+_FILE_ELEMENTS = frozenset({"include", "attach", "model"})  # elements that refer to other files
+# Least mass and inertia of a moving body that MuJoCo accepts; used for bodies without a mass in the file.
 _LEAST_MASS, _LEAST_INERTIA = 1e-9, 1e-12
 _WORLD_BODY = 0
 
 
 def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialChain:
-    """The chain of hinge joints from one body to another body or site.
+    """Make the chain of hinge joints from one body to another body or site.
 
     Args:
         root: The element `mujoco` of the file.
-        base: Name of the body the chain starts at; `world` is there always.
-        flange: Name of the body or site it ends at.
-        path: Of the file, for errors.
+        base: Name of the first body of the chain; `world` always exists.
+        flange: Name of the last body or site of the chain.
+        path: Path of the file, for errors.
 
     Raises:
-        DatasetError: if it names other files; MuJoCo refuses it; the flange is not below the base; or a joint on the
-            way is no hinge.
+        DatasetError: if the file refers to other files, or MuJoCo cannot compile it. It is also raised if the flange is
+            not below the base, or a joint between them is not a hinge.
         FrameNotFound: if a body does not exist.
         MissingExtra: if MuJoCo is not installed.
 
@@ -48,7 +48,7 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
     origins: list[SE3] = []
     axes: list[Array] = []
     limits: list[Array] = []
-    carriers: dict[int, tuple[int, SE3]] = {}  # by body, the number of the joint that carries it, and its place in that
+    carriers: dict[int, tuple[int, SE3]] = {}  # by body: index of the joint that carries it, and its pose in the joint
     since_last = SE3.identity()
     for body in way:
         since_last = since_last @ _pose(model.body_pos[body], model.body_quat[body])
@@ -56,13 +56,15 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
         for joint in range(first, first + int(model.body_jntnum[body])):
             name = model.joint(joint).name or f"{model.body(body).name}_joint"
             if not _is_hinge(model, joint):
-                raise DatasetError(path, "on the way is no hinge; arms turn", field=f"joint {name!r}")
+                raise DatasetError(
+                    path, "is not a hinge, the only type supported between base and flange", field=f"joint {name!r}"
+                )
             anchor, axis = SE3.from_rotvec(np.zeros(3), model.jnt_pos[joint]), np.array(model.jnt_axis[joint])
             names.append(name)
             origins.append(since_last @ anchor)
-            axes.append(axis)  # of unit length, as MuJoCo keeps it
+            axes.append(axis)  # MuJoCo normalises axes
             limits.append(model.jnt_range[joint] if model.jnt_limited[joint] else np.array([-np.inf, np.inf]))
-            # Angles count from `ref`, at which bodies stand as they are written.
+            # The body poses of the file hold at the joint angle `ref`.
             back = rotation_exp(-float(model.qpos0[model.jnt_qposadr[joint]]) * axes[-1])
             since_last = SE3(back, np.zeros(3)) @ anchor.inverse()
         if names:
@@ -75,7 +77,7 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
 
 
 def _compile_model(root: Element, path: str) -> Any:
-    """MuJoCo's model of the bodies and joints of a file."""
+    """Compile the bodies and joints of a file with MuJoCo."""
     from xml.etree.ElementTree import SubElement, tostring
 
     try:
@@ -101,11 +103,11 @@ def _compile_model(root: Element, path: str) -> Any:
     try:
         return mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
     except ValueError as error:
-        raise DatasetError(path, f"MuJoCo does not take it: {error_words(error)}") from error
+        raise DatasetError(path, f"MuJoCo cannot compile it: {error_words(error)}") from error
 
 
 def _body_path(model: Any, base: str, flange: str, path: str) -> tuple[list[int], SE3]:
-    """The bodies below `base` down to the one of `flange`, and `body_from_flange`."""
+    """Bodies from `base`, exclusive, to the body of `flange`, and `body_from_flange`."""
     bodies = {model.body(k).name: k for k in range(model.nbody)}
     sites = {model.site(k).name: k for k in range(model.nsite)}
     if base not in bodies:
@@ -118,7 +120,7 @@ def _body_path(model: Any, base: str, flange: str, path: str) -> tuple[list[int]
     way: list[int] = []
     while body != bodies[base]:
         if body == _WORLD_BODY:
-            raise DatasetError(path, f"{flange!r} does not hang under {base!r}")
+            raise DatasetError(path, f"{flange!r} is not below {base!r}")
         way.append(body)
         body = int(model.body_parentid[body])
     return way[::-1], tip
@@ -135,7 +137,7 @@ def _pose(place: Array, wxyz: Array) -> SE3:
 
 
 def _gravity_direction(model: Any, base: str) -> Array:
-    """Along gravity in the base: z of the world is up; what moves above the base is as it is written."""
+    """Direction of gravity in the base, with z of the world up; joints above the base are at rest."""
     body, world_from_base = model.body(base).id, SE3.identity()
     while body != _WORLD_BODY:
         world_from_base = _pose(model.body_pos[body], model.body_quat[body]) @ world_from_base
@@ -145,7 +147,7 @@ def _gravity_direction(model: Any, base: str) -> Array:
 
 
 def _masses(model: Any, carriers: dict[int, tuple[int, SE3]], count: int, gravity: Array) -> Masses | None:
-    """Masses on each joint, other joints at rest; None if a body that an arm carries has no mass written."""
+    """Masses carried by each joint, with other joints at rest; None if a joint of the chain carries no stated mass."""
     kg, moments, of_body = np.zeros(count), np.zeros((count, 3)), dict(carriers)
     for body in range(1, model.nbody):
         if body not in of_body:

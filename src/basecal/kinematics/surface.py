@@ -1,11 +1,11 @@
-"""Surfaces of bodies as few triangles, to be drawn."""
+"""Surfaces of bodies as coarse triangle meshes, for drawing."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy  # its parts are loaded when they are first used
+import scipy  # submodules are loaded when they are first used
 
 from basecal.errors import InputError
 from basecal.geometry import Array, IntArray
@@ -15,7 +15,7 @@ from basecal.kinematics.mesh import mesh_triangles
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-_CELLS = 12  # along the longest side of a mesh: vertices within one are joined
+_CELLS = 12  # grid cells along the longest side of a mesh: vertices within a cell are merged
 _ROUND = 16  # corners of a circle
 
 
@@ -23,9 +23,9 @@ class Surface(NamedTuple):
     """Triangles of a body.
 
     Attributes:
-        frame: What carries it: 0 is the base, k the frame that turns with joint k.
-        points: (n, 3) [m] in that frame.
-        triangles: (m, 3) of their rows.
+        frame: Frame of the body: 0 is the base, k the frame that rotates with joint k.
+        points: (n, 3) points in this frame [m].
+        triangles: (m, 3) rows of `points`.
     """
 
     frame: int
@@ -34,10 +34,10 @@ class Surface(NamedTuple):
 
 
 def body_surface(body: Collision) -> Surface:
-    """The surface of a body; of a mesh with vertices that are close to one another joined.
+    """Make the surface of a body; close vertices of a mesh are merged.
 
     Raises:
-        InputError: if it cannot be read, or lies outside of the cell's folder.
+        InputError: if the body cannot be read, or its mesh is outside the cell's folder.
     """
     pose, shape = placed_shape(body)
     if shape.tag == "mesh":
@@ -53,7 +53,7 @@ def body_surface(body: Collision) -> Surface:
 
 
 def _outer_points(shape: Element) -> Array:
-    """Points of a box, a cylinder or a sphere whose convex hull is drawn, (n, 3) [m]."""
+    """Points whose convex hull is a box, a cylinder or a sphere, (n, 3) [m]."""
     if shape.tag == "box":
         return box_corners(0.5 * np.outer([-1, 1], shape_numbers(shape.get("size", ""), 3)))
     turn, radius = np.arange(_ROUND) * (2 * np.pi / _ROUND), shape_numbers(shape.get("radius", ""), 1)
@@ -67,7 +67,7 @@ def _outer_points(shape: Element) -> Array:
 
 
 def _coarsen(corners: Array) -> tuple[Array, IntArray]:
-    """Points and triangles of corners, (n, 3, 3), with those within one cell of a grid joined."""
+    """Merge the corners of triangles, (n, 3, 3), within each cell of a grid; return points and triangles."""
     flat = corners.reshape(-1, 3)
     low, extent = flat.min(0), np.ptp(flat, axis=0)
     cell = np.floor((flat - low) / max(float(extent.max()), 1e-9) * _CELLS).astype(np.int64)

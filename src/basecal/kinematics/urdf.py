@@ -1,4 +1,4 @@
-"""The serial chain between two links of a URDF, or of an MJCF in its place."""
+"""Read the serial chain between two links of a URDF, or of an MJCF."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 LARGEST_BYTES = 2**25
-"""Of a URDF: 32 MB, a hundred times what the largest arm with its tools has."""
+"""Largest size of a URDF: 32 MB, a hundred times that of the largest arm with tools."""
 
-_MOST_JOINTS = 64  # that turn on the way from base to flange: arms have six or seven, snakes thirty
-_LARGEST_VALUE = 1e6  # [m, rad] of any number: as in the files of a cell, far from overflow
+_MOST_JOINTS = 64  # most turning joints from base to flange: arms have six or seven, snake robots thirty
+_LARGEST_VALUE = 1e6  # largest valid number [m, rad]: the same as in the files of a cell, far from overflow
 _TURNING_TYPES = ("revolute", "continuous")
 
 
 @dataclass(frozen=True)
 class _Joint:
-    """A joint element of a file, with the attributes that every joint has."""
+    """A joint element of a file, with the attributes common to all joints."""
 
     path: str
     element: Element
@@ -40,31 +40,31 @@ class _Joint:
     child: str
 
     def error(self, part: str, message: str) -> DatasetError:
-        """An error that names the file and the joint."""
+        """Make an error with the path of the file and the name of the joint."""
         return DatasetError(self.path, message, field=f"joint {self.name!r} {part}".rstrip())
 
 
 class _Carrier(NamedTuple):
-    """The number of a turning joint, None for none, and a link that it carries in its frame."""
+    """Index of the turning joint that carries a link, None if there is none, and the link's pose in its frame."""
 
     joint: int | None
     joint_from_link: SE3
 
 
 def read_chain(path: str | Path, base_link: str, flange_link: str, folder: str | Path = "") -> SerialChain:
-    """The chain of revolute joints from `base_link` to `flange_link` in a URDF file, or in an MJCF.
+    """Read the chain of revolute joints from `base_link` to `flange_link` of a URDF or MJCF file.
 
     Args:
-        path: An expanded URDF, not a xacro; of an MJCF bodies are its links, and a site may be the flange.
-        base_link: Name of the link the chain starts at.
-        flange_link: Name of the link it ends at.
-        folder: That holds the file, and the meshes of <collision> elements; the file's own if not given.
+        path: An expanded URDF, not a xacro; or an MJCF, whose bodies are links and whose flange may be a site.
+        base_link: Name of the first link of the chain.
+        flange_link: Name of the last link of the chain.
+        folder: Folder with the file and the meshes of <collision> elements; by default the file's own folder.
 
     Raises:
-        DatasetError: if the file cannot be read, or is no tree of links. Also if a joint on the way neither turns nor
-            is fixed, mimics another, or has numbers that cannot be used.
+        DatasetError: if the file cannot be read, or its links are not a tree. It is also raised if a joint of the chain
+            is neither turning nor fixed, mimics another joint, or has invalid numbers.
         FrameNotFound: if a link does not exist.
-        MissingExtra: if it is an MJCF and MuJoCo is not installed.
+        MissingExtra: if the file is an MJCF and MuJoCo is not installed.
 
     Source: https://wiki.ros.org/urdf/XML/joint.
     """
@@ -78,12 +78,12 @@ def read_chain(path: str | Path, base_link: str, flange_link: str, folder: str |
 def parse_chain(
     text: str | bytes, base_link: str, flange_link: str, path: str = "<text>", folder: Path | None = None
 ) -> SerialChain:
-    """The chain of revolute joints from `base_link` to `flange_link` in the text of a URDF.
+    """Parse the chain of revolute joints from `base_link` to `flange_link` of a URDF's text.
 
-    Bodies of links are kept if a `folder` is given, which holds their meshes.
+    Collision bodies are kept if the `folder` of their meshes is given.
 
     Raises:
-        DatasetError: as `read_chain`, naming `path`.
+        DatasetError: as in `read_chain`, with `path` in the message.
         FrameNotFound: if a link does not exist.
     """
     way, above, links = _joint_path(text, base_link, flange_link, path)
@@ -97,7 +97,7 @@ def parse_chain(
             origins.append(since_last)
             since_last = SE3.identity()
         elif joint.kind != "fixed":
-            raise joint.error("type", f"{joint.kind!r} on the way, expected revolute, continuous or fixed")
+            raise joint.error("type", f"{joint.kind!r} between base and flange, expected revolute, continuous or fixed")
     limits = np.array([_limits(joint) for joint in turning])
     axes = np.array([_axis(joint) for joint in turning])
     names = tuple(joint.name for joint in turning)
@@ -109,14 +109,14 @@ def parse_chain(
 
 @dataclass(frozen=True, eq=False)
 class JointOrigin:
-    """Where a joint holds its child, at angle zero.
+    """A joint of a URDF, and the pose of its child at angle zero.
 
     Attributes:
-        name: Its name.
-        kind: `fixed`, `revolute` or another type of URDF.
-        parent: The link it hangs on.
-        child: The link that hangs on it.
-        parent_from_child: Its origin.
+        name: Name of the joint.
+        kind: `fixed`, `revolute` or another joint type of URDF.
+        parent: Name of the parent link.
+        child: Name of the child link.
+        parent_from_child: Origin of the joint.
     """
 
     name: str
@@ -127,10 +127,11 @@ class JointOrigin:
 
 
 def joint_origins(text: str | bytes, path: str = "<text>") -> dict[str, JointOrigin]:
-    """The joint above each link but the root, by the name of the link.
+    """Parent joint of each link except the root, by name of the link.
 
     Raises:
-        DatasetError: if the text is no URDF, or no tree of links, or an origin cannot be used; it names `path`.
+        DatasetError: if the text is not a URDF, its links are not a tree, or an origin is invalid. The message names
+            `path`.
     """
     return {
         link: JointOrigin(joint.name, joint.kind, joint.parent, link, _origin(joint))
@@ -139,10 +140,10 @@ def joint_origins(text: str | bytes, path: str = "<text>") -> dict[str, JointOri
 
 
 def path_joint_names(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> tuple[str, ...]:
-    """Names of all joints from `base_link` to `flange_link`, fixed ones among them.
+    """Names of all joints from `base_link` to `flange_link`, including fixed joints.
 
     Raises:
-        DatasetError: as `read_chain`, naming `path`.
+        DatasetError: as in `read_chain`, with `path` in the message.
         FrameNotFound: if a link does not exist.
     """
     return tuple(joint.name for joint in _joint_path(text, base_link, flange_link, path)[0])
@@ -151,19 +152,19 @@ def path_joint_names(text: str | bytes, base_link: str, flange_link: str, path: 
 def _joint_path(
     text: str | bytes, base_link: str, flange_link: str, path: str
 ) -> tuple[list[_Joint], dict[str, _Joint], list[Element]]:
-    """The joints on the way, the joint above each link, and the elements of all links."""
+    """Joints from `base_link` to `flange_link`, parent joint of each link by name, and elements of all links."""
     above, links = _tree(text, path)
     for link in (base_link, flange_link):
         if link not in links:
             raise FrameNotFound(link, [*links])
     way = _joints_up_to(above, flange_link, base_link)
     if way is None:
-        highest = flange_link  # what it hangs on in the end
+        highest = flange_link  # becomes the root of its tree
         for _ in above:
             highest = above[highest].parent if highest in above else highest
         exchanged = _joints_up_to(above, base_link, flange_link) is not None
-        where = "above it: exchange base_link and flange_link" if exchanged else f"under {highest!r}"
-        raise DatasetError(path, f"{flange_link!r} does not hang under {base_link!r}, but {where}")
+        where = "above it: exchange base_link and flange_link" if exchanged else f"below {highest!r}"
+        raise DatasetError(path, f"{flange_link!r} is not below {base_link!r}, but {where}")
     turning = sum(joint.kind in _TURNING_TYPES for joint in way)
     if not 0 < turning <= _MOST_JOINTS:
         where = f"between {base_link!r} and {flange_link!r}"
@@ -211,11 +212,11 @@ def _joint(path: str, element: Element) -> _Joint:
 
 
 def _tree(text: str | bytes, path: str) -> tuple[dict[str, _Joint], dict[str, Element]]:
-    """The joint above each link but the root, and the elements of all links, by name.
+    """Parent joint of each link except the root, and elements of all links, by name.
 
     Raises:
-        DatasetError: if the text is no URDF, names stand twice, or a joint names a link that is not there. Also if a
-            link has two parents, or there is not one root.
+        DatasetError: if the text is not a URDF, names are not unique, or a joint refers to a missing link. It is also
+            raised if a link has two parents, or there is not exactly one root.
     """
     root = _xml(text, path)
     if root.tag != "robot":
@@ -232,7 +233,7 @@ def _tree(text: str | bytes, path: str) -> tuple[dict[str, _Joint], dict[str, El
                 raise joint.error("", f"names the link {link!r}, which does not exist")
         if joint.child in above:
             raise joint.error(
-                "child", f"{joint.child!r} already hangs on joint {above[joint.child].name!r}: not a tree"
+                "child", f"{joint.child!r} already has the parent joint {above[joint.child].name!r}: not a tree"
             )
         above[joint.child] = joint
     roots = [link for link in links if link not in above]
@@ -242,10 +243,10 @@ def _tree(text: str | bytes, path: str) -> tuple[dict[str, _Joint], dict[str, El
 
 
 def _numbers(joint: _Joint, tag: str, key: str, default: str, count: int) -> Array:
-    """The finite numbers in an attribute of a joint's element.
+    """Parse `count` finite numbers of an attribute of a joint's element.
 
     Raises:
-        DatasetError: if they are not `count` finite numbers.
+        DatasetError: if the attribute is not `count` finite numbers.
     """
     element = joint.element.find(tag)
     text = default if element is None else element.get(key, default)
@@ -262,7 +263,7 @@ def _origin(joint: _Joint) -> SE3:
 
 def _axis(joint: _Joint) -> Array:
     if joint.element.find("mimic") is not None:
-        raise joint.error("mimic", "a joint that follows another is not supported on the way")
+        raise joint.error("mimic", "a joint that mimics another is not supported between base and flange")
     axis = _numbers(joint, "axis", "xyz", "1 0 0", 3)
     length = np.linalg.norm(axis)
     if length < 1e-9:
@@ -283,7 +284,7 @@ def _limits(joint: _Joint) -> tuple[float, float]:
 
 
 def _gravity_direction(parents: dict[str, _Joint], base_link: str) -> Array:
-    """Along gravity in the base: z of the link that all others hang on is up; what turns above the base is at zero."""
+    """Direction of gravity in the base, with z of the root link up; joints above the base are at zero."""
     root = next((joint.parent for joint in parents.values() if joint.parent not in parents), base_link)
     root_from_base = SE3.identity()
     for joint in _joints_up_to(parents, base_link, root) or ():
@@ -295,9 +296,9 @@ def _gravity_direction(parents: dict[str, _Joint], base_link: str) -> Array:
 def _masses(
     turning: tuple[str, ...], parents: dict[str, _Joint], links: list[Element], gravity: Array, path: str
 ) -> Masses | None:
-    """The links' masses, each at the last turning joint above it; joints beside the way stand at zero.
+    """Masses of the links, assigned to the nearest joint of the chain above each link; other joints are at zero.
 
-    None if no link has a mass.
+    None if no joint of the chain carries a mass.
     """
     n, carriers = len(turning), {name: number for number, name in enumerate(turning)}
     of_link: dict[str, _Carrier] = {}
@@ -317,7 +318,7 @@ def _masses(
 def _collisions(
     turning: tuple[str, ...], parents: dict[str, _Joint], links: list[Element], base_link: str, files: tuple[Path, Path]
 ) -> tuple[Collision, ...]:
-    """Bodies that are fixed to the base or to a turning joint, and all that the last joint carries."""
+    """Collision bodies fixed to the base or to a turning joint of the chain, and all bodies below the last joint."""
     carriers, found = {name: number for number, name in enumerate(turning)}, list[Collision]()
     fixed = {link: joint for link, joint in parents.items() if joint.kind == "fixed" or joint.name in carriers}
     held: dict[str, _Carrier] = {base_link: _Carrier(-1, SE3.identity())}
@@ -338,9 +339,9 @@ def _collisions(
 def _carrying_joint(
     link: str, turning: Mapping[str, int], parents: Mapping[str, _Joint], carriers: dict[str, _Carrier]
 ) -> _Carrier:
-    """The turning joint that carries a link, and the link in its frame; no joint if none does.
+    """Find the turning joint that carries a link, and the pose of the link in the joint's frame.
 
-    `carriers` holds those of links that are known, so that each joint of a tree is gone through once.
+    `carriers` is a cache of the results by link, so that each joint of a tree is visited once.
     """
     way: list[str] = []
     while link not in carriers:
@@ -358,10 +359,10 @@ def _carrying_joint(
 
 
 def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
-    """Mass [kg] and its centre in the link [m].
+    """Parse the mass [kg] and the centre of mass in the link, (3,) [m].
 
     Raises:
-        DatasetError: if they are not finite numbers, or the mass is negative.
+        DatasetError: if the values are not finite numbers, or the mass is negative.
     """
     mass, origin = element.find("mass"), element.find("origin")
     kg = "" if mass is None else mass.get("value", "")
@@ -374,7 +375,7 @@ def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
 
 
 def _joints_up_to(parents: dict[str, _Joint], link: str, end: str) -> list[_Joint] | None:
-    """The joints from a link up to another; None if that is not above it."""
+    """Joints from a link up to another link; None if the other link is not above it."""
     way: list[_Joint] = []
     while link != end:
         if link not in parents or len(way) > len(parents):

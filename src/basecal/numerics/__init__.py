@@ -1,1 +1,1 @@
-"""Numerical ideas that know nothing of robots: batches of nouns, Levenberg-Marquardt, rank and pseudo-inverse."""
+"""Numerical methods independent of robots: batches of dataclasses, Levenberg-Marquardt, rank and pseudo-inverse."""

@@ -1,7 +1,8 @@
-"""Nouns of arrays with a leading batch axis, taken apart and put together as one.
+"""Select, stack and concatenate nested containers of arrays with a leading batch axis.
 
-A noun is a dataclass, a tuple or a mapping of arrays and further nouns. Every array of it carries the batch, but for a
-`Camera` of a single lens, which all entries share, and fields of metadata `SHARED`. What is no array is shared, too.
+A container is a dataclass, a tuple or a mapping of arrays and further containers. Every array has the batch axis, with
+two exceptions: a `Camera` with a single lens, and dataclass fields with metadata `SHARED`. These and all values that
+are not arrays are shared by all entries.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ SHARED = {"shared": True}
 
 
 def take(noun: T, rows: Rows | BoolArray | int) -> T:
-    """The entries of a batch at these rows; without the batch axis where `rows` is a number."""
+    """Select entries of a batch; without the batch axis if `rows` is a number."""
     if isinstance(rows, np.ndarray) and rows.dtype == np.bool_ and rows.all():
         return noun
     taken: T = _map_fields(lambda arrays: arrays[0][rows], [noun])
@@ -28,14 +29,14 @@ def take(noun: T, rows: Rows | BoolArray | int) -> T:
 
 
 def choose_entries(mask: BoolArray, first: T, second: T) -> T:
-    """The entries of `first` where `mask`, (b,), holds, of `second` elsewhere."""
+    """Entries of `first` where `mask`, (b,), is true, else of `second`."""
     if mask.all():
         return first
     if not mask.any():
         return second
 
     def select(arrays: Sequence[Array]) -> Array:
-        """Entries of the two arrays."""
+        """Select from the two arrays."""
         one, other = arrays
         return np.where(mask.reshape(len(mask), *[1] * (one.ndim - 1)), one, other)
 
@@ -44,13 +45,13 @@ def choose_entries(mask: BoolArray, first: T, second: T) -> T:
 
 
 def concatenate(nouns: Sequence[T]) -> T:
-    """One batch of several."""
+    """Concatenate several batches."""
     joined: T = nouns[0] if len(nouns) == 1 else _map_fields(np.concatenate, nouns)
     return joined
 
 
 def stack(nouns: Sequence[T]) -> T:
-    """A batch of nouns that have no batch axis and are equal in all that is shared."""
+    """Stack containers without a batch axis to a batch; shared values must be equal."""
     stacked: T = _map_fields(np.stack, nouns, is_batch=False)
     return stacked
 
@@ -65,7 +66,7 @@ def _map_fields(change: Callable[[Sequence[Array]], Array], nouns: Sequence[Any]
         shared = is_batch and first.parameters.ndim == 1
         return first if shared else first.with_parameters(change([n.parameters for n in nouns]))
     if is_dataclass(first) and not isinstance(first, type):
-        # Without the dataclass's own `replace`, which takes longer than the arrays do: nouns of batches check nothing.
+        # `dataclasses.replace` would take longer than the arrays do; batched dataclasses need no checks.
         values = {name: getattr(first, name) for name in _names(type(first), True)}
         for name in _names(type(first), False):
             values[name] = _map_fields(change, [getattr(n, name) for n in nouns], is_batch)
@@ -82,5 +83,5 @@ def _map_fields(change: Callable[[Sequence[Array]], Array], nouns: Sequence[Any]
 
 @cache
 def _names(kind: type, is_shared: bool) -> tuple[str, ...]:
-    """Names of a dataclass's fields that all entries share, or of the others."""
+    """Names of the shared fields of a dataclass, or of the other fields."""
     return tuple(f.name for f in fields(kind) if bool(f.metadata.get("shared")) == is_shared)

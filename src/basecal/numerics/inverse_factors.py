@@ -1,7 +1,7 @@
-"""Inverses of the Cholesky factors of many small matrices at once.
+"""Inverses of the Cholesky factors of many small matrices, vectorised.
 
-LAPACK is called for one matrix at a time, and for small matrices the call costs more than the work. Here each step of
-the factorisation is taken for all of them together, with the matrices along the last axis.
+LAPACK is called for one matrix at a time, and for small matrices the call costs more than the computation. Here each
+step of the factorisation is done for all matrices together, with the matrices along the last axis.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ import numpy as np
 
 from basecal.geometry import Array
 
-_FEW_MATRICES = 64  # matrices: of fewer LAPACK is done before the first steps are
-_CHUNK_NUMBERS = 2**17  # numbers: a megabyte stays near the processor
+_FEW_MATRICES = 64  # for fewer matrices LAPACK is faster
+_CHUNK_NUMBERS = 2**17  # numbers per chunk: a megabyte fits the cache
 
 
 class InverseFactors(NamedTuple):
-    """Factors R of M, (..., q, q): lower triangular with R'R the inverse of M; and log det M, (...,)."""
+    """Lower triangular factors R, (..., q, q), with R'R the inverse of M, and log det M, (...,)."""
 
     root: Array
     log_det: Array
 
 
 def inverse_factors(matrices: Array) -> InverseFactors:
-    """Inverse factors of symmetric positive definite matrices, (..., q, q); a non-finite one stays alone.
+    """Inverse factors of symmetric positive definite matrices, (..., q, q); a non-finite one does not affect others.
 
     Raises:
-        LinAlgError: if one of them is not positive definite.
+        LinAlgError: if a matrix is not positive definite, and all matrices are finite.
     """
     *batch, q, _ = matrices.shape
     flat = matrices.reshape(prod(batch), q, q)
@@ -49,7 +49,10 @@ def inverse_factors(matrices: Array) -> InverseFactors:
 
 
 def _invert_factors(lower: Array) -> tuple[Array, Array]:
-    """Inverses of the factors of matrices (q, q, b), which become these, and logarithms of determinants, (b,)."""
+    """Inverses of the Cholesky factors of matrices (q, q, b), and log determinants, (b,).
+
+    The factors overwrite the input.
+    """
     inverse, log_det = np.zeros_like(lower), np.zeros(lower.shape[-1])
     for j in range(len(lower)):
         above = lower[j, :j]

@@ -1,7 +1,8 @@
-"""Levenberg-Marquardt on a batch of least-squares problems of one structure, each with its own damping and its own end.
+"""Levenberg-Marquardt for a batch of least-squares problems of one structure.
 
-Source: Marquardt 1963, with the damping of Nielsen 1999; near an optimum with what residuals bend, by structured
-secants. No problem ever takes a step uphill.
+Each problem has its own damping and its own convergence. The cost of a problem never increases.
+Source: Marquardt 1963, with the damping of Nielsen 1999. Near an optimum, the second-order curvature of the residuals
+is included by structured secants.
 """
 
 from __future__ import annotations
@@ -17,16 +18,17 @@ from basecal.numerics.batch import choose_entries, concatenate, take
 from basecal.numerics.sparse_hessian import SparseHessian
 from basecal.numerics.structured_secant import usable_curvature, with_secant
 
-CONVERGED_SIGMAS = 1e-5  # what may be left to go, in sigmas of the unknowns: no statistic of a result shows it
-_SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses a metre away
-_LEAST_PROMISE = 0.5  # of what the step before promised: what is eliminated moves less each time until rounding is left
-FIRST_DAMPING = 1e-9  # of the scaled diagonal: Gauss-Newton, yet regular where a direction is not observable
-PRIOR_DAMPING = 1e-13  # likewise where priors make each regular: more would hide a prior of degrees beside micrometres
-# Of the cost, what a step promises where the gradient's change over it tells of the optimum, for starts whose residuals
-# say nothing of sigmas.
+CONVERGED_SIGMAS = 1e-5  # distance to the optimum at convergence, in sigmas of the unknowns: negligible in any result
+_SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses at a distance of a metre
+# Relative to the decrease predicted for the previous step: eliminated unknowns move less each time, until rounding.
+_LEAST_PROMISE = 0.5
+FIRST_DAMPING = 1e-9  # relative to the scaled diagonal: Gauss-Newton, but regular if a direction is unobservable
+PRIOR_DAMPING = 1e-13  # for problems that priors make regular: more would hide a prior of degrees beside micrometres
+# Predicted decrease relative to the cost, below which the secant of a step describes the curvature at the optimum. It
+# is needed for starts whose residuals do not determine sigmas.
 _NEAR_SHARE = 1e-3
 _GAUSS_NEWTON_DAMPING = 1e-3  # below this a step is a Gauss-Newton step to three digits
-_LARGEST_DAMPING = 1e12  # beyond it steps are rounding
+_LARGEST_DAMPING = 1e12  # above this steps are rounding
 _LARGEST_GAIN = 10.0  # clips the ratio of gain to prediction, whose cube sets the damping
 _COST_ROUNDING = 1e-12  # relative rounding of a cost
 
@@ -34,30 +36,30 @@ S = TypeVar("S")
 
 
 class Linearised(Protocol):
-    """Problems to second order: cost (b,), gradient (b, p) and hessian (b, p, p), halves of the cost's derivatives.
+    """Quadratic models of problems: cost (b,), and half its gradient (b, p) and Hessian (b, p, p).
 
-    A single problem of many unknowns has a sparse hessian.
+    A single problem with many unknowns has a sparse Hessian.
     """
 
     @property
     def cost(self) -> Array:
-        """(b,) infinite or NaN if a state cannot be."""
+        """Cost, (b,); infinite or NaN for invalid states."""
 
     @property
     def gradient(self) -> Array:
-        """(b, p)."""
+        """Half the gradient of the cost, (b, p)."""
 
     @property
     def hessian(self) -> Array | SparseHessian:
-        """(b, p, p), or (p, p) where it is sparse."""
+        """Half the Hessian of the cost, (b, p, p), or (p, p) if it is sparse."""
 
     @property
     def eliminated_cost(self) -> Array | float:
-        """(b,) by how much the cost falls by what was eliminated alone, brought to its best with the next step."""
+        """Decrease of the cost, (b,), if only the eliminated unknowns are optimised with the next step."""
 
 
 class Quadratic(NamedTuple):
-    """Problems to second order by their numbers alone; see `Linearised`."""
+    """Quadratic models of problems as plain arrays; see `Linearised`."""
 
     cost: Array
     gradient: Array
@@ -69,27 +71,27 @@ L = TypeVar("L", bound=Linearised)
 
 
 class System(Protocol[S, L]):
-    """Problems of one structure: all that Levenberg-Marquardt needs to know of them."""
+    """Interface of a batch of problems of one structure, as used by Levenberg-Marquardt."""
 
     def linearise(self, state: S) -> L:
-        """The problems to second order about their states."""
+        """Linearise the problems at their states."""
 
     def retract(self, state: S, model: L, step: Array) -> S:
-        """The states after steps (b, p)."""
+        """Return the states after steps (b, p)."""
 
     def take(self, rows: IntArray) -> System[S, L]:
-        """The problems at these rows of the batch."""
+        """Select problems of the batch."""
 
 
 @dataclass(frozen=True)
 class Stop:
-    """Conditions by which a problem has ended.
+    """Convergence criteria of a problem.
 
     Attributes:
-        iterations: Steps at most.
-        dof: Residuals less unknowns, a number or (b,), which scales the sigmas.
-        sigmas: What may be left to go; where `dof` is 1 the square of it is a share of the cost.
-        damping: The least, of the scaled diagonal.
+        iterations: Most steps.
+        dof: Degrees of freedom, residuals minus unknowns, a number or (b,); cost / dof scales the squared sigmas.
+        sigmas: Largest distance to the optimum in sigmas; if `dof` is 1, its square is relative to the cost.
+        damping: Least damping, relative to the scaled diagonal.
     """
 
     iterations: int = 100
@@ -100,14 +102,14 @@ class Stop:
 
 @dataclass(frozen=True, eq=False)
 class Optima(Generic[S, L]):
-    """Where the problems ended.
+    """Final states of a batch of problems.
 
     Attributes:
-        state: Of each.
-        cost: (b,) after the last step.
-        about: The problems as they stood before their last step.
-        converged: (b,) whether each is an optimum.
-        iterations: (b,) steps tried.
+        state: Final states.
+        cost: (b,) costs after the last step.
+        about: Linearised problems before their last step.
+        converged: (b,) whether each state is an optimum.
+        iterations: (b,) number of steps tried.
     """
 
     state: S
@@ -119,7 +121,7 @@ class Optima(Generic[S, L]):
 
 @dataclass(frozen=True, eq=False)
 class _Flight(Generic[S, L]):
-    """The problems that have not ended; `row` determines which they were."""
+    """Problems that have not ended yet; `row` is their index in the original batch."""
 
     row: IntArray
     state: S
@@ -128,27 +130,28 @@ class _Flight(Generic[S, L]):
     dof: Array
     damping: Array
     growth: Array
-    expected: Array  # decrease of the cost that the last step taken promised; 0 before the first
-    bend: Array | None  # (b, p, p) what the residuals add to the hessian; None where that is sparse
+    expected: Array  # predicted decrease of the cost for the last accepted step; 0 before the first
+    bend: Array | None  # (b, p, p) second-order curvature of the residuals; None if the Hessian is sparse
 
     def end(self, state: S, cost: Array, has_converged: bool, iterations: int) -> tuple[IntArray, Optima[S, L]]:
-        """The ends of all of them, which ended in the same way."""
+        """Make the optima of all these problems, which ended in the same way."""
         count = len(self.row)
         converged, steps = np.full(count, has_converged), np.full(count, iterations, dtype=np.int64)
         return self.row, Optima(state, cost, self.about, converged, steps)
 
 
+@np.errstate(all="ignore")  # steps to states that are not finite are rejected
 def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S, L]:
-    """The optima downhill of a batch of states.
+    """Minimise a batch of problems from initial states.
 
-    A problem has converged in two cases. In the first, the error left after a step is a small share of the sigmas that
-    the data leave. This error is estimated from the rate at which steps shrink. In the second, a step is rounding. It
-    is below 1e-13 [m, rad], or the decrease that it promises is below the rounding of the cost and no longer falls.
+    A problem has converged in two cases. In the first, the remaining error after a step is a small share of the sigmas
+    of the unknowns. This error is estimated from the rate at which steps shrink. In the second, a step is rounding. It
+    is below 1e-13 [m, rad], or its predicted decrease is below the rounding of the cost and no longer shrinks.
 
     Args:
         system: The problems.
-        state: Where each starts.
-        stop: When each has ended.
+        state: Initial states.
+        stop: Convergence criteria.
     """
     about = system.linearise(state)
     count = len(about.cost)
@@ -175,7 +178,7 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
 
 
 def join_ends(ends: Sequence[tuple[IntArray, Optima[S, L]]]) -> Optima[S, L]:
-    """All ends of descents by their rows, from those that ended together."""
+    """Join groups of optima to one batch, sorted by row."""
     row, optima = concatenate(ends)
     return optima if np.all(row[1:] > row[:-1]) else take(optima, np.argsort(row))
 
@@ -183,7 +186,7 @@ def join_ends(ends: Sequence[tuple[IntArray, Optima[S, L]]]) -> Optima[S, L]:
 def _iterate(
     flight: _Flight[S, L], system: System[S, L], ends: list[tuple[IntArray, Optima[S, L]]], number: int, stop: Stop
 ) -> tuple[_Flight[S, L], System[S, L]] | None:
-    """One step of every problem; those that end with it leave the flight, and None is left where all do."""
+    """Try one step of every problem; append ended problems to `ends`, and return the others, or None if all ended."""
     about = flight.about
     step, expected = _next_step(flight)
     settled = _has_converged(flight, step, expected, stop)
@@ -213,7 +216,7 @@ def _iterate(
 
 
 def _is_gauss_newton(flight: _Flight[S, L], stop: Stop) -> BoolArray:
-    """Whether a step is one of Gauss-Newton, or the damping hides none that the data could show, (b,)."""
+    """Whether a step is a Gauss-Newton step, or the Gauss-Newton step without damping would be insignificant, (b,)."""
     undamped = flight.damping <= _GAUSS_NEWTON_DAMPING
     if undamped.all():
         return undamped
@@ -224,17 +227,17 @@ def _is_gauss_newton(flight: _Flight[S, L], stop: Stop) -> BoolArray:
 
 
 def _scale(flight: _Flight[S, L]) -> Array:
-    """Factors of the data's squared sigmas, by the residuals, (b,)."""
+    """Variance factor of the residuals, cost / dof, (b,)."""
     return np.where(np.isfinite(flight.cost), flight.cost / flight.dof, 1.0)
 
 
 def _has_converged(flight: _Flight[S, L], step: Array, expected_decrease: Array, stop: Stop) -> BoolArray:
-    """Whether what is left to go after a step is nothing that the data could show, (b,)."""
+    """Whether the remaining error after a step is insignificant relative to the sigmas, or rounding, (b,)."""
     limit = stop.sigmas**2 * _scale(flight)
     shrinks = (flight.expected > 0) & (flight.damping <= _GAUSS_NEWTON_DAMPING)
     before = np.where(shrinks, flight.expected, 1.0)
     rate = np.where(shrinks, np.minimum(before, expected_decrease) / before, 1.0)
-    # Refused, or promising no less than the one before it, a step is of rounding.
+    # A rejected step is rounding, and so is one whose predicted decrease no longer shrinks.
     is_rounding = (flight.damping > _GAUSS_NEWTON_DAMPING) | (
         (flight.expected > 0) & (expected_decrease > _LEAST_PROMISE * flight.expected)
     )
@@ -256,18 +259,18 @@ def _accept_step(
     bend: Array | None,
     least_damping: float = FIRST_DAMPING,
 ) -> _Flight[S, L]:
-    """The flight after a step, taken where it is `is_better`; elsewhere the damping grows."""
+    """Accept the step of each problem for which it `is_better`; increase the damping of the others."""
     with np.errstate(invalid="ignore"):
         drop = flight.cost - cost
-        # From one infinite cost to another a step is taken, undamped; and what rounding of the costs makes of a step
-        # that is nearly none says nothing of the damping it needs.
+        # A step from an infinite cost to another is accepted. If the decrease of the cost differs from its prediction
+        # by rounding only, it contains no information on the damping.
         tells = np.isfinite(drop) & (np.abs(drop - expected_decrease) > _COST_ROUNDING * cost)
     drop = np.where(tells, drop, expected_decrease)
     gain = np.clip(drop / expected_decrease, -_LARGEST_GAIN, _LARGEST_GAIN)
     eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), least_damping)
     stiffened = (
         np.maximum(flight.damping, _GAUSS_NEWTON_DAMPING) * flight.growth
-    )  # less would try nearly the same step again
+    )  # a smaller damping would try nearly the same step again
     return _Flight(
         flight.row,
         choose_entries(is_better, candidate, flight.state),
@@ -282,13 +285,13 @@ def _accept_step(
 
 
 def _is_near(flight: _Flight[S, L], expected_decrease: Array) -> BoolArray:
-    """Whether a step that promises so much less cost, of a sigma at most, reports what bends at an optimum, (b,)."""
+    """Whether a step is so near an optimum that its secant describes the curvature there, (b,): at most one sigma."""
     near: BoolArray = expected_decrease <= np.minimum(_scale(flight), _NEAR_SHARE * flight.cost)
     return near
 
 
 def _curvature(flight: _Flight[S, L], linearisation: L, step: Array, is_near: BoolArray) -> Array | None:
-    """Second-order curvature of the residuals, by a step from where it was taken; `is_near` an optimum."""
+    """Second-order curvature of the residuals after a step, (b, p, p); None if the Hessian is sparse."""
     if isinstance(linearisation.hessian, SparseHessian):
         return None
     assert flight.bend is not None
@@ -299,7 +302,7 @@ def _curvature(flight: _Flight[S, L], linearisation: L, step: Array, is_near: Bo
 
 
 def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
-    """The damped step (b, p) and the decrease of the cost that it promises, (b,)."""
+    """Damped step (b, p) and its predicted decrease of the cost, (b,)."""
     about = flight.about
     if flight.bend is None or isinstance(about.hessian, SparseHessian) or not flight.bend.any():
         step = _damped_step(about, flight.damping)
@@ -316,7 +319,7 @@ def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
 
 
 def _quadratic(model: Linearised, step: Array) -> Array:
-    """`step' H step`, (b,)."""
+    """Quadratic form `step' H step`, (b,)."""
     if isinstance(model.hessian, SparseHessian):
         return model.hessian.quadratic(step)
     return np.asarray(np.einsum("bi,bij,bj->b", step, model.hessian, step))
@@ -335,7 +338,7 @@ def _damped_step(model: Linearised, damping: Array) -> Array:
 
 
 def _linearise(system: System[S, L], state: S, previous: L) -> tuple[L, Array]:
-    """The problems about their states, and their costs: infinite if the state is not finite."""
+    """Linearise the problems at their states; the cost is infinite for a problem that cannot be linearised."""
     try:
         after = system.linearise(state)
     except np.linalg.LinAlgError:

@@ -1,4 +1,4 @@
-"""Normal distributions with evidences, their mixtures, and probabilities by evidence.
+"""Normal distributions with evidences, their mixtures, and posterior probabilities.
 
 Source: Kass & Raftery 1995 (evidence), Bar-Shalom et al. 2001, 1.4.16 (moments of mixtures).
 """
@@ -13,7 +13,7 @@ from basecal.geometry import Array
 
 
 class Gaussian(NamedTuple):
-    """Normal distributions: twice their log evidences, (...), means, (..., q), and covariances, (..., q, q)."""
+    """Normal distributions: twice the log evidence, (...), mean, (..., q), and covariance, (..., q, q)."""
 
     evidence: Array
     mean: Array
@@ -21,7 +21,7 @@ class Gaussian(NamedTuple):
 
 
 def mixture(prior: Array, parts: Gaussian) -> Gaussian:
-    """Mixture of such, (..., m), of prior probabilities, (m,)."""
+    """Moments and evidence of mixtures of m normal distributions, (..., m), with prior probabilities (m,)."""
     evidence = parts.evidence
     shares = probabilities(prior, evidence)
     mean = (shares[..., None, :] @ parts.mean)[..., 0, :]
@@ -33,6 +33,6 @@ def mixture(prior: Array, parts: Gaussian) -> Gaussian:
 
 
 def probabilities(prior: Array, evidence: Array) -> Array:
-    """Probabilities by those before the data, (m,), and twice the logs of evidences, (..., m)."""
+    """Posterior probabilities, (..., m), from prior probabilities, (m,), and twice the log evidences, (..., m)."""
     shares = prior * np.exp(0.5 * (evidence - evidence.max(-1, keepdims=True)))
     return np.asarray(shares / shares.sum(-1, keepdims=True))

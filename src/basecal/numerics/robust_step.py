@@ -1,4 +1,4 @@
-"""A step downhill of residuals of which large ones count less."""
+"""Gauss-Newton steps with a robust loss."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ import numpy as np
 from basecal.geometry import Array
 
 STEP = 1e-6
-"""Of a difference that gives a slope; below it a step is none."""
+"""Step of finite differences; a smaller Gauss-Newton step counts as convergence."""
 
 NORMAL_MAD = 1.4826
-"""Sigma of a normal distribution over its median absolute deviation, its upper quartile."""
+"""Sigma of a normal distribution divided by its median absolute deviation."""
 
-_DAMPING = 1e-9  # of the diagonal
+_DAMPING = 1e-9  # relative to the diagonal
 
 
 def robust_step(
     residuals: Callable[[Array], Array], width: int, tail: float, prior: Array | None = None, pull: Array | None = None
 ) -> Array:
-    """The Gauss-Newton step with Cauchy weights, (width,).
+    """Gauss-Newton step with Cauchy weights and a numerical Jacobian, (width,).
 
     Args:
-        residuals: (n, k) after a step.
-        width: Numbers of a step.
-        tail: Length of a row from which on it counts less.
-        prior: (width, width) information beside the residuals.
-        pull: (width,) gradient of that.
+        residuals: Function of a step that returns residuals, (n, k).
+        width: Number of unknowns.
+        tail: Scale of the Cauchy loss, for the norm of a row of residuals.
+        prior: (width, width) prior information, or None.
+        pull: (width,) gradient of the prior, or None.
     """
     now = residuals(np.zeros(width))
     slope = np.stack([(residuals(STEP * axis) - now) / STEP for axis in np.eye(width)], -1)

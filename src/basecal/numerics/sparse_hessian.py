@@ -1,4 +1,4 @@
-"""Hessians of many unknowns that few residuals tie together each: sparse, factorised, and their inverses in part."""
+"""Sparse Hessians of problems with many unknowns: factorisation, extreme eigenvalues, and parts of the inverse."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy  # its parts are loaded when they are first used
+import scipy  # submodules are loaded when they are first used
 
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import ROUNDING
 
-_LEAST_DIAGONAL = 1e-12  # of the largest: a column without information scales by it, not by nothing
-_TOLERANCE = 1e-3  # relative, of an eigenvalue that is compared with limits of one digit
-_CHUNK_COLUMNS = 512  # right-hand sides that are solved for together: some tens of megabytes of ten thousand unknowns
+_LEAST_DIAGONAL = 1e-12  # relative to the largest entry: limits the scale of columns without information
+_TOLERANCE = 1e-3  # relative tolerance of eigenvalues, which are compared with limits of one digit
+_CHUNK_COLUMNS = 512  # right-hand sides per solve: some tens of megabytes for ten thousand unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,16 +24,16 @@ class SparseHessian:
     matrix: scipy.sparse.csc_array
 
     def quadratic(self, step: Array) -> Array:
-        """`step' H step` of steps (1, p), (1,)."""
+        """Quadratic form `step' H step` for a step (1, p), (1,)."""
         return np.array([step[0] @ (self.matrix @ step[0])])
 
     def damped_step(self, gradient: Array, damping: Array) -> Array:
-        """The step (1, p) downhill by a gradient (1, p), as the scaled diagonal is raised by a damping (1,).
+        """Damped Newton step, (1, p), for a gradient (1, p) and a damping (1,) of the scaled diagonal.
 
         Raises:
-            LinAlgError: if the matrix is singular even so.
+            LinAlgError: if the damped matrix is singular.
         """
-        if not np.isfinite(self.matrix.data).all():  # as NumPy does, which says nothing of what is no number
+        if not np.isfinite(self.matrix.data).all():  # NaN without an error, as in NumPy
             return np.full_like(gradient, np.nan)
         factor = _factorise(
             self._scaled_matrix + float(damping[0]) * scipy.sparse.diags_array(np.ones(len(self._scale)), format="csc")
@@ -53,16 +53,16 @@ class SparseHessian:
 
     @cached_property
     def factor(self) -> scipy.sparse.linalg.SuperLU:
-        """Factor of the scaled matrix.
+        """LU factor of the scaled matrix.
 
         Raises:
-            LinAlgError: if it is singular.
+            LinAlgError: if the matrix is singular.
         """
         return _factorise(self._scaled_matrix)
 
     @cached_property
     def extremes(self) -> tuple[float, float]:
-        """The smallest and the largest eigenvalue; the smallest is 0 if it is rounding of the largest."""
+        """Smallest and largest eigenvalue; the smallest is 0 if it is within rounding of the largest."""
         largest = _largest_eigenvalue(len(self._scale), lambda x: self.matrix @ x)
         try:
             smallest = 1 / _largest_eigenvalue(
@@ -73,7 +73,7 @@ class SparseHessian:
         return (smallest if smallest > ROUNDING * largest else 0.0), largest
 
     def rescale(self, scale: Array) -> SparseHessian:
-        """A copy in unknowns (p,) of which one is `scale` of the old."""
+        """Return the Hessian in new units of the unknowns, with `scale` (p,) old units per new unit."""
         by = scipy.sparse.diags_array(scale, format="csc")
         return SparseHessian(scipy.sparse.csc_array(by @ self.matrix @ by))
 
@@ -88,7 +88,7 @@ class SparseHessian:
         return out
 
     def inverse_block(self, columns: IntArray) -> Array:
-        """The inverse at rows and columns (c,), (c, c), symmetric."""
+        """Symmetric block of the inverse at rows and columns (c,), (c, c)."""
         found = np.empty((len(columns), len(columns)))
         for at in range(0, len(columns), _CHUNK_COLUMNS):
             some = columns[at : at + _CHUNK_COLUMNS]
@@ -104,12 +104,12 @@ def _factorise(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
             options={"SymmetricMode": True},
             diag_pivot_thresh=0.0,
         )
-    except RuntimeError as error:  # SciPy's own word for what NumPy calls a LinAlgError
+    except RuntimeError as error:  # SciPy's error for a singular matrix
         raise np.linalg.LinAlgError("the unknowns have no solution") from error
 
 
 def _largest_eigenvalue(size: int, apply: Callable[[Array], Array]) -> float:
-    """The largest eigenvalue of a symmetric operator."""
+    """Largest eigenvalue of a symmetric operator."""
     operator = scipy.sparse.linalg.LinearOperator((size, size), matvec=apply, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(size)  # the same in every run
     return float(

@@ -1,8 +1,8 @@
-"""Rank, null space and pseudo-inverse: what of a matrix is information and what is rounding.
+"""Rank, null space and pseudo-inverse of information matrices, with eigenvalues due to rounding removed.
 
 Information matrices are scaled to a unit diagonal first, since they combine metres, radians and pixels of a lens.
-Eigenvalues then compare the information about combinations with that about the unknowns themselves. Matrices whose
-units say what counts (shares of a variance, motions in radians) are not scaled, see `scaled_spectrum`.
+Eigenvalues then compare the information about combinations with that about the single unknowns. Matrices with
+meaningful units (shares of a variance, motions in radians) are not scaled, see `scaled_spectrum`.
 """
 
 from __future__ import annotations
@@ -16,29 +16,29 @@ from scipy.linalg.lapack import dsyevr
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.geometry.rotation import lengths
 
-ROUNDING = 1e-12  # eigenvalue over the largest, of information: J'J loses 1e-16 of it per row, some thousands of them
-# Likewise of one view: moments about an origin twenty targets away round at 2e-13, what two points hold is above 1e-6.
+# Relative eigenvalue below which information is rounding: J'J loses 1e-16 per row, with some thousands of rows.
+ROUNDING = 1e-12
+# The same for a single view: moments about an origin at 20 target sizes round at 2e-13; two points hold above 1e-6.
 VIEW_ROUNDING = 1e-9
-INDEPENDENT_SHARE = (
-    1e-9  # singular value over the largest, of columns that are exact but for rounding of 1e-16 a product
-)
-FLAT_SHARE = 1e-6  # extent over the largest: a micrometre on a metre is no depth, and ten orders above rounding
-NULL_GAP = 0.35  # singular value of a null vector over the next: noise leaves less, two null vectors are alike
-_SECOND_NULL_SHARE = 1e-3  # next singular value of rows of unit size: below, noise apart, more than one vector is null
+# Relative singular value of dependent columns that are exact except for rounding of 1e-16 per product.
+INDEPENDENT_SHARE = 1e-9
+FLAT_SHARE = 1e-6  # relative extent: a micrometre on a metre is flat, but ten orders of magnitude above rounding
+NULL_GAP = 0.35  # largest ratio of a null vector's singular value to the next: two null vectors have similar values
+_SECOND_NULL_SHARE = 1e-3  # next singular value of rows of unit size, below which the null vector is not unique
 _SMALLEST_DIVISOR = 1e-300  # keeps quotients of zeros finite
-_RIDGE, _SMALLEST_RIDGE = 1e-15, 1e-100  # of the trace, and of none: makes a singular matrix invertible
+_RIDGE, _SMALLEST_RIDGE = 1e-15, 1e-100  # relative to the trace, and absolute: makes a singular matrix invertible
 _SQUARINGS = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Symmetric positive semidefinite matrices (..., k, k) taken apart: `D V diag(values) V' D` with D of `scale`.
+    """Decomposition of symmetric positive semidefinite matrices (..., k, k): `D V diag(values) V' D`, D = diag(scale).
 
     Attributes:
-        values: (..., k) eigenvalues after scaling, rising.
-        vectors: (..., k, k) the eigenvectors, a column each.
-        scale: (..., k) what one scaled unit multiplies each row and column by.
-        held: (..., k) which eigenvalues are information, not rounding.
+        values: (..., k) eigenvalues after scaling, increasing.
+        vectors: (..., k, k) eigenvectors as columns.
+        scale: (..., k) factor of each row and column.
+        held: (..., k) whether each eigenvalue is information, not rounding.
     """
 
     values: Array
@@ -48,30 +48,34 @@ class Spectrum:
 
     @property
     def rank(self) -> IntArray:
-        """(...,) how many directions hold information."""
+        """Number of directions with information, (...,)."""
         return np.asarray(np.count_nonzero(self.held, axis=-1), dtype=np.int64)
 
     @cached_property
     def root(self) -> Array:
-        """R, (..., k, k), with `R @ R'` the matrix; zero columns along directions without information."""
+        """Factor R, (..., k, k), with `R @ R'` the matrix; zero columns for directions without information."""
         size = np.where(self.held, np.sqrt(np.maximum(self.values, 0.0)), 0.0)
         return np.asarray(self.vectors * self.scale[..., :, None] * size[..., None, :])
 
     @cached_property
     def inverse_root(self) -> Array:
-        """Q, (..., k, k), with `Q @ Q'` the pseudo-inverse, in the scaled metric; zero columns likewise."""
+        """Factor Q, (..., k, k), with `Q @ Q'` the pseudo-inverse in the scaled metric.
+
+        Columns of directions without information are zero.
+        """
         size = np.where(self.held, 1 / np.sqrt(np.where(self.held, self.values, 1.0)), 0.0)
         return np.asarray(self.vectors / self.scale[..., :, None] * size[..., None, :])
 
     @property
     def inverse(self) -> Array:
-        """The inverse, (..., k, k), zero along directions without information."""
+        """Pseudo-inverse, (..., k, k), zero in directions without information."""
         return np.asarray(self.inverse_root @ self.inverse_root.mT)
 
     def inverse_with_ridge(self, ridge: float) -> Array:
-        """`(M + ridge)^-1`, (..., k, k), among the directions that hold information; zero along the others.
+        """Inverse `(M + ridge)^-1`, (..., k, k), in the directions with information; zero in the others.
 
-        Regular whatever the sizes of ridge and matrix: `Q (1 + ridge Q' Q)^-1 Q'`, of the eigenvalues of `ridge Q' Q`.
+        Computed as `Q (1 + ridge Q' Q)^-1 Q'` from the eigenvalues of `ridge Q' Q`. This is stable for any sizes of the
+        ridge and the matrix.
         """
         root = self.inverse_root
         if not root.size:
@@ -82,33 +86,32 @@ class Spectrum:
 
     @property
     def log_det(self) -> Array:
-        """(...,) logarithm of the determinant over what holds information."""
+        """Log pseudo-determinant, (...,): over the directions with information."""
         logs = np.log(np.where(self.held, self.values, 1.0)).sum(-1)
         return np.asarray(logs + 2 * np.log(self.scale).sum(-1))
 
     def add_ridge(self, share: float) -> Spectrum:
-        """A copy with so small a share of the largest eigenvalue added to each: small information fades out.
+        """Return a copy with a share of the largest eigenvalue added to all eigenvalues.
 
-        If eigenvalues are near a limit, the directions that it admits change abruptly from one matrix to its neighbour.
-        The quotients of these eigenvalues and the new ones are the weights of the directions, and change as smoothly as
-        the eigenvalues.
+        A hard threshold on eigenvalues changes the set of directions abruptly if an eigenvalue is near it. With a
+        ridge, each direction has the weight old / new eigenvalue, which changes smoothly.
         """
         values = np.maximum(self.values, 0.0)
         raised = values + share * np.maximum(values[..., -1:], _SMALLEST_DIVISOR)
         return replace(self, values=raised, held=np.ones(self.held.shape, dtype=bool))
 
     def squared_mahalanobis(self, vector: Array) -> Array:
-        """`v' M^+ v` of vectors (..., k), (...,)."""
+        """Squared Mahalanobis norms `v' M^+ v` of vectors (..., k), (...,)."""
         along = (self.vectors.mT @ (vector / self.scale)[..., None])[..., 0]
         return np.asarray(np.sum(np.where(self.held, along**2 / np.where(self.held, self.values, 1.0), 0.0), -1))
 
 
 def spectrum(information: Array, rounding: float = ROUNDING) -> Spectrum:
-    """Information matrices (..., k, k) taken apart, scaled to a unit diagonal.
+    """Decompose information matrices (..., k, k), scaled to a unit diagonal.
 
     Args:
-        information: Symmetric, positive semidefinite but for rounding.
-        rounding: Share of the largest eigenvalue up to which one is none.
+        information: Symmetric, positive semidefinite except for rounding.
+        rounding: Share of the largest eigenvalue up to which an eigenvalue is rounding.
     """
     diagonal = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 0.0))
     scale = np.where(diagonal > 0, diagonal, 1.0)
@@ -119,14 +122,14 @@ def spectrum(information: Array, rounding: float = ROUNDING) -> Spectrum:
 
 
 def scaled_spectrum(matrix: Array, least: float | Array, scale: Array | None = None) -> Spectrum:
-    """Symmetric matrices (..., k, k) taken apart in units in which `least` is the smallest eigenvalue that counts.
+    """Decompose symmetric matrices (..., k, k) in given units; eigenvalues up to `least` hold no information.
 
-    None counts that is rounding of the largest.
+    Eigenvalues within rounding of the largest hold no information either.
 
     Args:
-        matrix: Symmetric, positive semidefinite but for rounding.
-        least: In units of the matrix, over the squares of `scale`.
-        scale: (..., k) what one unit of each row and column is; 1 where None.
+        matrix: Symmetric, positive semidefinite except for rounding.
+        least: Threshold of eigenvalues, in units of the matrix divided by `scale` squared.
+        scale: (..., k) factor of each row and column; 1 if None.
     """
     scaled = matrix if scale is None else matrix / scale[..., :, None] / scale[..., None, :]
     scale = np.ones(matrix.shape[:-1]) if scale is None else scale
@@ -137,15 +140,16 @@ def scaled_spectrum(matrix: Array, least: float | Array, scale: Array | None = N
 
 
 def floored_spectrum(matrix: Array, least: float | Array) -> Spectrum:
-    """Symmetric matrices (..., k, k) with eigenvalues below `least` raised to it: regular, for steps and densities."""
+    """Decompose symmetric matrices (..., k, k), with eigenvalues below `least` raised to `least`: always regular."""
     of = scaled_spectrum(matrix, least)
     return replace(of, values=np.maximum(of.values, least), held=np.ones(of.held.shape, dtype=bool))
 
 
 def floored_inverse(matrix: Array, least: float) -> Array:
-    """The inverse of what `floored_spectrum` gives; decomposes only if an eigenvalue is below the floor.
+    """Inverse of the matrix of `floored_spectrum`; decomposes only if an eigenvalue is below the floor.
 
-    The floor is `least`, or rounding of the trace if that is more: an inverse of less has negative variances.
+    The floor is `least`, or the rounding of the trace if that is larger: the inverse of smaller eigenvalues could have
+    negative variances.
     """
     floor = np.maximum(least, ROUNDING * np.trace(matrix, axis1=-2, axis2=-1))[..., None]
     try:
@@ -156,34 +160,35 @@ def floored_inverse(matrix: Array, least: float) -> Array:
 
 
 def inverse_beside_identity(matrix: Array) -> Array:
-    """`(1 + M)^-1` of symmetric, positive semidefinite M, (..., k, k): regular if M drowns the identity in rounding."""
+    """Inverse `(1 + M)^-1` of symmetric, positive semidefinite M, (..., k, k); stable also for very large M."""
     values, vectors = np.linalg.eigh(matrix)
     return np.asarray((vectors / (1 + np.maximum(values, 0.0))[..., None, :]) @ vectors.mT)
 
 
 def holds_information(values: Array, rounding: float = ROUNDING) -> BoolArray:
-    """Which eigenvalues, (..., k) rising, are more than rounding of the largest."""
+    """Whether increasing eigenvalues, (..., k), are more than rounding of the largest, (..., k)."""
     return np.asarray(values > rounding * np.maximum(values[..., -1:], _SMALLEST_DIVISOR))
 
 
 def least_norm(rows: Array, right: Array) -> Array:
-    """The smallest of the least-squares solutions of `rows @ x = right`, (m, k) and (m,) to (k,)."""
+    """Least-squares solution of `rows @ x = right` of least norm, (m, k) and (m,) to (k,)."""
     return np.asarray(np.linalg.lstsq(rows, right, rcond=INDEPENDENT_SHARE)[0], dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
 class NullVector:
-    """The unit vector, (k,), that rows map nearest to zero, and whether it alone."""
+    """Unit vector, (k,), that rows map nearest to zero, and whether it is unique."""
 
     vector: Array
     unique: bool
 
 
 def smallest_vectors(matrix: Array) -> Array:
-    """The eigenvectors of the smallest eigenvalues of symmetric positive semidefinite matrices (..., k, k), (..., k).
+    """Eigenvectors of the smallest eigenvalues of symmetric positive semidefinite matrices (..., k, k), (..., k).
 
-    By inverse iteration, squared, in half the time of the decomposition of many. If the smallest eigenvalue is a share
-    r of the next, r^16 of the next vector is left. Two equal ones give some vector of both.
+    Computed by inverse iteration with repeated squaring, in half the time of a decomposition for many matrices. If the
+    smallest eigenvalue is a share r of the next, a part r^16 of the next eigenvector remains. For two equal smallest
+    eigenvalues, the result is any vector of their eigenspace.
     """
     inverse = matrix.copy()
     diagonal = np.einsum("...ii->...i", inverse)  # a view
@@ -198,13 +203,13 @@ def smallest_vectors(matrix: Array) -> Array:
 
 
 def null_vector(squares: Array, size: float) -> NullVector:
-    """The null vector of noisy rows, unique where the next singular value stands clear of its own and of nothing.
+    """Null vector of noisy rows; unique if the next singular value is well above its own and above zero.
 
     Args:
-        squares: (k, k) the rows' products, `rows.T @ rows`.
-        size: Root of the sum of squared sizes of the rows' blocks, which singular values are compared with.
+        squares: (k, k) products of the rows, `rows.T @ rows`.
+        size: Root of the sum of squared sizes of the rows' blocks, the scale of singular values.
     """
-    # By LAPACK itself: SciPy's eigh takes a quarter longer to check what it is given.
+    # LAPACK directly: the input checks of SciPy's eigh take a quarter longer.
     values, vectors, *_ = dsyevr(squares, range="I", il=1, iu=2)
     first, second = np.sqrt(np.maximum(values[:2], 0.0)) / size
     return NullVector(vectors[:, 0], bool(first < NULL_GAP * second and second > _SECOND_NULL_SHARE))
@@ -212,14 +217,14 @@ def null_vector(squares: Array, size: float) -> NullVector:
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """A basis (p, k) turned so that its columns fall by how much of them lies in some rows, that share (k,) beside."""
+    """Rotated basis (p, k), with columns sorted by the norm of their part in some rows, and this norm, (k,)."""
 
     basis: Array
     share: Array
 
 
 def sort_by_share(basis: Array, rows: IntArray) -> Turned:
-    """A basis, (p, k), turned by what its directions move of some rows, orthogonal there."""
+    """Rotate a basis, (p, k), so that its columns are orthogonal in some rows, sorted by their norm there."""
     if not len(rows) or not basis.shape[1]:
         return Turned(basis, np.zeros(basis.shape[1]))
     _, values, mix = np.linalg.svd(basis[rows], full_matrices=len(rows) < basis.shape[1])
@@ -228,7 +233,7 @@ def sort_by_share(basis: Array, rows: IntArray) -> Turned:
 
 @dataclass(frozen=True, eq=False)
 class PrincipalAxes:
-    """How vectors spread: along unit axes, one a column of (k, k), by extents (k,), falling; counted to `dimension`."""
+    """Principal axes of vectors: unit axes as columns, (k, k), decreasing extents (k,), and their number above zero."""
 
     axes: Array
     extents: Array
@@ -236,7 +241,7 @@ class PrincipalAxes:
 
 
 def principal_axes(vectors: Array, least: float = FLAT_SHARE) -> PrincipalAxes:
-    """Axes along which vectors (n, k) from the origin spread; extents up to `least` of the largest are none."""
+    """Principal axes of vectors (n, k) about the origin; extents up to `least` times the largest count as zero."""
     _, values, axes = np.linalg.svd(vectors, full_matrices=vectors.shape[0] < vectors.shape[1])
     extents = np.append(values, np.zeros(vectors.shape[1] - len(values)))
     return PrincipalAxes(
@@ -245,10 +250,10 @@ def principal_axes(vectors: Array, least: float = FLAT_SHARE) -> PrincipalAxes:
 
 
 def pseudo_inverse(rows: Array) -> Array:
-    """Moore and Penrose's inverse of rows (m, k) that are exact but for rounding, (k, m)."""
+    """Moore-Penrose inverse of rows (m, k) that are exact except for rounding, (k, m)."""
     return np.asarray(np.linalg.pinv(rows, rcond=INDEPENDENT_SHARE), dtype=np.float64)
 
 
 def dimension(points: Array, least: float = FLAT_SHARE) -> int:
-    """How many dimensions points (p, 3) span: 0 if all are one, 1 on a line, 2 in a plane, else 3."""
+    """Number of dimensions that points (p, 3) span: 0 if all are equal, 1 on a line, 2 in a plane, else 3."""
     return principal_axes(points - points.mean(0), least).dimension if len(points) else 0

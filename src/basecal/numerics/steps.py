@@ -1,4 +1,4 @@
-"""Generators run side by side: what they yield at a time is answered as one batch."""
+"""Run generators in lockstep: the requests that they yield are answered as one batch."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Result = TypeVar("Result")
 def run_in_step(
     tasks: Sequence[Generator[Wanted, Answer, Result]], answer_all: Callable[[list[Wanted]], Iterable[Answer]]
 ) -> list[Result]:
-    """Results of generators; `answer_all` gives the answers to what those that have not ended yield."""
+    """Run generators to their ends and return their results; `answer_all` answers all requests of one step."""
     results: dict[int, Result] = {}
     answers: dict[int, Any] = dict.fromkeys(range(len(tasks)))
     while answers:
         wanted: dict[int, Wanted] = {}
         for number, answer in answers.items():
             try:
-                wanted[number] = tasks[number].send(answer)  # None begins it
+                wanted[number] = tasks[number].send(answer)  # None starts the generator
             except StopIteration as end:
                 results[number] = end.value
         answers = dict(zip(wanted, answer_all(list(wanted.values())), strict=True)) if wanted else {}

@@ -1,8 +1,8 @@
 """Second-order curvature of residuals: the part of the cost's curvature that J'J omits, estimated from steps.
 
-Where residuals are large and the model is curved, steps of Gauss-Newton overshoot or fall short by the same share
-each time. The change of the gradient over a step gives this share; a symmetric matrix of rank one then fixes that
-direction.
+For large residuals of a nonlinear model, Gauss-Newton steps are too long or too short by a constant factor. The change
+of the gradient over a step determines this factor. A symmetric rank-one update of the Hessian corrects it in the
+direction of the step.
 Source: Dennis, Gay, Welsch 1981, "An adaptive nonlinear least-squares algorithm" (NL2SOL); the update is SR1.
 """
 
@@ -12,24 +12,23 @@ import numpy as np
 
 from basecal.geometry import Array, BoolArray
 
-_LEAST_SHARE = 0.01  # of the curvature along a step: less slows no descent
-# Of the scaled diagonal, by which an update may change it: residuals that bend more are no optimum's, and next to
-# nothing along a step would be divided by.
+_LEAST_SHARE = 0.01  # relative to the curvature along a step: smaller corrections have no effect on convergence
+# Largest update relative to the scaled diagonal: curvatures at an optimum are smaller, and a larger update means
+# division by nearly zero.
 _LARGEST_CHANGE = 1.0
-_LEAST_DIAGONAL_SHARE = (
-    0.1  # of the diagonal, where residuals bend away from it: with less a step is beyond all that was seen
-)
+# Least diagonal with negative curvature, relative to that of J'J: with less, steps would leave the explored region.
+_LEAST_DIAGONAL_SHARE = 0.1
 
 
 def with_secant(bend: Array, hessian: Array, change: Array, step: Array, is_near: BoolArray) -> Array:
-    """The bend of residuals after a step, none if it was not near an optimum, (b, p, p).
+    """Update the second-order curvature of residuals after a step, (b, p, p); zero if the step is not near an optimum.
 
     Args:
-        bend: As known before, (b, p, p).
+        bend: Previous curvature, (b, p, p).
         hessian: J'J after the step, (b, p, p).
-        change: Of the gradient over the step, (b, p).
-        step: (b, p).
-        is_near: (b,) whether the step was taken and near enough to an optimum to be used.
+        change: Change of the gradient over the step, (b, p).
+        step: The step, (b, p).
+        is_near: (b,) whether the step was accepted and is near enough to an optimum.
     """
     kept = np.where(is_near[:, None, None], bend, 0.0)
     if not is_near.any():
@@ -48,7 +47,7 @@ def with_secant(bend: Array, hessian: Array, change: Array, step: Array, is_near
 
 
 def usable_curvature(bend: Array, hessian: Array) -> Array:
-    """The bend of residuals where it leaves enough of the hessian's diagonal, none elsewhere, (b, p, p)."""
+    """Second-order curvature if the Hessian's diagonal stays sufficiently positive with it, else zero, (b, p, p)."""
     diagonal, change = (np.diagonal(of, axis1=1, axis2=2) for of in (hessian, bend))
     leaves = np.all(diagonal + change >= _LEAST_DIAGONAL_SHARE * diagonal, axis=1)
     return np.where(leaves[:, None, None], bend, 0.0)

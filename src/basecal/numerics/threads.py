@@ -1,4 +1,4 @@
-"""The number of threads of BLAS: the matrices here are small, and more threads only wait for one another."""
+"""Limit the number of BLAS threads: for small matrices, more threads only wait for one another."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _STATED = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BLIS_N
 
 
 def limit_threads(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
-    """Decorate a function to run with one thread of BLAS, and to restore the caller's number after it.
+    """Decorate a function to run with one BLAS thread, and to restore the caller's number of threads afterwards.
 
-    A number that an environment variable of a BLAS states is kept.
+    The number is not changed if an environment variable of a BLAS library sets it.
     """
 
     @wraps(function)

@@ -1,4 +1,4 @@
-"""Nodes that pairs tie together, in small blocks: those that tie too many are taken out as hubs."""
+"""Partition the nodes of a graph into small blocks; nodes that connect too many others are removed as hubs."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from basecal.geometry import IntArray
 
 
 class TiedBlocks(NamedTuple):
-    """Nodes in blocks that no pair leads out of.
+    """Partition of nodes into blocks without pairs between them.
 
     Attributes:
-        block: (n,) the number of each node's block; -1 of a hub.
-        place: (n,) its place there, in the order of the nodes; -1 of a hub.
-        hubs: Nodes in no block, rising.
+        block: (n,) block number of each node; -1 for a hub.
+        place: (n,) position of each node in its block, in the order of the nodes; -1 for a hub.
+        hubs: Nodes in no block, increasing.
     """
 
     block: IntArray
@@ -26,13 +26,13 @@ class TiedBlocks(NamedTuple):
 
 
 def tied_blocks(pairs: IntArray, count: int, block_size: int, known_hubs: Sequence[int] = ()) -> TiedBlocks:
-    """Blocks of at most so many nodes.
+    """Partition nodes into blocks of at most `block_size` nodes.
 
     Args:
-        pairs: (p, 2) nodes that stand in one block, or of which one is a hub.
-        count: How many nodes there are.
-        block_size: Of a block.
-        known_hubs: Nodes that are hubs whatever they tie.
+        pairs: (p, 2) pairs of connected nodes, which are in one block unless one of them is a hub.
+        count: Number of nodes.
+        block_size: Most nodes of a block.
+        known_hubs: Nodes that are hubs in any case.
     """
     pairs = pairs[~np.isin(pairs, known_hubs).any(axis=1)]
     label = components(pairs, count)
@@ -49,7 +49,7 @@ def tied_blocks(pairs: IntArray, count: int, block_size: int, known_hubs: Sequen
 
 
 def components(pairs: IntArray, count: int) -> IntArray:
-    """The lowest node that pairs lead to from each of so many nodes, (count,)."""
+    """Lowest node of the connected component of each node, (count,)."""
     label = np.arange(count)
     previous = label - 1
     while not np.array_equal(label, previous):
@@ -61,7 +61,10 @@ def components(pairs: IntArray, count: int) -> IntArray:
 
 
 def _separator_nodes(pairs: IntArray, block_size: int) -> list[int]:
-    """Nodes without which pairs tie no more than so many others together, rising: those of most pairs first."""
+    """Nodes whose removal leaves components of at most `block_size` nodes, increasing.
+
+    In each larger component, the node with the most neighbours is removed first.
+    """
     partners: dict[int, set[int]] = defaultdict(set)
     for a, b in set(map(tuple, pairs.tolist())):
         partners[a].add(b)
@@ -85,7 +88,7 @@ def _separator_nodes(pairs: IntArray, block_size: int) -> list[int]:
 
 
 def _connected_nodes(first: int, partners: Mapping[int, set[int]]) -> set[int]:
-    """The nodes that pairs tie to one, itself among them."""
+    """Nodes of the connected component of a node, including the node."""
     reached, waiting = {first}, [first]
     while waiting:
         fresh = partners[waiting.pop()] - reached

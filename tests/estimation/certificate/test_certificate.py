@@ -302,7 +302,7 @@ def test_the_proven_rotations_lead_back_from_a_worse_state(reference, monkeypatc
         ),
         (
             lambda of: replace(of, problem=of.problem.with_groups(g.take(np.arange(2)) for g in of.problem.groups)),
-            "no pose from a single view: fewer than 3 views of board by wrist have one that is beyond doubt",
+            "no pose from a single view: fewer than 3 views of board by wrist have an unambiguous pose",
         ),
     ],
 )

@@ -229,7 +229,7 @@ def test_candidates_for_several_lights_are_left_out(shape):
     problem, (finding,) = build_problem(made.cell, Recording((first, *made.recording.samples[1:])))
     assert [len(group) for group in problem.groups] == [4]
     assert finding.about == ("0",)
-    assert finding.message.startswith("1 view(s) are not used, of sample 0: candidates for several lights")
+    assert finding.message.startswith("1 view(s) are not used, of sample 0: candidates for several LEDs")
 
 
 def test_only_robots_with_noise_have_stops():

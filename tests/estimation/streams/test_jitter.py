@@ -101,7 +101,8 @@ def bent(made: Streamed, seed: int) -> Streamed:
     for name, by_size in moves.items():
         expected = EFFECTS[name].expected
         assert expected is not None
-        sigma = rng.choice(expected.prior.sigmas, p=expected.prior.shares)
+        prior = expected.prior(len(CONTAINED))
+        sigma = rng.choice(prior.sigmas, p=prior.shares)
         total += by_size @ (sigma * rng.standard_normal(by_size.shape[-1]))
     back = dict(zip((s.sample for s in seen), MOUNT.inverse() @ SE3.exp(-total) @ MOUNT, strict=True))
     samples = []

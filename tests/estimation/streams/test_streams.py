@@ -153,7 +153,7 @@ def test_poses_of_a_still_arm_that_are_missing_are_named() -> None:
 
 def test_clocks_that_share_no_time_are_an_error() -> None:
     made = streamed(offset_s=1.6e9)
-    with pytest.raises(InputError, match=r"stamps of wrist and of arm share no time.*clock: \{status: free, offset_s"):
+    with pytest.raises(InputError, match=r"stamps of wrist and of arm do not overlap.*clock: \{status: free, offset_s"):
         recording_streams(made.cell, made.recording)
     guessed = streamed(offset_s=1.6e9, clock=Clock("free", 1.6e9 - 0.02))
     assert recording_streams(guessed.cell, guessed.recording) is not None
@@ -241,7 +241,7 @@ def test_one_view_within_the_records_is_enough(shift: float, shares: bool) -> No
         assert recording_streams(made.cell, made.recording) is not None
         return
     first, last = 0.5 + shift, 7.4 + shift
-    with pytest.raises(InputError, match=f"share no time: {first:.3f} to {last:.3f} s and 0.000 to 7.980 s; write"):
+    with pytest.raises(InputError, match=f"do not overlap: {first:.3f} to {last:.3f} s and 0.000 to 7.980 s; write"):
         recording_streams(made.cell, made.recording)
 
 
@@ -351,7 +351,7 @@ def test_stamps_must_share_some_time(offset_s: float, of_robot_s: float, robot: 
     if overlaps:
         assert recording_streams(cell, Recording(tuple(lines))) is not None
     else:
-        with pytest.raises(InputError, match="share no time"):
+        with pytest.raises(InputError, match="do not overlap"):
             recording_streams(cell, Recording(tuple(lines)))
 
 

@@ -1,1 +1,1 @@
-"""The paper's closed form."""
+"""The axis-shift method of the paper, in closed form."""

@@ -1,8 +1,8 @@
-"""The paper's closed form: a light that one robot shifts, seen by a camera that stands still.
+"""The paper's closed form: one robot shifts an LED in front of a camera at rest.
 
-A light G on the hand robot moves along three directions while the camera C stands still. The shifts of its image give
-`camera_from_light` in closed form, and the base follows with the two robots' poses. Numbers in brackets are the paper's
-equations. Image coordinates are undistorted pixels minus the principal point, v down.
+An LED G on the hand robot moves along three directions while the camera C is at rest. `camera_from_light` follows in
+closed form from the shifts of the LED's image, and the base from this and the two robots' poses. Numbers in brackets
+are the paper's equations. Image coordinates are undistorted pixels minus the principal point, v down.
 
 Source: "Base Calibration for Dual Robot System", section 2, eqs. (1)-(16). We differ in one point: real shifts are
 neither equal nor along the axes. The measured 3x3 matrix of shifts therefore replaces the paper's L times the identity.
@@ -21,18 +21,18 @@ from basecal.geometry.rotation import cross_matrix, nearest_rotation
 from basecal.numerics.spectral import principal_axes, pseudo_inverse
 
 _FLAT_SHIFTS = 1e-3  # third singular value of the shifts over the first: below, they lie in a plane
-_NEARLY_PARALLEL = 1e-4  # [rad] between two rows: below, their plane is known to fewer than twelve digits
-_NEWTON_STEPS = 100  # at most
+_NEARLY_PARALLEL = 1e-4  # [rad] between two rows: below, their plane is accurate to fewer than twelve digits
+_NEWTON_STEPS = 100  # most Newton steps
 _NEWTON_SETTLED = 1e-14  # rounding of a rotation
 
 
 @dataclass(frozen=True, eq=False)
 class ShiftEstimate:
-    """The answer of one station.
+    """Estimate of one station.
 
     Attributes:
         raw_rotation: (..., 3, 3) `camera_from_light` of eq. (8): rows k1, k2 and k3 = k1 x k2, not yet orthonormal.
-        camera_from_light: (...,) the same orthonormalised, with the translation of eq. (9).
+        camera_from_light: (...,) orthonormalised rotation, with the translation of eq. (9).
     """
 
     raw_rotation: Array
@@ -40,17 +40,17 @@ class ShiftEstimate:
 
 
 def image_gradient(image_shifts: Array, shifts_in_light: Array) -> Array:
-    """How the image moves with the light: rows (du/dp, dv/dp), (..., 2, 3) [px/m].
+    """Derivative of the image point with respect to the LED's position: rows (du/dp, dv/dp), (..., 2, 3) [px/m].
 
     Args:
         image_shifts: (..., n, 2) [px] shifts of the image, n >= 3.
-        shifts_in_light: (n, 3) [m] shifts of the light along G's axes; least squares where n > 3.
+        shifts_in_light: (n, 3) [m] shifts of the LED along G's axes; least squares if n > 3.
 
     Raises:
         NotObservable: if the shifts lie in a plane.
     """
     if principal_axes(shifts_in_light, _FLAT_SHIFTS).dimension < 3:
-        raise NotObservable("the shifts of the light lie in one plane: add one that leaves it")
+        raise NotObservable("the shifts of the LED lie in one plane: add a shift out of this plane")
     return np.asarray(np.swapaxes(pseudo_inverse(shifts_in_light) @ image_shifts, -1, -2))
 
 
@@ -58,12 +58,12 @@ def estimate(light_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate
     """`camera_from_light` in closed form, eqs. (7)-(9).
 
     Args:
-        light_px: (..., 2) [px] where the light is seen before the shifts.
-        gradient: (..., 2, 3) [px/m] of `image_gradient`; its rows are (u_x, u_y, u_z) / L and (v_x, v_y, v_z) / L.
+        light_px: (..., 2) [px] image point of the LED before the shifts.
+        gradient: (..., 2, 3) [px/m] result of `image_gradient`, with rows (u_x, u_y, u_z) / L and (v_x, v_y, v_z) / L.
         focal_px: (2,) fu and fv [px].
 
     Returns:
-        The estimate; orthonormal before eq. (9) is used in eq. (10), as the paper does.
+        The estimate, orthonormalised before its use in eq. (10), as in the paper.
     """
     per_length = np.linalg.norm(gradient, axis=-1)  # (l_u, l_v) / L, eq. (7)
     k1, k2 = gradient[..., 0, :] / per_length[..., :1], gradient[..., 1, :] / per_length[..., 1:]
@@ -74,11 +74,11 @@ def estimate(light_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate
 
 
 def _nearest_rotations(raw: Array) -> Array:
-    """The rotations nearest to rows k1, k2 of length one and k1 x k2, (..., 3, 3).
+    """Nearest rotations to rows k1, k2 of length one and k1 x k2, (..., 3, 3).
 
-    The third row is perpendicular to the others. Only these are therefore rotated in their plane, each by half of the
+    The third row is perpendicular to the others. Therefore k1 and k2 are rotated in their plane, each by half the
     deviation of their angle from 90 deg. Their sum and their difference keep their directions. If k1 and k2 are nearly
-    parallel, rounding decides.
+    parallel, the result is determined by rounding.
     """
     k1, k2 = raw[..., 0, :], raw[..., 1, :]
     total, apart = k1 + k2, k1 - k2
@@ -95,16 +95,16 @@ def base_of_station(eye_base_from_camera: SE3, camera_from_light: SE3, hand_base
 
 
 def orthonormalise(rows: Array) -> Array:
-    """The rotation nearest to three rows, by Newton's iteration on eqs. (14)-(16).
+    """Nearest rotation to three rows, by Newton's method on eqs. (14)-(16).
 
-    The unknowns are r1, r2 and the three multipliers; r3 = r1 x r2. We differ: where the paper prints the derivative of
-    r1 x r2 to r1, its transpose is meant, the cross-product matrix of r2.
+    The unknowns are r1, r2 and the three multipliers; r3 = r1 x r2. We differ: the paper prints the derivative of
+    r1 x r2 with respect to r1, but means its transpose, the cross-product matrix of r2.
 
     Args:
         rows: (3, 3), k1, k2, k3 of eq. (11).
 
     Raises:
-        NotConverged: with the last rotation.
+        NotConverged: if the iteration does not converge; its `state` holds the last unknowns, (9,).
     """
     r = _gram_schmidt(rows)
     x = np.concatenate([r[0], r[1], np.zeros(3)])
@@ -113,7 +113,7 @@ def orthonormalise(rows: Array) -> Array:
         x = x + step
         if np.abs(step).max() < _NEWTON_SETTLED:
             return np.stack([x[:3], x[3:6], np.cross(x[:3], x[3:6])])
-    raise NotConverged("the orthonormalisation of eq. (16) did not settle", state=x)
+    raise NotConverged("the orthonormalisation of eq. (16) did not converge", state=x)
 
 
 def _gram_schmidt(rows: Array) -> Array:
@@ -124,7 +124,7 @@ def _gram_schmidt(rows: Array) -> Array:
 
 
 def _stationarity(x: Array, rows: Array) -> Array:
-    """The nine equations (16) at x = (r1, r2, lambda1, lambda2, lambda3)."""
+    """Residuals of the nine equations (16) at x = (r1, r2, lambda1, lambda2, lambda3), (9,)."""
     r1, r2, (m1, m2, m3) = x[:3], x[3:6], x[6:]
     off = np.cross(r1, r2) - rows[2]
     first = r1 - rows[0] + cross_matrix(r2) @ off + 0.5 * m1 * r2 + m2 * r1

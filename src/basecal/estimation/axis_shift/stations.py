@@ -1,7 +1,7 @@
-"""Stations of the paper's method in a recording: a still camera, a light shifted without turning.
+"""Stations of the paper's method in a recording: a camera at rest, and an LED shifted without rotation.
 
-Each station gives one estimate of the base; several give several, for different parts of the workspace. Which to take
-is up to the task: the nearest, a mean weighted by distance, or all of them fused.
+Each station gives one estimate of the base. Estimates of several stations hold for different parts of the workspace.
+Depending on the task, use the nearest station, a mean weighted by distance, or the mean of all stations.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.rotation import nearest_rotation
 from basecal.numerics.spectral import principal_axes
 
-_STILL_M = 2e-4  # travel of a camera that stands still: twice the 0.1 mm that makers state at most [m]
-_STILL_RAD = 1e-3  # turn of a light that is shifted [rad]; assumed
-_FEWEST_VIEWS = 4  # of a station: the paper's three shifts and their origin
-# Extent of the shifts over the largest: where the third is as long they span the space; assumed.
+_STILL_M = 2e-4  # largest travel of a camera at rest: twice the largest repeatability that makers state, 0.1 mm [m]
+_STILL_RAD = 1e-3  # largest rotation of a camera at rest and of a shifted LED [rad]; assumed
+_FEWEST_VIEWS = 4  # views of a station: the paper's three shifts and their origin
+# Extent of the shifts relative to the largest extent, above which they span three dimensions; assumed.
 _LEAST_EXTENT_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Station:
-    """One place where the camera stood still and the light was shifted.
+    """Views in which the camera was at rest and the LED was shifted.
 
     Attributes:
         camera: Name of the camera.
-        target: Name of the light.
-        samples: (n,) sample numbers; the first is where the shifts start from.
-        focal_px: (2,) fu and fv.
+        target: Name of the LED.
+        samples: (n,) sample numbers; the first is the origin of the shifts.
+        focal_px: (2,) fu and fv [px].
         light_px: (n, 2) [px] undistorted image coordinates about the principal point, v down.
-        shifts_in_light: (n, 3) [m] along the light's axes; the first is zero.
+        shifts_in_light: (n, 3) [m] shifts along the LED's axes; the first is zero.
         eye_base_from_camera: Pose of the camera.
-        hand_base_from_light: Pose of the light before the shifts.
+        hand_base_from_light: Pose of the LED before the shifts.
     """
 
     camera: str
@@ -52,17 +52,17 @@ class Station:
     hand_base_from_light: SE3
 
     def camera_from_light(self, light_px: Array | None = None) -> SE3:
-        """The closed form, from the recorded image coordinates or others, (..., n, 2)."""
+        """Estimate `camera_from_light` in closed form, from the recorded or other image coordinates, (..., n, 2)."""
         px = self.light_px if light_px is None else light_px
         gradient = image_gradient(px[..., 1:, :] - px[..., :1, :], self.shifts_in_light[1:])
         return estimate(px[..., 0, :], gradient, self.focal_px).camera_from_light
 
     def base(self, light_px: Array | None = None) -> SE3:
-        """`eye_base_from_hand_base`, eq. (10)."""
+        """Estimate `eye_base_from_hand_base`, eq. (10), from the recorded or other image coordinates, (..., n, 2)."""
         return base_of_station(self.eye_base_from_camera, self.camera_from_light(light_px), self.hand_base_from_light)
 
     def predicted_px(self, eye_base_from_hand_base: SE3) -> Array:
-        """Where the light would be seen, (n, 2), without the closed form's neglect of depth."""
+        """Predicted image coordinates of the LED, (n, 2) [px], by exact projection instead of the closed form."""
         eye_base_from_light = eye_base_from_hand_base @ self.hand_base_from_light
         camera_from_light = self.eye_base_from_camera.inverse() @ eye_base_from_light
         at = camera_from_light @ self.shifts_in_light
@@ -75,14 +75,14 @@ class Station:
 
 
 def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]:
-    """All stations of a recording.
+    """Find all stations of a recording.
 
     Args:
-        problem: Its views; mounts of cameras and lights must be known.
-        cameras: The lenses.
+        problem: Problem with the views; mounts of cameras and LEDs must be known.
+        cameras: The lenses, by name.
 
     Raises:
-        NotObservable: if a mount is not known, or no camera stood still while a light was shifted in three directions.
+        NotObservable: if a mount is not known, or no camera was at rest while an LED was shifted in three directions.
     """
     found = []
     for group in problem.groups:
@@ -103,21 +103,21 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
     stations = [station for station in found if station is not None]
     if not stations:
         raise NotObservable(
-            "no station found: the axis-shift method needs stations of a single light. The camera stands still there, "
-            "and the light shifts without rotating, along three directions that are not in one plane"
+            "no station found: the axis-shift method needs stations with a single LED. At a station the camera is at "
+            "rest. The LED shifts without rotating, along three directions that are not in one plane"
         )
     return stations
 
 
 def fuse_bases(bases: Sequence[SE3], weights: Sequence[float]) -> SE3:
-    """The mean of several transforms: least squares of the rotation matrices and of the translations."""
+    """Weighted mean of transforms: least squares of the rotation matrices and of the translations."""
     share = np.array(weights) / np.sum(weights)
     rotation = nearest_rotation(np.einsum("n,nij->ij", share, np.stack([b.rotation for b in bases])))
     return SE3(rotation, np.einsum("n,ni->i", share, np.stack([b.translation for b in bases])))
 
 
 def base_for_task(stations: Sequence[Station], task_in_eye_base: Array, is_nearest: bool) -> SE3:
-    """The base for work at a point, (3,) [m]: of the nearest station, or the mean weighted by distance^-2."""
+    """Base for a task at a point, (3,) [m]: from the nearest station, or the mean weighted by distance^-2."""
     bases = [s.base() for s in stations]
     lights = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
     distance = np.linalg.norm(lights - task_in_eye_base, axis=-1)
@@ -136,7 +136,7 @@ def _known_transform(problem: Problem, name: str) -> SE3:
 
 
 def _runs(group: ViewGroup) -> Iterator[IntArray]:
-    """Views between which neither the camera moved nor the light was turned, in order."""
+    """Yield runs of consecutive views in which the camera was at rest and the LED did not rotate."""
     eye, hand = group.eye.base_from_flange, group.hand.base_from_flange
     start = 0
     for i in range(1, len(group)):

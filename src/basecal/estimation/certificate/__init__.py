@@ -1,1 +1,1 @@
-"""A proof that no other rotations fit better."""
+"""Certificate of global optimality: a proof that no other rotations fit better."""

@@ -1,10 +1,10 @@
-"""Whether no other state fits better: the rotations proven, and what that proves of the whole.
+"""Certify that no other state fits better than a solution.
 
-1. Each loop's rotations: views and robots' errors cost at least a sum of w_i sin^2(angle_i / 2) over the loops. The
-   least value of that sum is found and proven by `relaxation`, for all rotations and whatever the quaternions' signs.
-2. The whole: a state as good as the solution has that sum at most as large as the solution's cost leaves room for.
-   The proof says how fast the sum grows, so that such a state's rotations lie within a known angle of the proven ones.
-3. Within that angle descents from all about must end in the solution. This is checked, not proven.
+1. Rotations of each loop: the cost of views and robot errors is at least a sum of w_i sin^2(angle_i / 2) over views.
+   The minimum of this sum is found and proven by `relaxation`, for all rotations and all signs of the quaternions.
+2. All unknowns: for a state as good as the solution, the sum is bounded by the solution's cost. The proof includes how
+   fast the sum grows. The rotations of such a state are therefore within a known angle of the proven rotations.
+3. Within this angle, descents from random states must end in the solution. This is checked, not proven.
 
 Source: docs/mathematics.md (10.5), (10.6).
 """
@@ -36,46 +36,47 @@ from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3
 
-_TIGHT_GAP = 1e-3  # relative gap up to which a bound counts as tight: what is left is far below the noise
-_SMALLEST_COST = 1e-10  # of exact data, whose gap is rounding over rounding
-_WIDEST_SINE2 = 0.5  # sin^2 of half the turn within which any better fit lies: beyond 90 deg nothing is proven
-_SEARCH_STARTS = 8  # second starts where the first bound is not tight; `benchmarks.certificate` judges it
+_TIGHT_GAP = 1e-3  # relative gap up to which a bound counts as tight: the remaining gap is far below the noise
+_SMALLEST_COST = 1e-10  # lower limit of costs in the relative gap: for exact data it is rounding over rounding
+_WIDEST_SINE2 = 0.5  # sin^2 of half the angle within which any better fit is: beyond 90 deg nothing is proven
+_SEARCH_STARTS = 8  # additional starts if the first bound is not tight; evaluated by `benchmarks.certificate`
 _SHORT_SWEEPS = 30  # alternations that rank starts; assumed: `benchmarks.certificate`
 _FEWEST_VIEWS = 3  # views that determine the rotations of a loop
-_DESCENTS = 8  # random starts that look for what the proof leaves open; `benchmarks.certificate` judges them
-_MOST_VIEWS = 30  # views of a group that such a search uses; assumed: bounds the time
-_DESCENT_STEPS = 60  # steps of each descent, at most
-_SAME_M_RAD = 1e-6  # difference of transforms that descents to one optimum may leave [m, rad]
-_SEED = 20  # any other would do
+_DESCENTS = 8  # random starts that search for other optima near the solution; evaluated by `benchmarks.certificate`
+_MOST_VIEWS = 30  # most views per group in this search; assumed: bounds the time
+_DESCENT_STEPS = 60  # most steps of each descent
+_SAME_M_RAD = 1e-6  # largest difference of transforms between descents to one optimum [m, rad]
+_SEED = 20  # any seed works
 
 
 class Certified(NamedTuple):
-    """A certificate of a solution, and a state of lower cost where one was found on the way."""
+    """Certificate of a solution, and a state of lower cost if one was found."""
 
     certificate: Certificate
     better: State | None
 
 
 class ProvenLoop(NamedTuple):
-    """A loop's form and what is proven of it."""
+    """Quadratic form of a loop's rotations, with its proven lower bound."""
 
     form: LoopForm
     bound: Bound
 
     @property
     def gap(self) -> float:
-        """Least cost found over the proven bound, less one; costs below 1e-10 (1e-5 rad) count as that."""
+        """Relative gap between the least value found and the proven bound; bounds below 1e-10 count as 1e-10."""
         return max(self.bound.value - self.bound.lower, 0.0) / max(self.bound.lower, _SMALLEST_COST)
 
 
 def certify(solution: Solution) -> Certified:
-    """Whether a solution is proven to fit best.
+    """Try to prove that no other state fits better than a solution.
 
-    `is_global` is true where the rotations are proven, a better fit can only be near them, and descents from all about
-    end in the solution. Where another end is lower, the state there is given too, and nothing is claimed.
+    `is_global` is true if three conditions hold. The rotations are proven, a better fit can only be near them, and
+    descents from random states near the solution end in it. If a descent ends at a lower cost, its state is returned
+    and the certificate is undecided.
 
     Args:
-        solution: As it came out, with the noise in use.
+        solution: The solution, with the noise in use.
     """
     reason = _scope_reason(solution)
     if reason:
@@ -85,7 +86,7 @@ def certify(solution: Solution) -> Certified:
     if len(known) < len(loops):
         of = solution.problem.groups[loops.index(None)]
         views = f"fewer than {_FEWEST_VIEWS} views of {of.target} by {of.camera}"
-        return _undecided_certificate(f"no pose from a single view: {views} have one that is beyond doubt")
+        return _undecided_certificate(f"no pose from a single view: {views} have an unambiguous pose")
     gap = max(loop.gap for loop in known)
     better = _from_proven(solution, known)
     if better is not None:
@@ -106,7 +107,7 @@ def certify(solution: Solution) -> Certified:
 
 
 def proven_loops(solution: Solution) -> tuple[list[ProvenLoop | None], float]:
-    """The loop of each group of views, None without poses; and what all views cost at least separately."""
+    """Proven loop of each group of views, None if it has too few poses, and a lower bound of the views' own costs."""
     problem, state = solution.problem, solution.state
     views = [view_costs(problem, state, group) for group in problem.groups]
     constant = float(sum(v.constant.sum() for v in views))
@@ -126,7 +127,7 @@ def _undecided_certificate(reason: str, gap: float | None = None) -> Certified:
 
 
 def _scope_reason(solution: Solution) -> str:
-    """Why nothing can be said of a solution; empty if something can."""
+    """Reason why a solution cannot be certified; empty if it can."""
     problem = solution.problem
     free_lens = next((name for name in problem.columns if name in problem.lenses), None)
     if not any(len(group) for group in problem.groups):
@@ -145,7 +146,7 @@ def _scope_reason(solution: Solution) -> str:
 
 
 def _least_bound(form: LoopForm, own: Rotations) -> Bound:
-    """The bound at the least value found: from the solution, by closed form, and from a grid if that is not proven."""
+    """Bound at the least value found from the solution, the closed form and, if the gap is not tight, a grid."""
     loop = form.loop
     if not loop.unknown:
         return Bound((), float(form.form[0, 0]), float(form.form[0, 0]), np.inf)
@@ -158,20 +159,23 @@ def _least_bound(form: LoopForm, own: Rotations) -> Bound:
 
 
 def _lowest_minimum(form: LoopForm, starts: list[Rotations]) -> tuple[Factors, float]:
-    """The lowest end of short descents from the starts, descended to the end."""
+    """Best minimum of several starts: short descents from all, then a full descent from the best."""
     ends = [local_minimum(form.form, rotation_factors(form.loop, start), _SHORT_SWEEPS) for start in starts]
     return local_minimum(form.form, min(ends, key=lambda end: end[1])[0])
 
 
 def _share(loop: ProvenLoop, slack: float) -> float:
-    """How far, as 1 - cos^2 of the half angles' product, rotations may be from the proven ones at no higher cost."""
+    """Largest distance from the proven rotations at no higher cost, as 1 minus the squared product of cosines.
+
+    The cosines are those of half the angles between the rotations.
+    """
     if not loop.form.loop.unknown:
         return 0.0
     return max(slack, 0.0) / max(loop.form.weight * loop.bound.growth, 1e-300)
 
 
 def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
-    """A state better than the solution, downhill of the proven rotations; None if there is none."""
+    """State better than the solution, from a descent that starts at the proven rotations; None if there is none."""
     if len(loops) != 1 or loops[0].form.merged or not loops[0].form.loop.unknown:
         return None
     loop, found = loops[0].form.loop, rotations_from_factors(loops[0].form.loop, loops[0].bound.factors)
@@ -183,7 +187,7 @@ def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
 
 
 def _better_state(solution: Solution, start: State) -> State | None:
-    """The end of a descent on everything, if it is lower than the solution."""
+    """Final state of a descent on all unknowns if its cost is lower than the solution's; else None."""
     dof = degrees_of_freedom(solution.problem)
     end = bundle_adjust(solution.problem, without_errors(solution.problem, start), dof, 2 * _DESCENT_STEPS)
     lower = end.cost < solution.cost * (1 - SAME_COST) - SAME_COST
@@ -191,7 +195,7 @@ def _better_state(solution: Solution, start: State) -> State | None:
 
 
 def _explore_surroundings(solution: Solution, share: float, gap: float) -> Certified:
-    """Descents from all about the solution, as far away as a better state may be."""
+    """Certify by descents from random states, at the largest angle at which a better state may be."""
     few = solution.problem.with_groups(
         g if len(g) <= _MOST_VIEWS else g.take(np.linspace(0, len(g) - 1, _MOST_VIEWS).round().astype(np.int64))
         for g in solution.problem.groups
@@ -210,13 +214,13 @@ def _explore_surroundings(solution: Solution, share: float, gap: float) -> Certi
 
 
 def _same_place(first: State, second: State) -> bool:
-    """Whether all transforms are where the other state has them: tiny sigmas make costs of rounding."""
+    """Whether all transforms of two states are equal; for tiny sigmas, rounding alone changes the cost."""
     ours, theirs = first.transforms, second.transforms
     return all(float(np.abs((ours[n].inverse() @ theirs[n]).log()).max()) < _SAME_M_RAD for n in ours)
 
 
 def _turned_states(solution: Solution, angle: float) -> list[State]:
-    """States whose unknown rotations are turned, the root of the sum of their squared angles being `angle` [rad]."""
+    """States with randomly perturbed unknown rotations; the root of the sum of squared angles is `angle` [rad]."""
     problem, state = solution.problem, solution.state
     turning = [n for n in problem.columns if n in state.transforms and n not in problem.point_mounts]
     rng = np.random.default_rng(_SEED)

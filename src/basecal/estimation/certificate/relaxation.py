@@ -1,11 +1,11 @@
-"""The least value of a form on products of unit quaternions, and a proof that it is the least.
+"""Minimise a quadratic form on products of unit quaternions, and prove a lower bound.
 
-The form is v'Mv on v = p (x) q (x) ... , with each factor a unit vector of four numbers. It does not change when a
-matrix is added that vanishes on all such products. Such matrices exist, since exchanging the indices of one factor
-between row and column leaves vv' unchanged. The smallest eigenvalue of M + D, with any such D, is therefore a lower
-bound. If one D lifts it to a value that is attained, that value is the least. D is found by Newton's method on a
-barrier, its steps by conjugate gradients. The bound is then taken from the eigenvalues of M + D alone, whatever led to
-D.
+The form is v'Mv with v = p (x) q (x) ... , where each factor is a unit vector in R^4. The form does not change if a
+matrix D is added to M that vanishes on all such products. Such matrices exist, since exchanging the row and column
+indices of one factor leaves vv' unchanged. For any such D, the smallest eigenvalue of M + D is therefore a lower bound.
+If it equals the value at some product, this value is the minimum. D is found by Newton's method on a barrier function,
+with steps from conjugate gradients. The bound follows from the eigenvalues of M + D alone, so errors of D do not
+invalidate it.
 
 Source: Lasserre 2001 (duals of moment relaxations); docs/mathematics.md (10.4).
 """
@@ -25,25 +25,25 @@ from basecal.geometry import Array, IntArray
 Factors = tuple[Array, ...]
 Operator = Callable[[Array], Array]
 
-_MOST_SWEEPS = 300  # alternations at most: each lowers the form, and most stand still after tens
+_MOST_SWEEPS = 300  # most alternations: each decreases the form, and most converge after tens
 _STANDSTILL = 1e-15  # change of a form of unit scale that is rounding
-_DUAL_STEPS = 25  # Newton steps of the dual at most; where it is tight they converge quadratically
-_BARRIER_GAPS = 4.0  # gaps wide the barrier pulls: the bound rises fast and stays inside
-_STOP_GAP = 0.1  # of the least value: the gap at which the dual may stop
-_SMALLEST_GAP = 1e-9  # of a form of unit scale: smaller gaps are rounding
-_STEP_SHARE = 0.9  # of the way to where the matrix stops being positive: inside with room for rounding
-_MOST_GRADIENTS = 150  # conjugate gradients on at most 256 unknowns
-_GRADIENT_TOLERANCE = 1e-2  # of the first gradient: an inexact Newton step is as good from here
+_DUAL_STEPS = 25  # most Newton steps of the dual; if the relaxation is tight they converge quadratically
+_BARRIER_GAPS = 4.0  # barrier weight relative to the inverse gap: the bound rises fast and stays feasible
+_STOP_GAP = 0.1  # relative gap at which the dual may stop
+_SMALLEST_GAP = 1e-9  # gap of a form of unit scale: smaller gaps are rounding
+_STEP_SHARE = 0.9  # share of the step to the boundary of the positive definite cone: a margin for rounding
+_MOST_GRADIENTS = 150  # most steps of conjugate gradients
+_GRADIENT_TOLERANCE = 1e-2  # relative to the first residual: an inexact Newton step is sufficient
 
 
 class Bound(NamedTuple):
-    """The least value found and what is proven of it.
+    """Least value found, with a proven lower bound.
 
     Attributes:
-        factors: Unit vectors (4,) that attain it.
-        value: The form there.
-        lower: No product of unit vectors has a smaller value.
-        growth: At v the form is at least `lower + growth * (1 - (v' best)^2)`, `best` the product of `factors`.
+        factors: Unit vectors (4,) at which the value is attained.
+        value: Value of the form at `factors`.
+        lower: Proven lower bound of the form on products of unit vectors.
+        growth: The form at v is at least `lower + growth * (1 - (v' best)^2)`, with `best` the product of `factors`.
     """
 
     factors: Factors
@@ -53,7 +53,7 @@ class Bound(NamedTuple):
 
 
 def kronecker_product(factors: Sequence[Array]) -> Array:
-    """Kronecker product of vectors; of none, the number one."""
+    """Kronecker product of vectors; (1,) with the number one if there are none."""
     whole = np.ones(1)
     for factor in factors:
         whole = np.outer(whole, factor).ravel()
@@ -61,12 +61,12 @@ def kronecker_product(factors: Sequence[Array]) -> Array:
 
 
 def local_minimum(form: Array, factors: Factors, sweeps: int = _MOST_SWEEPS) -> tuple[Factors, float]:
-    """A least value downhill of `factors`: one factor at a time becomes the best that the others leave.
+    """Find a local minimum from `factors` by block coordinate descent: one factor at a time is optimised exactly.
 
     Args:
         form: (4^k, 4^k) symmetric.
         factors: k unit vectors (4,).
-        sweeps: At most.
+        sweeps: Most sweeps over all factors.
     """
     found, value = list(factors), np.inf
     left = [_unfold_factor(form, j, len(found)) for j in range(len(found))]
@@ -82,17 +82,17 @@ def local_minimum(form: Array, factors: Factors, sweeps: int = _MOST_SWEEPS) -> 
 
 
 def _unfold_factor(form: Array, factor: int, count: int) -> Array:
-    """The form's entries by the indices of one factor, (16, 16^(k - 1)), those of the others after them."""
+    """Reshape the form to (16, 16^(k - 1)): rows are the indices of one factor, columns those of the others."""
     others = [i for i in range(count) if i != factor]
     order = [factor, count + factor, *others, *(count + i for i in others)]
     return form.reshape((4,) * (2 * count)).transpose(order).reshape(16, -1)
 
 
 def lower_bound(form: Array, factors: Factors) -> Bound:
-    """Proven lower bound of the value at `factors`, a minimum by `local_minimum`.
+    """Prove a lower bound of the form from a minimum at `factors`, the result of `local_minimum`.
 
     Args:
-        form: (4^k, 4^k) symmetric, of order one.
+        form: (4^k, 4^k) symmetric, with entries of order one.
         factors: k unit vectors (4,).
     """
     axes = np.ones((1, 1))
@@ -115,12 +115,12 @@ def _with_first(unit: Array) -> Array:
 
 
 def _exchange_mean(matrix: Array, count: int) -> Array:
-    """The part of a matrix that products see: its mean over all exchanges of a factor's indices."""
+    """Part of a matrix that has an effect on products: its mean over all exchanges of a factor's indices."""
     return _class_means(matrix, _classes(count))
 
 
 def _class_means(matrix: Array, classes: IntArray) -> Array:
-    """A matrix whose entries of each class are their mean."""
+    """Replace each entry of a matrix by the mean of its class."""
     flat = classes.ravel()
     means: Array = np.bincount(flat, matrix.ravel()) / np.maximum(np.bincount(flat), 1)
     return means[classes]
@@ -128,7 +128,7 @@ def _class_means(matrix: Array, classes: IntArray) -> Array:
 
 @cache
 def _classes(count: int) -> IntArray:
-    """Numbers of the classes of entries that exchanges carry into one another, (4^k, 4^k)."""
+    """Class numbers of matrix entries, (4^k, 4^k); exchanges map entries of a class to one another."""
     digits = np.stack(np.unravel_index(np.arange(4**count), (4,) * count), -1)
     low, high = np.minimum(digits[:, None], digits[None]), np.maximum(digits[:, None], digits[None])
     pairs = (4 * low + high) @ 16 ** np.arange(count)
@@ -136,7 +136,7 @@ def _classes(count: int) -> IntArray:
 
 
 def _clear_first_row(form: Array, count: int) -> Array:
-    """The form with its first row and column given to the other entries of their classes, where there are such."""
+    """Move the first row and column of the form to the other entries of their classes, if there are any."""
     classes = _classes(count)
     inner, first = classes[1:, 1:], classes[0, 1:]
     members = np.bincount(inner.ravel()) / 2
@@ -150,15 +150,15 @@ def _clear_first_row(form: Array, count: int) -> Array:
 
 
 def _vanishing(count: int) -> Operator:
-    """Projection onto the matrices that vanish on products and leave the first row and column at rest."""
+    """Projection onto the matrices that vanish on products, without the first row and column."""
     inner = _classes(count)[1:, 1:]
     return lambda matrix: matrix - _class_means(matrix, inner)
 
 
 def _maximise_dual(form: Array, count: int) -> Array:
-    """The form plus what vanishes on products, its smallest eigenvalue raised about as far as it goes.
+    """Add a matrix E that vanishes on products to the form, so that its smallest eigenvalue is nearly maximal.
 
-    Maximises level t + log det(form + E - level I) over E and the level, t growing with every step.
+    Maximise level t + log det(form + E - level I) over E and the level, with t increasing in every step.
     """
     if count == 1:
         return form
@@ -186,13 +186,13 @@ def _maximise_dual(form: Array, count: int) -> Array:
 
 
 def _newton(inverse: Array, pull: float, project: Operator) -> tuple[Array, float]:
-    """Newton's step of E and of the level."""
+    """Newton step of E and of the level."""
     squared = inverse @ inverse
     curvature, across = float(np.trace(squared)), -project(squared)
     force = float(np.trace(inverse)) - pull
 
     def hessian(step: Array) -> Array:
-        """The barrier's second derivative along a step."""
+        """Product of the barrier's Hessian and a step."""
         return project(inverse @ step @ inverse) - across * (float(np.vdot(across, step)) / curvature)
 
     step = _solve_conjugate_gradients(hessian, project(inverse) + across * (force / curvature))
@@ -200,7 +200,7 @@ def _newton(inverse: Array, pull: float, project: Operator) -> tuple[Array, floa
 
 
 def _solve_conjugate_gradients(operator: Operator, right: Array) -> Array:
-    """Conjugate gradients, to a hundredth."""
+    """Solve a linear system by conjugate gradients, with a relative tolerance of 1e-2."""
     flat = scipy.sparse.linalg.LinearOperator(
         (right.size, right.size), lambda step: operator(step.reshape(right.shape)).ravel(), dtype=right.dtype
     )

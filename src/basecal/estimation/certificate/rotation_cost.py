@@ -1,8 +1,8 @@
-"""A lower bound of the cost of a loop's rotations, as a form on products of unit quaternions.
+"""Lower bound of the cost of a loop's rotations, as a quadratic form on products of unit quaternions.
 
-In A X B = Y C Z the quaternion of Z' C' Y' A X B is linear in those of X, Y' and Z'. sin^2(angle / 2) of a loop is
-therefore a form on their product, for any signs of the quaternions. w_i sin^2(angle_i / 2) is below the cost of each
-view. The sum over views is one form, as large with ten views as with ten thousand.
+For A X B = Y C Z the quaternion of Z' C' Y' A X B is linear in those of X, Y' and Z'. sin^2(angle / 2) of a loop is
+therefore a quadratic form on their product, for any signs of the quaternions. w_i sin^2(angle_i / 2) is a lower bound
+of the cost of each view. The sum over views is one form, whose size does not depend on the number of views.
 Source: docs/mathematics.md (10.2), (10.3).
 """
 
@@ -25,13 +25,13 @@ _CHUNK_VIEWS = 2048
 
 
 class LoopForm(NamedTuple):
-    """The rotations of one camera and target.
+    """Quadratic form of the rotations of one camera and target.
 
     Attributes:
-        loop: What is known; its weights are those of the views.
-        form: (4^k, 4^k) of the k unknown factors, per unit of weight: between 0 and 1 on unit quaternions.
+        loop: Recorded and known rotations of the loop, with the weights of the views.
+        form: (4^k, 4^k) form of the k unknown factors, per unit of weight: between 0 and 1 on unit quaternions.
         weight: Sum of the views' weights.
-        merged: "x" where X represents Y' X, "z" where Z represents Y Z, since an arm is lacking between them.
+        merged: "x" if X represents Y' X, "z" if Z represents Y Z, because there is no arm between them; else "".
     """
 
     loop: Loop
@@ -41,7 +41,7 @@ class LoopForm(NamedTuple):
 
 
 def _product_tensor() -> Array:
-    """T with (p q)_k = sum of T[k, i, j] p_i q_j, quaternions (x, y, z, w)."""
+    """Tensor T, (4, 4, 4), with (p q)_k = sum of T[k, i, j] p_i q_j for quaternions (x, y, z, w)."""
     tensor = np.zeros((4, 4, 4))
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -56,13 +56,13 @@ _PRODUCT = _product_tensor()
 
 
 def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts) -> LoopForm:
-    """The form of one group of views.
+    """Make the quadratic form of one group of views.
 
     Args:
-        problem: Gives the fixed transforms, and the robots' noise.
-        state: Holds the values of those.
+        problem: Problem, with the fixed transforms and the robots' noise.
+        state: State, with the values of the fixed transforms.
         group: The views.
-        views: What their rotations cost at least.
+        views: Lower bounds of the cost of their rotations.
     """
     loop, merged = _loop(problem, state, group, views)
     # Weights of whole loops: a view's angle and its robots' errors can share the loop's angle between them. From sin(a
@@ -82,17 +82,17 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
 
 
 def rotation_factors(loop: Loop, rotations: Rotations) -> Factors:
-    """The unit quaternions of the unknown rotations: of X, and of the inverses of Y and Z."""
+    """Unit quaternions of the unknown rotations: of X, and of the inverses of Y and Z."""
     of = {"x": quaternion_from_rotation(rotations.x), "y": _inverse(rotations.y), "z": _inverse(rotations.z)}
     return tuple(of[name] for name in loop.unknown)
 
 
 def rotations_from_factors(loop: Loop, factors: Factors) -> Rotations:
-    """The rotations that factors represent, with those that are known."""
+    """Rotations X, Y and Z from the factors of unknown rotations and the known rotations."""
     found = dict(zip(loop.unknown, factors, strict=True))
 
     def rotation(name: str) -> Array:
-        """The rotation as known, or of its factor, (3, 3)."""
+        """Known rotation, or rotation of its factor, (3, 3)."""
         known: SE3 | None = getattr(loop, name)
         if known is not None:
             return known.rotation
@@ -139,7 +139,7 @@ def _robot_slack(problem: Problem, stop: IntArray) -> Array:
 
 
 def _rows(loop: Loop, views: slice) -> Array:
-    """The vector part of the loop's quaternion in the unknown factors, (n, 3, 4^k)."""
+    """Coefficients of the vector part of the loop's quaternion in the unknown factors, (n, 3, 4^k)."""
     a, b = (quaternion_from_rotation(t.rotation[views]) for t in (loop.a, loop.b))
     c = _inverse(loop.c.rotation[views])
     around_x = np.einsum("krj,nr,jis,ns->nki", _PRODUCT, a, _PRODUCT, b, optimize=True)
@@ -152,7 +152,7 @@ def _rows(loop: Loop, views: slice) -> Array:
 
 
 def _columns(rotation: SE3 | None, inverse: bool) -> Array:
-    """Columns of a factor: itself, (4, 4), or its known value, (4, 1)."""
+    """Columns of a factor: the identity (4, 4) if it is unknown, else its value (4, 1)."""
     if rotation is None:
         return np.eye(4)
     return (_inverse(rotation.rotation) if inverse else quaternion_from_rotation(rotation.rotation))[:, None]

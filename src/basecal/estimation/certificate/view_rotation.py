@@ -1,8 +1,8 @@
-"""How much a view's cost grows at least as its rotation is turned away from the view's own.
+"""Lower bound of a view's cost as a function of the angle from the view's own optimal rotation.
 
-A view whose own rotation is R costs at least `constant + weight * sin^2(angle / 2)` at R turned by an angle, whatever
-its translation. For measured poses and 3-D points this holds everywhere. For pixels it is half the curvature at the
-view's own optimum. The view counts only if its second pose is excluded.
+At an angle from the optimal rotation of a view, and for any translation, its cost is at least
+`constant + weight * sin^2(angle / 2)`. For measured poses and 3-D points this bound holds for all angles. For pixels
+it uses half the curvature at the view's own optimum, and the view counts only if its second pose is excluded.
 Source: docs/mathematics.md (10.1).
 """
 
@@ -26,17 +26,17 @@ from basecal.geometry.rotation import rotation_log
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 _SAME_RAD = 1e-3  # poses of one optimum differ by rounding, two optima by far more [rad]
-_CURVATURE_SHARE = 0.5  # of the curvature at the optimum, taken as the growth of the cost further off
+_CURVATURE_SHARE = 0.5  # share of the curvature at the optimum that is used as the growth of the cost farther away
 
 
 class ViewCosts(NamedTuple):
     """Lower bounds of the costs of n views.
 
     Attributes:
-        camera_from_target: (n,) the views' own poses.
-        constant: (n,) the least cost of each.
-        weight: (n,) the cost rises above it by at least `weight * sin^2(angle / 2)`; 0 if nothing is known.
-        second: (n,) cost of the next best pose of the view, infinite if there is none.
+        camera_from_target: (n,) optimal pose of each view alone.
+        constant: (n,) least cost of each view.
+        weight: (n,) the cost exceeds `constant` by at least `weight * sin^2(angle / 2)`; 0 if there is no bound.
+        second: (n,) cost of the second-best pose of each view; infinite if there is none.
     """
 
     camera_from_target: SE3
@@ -45,7 +45,7 @@ class ViewCosts(NamedTuple):
     second: Array
 
     def without_doubtful(self, slack: float) -> ViewCosts:
-        """A copy without views whose second pose costs less than `slack` more."""
+        """Return a copy with zero weight for views whose second pose costs at most `slack` more than the best."""
         return self._replace(weight=np.where(self.second - self.constant > slack, self.weight, 0.0))
 
 
@@ -53,8 +53,8 @@ def view_costs(problem: Problem, state: State, group: ViewGroup) -> ViewCosts:
     """Lower bounds of the costs of a group's views at any pose.
 
     Args:
-        problem: Holds the noise in use.
-        state: Its lenses are taken as they are, and its poses help to find those of the views.
+        problem: Problem, with the noise in use.
+        state: State, whose lenses are assumed exact and whose poses are initial guesses of the views' poses.
         group: The views.
     """
     measurement = group.measurement
@@ -73,9 +73,10 @@ def _constant_costs(camera_from_target: SE3, constant: Array, weight: Array) -> 
 
 
 def _point_costs(measurement: PointMeasurement) -> ViewCosts:
-    """A view of 3-D points costs 2 tr(H (I - Q)) more when turned by Q.
+    """Lower bounds of the costs of views of 3-D points.
 
-    With h1, h2 the two smallest eigenvalues of H, at least 4 (h1 + h2) sin^2(angle / 2). Source: Umeyama 1991.
+    A rotation by Q increases the cost by 2 tr(H (I - Q)), at least by 4 (h1 + h2) sin^2(angle / 2). h1 and h2 are the
+    two smallest eigenvalues of H. Source: Umeyama 1991.
     """
     square = measurement.weight**2
     share = square / np.maximum(square.sum(-1, keepdims=True), 1e-300)
@@ -117,7 +118,7 @@ def _pixel_costs(measurement: PixelMeasurement, camera_from_target: SE3, camera:
 
 
 def _rotation_curvature(information: Array) -> Array:
-    """Least curvature of the cost over rotations, the translation at its best, (n,)."""
+    """Least curvature of the cost over rotations, with optimal translation, (n,)."""
     across = information[:, :3, 3:]
     by_translation = spectrum(information[:, :3, :3], VIEW_ROUNDING).inverse
     left: Array = information[:, 3:, 3:] - across.mT @ by_translation @ across

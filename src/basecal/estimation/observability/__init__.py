@@ -1,1 +1,1 @@
-"""Which directions of the unknowns the data determine."""
+"""Observability of the unknowns: directions that the data determine."""

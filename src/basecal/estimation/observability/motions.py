@@ -1,9 +1,9 @@
-"""Motions of a recording, and the directions that they cannot show: known before anything is solved.
+"""Robot motions of a recording, and the directions that they leave unobservable, before anything is solved.
 
-Consider a twist of a robot's base. If every recorded pose of the flange maps it to the same twist there, it cannot be
-distinguished from a change of the flange's mount. A robot that stands still has all six such twists, and one that only
-translates three. One that rotates about a single axis has at least the translation along it. Poses that deviate from
-this by no more than their own noise show no more. What they seem to say of such a twist is their noise.
+Consider a twist of a robot's base. If every recorded flange pose maps it to the same twist of the flange, it cannot be
+distinguished from a change of the mount. A robot at rest has all six such twists, a robot that only translates has
+three. A robot that rotates about a single axis has at least the translation along this axis. Deviations of the poses
+within their own noise contain no information on such a twist.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from basecal.geometry import SE3, Array
 from basecal.numerics.batch import concatenate
 from basecal.numerics.spectral import principal_axes, scaled_spectrum
 
-STILL_RAD = 0.01  # turns below this say nothing of a rotation: their noise is as large [rad]; assumed
-_STILL_M = 1e-3  # travel below this is standing still [m]; assumed
-_NOISE_SIGMAS = 5.0  # a motion is one beyond five sigmas of the pose's noise, a chance of 6e-7
-# Orientations that determine a hand-eye rotation: two turns about different axes (Tsai & Lenz 1989).
+STILL_RAD = 0.01  # smaller rotations are as small as their noise and determine no rotation [rad]; assumed
+_STILL_M = 1e-3  # a robot with a smaller travel is at rest [m]; assumed
+_NOISE_SIGMAS = 5.0  # motions beyond five sigmas of the pose noise are significant; false alarms have probability 6e-7
+# Orientations that determine a hand-eye rotation: two rotations about different axes (Tsai & Lenz 1989).
 _FEWEST_ORIENTATIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How one robot moves over the samples in which it carries what sees or is seen.
+    """Motion of one robot over the samples in which its camera or target is used.
 
     Attributes:
-        robot: Its name.
-        samples: How many samples.
-        travel_m: How far its flange is from where it was at first, at most.
-        turn_rad: (3,) how far it is turned since then about the axes of `axes_in_base`, at most, descending.
-        axes_in_base: (3, 3) one axis a column.
-        orientations: How many orientations differ by more than 0.01 rad, counted up to three.
-        twists_in_base: (k, 6) [m, rad] twists of its base that no pose distinguishes from a change of what it carries.
+        robot: Name of the robot.
+        samples: Number of samples.
+        travel_m: Largest distance of the flange from its first position [m].
+        turn_rad: (3,) largest rotation from the first orientation about each of `axes_in_base`, descending [rad].
+        axes_in_base: (3, 3) principal axes of rotation as columns.
+        orientations: Number of orientations that differ by more than 0.01 rad, counted up to three.
+        twists_in_base: (k, 6) [m, rad] twists of the base that no pose distinguishes from a change of the mounts.
     """
 
     robot: str
@@ -49,17 +49,17 @@ class Motion:
 
     @property
     def is_still(self) -> bool:
-        """Whether it stands in one place."""
+        """Whether the robot is at rest in all samples."""
         return self.travel_m < _STILL_M and self.is_translation_only
 
     @property
     def is_translation_only(self) -> bool:
-        """Whether its orientation hardly changes."""
+        """Whether the orientation changes by less than 0.01 rad."""
         return bool(self.turn_rad[0] < STILL_RAD)
 
 
 def motions(problem: Problem) -> dict[str, Motion]:
-    """How each robot of the views moves, by name."""
+    """Motion of each robot of the views, by name."""
     found, least = {}, _least_motion(problem)
     for robot, base_from_flange in _poses(problem).items():
         first = base_from_flange[0]
@@ -75,13 +75,13 @@ def motions(problem: Problem) -> dict[str, Motion]:
 
 
 def _poses(problem: Problem) -> dict[str, SE3]:
-    """Recorded poses of each robot, (n,), one a view."""
+    """Recorded poses of each robot, (n,), one per view, by name."""
     found = {robot: [end.base_from_flange for end in problem.robot_ends(robot)] for robot in problem.robots}
     return {robot: concatenate(found[robot]) for robot in sorted(found)}
 
 
 def _orientations(turns: Array) -> int:
-    """How many differ, at most three; turns since the first, (n, 3) [rad]."""
+    """Number of distinct orientations, up to three, from rotation vectors relative to the first, (n, 3) [rad]."""
     rotations = SE3.from_rotvec(turns, np.zeros_like(turns))
     apart = np.ones(len(turns), dtype=bool)
     for count in range(_FEWEST_ORIENTATIONS):
@@ -94,17 +94,17 @@ def _orientations(turns: Array) -> int:
 
 
 def _least_motion(problem: Problem) -> dict[str, float]:
-    """The least motion that counts, rms, of each robot with stated noise: some thousandths, and several sigmas."""
+    """Least significant RMS motion of each robot with stated noise [rad]: 3e-3, or five sigmas if that is more."""
     noise = {name: float((problem.stops.sigma[k] / MOVE_SCALE).max()) for name, k in problem.stops.first.items()}
     return {name: max(LEAST_RMS, _NOISE_SIGMAS * largest) for name, largest in noise.items()}
 
 
 def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
-    """Twists of the base that all poses carry to one twist of the flange, and that twist, (k, 6) each.
+    """Twists of the base that all poses map to one twist of the flange, and this twist, (k, 6) each [m, rad].
 
     Args:
-        base_from_flange: (n,).
-        least: By how much the carried twists may differ, rms, half a metre counting as a radian.
+        base_from_flange: (n,) poses.
+        least: Largest RMS difference of the mapped twists [rad], with 0.5 m equal to 1 rad.
     """
     carried = base_from_flange.inverse().adjoint() * MOVE_SCALE / MOVE_SCALE[:, None]
     mean = carried.mean(0)
@@ -115,10 +115,10 @@ def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
 
 
 def null_directions(problem: Problem, state: State) -> Array:
-    """Directions of the unknowns, (p, k) [m, rad], that the recorded poses alone leave open, whatever was seen.
+    """Directions of the unknowns, (p, k) [m, rad], that are unobservable because of the recorded poses alone.
 
-    Each moves a robot's base and what it carries so that the flange's poses hide it. Where any of these is fixed it is
-    none. The paths of a flange with a target of one point may leave open more than these.
+    Each direction moves a robot's base and the mounts on its flange without effect on the views. Directions that would
+    move a fixed transform are left out. With a target of one point, more directions may be unobservable.
     """
     found, least = [], _least_motion(problem)
     for robot, poses in _poses(problem).items():
@@ -129,7 +129,10 @@ def null_directions(problem: Problem, state: State) -> Array:
 
 
 def _direction(problem: Problem, state: State, robot: str, base_rotvec: Array, flange_rotvec: Array) -> Array | None:
-    """How the unknowns move where a robot's base turns by one twist and all it carries by the other, backwards."""
+    """Direction of the unknowns, (p,), for a twist of a robot's base and the opposite twist of its mounts.
+
+    None if one of the transforms is fixed.
+    """
     direction = np.zeros(problem.width)
     parts = [(name, -flange_rotvec) for name in mount_names(problem, robot)]
     parts += [
@@ -146,12 +149,12 @@ def _direction(problem: Problem, state: State, robot: str, base_rotvec: Array, f
 
 
 def mount_names(problem: Problem, robot: str) -> list[str]:
-    """Names of the mounts on a robot's flange, of those that see or are seen."""
+    """Names of the mounts of cameras and targets on a robot's flange."""
     return list(dict.fromkeys(end.mount for end in problem.robot_ends(robot)))
 
 
 def base_names(problem: Problem, robot: str) -> list[str]:
-    """Names of the transforms that say where a robot's base stands: of the reference's, all that stand about it."""
+    """Names of the transforms that place a robot's base; for the reference, all other transforms in the world."""
     if robot != problem.reference:
         return [end.base for end in problem.robot_ends(robot) if end.base is not None]
     names = [end.base for group in problem.all_groups for end in group.ends if end.base is not None]
@@ -160,7 +163,7 @@ def base_names(problem: Problem, robot: str) -> list[str]:
 
 
 def gauge_partners(problem: Problem, motion: Motion) -> tuple[str, ...]:
-    """Unknowns that move along with a robot's base unnoticed, by its poses alone; none if it has a prior."""
+    """Names of unknowns that the robot's poses do not separate; empty if one has a prior or is fixed."""
     names = list(dict.fromkeys([*base_names(problem, motion.robot), *mount_names(problem, motion.robot)]))
     free = all(problem.unknowns[name].status == "free" for name in names)
     return tuple(names) if free and len(motion.twists_in_base) else ()

@@ -1,7 +1,8 @@
-"""The directions that the data leave open, taken apart into translations and rotations of frames.
+"""Separate unobservable directions into translations and rotations of frames.
 
-They come as a basis of their space, in which translations and rotations of several unknowns are mixed at will. First
-what moves a lens or a robot's kinematics is taken out, then what does not rotate, then what does not hang together.
+The input is a basis of the null space, in which translations and rotations of several unknowns are mixed arbitrarily.
+Directions of lenses and robot kinematics are separated first, then pure translations, then uncorrelated groups of
+transforms.
 """
 
 from __future__ import annotations
@@ -17,29 +18,29 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import principal_axes, sort_by_share
 
-# Singular values and norms of an orthonormal basis, in shares of a whole direction.
-_LITTLE_SHARE = 0.2  # what a basis moves less of an unknown than this does not move it; assumed
-_LEAST_CORRELATION = 0.05  # unknowns whose parts are less correlated than this move apart; assumed
-_MAIN_SHARE = 0.5  # of unknowns that move this share of the largest the first is named; assumed
-_COUPLED_SHARE = 0.3  # what moves this share of the named one moves along with it; assumed
+# Singular values and norms of an orthonormal basis, relative to a unit direction.
+_LITTLE_SHARE = 0.2  # a basis with a smaller part in an unknown does not move it; assumed
+_LEAST_CORRELATION = 0.05  # unknowns with less correlated parts move independently; assumed
+_MAIN_SHARE = 0.5  # the first unknown with at least this share of the largest motion is the main one; assumed
+_COUPLED_SHARE = 0.3  # unknowns with at least this share of the main one's motion are coupled with it; assumed
 
 Kind = Literal["translation", "rotation", "lens", "robot parameters"]
 
 
 @dataclass(frozen=True, eq=False)
 class NullDirection:
-    """A direction that the data leave open, or several of the same kind.
+    """Unobservable direction, or several of the same kind.
 
     Attributes:
-        kind: What moves.
-        names: The unknowns that move, that which moves most first.
-        twists_in_parent: (k, 6) [m, rad] how the first one's frame moves, in the axes of its parent and about the
-            parent's origin. A rotation has one twist, or three if every rotation is open. The shape is (0, 6) for all
-            that is not a transform.
-        robot: Whose kinematics move; empty if it is none.
-        parameters: What kind of them move; empty if none do.
-        joint: Which joint of it, from 0; None if it is none.
-        joint_name: The name of that joint.
+        kind: Kind of the main unknown's motion.
+        names: Names of the unknowns that move, the main unknown first.
+        twists_in_parent: (k, 6) [m, rad] motion of the main unknown's frame, in the axes of its parent and about the
+            parent's origin. A rotation has one twist, or three if every rotation is unobservable. The shape is (0, 6)
+            for lenses and robot parameters.
+        robot: Name of the robot with unobservable parameters; empty for other kinds.
+        parameters: Kind of the unobservable robot parameters; empty for other kinds.
+        joint: Index of the joint, from 0; None for parameters that are not per joint, and for other kinds.
+        joint_name: Name of the joint; empty if there is none.
     """
 
     kind: Kind
@@ -52,13 +53,13 @@ class NullDirection:
 
 
 def separate_null_space(problem: Problem, state: State, vectors: Array, scale: Array) -> tuple[NullDirection, ...]:
-    """A null space taken apart.
+    """Separate a null space into directions of a single kind.
 
     Args:
-        problem: Whose columns they are.
-        state: Where the frames stand.
-        vectors: (p, k) an orthonormal basis, in units of `scale`.
-        scale: (p,) what one unit of each column is [m, rad, px].
+        problem: Problem with the p columns.
+        state: State with the poses of the frames.
+        vectors: (p, k) orthonormal basis, in units of `scale`.
+        scale: (p,) unit of each column [m, rad, px].
     """
     others = [n for n in problem.columns if n not in problem.unknowns]
     rest, of_others = _split_basis(vectors, problem.column_indices(others))
@@ -77,19 +78,19 @@ def separate_null_space(problem: Problem, state: State, vectors: Array, scale: A
 
 
 def orthonormal_rows(rows: Array) -> Array:
-    """An orthonormal basis of what some rows span, (k, n), but for what is little."""
+    """Orthonormal basis, (k, n), of the span of rows, without directions of small extent."""
     of = principal_axes(rows, _LITTLE_SHARE)
     return of.axes.T[: of.dimension]
 
 
 def _split_basis(vectors: Array, rows: IntArray) -> tuple[Array, Array]:
-    """A basis of what hardly moves some rows, and of the rest."""
+    """Split a basis into a part with little motion of some rows, and the rest."""
     turned = sort_by_share(vectors, rows)
     return turned.basis[:, turned.share <= _LITTLE_SHARE], turned.basis[:, turned.share > _LITTLE_SHARE]
 
 
 def _other_direction(problem: Problem, direction: Array) -> NullDirection:
-    """A direction of a lens or of whatever is no transform, (p, 1), and what moves along."""
+    """Make the direction of a lens or of robot parameters from a vector (p, 1), with the names of coupled unknowns."""
     size = {name: float(np.linalg.norm(_block(problem, direction, name))) for name in problem.columns}
     main = max((name for name in size if name not in problem.unknowns), key=lambda name: size[name])
     names = (main, *(name for name in size if name != main and size[name] > _COUPLED_SHARE * size[main]))
@@ -105,7 +106,7 @@ def _other_direction(problem: Problem, direction: Array) -> NullDirection:
 
 
 def _clusters(problem: Problem, space: Array) -> list[list[str]]:
-    """Names of transforms that move together, in the problem's order."""
+    """Groups of names of transforms that move together, in the order of the problem."""
     names = [
         n
         for n in problem.columns
@@ -128,10 +129,10 @@ def _block(problem: Problem, space: Array, name: str) -> Array:
 def _cluster_directions(
     problem: Problem, state: State, space: Array, cluster: Sequence[str], scale: Array, is_rotation: bool
 ) -> list[NullDirection]:
-    """A space of translations or of rotations of a cluster, by what moves most, that first."""
+    """Separate a space of translations or rotations of a cluster by main unknowns, the largest motion first."""
     found: list[NullDirection] = []
     while space.shape[1]:
-        # What moves most; of several alike the first, a base before mounts.
+        # The unknown that moves most; among similar ones the first, a base before mounts.
         size = {name: float(np.linalg.norm(space[_rotation_rows(problem, name, is_rotation)])) for name in cluster}
         main = next(name for name in cluster if size[name] >= _MAIN_SHARE * max(size.values()))
         turned = sort_by_share(space, _rotation_rows(problem, main, is_rotation))
@@ -152,11 +153,11 @@ def _cluster_directions(
 
 
 def _rotation_rows(problem: Problem, name: str, is_rotation: bool) -> IntArray:
-    """Rows of an unknown's rotation, or of its translation."""
+    """Rows of the rotation of an unknown, or of its translation."""
     return problem.column_indices([name])[slice(3, 6) if is_rotation else slice(0, 3)]
 
 
 def separate_twists(twists: Array) -> tuple[Array, Array]:
-    """Translations (i, 3) [m], orthonormal, and twists with rotations (j, 6) [m, rad] of a space of twists, (k, 6)."""
+    """Split a space of twists (k, 6) into orthonormal translations (i, 3) [m] and rotations (j, 6) [m, rad]."""
     translations, rotations = _split_basis(np.linalg.qr(twists.T)[0], np.arange(3, 6))
     return orthonormal_rows(translations[:3].T), rotations.T

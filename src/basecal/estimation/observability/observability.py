@@ -1,7 +1,7 @@
-"""Which directions of the unknowns are observable.
+"""Observability analysis: which directions of the unknowns the data determine.
 
-The information is scaled to lengths of the scene and radians. A direction whose sigma would be above a third of
-these is unobservable; one without any information at all gets no number.
+The information is scaled to a length of the scene and to radians. A direction with a scaled sigma above 0.3 is
+unobservable. A direction without any information has zero covariance.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from basecal.geometry import Array
 from basecal.numerics.sparse_hessian import SparseHessian
 from basecal.numerics.spectral import Spectrum, scaled_spectrum, spectrum
 
-# [m, rad] of a direction: larger, no linear theory of it holds: a sine is off by 1.5 % there; assumed.
+# Scaled sigma [m, rad] above which linearisation does not hold: the error of a sine is 1.5 % at 0.3 rad; assumed.
 UNOBSERVABLE_SIGMA = 0.3
-_NO_INFORMATION_SIGMA = 30.0  # [m, rad]: so wide a direction has no information but rounding
+_NO_INFORMATION_SIGMA = 30.0  # scaled sigma [m, rad] above which the information is only rounding
 TOUCHED_SHARE = 1e-3
-"""Share of a null direction in an unknown above which it belongs to it: a square of a millionth, far above rounding."""
-_SMALLEST_FACTOR = 1e-4  # noise estimated from exact data counts as a hundredth of a sigma at least; assumed
-_DISTORTION_SCALE = 10.0  # a distortion term of 10 is as far off as a radian; assumed
-_PRIOR_SHARE = 0.5  # of an eigenvalue that priors make: rounding, which makes the rest, has either sign
-_ENOUGH_VIEWS = 40  # views by which the shape of null directions is found; assumed
+"""Share of a null direction in an unknown above which the unknown is unobservable; its square is far above rounding."""
+_SMALLEST_FACTOR = 1e-4  # variance factor of exact data: at least a hundredth of a sigma; assumed
+_DISTORTION_SCALE = 10.0  # scale of a distortion term, equivalent to a radian; assumed
+_PRIOR_SHARE = 0.5  # share of an eigenvalue due to priors above which it is information: rounding has either sign
+_ENOUGH_VIEWS = 40  # most views per group from which the length of the scene is computed; assumed
 
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """Which unknowns the data determine.
+    """Observability of the unknowns.
 
     Attributes:
-        inverse: (p, p) inverse of the information, zero along directions without any.
+        inverse: (p, p) inverse of the information, zero in directions without information.
         condition: Largest over smallest scaled sigma; infinite if a direction has no information.
-        null_space: The directions whose sigma is too large to count as seen, taken apart.
-        unobservable: Names of the transforms and lenses that have such a direction.
-        onto_held: (p, p) what takes out of a step its part along directions without any information.
-        length_m: What a sigma of a translation is compared with: how far targets are from cameras.
+        null_space: Unobservable directions, separated by kind.
+        unobservable: Names of the transforms and lenses with an unobservable direction.
+        onto_held: (p, p) projection of a step that removes directions without information.
+        length_m: Length of the scene, the scale of translations: median distance of targets from cameras [m].
     """
 
     inverse: Array
@@ -54,7 +54,7 @@ class Observability:
 
 
 def analyse_observability(problem: Problem, state: State, hessian: Array, factor: float) -> Observability:
-    """Observability of the unknowns by an information matrix (p, p), whose inverse times `factor` is the covariance."""
+    """Analyse observability from an information matrix (p, p), whose inverse times `factor` is the covariance."""
     if not len(hessian):
         return Observability(np.zeros((0, 0)), 1.0, (), frozenset(), np.zeros((0, 0)))
     length = _length(problem, state)
@@ -83,7 +83,7 @@ def analyse_observability(problem: Problem, state: State, hessian: Array, factor
 
 
 def sparse_observability(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> Observability | None:
-    """As `analyse_observability` where every direction is seen; None if it is not, or motions leave one open."""
+    """Same as `analyse_observability` if every direction is observable; else None."""
     condition = condition_number(problem, state, hessian, factor)
     if condition is None:
         return None
@@ -92,7 +92,7 @@ def sparse_observability(problem: Problem, state: State, hessian: SparseHessian,
 
 
 def condition_number(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> float | None:
-    """Largest over smallest scaled sigma where every direction is seen; else None, and where motions leave one open."""
+    """Largest over smallest scaled sigma; None if a direction is unobservable from the information or the motions."""
     scaled = hessian.rescale(column_scales(problem, state, _length(problem, state)))
     noise = max(factor, _SMALLEST_FACTOR)
     smallest, largest = scaled.extremes
@@ -102,7 +102,7 @@ def condition_number(problem: Problem, state: State, hessian: SparseHessian, fac
 
 
 def _information_spectrum(problem: Problem, state: State, hessian: Array, least: float, scale: Array) -> Spectrum:
-    """The information taken apart; what a prior says is no rounding, however much more the views say of the rest."""
+    """Scaled spectrum of the information; eigenvalues that are mainly due to priors are never treated as rounding."""
     of = scaled_spectrum(_without_null_directions(problem, state, hessian), least, 1 / scale)
     scaled = of.vectors / of.scale[:, None]
     of_priors = np.sum(scaled * (prior_equations(problem, state)[0] @ scaled), axis=0)
@@ -110,7 +110,7 @@ def _information_spectrum(problem: Problem, state: State, hessian: Array, least:
 
 
 def _without_null_directions(problem: Problem, state: State, hessian: Array) -> Array:
-    """The information without what noise alone says of directions that the recorded poses leave open."""
+    """Remove the information in directions that the recorded poses leave unobservable, which is due to noise alone."""
     loose = null_directions(problem, state)
     if not loose.shape[1]:
         return hessian
@@ -120,26 +120,27 @@ def _without_null_directions(problem: Problem, state: State, hessian: Array) -> 
 
 
 def is_informed(unknown: Unknown) -> bool:
-    """Whether something is known of a transform beforehand; what holds a gauge alone is no knowledge."""
+    """Whether a transform has a finite prior; an infinite sigma only fixes a gauge."""
     return unknown.status == "prior" and unknown.sigma is not None and bool(np.all(np.isfinite(unknown.sigma)))
 
 
 def without_priors(problem: Problem) -> Problem:
-    """A copy without priors of transforms that are not fixed."""
+    """Return a copy without priors of transforms; fixed transforms stay fixed."""
     free = {n: replace(u, status="free") if is_informed(u) else u for n, u in problem.unknowns.items()}
     return replace(problem, unknowns=free)
 
 
 def _required_columns(problem: Problem, name: str) -> int:
-    """How many leading columns of an unknown must be seen: all of a transform, focal lengths and centre of a lens.
+    """Number of leading columns of an unknown that must be observable.
 
-    Of a robot's kinematics none: each number is given or not alone.
+    These are all of a transform, and focal lengths and centre of a lens. Robot parameters have none, since each
+    parameter is judged separately.
     """
     return 6 if name in problem.unknowns else 4 if name in problem.lenses else 0
 
 
 def column_scales(problem: Problem, state: State, length: float) -> Array:
-    """The scale of each column: a length of the scene [m], 1 rad, an image width [px]."""
+    """Scale of each column, (p,): length of the scene [m], 1 rad, focal length [px], 10 for a distortion term."""
     scale = np.ones(problem.width)
     for name, where in problem.columns.items():
         if name in problem.unknowns:
@@ -156,7 +157,7 @@ def column_scales(problem: Problem, state: State, length: float) -> Array:
 
 
 def _length(problem: Problem, state: State) -> float:
-    """How far targets are from the cameras that see them, of points in space how far arms reach: the median [m]."""
+    """Median distance of targets from cameras [m]; for points measured in 3-D, the reach of the arms."""
     few = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]
     distances = [
         np.full(len(g), g.reach_m)

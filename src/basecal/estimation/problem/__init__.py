@@ -1,1 +1,1 @@
-"""A cell and a recording as arrays, and the unknowns with their columns."""
+"""A cell and a recording as arrays, with the unknowns and their columns."""

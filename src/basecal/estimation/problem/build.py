@@ -1,4 +1,4 @@
-"""Make a `Problem` of a cell and a recording: samples in canonical order, unusable ones dropped with a finding."""
+"""Make a `Problem` of a cell and a recording: samples in canonical order, unusable samples dropped with a finding."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
 
 Views = list[tuple[int, Observation]]
-_LISTED_SAMPLES = 10  # samples that a message names; assumed to fit it
+_LISTED_SAMPLES = 10  # most samples that a message lists; assumed
 
 
 class RecordedStates(NamedTuple):
-    """States of one robot, (n,) each: poses, the number of the stop, and joints (n, k) if all have some."""
+    """States of one robot, (n,) each: poses, stop numbers, and joints (n, k) [rad] if all states have joints."""
 
     base_from_flange: SE3
     stand: IntArray
@@ -52,19 +52,19 @@ class RecordedStates(NamedTuple):
 
     @property
     def stands(self) -> int:
-        """How many stops there are."""
+        """Number of stops."""
         return int(self.stand.max(initial=-1)) + 1
 
 
 class _Poses(NamedTuple):
-    """The row of each sample that has a pose of a robot, and the states in these rows."""
+    """Recorded states of one robot, and the row of each sample that has one."""
 
     row: Mapping[int, int]
     states: RecordedStates
 
 
 def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
-    """The problem of a recording, and findings about samples that could not be used.
+    """Make the problem of a recording, and findings about samples that are not used.
 
     Raises:
         InputError: if a camera and the target it sees are on the same body, or a camera with pixels has no lens. It is
@@ -86,13 +86,13 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
 def scene_groups(
     cell: Cell, recording: Recording, problem: Problem, sample_numbers: Mapping[str, Sequence[int]]
 ) -> tuple[ViewGroup, ...]:
-    """Views of the static scene, at the stops of a problem of the same recording.
+    """Make groups of views of the static scene that share the stops of a problem of the same recording.
 
     Args:
-        cell: What exists.
-        recording: With poses of the robots that carry cameras.
-        problem: Whose stops are numbered.
-        sample_numbers: Of views by camera.
+        cell: The cell.
+        recording: Recording with poses of the robots that carry cameras.
+        problem: Problem that numbers the stops.
+        sample_numbers: Sample numbers of the views, by camera.
     """
     samples = canonical_order(recording.samples)
     index, poses = {sample.sample: i for i, sample in enumerate(samples)}, _poses(cell, samples)
@@ -106,13 +106,13 @@ def scene_groups(
 
 
 def restate(cell: Cell, problem: Problem) -> Problem:
-    """The views of a problem in a cell that states its transforms, lenses and robots' parameters otherwise."""
+    """Make the problem of the same views in a cell with other transforms, lenses and robot parameters."""
     other = replace(_problem(cell, problem.groups, problem.stops), unstated=problem.unstated, stands=problem.stands)
     return other.with_models(_models(cell, other))
 
 
 def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
-    """The columns of every robot that is seen and whose kinematics are not fixed."""
+    """Kinematic models of the robots that have views and parameters to estimate, by name."""
     models = {}
     for name, robot in cell.robots.items():
         asked = [kind for kind, known in robot.parameters.items() if known.status != "fixed"]
@@ -128,20 +128,20 @@ def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
 
 
 def recorded_by_joints(problem: Problem, robot: str) -> bool:
-    """Whether every view of a robot has its joints."""
+    """Whether all views of a robot are recorded with joints."""
     return all(end.joints is not None for end in problem.robot_ends(robot))
 
 
 def recorded_joints(problem: Problem, robot: str) -> Array:
-    """Different joints at which a robot was seen, every view of which has them, (m, n) [rad]."""
+    """Distinct recorded joints of a robot whose views all have joints, (m, n) [rad]."""
     joints = [end.joints for end in problem.robot_ends(robot) if end.joints is not None]
     return np.unique(np.concatenate(joints), axis=0)
 
 
 def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
-    """Whether the base of a robot, and whether all that its flange carries, are free.
+    """Whether the base of a robot is free, and whether everything on its flange is free.
 
-    The reference's base is the world: it is free where everything else that is placed in the world is.
+    The reference's base is the world: it counts as free if everything else that is placed in the world is free.
     """
     ends = problem.robot_ends(robot)
     placed = [end.base for end in ends if end.base]
@@ -154,14 +154,14 @@ def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
 
 
 def canonical_order(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """Samples by time, or by number where one has no time; of two with the same number the first."""
+    """Sort samples by time, or by number if any has no time; keep the first of those with equal numbers."""
     timed = all(s.stamp_s is not None for s in samples)
     ordered = sorted(samples, key=lambda s: (s.stamp_s if timed and s.stamp_s is not None else 0.0, s.sample))
     return tuple({s.sample: s for s in reversed(ordered)}.values())[::-1]
 
 
 def _poses(cell: Cell, samples: tuple[Sample, ...]) -> dict[str, _Poses]:
-    """Poses of all robots, by name."""
+    """Recorded states of all robots, by name."""
     poses = {}
     for name in cell.robots:
         having = [i for i, sample in enumerate(samples) if name in sample.robots]
@@ -171,10 +171,10 @@ def _poses(cell: Cell, samples: tuple[Sample, ...]) -> dict[str, _Poses]:
 
 
 def recorded_states(cell: Cell, robot: str, states: list[RobotState]) -> RecordedStates:
-    """States of a robot as arrays.
+    """Convert states of a robot to arrays.
 
     Raises:
-        InputError: if some are joints and the robot has no kinematics.
+        InputError: if states are recorded by joints and the robot has no kinematics.
     """
     if not states:
         return RecordedStates(SE3.identity((0,)), np.zeros(0, dtype=np.int64), None)
@@ -201,7 +201,7 @@ def _flanges(cell: Cell, robot: str, states: list[RobotState]) -> SE3:
 
 
 def _number_stops(cell: Cell, poses: Mapping[str, _Poses]) -> Stops:
-    """One row a stop over all robots with stated noise."""
+    """Stops of all robots with stated noise, one row per stop."""
     sigmas: list[Array] = [np.zeros((0, 6))]
     names: list[str] = []
     for name, of in poses.items():
@@ -227,7 +227,7 @@ def _views(
             if missing:
                 lacking[f"no pose of {missing[0]} in the same sample"].append(sample.sample)
             elif isinstance(observation, CandidateObservation) and (shape is None or not shape.is_point):
-                lacking["candidates for several lights, which cannot be distinguished"].append(sample.sample)
+                lacking["candidates for several LEDs, which cannot be distinguished"].append(sample.sample)
             else:
                 stops = [int(poses[r].states.stand[poses[r].row[i]]) for r in needed if r in cell.robots]
                 content = view_content(observation, stops)
@@ -245,7 +245,7 @@ def _views(
 
 
 def _kinds(observation: Observation) -> tuple[str, ...]:
-    """Kinds that are solved together: pixels, with candidates; poses; 3-D points; places and directions of parts."""
+    """Kinds of measurement of an observation; pixels and candidates are one kind, a clamped part gives two."""
     if isinstance(observation, PixelObservation | CandidateObservation):
         return ("PixelObservation",)
     kind = type(observation).__name__
@@ -278,7 +278,7 @@ def _group(
 
 
 def _end(cell: Cell, poses: Mapping[str, _Poses], stops: Stops, body: str, index: list[int]) -> End:
-    """The recorded states, in these samples, of the robot that carries a camera or target; `world` does not move."""
+    """Make the end of a camera or target in the samples of these indices: states of its robot, or a still end."""
     mount, carrier = cell.mount_name(body), (cell.cameras.get(body) or cell.targets[body]).on
     if carrier not in cell.robots:
         return End.still(mount, len(index), cell.plate_name(carrier) if carrier in cell.plates else None)
@@ -322,7 +322,7 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
 
 
 def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:
-    """Content of a view, and the stops of the robots that carry camera and target: equal for copies."""
+    """Hashable content of a view and the stops of its robots; equal for copied views."""
     if isinstance(observation, PoseObservation):
         arrays: list[Array] = [observation.camera_from_target.rotation, observation.camera_from_target.translation]
     elif isinstance(observation, TouchObservation):
@@ -336,7 +336,7 @@ def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:
 
 
 def repeated_views(numbers: Sequence[int]) -> list[Finding]:
-    """A finding about the samples, by number, whose views are counted with earlier ones; none without any."""
+    """Make a finding about samples, by number, whose views repeat earlier ones; empty if there are none."""
     if not numbers:
         return []
     shown, one = _list_samples(numbers), len(numbers) == 1
@@ -348,11 +348,11 @@ def repeated_views(numbers: Sequence[int]) -> list[Finding]:
 
 
 def dropped_samples(numbers: Sequence[int], reason: str) -> Finding:
-    """A finding about the samples, by number, whose views are not used."""
+    """Make a finding about samples, by number, whose views are not used."""
     what = f"{len(numbers)} view(s) are not used, of sample {_list_samples(numbers)}: {reason}."
     return Finding("dropped-sample", "info", tuple(map(str, numbers)), what)
 
 
 def _list_samples(numbers: Sequence[int]) -> str:
-    """Numbers of samples in words, some of many."""
+    """List sample numbers for a message; the first ten of many."""
     return ", ".join(map(str, numbers[:_LISTED_SAMPLES])) + (", ..." if len(numbers) > _LISTED_SAMPLES else "")

@@ -1,7 +1,7 @@
-"""Views that can be read in several ways: a chessboard from either end, a light among several bright spots.
+"""Choose the correspondence of ambiguous views: a chessboard read from either end, an LED among several bright spots.
 
-A detector sees one view at a time and cannot decide; all views together can. Each view takes the reading that the
-present state predicts best, and the state is found again, until no view changes its mind.
+A detector sees one view at a time and cannot resolve the ambiguity; all views together can. Each view takes the reading
+that fits the present state best, and the state is estimated again, until no reading changes.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, IntArray
 
-MOST_CANDIDATES = 8  # bright spots of a light that are tried; assumed: bounds the time
+MOST_CANDIDATES = 8  # bright spots that are tried per LED; assumed: bounds the time
 
 
 def half_turn(target: Target) -> SE3 | None:
-    """`target_from_turned`: how a target that looks the same turned by half a turn is turned; None for others."""
+    """Transform `target_from_turned` of a target that looks the same rotated by 180 deg; None for other targets."""
     if not target.alike_turned:
         return None
     middle = target.points.mean(0)
@@ -28,14 +28,14 @@ def half_turn(target: Target) -> SE3 | None:
 
 
 def half_turn_views(measurement: PixelMeasurement) -> PixelMeasurement:
-    """The views of a grid read from its other end: point k is point n - 1 - k."""
+    """Views of a grid in reverse order of points: point k becomes point n - 1 - k."""
     return measurement.take_points(slice(None, None, -1))
 
 
 def choose_correspondence(problem: Problem, state: State) -> tuple[Problem, bool]:
-    """The problem with every view read as the state predicts best, and whether any reading changed.
+    """Return the problem with the reading of every view that fits the state best, and whether any reading changed.
 
-    Of a batch of states the views are read for each; their measurements have the batch axis then.
+    For a batch of states, the measurements get the batch axis, because each state has its own readings.
     """
     groups, changed = [], False
     for group in problem.groups:
@@ -53,7 +53,7 @@ def choose_correspondence(problem: Problem, state: State) -> tuple[Problem, bool
 
 
 def _select_readings(readings: tuple[PixelMeasurement, ...], best: IntArray) -> PixelMeasurement:
-    """The reading of each view that is best, ([b,] n)."""
+    """Merge readings: view by view the reading of index `best`, ([b,] n)."""
     chosen = readings[0]
     for k, reading in enumerate(readings[1:], start=1):
         take = (best == k)[..., None]

@@ -1,9 +1,10 @@
-"""Changes of a robot's parameters that its recorded joints do not distinguish from changes of other unknowns.
+"""Gauges: changes of a robot's parameters that the recorded joints do not distinguish from changes of other unknowns.
 
-A joint that never moved rotates the arm as its base does, and so does the next one after it. The last joint rotates
-what the flange carries as its mounts do. A rotation about a joint's own axis is that joint's offset. The poses of the
-flange show which of these a recording leaves open; the arm alone does not. Nothing depends on a plate's rotation about
-the line of its marks, or on a plane's motion within itself. Source: docs/mathematics.md, "Gauges".
+The offset of a joint that never moved has the effect of a rotation of the base. The same is true of the next joint.
+The offset of the last joint has the effect of a rotation of the mounts on the flange. A rotation about a joint's own
+axis is the joint's offset. Which of these a recording leaves open depends on the recorded flange poses, not on the arm
+alone. No view depends on a plate's rotation about the line of its marks, or on a plane's motion within itself. Source:
+docs/mathematics.md, "Gauges".
 """
 
 from __future__ import annotations
@@ -21,22 +22,20 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
 from basecal.numerics.spectral import Spectrum, principal_axes, scaled_spectrum
 
-# Motion of the flange by a radian of something, root of the mean square [rad], below which it is what the noise of
-# recorded poses may make: real arms have some milliradians.
+# RMS motion of the flange per radian of a parameter [rad], below which it may be due to noise of the recorded poses:
+# real arms have some milliradians.
 LEAST_RMS = 3e-3
-LENGTH_M = 0.5  # length that counts as much as a radian: a lever arm of an arm's hand [m]
+LENGTH_M = 0.5  # length equivalent to one radian: a typical lever arm of an arm's flange [m]
 MOVE_SCALE = np.array([LENGTH_M] * 3 + [1.0] * 3)
-_SHARE_DECIMALS = (
-    6  # decimals of a joint's share in a gauge: equal ones differ by rounding, and then the first is taken
-)
+_SHARE_DECIMALS = 6  # decimals of a joint's share in a gauge: rounding errors must not decide between equal shares
 
 
 def end_moves(base_from_flange: SE3, free_ends: tuple[bool, bool]) -> Array:
-    """How flanges, (m,), move with what is free at the ends of their arm, right tangents, (m, 6, k).
+    """Derivatives of flange poses with respect to the free ends of the arm, right tangents, (m, 6, k).
 
     Args:
-        base_from_flange: (m,).
-        free_ends: Whether its base, and whether all that its flange carries, are free.
+        base_from_flange: (m,) flange poses.
+        free_ends: Whether the base is free, and whether everything on the flange is free.
     """
     at_base, at_flange = base_from_flange.inverse().adjoint(), np.broadcast_to(np.eye(6), (len(base_from_flange), 6, 6))
     ends = [each * MOVE_SCALE for each, free in zip((at_base, at_flange), free_ends, strict=True) if free]
@@ -44,11 +43,11 @@ def end_moves(base_from_flange: SE3, free_ends: tuple[bool, bool]) -> Array:
 
 
 def independent_moves(moves: Array, other_moves: Array) -> Spectrum:
-    """Mean squares of a flange's moves that others cannot absorb, along directions of the moves [rad^2].
+    """Spectrum of the mean squared flange motions that other motions cannot absorb [rad^2].
 
     Args:
-        moves: (m, 6, k) right tangents by one unit of each [m, rad].
-        other_moves: (m, 6, j) likewise.
+        moves: (m, 6, k) right tangents per unit of each parameter [m, rad].
+        other_moves: (m, 6, j) right tangents per unit of each other parameter [m, rad].
     """
     flat, by_others = _flatten_moves(moves), _flatten_moves(other_moves)
     across = scaled_spectrum(by_others.T @ by_others, LEAST_RMS**2).inverse_root.T @ (by_others.T @ flat)
@@ -56,21 +55,21 @@ def independent_moves(moves: Array, other_moves: Array) -> Spectrum:
 
 
 def _flatten_moves(moves: Array) -> Array:
-    """Rows of all flanges, 0.5 m counting as a radian, whose sums of squares are means over the flanges."""
+    """Scale motions (m, 6, k) to rows (6 m, k) [rad]: 0.5 m equals 1 rad, sums of squares are means over flanges."""
     rows = moves / MOVE_SCALE[:, None]
     return np.asarray(rows.reshape(6 * len(moves), moves.shape[-1]) / np.sqrt(max(len(moves), 1)))
 
 
 def determined_directions(moves: Array, other_moves: Array) -> Array:
-    """An orthonormal basis, (k, r), of what of some moves is none of the others; see `independent_moves`."""
+    """Orthonormal basis, (k, r), of the moves that other moves cannot absorb; see `independent_moves`."""
     left = independent_moves(moves, other_moves)
     return np.asarray(left.vectors[:, left.held])
 
 
 def determined_joints(moves: Array, other_moves: Array) -> IntArray:
-    """Which of some moves, one of each joint, are not to be held so that the rest is none of the others.
+    """Indices of the joints to estimate; the others are held, so that no gauge is left with the other moves.
 
-    Of joints with an equal part in a gauge the first is held.
+    `moves` has one column per joint. If joints have equal shares in a gauge, the first is held.
     """
     of = independent_moves(moves, other_moves)
     left, held = of.vectors[:, ~of.held], list[int]()
@@ -83,7 +82,7 @@ def determined_joints(moves: Array, other_moves: Array) -> IntArray:
 
 
 def held_gauges(cell: Cell, groups: Sequence[ViewGroup]) -> dict[str, Array]:
-    """Directions of tangents that are held, of each transform that has some and is not fixed: 1, else 0, (6,)."""
+    """Held tangent directions of transforms that are not fixed, by name, (6,): 1 if held, else 0."""
     found = {cell.plate_name(plate): _line_rotation(cell, plate) for plate in cell.plates}
     for group in groups:
         if isinstance(group.measurement, ContactMeasurement):
@@ -94,7 +93,7 @@ def held_gauges(cell: Cell, groups: Sequence[ViewGroup]) -> dict[str, Array]:
 
 
 def _line_rotation(cell: Cell, plate: str) -> Array:
-    """The rotation of a plate about the line that all its marks are on, if they are."""
+    """Held directions of a plate, (6,): the rotation about the line of its marks; zero if the marks span a plane."""
     places = [target.mount.mean for target in cell.targets.values() if target.on == plate]
     points = np.array([at.translation for at in places if at is not None])
     of, held = principal_axes(points - points.mean(0)), np.zeros(6)
@@ -104,11 +103,10 @@ def _line_rotation(cell: Cell, plate: str) -> Array:
 
 
 def point_mounts(cell: Cell, groups: Sequence[ViewGroup]) -> frozenset[str]:
-    """Names of the mounts of single points, but of those that were measured as poses: their orientation counts.
+    """Names of the mounts of single points, except points measured as poses, whose orientation matters.
 
     Raises:
-        InputError: if a point that was measured as poses is seen as a point, too, or its mount is stated, which has no
-            rotation then.
+        InputError: if a point that was measured as poses is also observed as a point, or its mount is not free.
     """
     points = {t.name for t in cell.targets.values() if t.target is not None and t.target.is_point}
     posed = {g.target for g in groups if isinstance(g.measurement, PoseMeasurement)} & points
@@ -124,7 +122,7 @@ def point_mounts(cell: Cell, groups: Sequence[ViewGroup]) -> frozenset[str]:
 
 
 def _tips(groups: Sequence[ViewGroup]) -> set[str]:
-    """Tips that see points at their own origin only: no rotation of such a mount matters."""
+    """Names of tips that only touch points with their origin: the rotations of their mounts have no effect."""
     return {g.camera for g in groups} - {
         g.camera for g in groups if not is_touch(g.measurement) or isinstance(g.measurement, tuple(GRIPS.values()))
     }

@@ -1,4 +1,4 @@
-"""Observations of views as arrays: measurements, and the ways in which they may be read."""
+"""Observations of views as arrays: measurements and their alternative readings."""
 
 from __future__ import annotations
 
@@ -26,15 +26,22 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 GRIP = "grip"
-"""A kind of measurement: directions of a part that two robots hold, beside where it is."""
+"""Kind of measurement: directions of a part that two robots hold, in addition to its position."""
 
 
 def make_measurement(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
-    """The measurement of one camera's observations of one target, all of one `kind`: an observation's type, or `GRIP`.
+    """Make the measurement of one camera's observations of one target, all of one kind.
+
+    Args:
+        cell: The cell.
+        camera: Name of the camera.
+        target: Name of the target.
+        kind: Type name of the observations, or `GRIP`.
+        observations: The observations.
 
     Raises:
-        InputError: if points are seen of a target without any, a camera with pixels has no lens, or `correlated_px`
-            stands without `pixel_px`.
+        InputError: if points of a target without a `kind` are observed, a camera with pixels has no intrinsics, or
+            `correlated_px` is stated without `pixel_px`.
     """
     shape = cell.targets[target].target
     if kind == "PoseObservation":
@@ -68,7 +75,7 @@ def make_measurement(cell: Cell, camera: str, target: str, kind: str, observatio
 
 
 def _as_pixels(observation: PixelObservation | CandidateObservation, spot: int = 0) -> PixelObservation:
-    """An observation of pixels; of candidates the requested one, or the first where there are fewer."""
+    """Convert to an observation of pixels: candidate number `spot`, or the first if there are fewer."""
     if isinstance(observation, PixelObservation):
         return observation
     o, k = observation, spot if spot < len(observation.pixels) else 0
@@ -79,7 +86,7 @@ def _as_pixels(observation: PixelObservation | CandidateObservation, spot: int =
 def alternative_readings(
     measurement: Measurement, shape: Target | None, observations: list[Observation]
 ) -> tuple[PixelMeasurement, ...]:
-    """All ways to read the views, the measurement's own first; none if there is no choice."""
+    """Alternative readings of the views, the measurement itself first; empty if there is no ambiguity."""
     if not isinstance(measurement, PixelMeasurement) or shape is None:
         return ()
     if half_turn(shape) is not None:
@@ -90,7 +97,7 @@ def alternative_readings(
 
 
 def _select_spot(measurement: PixelMeasurement, observations: list[Observation], number: int) -> PixelMeasurement:
-    """The views as if the light were the spot of this number, or the first where there are fewer; each by its sigma."""
+    """Read the LED as spot `number` of each view, with its sigma; as the first spot if there are fewer."""
     pixels = measurement.pixels.copy()
     share, of_detector = np.ones((2, len(observations), 1))  # 1 / sigma over that of the first spot
     for view, observation in enumerate(observations):
@@ -108,7 +115,7 @@ def _select_spot(measurement: PixelMeasurement, observations: list[Observation],
 def _scatter(
     target: Target, ids: list[IntArray], values: list[Array], inverse_sigmas: list[Array]
 ) -> tuple[Array, BoolArray, Array]:
-    """Ragged points of views as (n, p, d) values, (n, p) seen and (n, p) 1 / sigma."""
+    """Scatter points of views into dense arrays: values (n, p, d), seen (n, p) and 1 / sigma (n, p)."""
     view = np.repeat(np.arange(len(ids)), [len(i) for i in ids])
     row = target.rows(np.concatenate(ids))
     n, p = len(ids), len(target.ids)
@@ -124,7 +131,7 @@ def _pixel_measurement(
     target: Target, observations: list[PixelObservation], pixel_px: float | None
 ) -> PixelMeasurement:
     default = 0.0 if pixel_px is None else 1 / pixel_px
-    # 1 / sigma of each point as its detector has it, over that of the median point; 1 where none has it.
+    # 1 / sigma of each point from its detector, relative to the median point; 1 if the detector reports no sigma.
     sigmas = [o.sigma_px if o.detected else None for o in observations]
     claimed = [sigma for sigma in sigmas if sigma is not None]
     middle = float(np.median(np.concatenate(claimed))) if claimed else 1.0

@@ -22,7 +22,7 @@ from basecal.kinematics import SerialChain
 
 @dataclass(frozen=True, eq=False)
 class Stops:
-    """Where robots stood: each stop has one pose error `sigma * u`, with u normal of unit variance.
+    """Stops of the robots: each stop has one pose error `sigma * u`, with u ~ N(0, I).
 
     Attributes:
         sigma: (k, 6) [m, rad] in flange axes.
@@ -43,29 +43,29 @@ class Stops:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Everything the solver needs.
+    """Input of the solver: views, unknowns and their columns.
 
     Attributes:
         reference: The robot whose base is `world`.
         groups: The views.
         unknowns: Every transform of the cell by name.
         point_mounts: Names of the mounts of single points, which have three columns.
-        lenses: What is known of the lenses of cameras with pixels, by camera.
+        lenses: Stated intrinsics of cameras with pixels, by camera.
         stops: The robots' stops.
-        columns: The place of each unknown that is not fixed in the step. The keys are names of transforms and cameras,
-            and `<robot>_<kind>` for the parameters of a robot.
-        models: What is estimated of the robots' own kinematics, by robot.
-        chains: Kinematics as stated of the robots that have some, by robot.
-        unstated: Names of the robots that state no noise.
-        stands: How many stops each robot made, by robot, whatever views are left of them.
-        held: Whether sigmas that nobody stated are held at what they are.
-        exact_targets: Names of the targets whose shape is as stated.
-        shapes: How targets are shaped, by name, if that was estimated; see `effects.target_shape`.
-        jitter_s: Sigma in use of the jitter of single stamps, by camera [s].
+        columns: Slice of each unknown in the step vector, without fixed unknowns. The keys are names of transforms and
+            cameras, and `<robot>_<kind>` for the parameters of a robot.
+        models: Estimated parameters of the robots' kinematics, by robot.
+        chains: Stated kinematics, by robot, of the robots that have any.
+        unstated: Names of the robots without stated noise.
+        stands: Number of stops of each robot, by robot, including stops without views.
+        held: Whether unstated sigmas are held at their present values.
+        exact_targets: Names of the targets whose stated shape is exact.
+        shapes: Estimated shapes of targets, by name; see `effects.target_shape`.
+        jitter_s: Sigma in use of the timing jitter of single stamps, by camera [s].
         open_jitter: Cameras whose jitter is to be estimated.
-        open_clocks: Devices whose offsets in time are estimated about the solution.
-        tied: Views of the static scene beside those of targets; None if there are none.
-        gauges: Directions of free transforms that no view depends on, (6,) of 1 or 0 by name, which stay.
+        open_clocks: Devices whose clock offsets are estimated about the solution.
+        tied: Views of the static scene, in addition to those of targets; None if there are none.
+        gauges: Held directions of free transforms, on which no view depends, (6,) of 1 or 0 by name.
     """
 
     reference: str
@@ -94,19 +94,19 @@ class Problem:
         return max((c.stop for c in self.columns.values()), default=0)
 
     def column_width(self, name: str) -> int:
-        """How many columns an unknown has; 0 if it is fixed."""
+        """Number of columns of an unknown; 0 if it is fixed."""
         where = self.columns.get(name)
         return 0 if where is None else where.stop - where.start
 
     def fixed_factors(self, group: ViewGroup) -> tuple[SE3 | None, SE3 | None, SE3 | None]:
-        """X, Y and Z of the loops that views close, as far as they are stated as fixed."""
+        """Fixed transforms X, Y and Z of a group's loop equation; None for each that is not fixed."""
         known = {None: SE3.identity()} | {name: of.mean for name, of in self.unknowns.items() if of.status == "fixed"}
         x, z = (known.get(end.mount) for end in group.ends)
         eye, hand = (known.get(end.base) for end in group.ends)
         return x, None if eye is None or hand is None else eye.inverse() @ hand, z
 
     def column_indices(self, names: Iterable[str]) -> IntArray:
-        """Columns of the unknowns of these names, one after another."""
+        """Concatenated column indices of named unknowns."""
         places = (self.columns[name] for name in names)
         return np.array([k for place in places for k in range(place.start, place.stop)], dtype=np.int64)
 
@@ -117,17 +117,17 @@ class Problem:
 
     @cached_property
     def robots(self) -> tuple[str, ...]:
-        """Names of the robots that see or are seen."""
+        """Names of the robots that carry a camera or target of the views."""
         return tuple(sorted({robot for group in self.all_groups for robot in group.robots}))
 
     def robot_ends(self, robot: str | None) -> list[End]:
-        """The ends of views that a robot, or the world, carries."""
+        """Ends of views that belong to a robot, or to the world if `robot` is None."""
         seen = [end for group in self.all_groups for end in group.ends if end.mount != SCENE]
         return [end for end in seen if end.robot == robot]
 
     @cached_property
     def shared_stops(self) -> IntArray:
-        """Number of each stop among those that several views have; -1 for the others, (k,)."""
+        """Index of each stop among the stops shared by several views, (k,); -1 for stops of a single view."""
         count = np.zeros(len(self.stops), dtype=np.int64)
         for group in self.groups if len(count) else ():
             for end in group.ends:
@@ -138,20 +138,20 @@ class Problem:
         return np.where(several, np.cumsum(several) - 1, -1)
 
     def jitter_motion(self, group: ViewGroup) -> Array | None:
-        """Motion of views by one sigma of their stamps' jitter, (n, 6) [m, rad]; None if there is none."""
+        """Motion of views during one sigma of timing jitter, (n, 6) [m, rad]; None without jitter or motion."""
         jitter_s = self.jitter_s.get(group.camera, 0.0)
         return group.motion * jitter_s if jitter_s and group.motion is not None else None
 
     def with_noise(self, noise: Noise) -> Problem:
-        """A copy with other unstated sigmas, unless these are held."""
+        """Return a copy with new sigmas for unstated noise; the same problem if sigmas are held."""
         return self if self.held else self.with_groups(g.with_noise(noise) for g in self.groups)
 
     def with_groups(self, groups: Iterable[ViewGroup]) -> Problem:
-        """The same unknowns with other views."""
+        """Return a copy with the given groups of views."""
         return replace(self, groups=tuple(groups))
 
     def with_ends(self, change: Callable[[End], End]) -> Problem:
-        """A copy with the ends of all views changed."""
+        """Return a copy with `change` applied to the ends of all views."""
         changed = self.with_groups(group.with_ends(change) for group in self.groups)
         if self.tied is None:
             return changed
@@ -159,16 +159,16 @@ class Problem:
         return replace(changed, tied=replace(self.tied, groups=tied))
 
     def take_batch(self, rows: Rows) -> Problem:
-        """The problems at these rows of a batch."""
+        """Select entries of a batch of problems."""
         return self.with_groups(g.take_batch(rows) for g in self.groups)
 
     def robot_model(self, robot: str | None) -> RobotModel | None:
-        """The model of a robot that has columns in the step; None where it has none."""
+        """Kinematic model of a robot; None if it has no columns in the step."""
         model = self.models.get(robot or "")
         return model if model is not None and all(name in self.columns for name in model.widths) else None
 
     def with_models(self, models: Mapping[str, RobotModel]) -> Problem:
-        """A copy with other columns of the robots' kinematics, after all others."""
+        """Return a copy with the given kinematic models; their columns follow all other columns."""
         replaced = {name for model in self.models.values() for name in model.widths}
         columns = {name: where for name, where in self.columns.items() if name not in replaced}
         at = max((c.stop for c in columns.values()), default=0)
@@ -181,13 +181,13 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A value for every unknown, or a batch of them.
+    """A value for every unknown, or a batch of values.
 
     Attributes:
-        transforms: By name, (...).
-        cameras: Lenses by camera, of parameters (..., k); one lens of parameters (k,) may serve a whole batch.
-        stop_errors: (..., k, 6) in sigmas, one row a stop.
-        robots: Kinematics of the robots where they are not as stated.
+        transforms: Transforms by name, (...).
+        cameras: Lenses by camera, with parameters (..., k); one lens with parameters (k,) may serve a whole batch.
+        stop_errors: (..., k, 6) pose errors in sigmas, one row per stop.
+        robots: Kinematics of the robots that differ from the stated kinematics.
     """
 
     transforms: Mapping[str, SE3]
@@ -197,11 +197,11 @@ class State:
 
     @property
     def batch(self) -> tuple[int, ...]:
-        """The shape of the batch, () of a single state."""
+        """Shape of the batch; () for a single state."""
         return self.stop_errors.shape[:-2]
 
     def spread(self, problem: Problem, count: int) -> State:
-        """A single state, so many times; lenses that are not estimated serve all."""
+        """Repeat a single state `count` times as a batch; lenses that are not estimated are shared."""
         transforms = {name: transform.repeat(count) for name, transform in self.transforms.items()}
         cameras = dict(self.cameras)
         for name in cameras.keys() & problem.columns.keys():
@@ -214,14 +214,14 @@ class State:
         return State(transforms, cameras, errors, spread)
 
     def view_transform(self, name: str) -> SE3:
-        """A transform that broadcasts against views: of a batch (..., 1)."""
+        """A transform that broadcasts against views: (..., 1) for a batch."""
         if name == SCENE:
             return SE3.identity()
         transform = self.transforms[name]
         return transform.spread() if transform.shape else transform
 
     def kinematics(self, model: RobotModel) -> Kinematics:
-        """Where a robot's kinematics are, as stated unless moved."""
+        """Current kinematics of a robot; the stated kinematics if the state has none of its own."""
         return self.robots.get(model.robot) or Kinematics(model.chain, stated=model.stated)
 
     def camera_from_target(self, group: ViewGroup, stops: Stops) -> SE3:
@@ -230,13 +230,13 @@ class State:
 
 
 class Link(NamedTuple):
-    """The unknowns that move views at one end of their loop, seen from the target, (..., n) each.
+    """Frames at one end of the views' loop, relative to the target, (..., n) each.
 
     Attributes:
-        sign: Of the views' motion: -1 at the camera's end.
-        target_from_base: Of the robot.
-        target_from_flange: Of the robot.
-        target_from_carried: Of the camera; None of the target itself.
+        sign: Sign of the views' motion: -1 at the camera's end, 1 at the target's end.
+        target_from_base: Pose of the robot base in the target.
+        target_from_flange: Pose of the flange in the target.
+        target_from_carried: Pose of the camera in the target; None at the target's end.
     """
 
     sign: float
@@ -247,18 +247,18 @@ class Link(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The factors of `camera_from_target`, by the ends of a group; see `chain`."""
+    """Factors of `camera_from_target`, one link per end of a group; see `chain`."""
 
     ends: tuple[Link, Link]
     target_from_camera: SE3
 
     @property
     def camera_from_target(self) -> SE3:
-        """(..., n)."""
+        """Predicted poses of the target in the camera, (..., n)."""
         return self.target_from_camera.inverse()
 
     def frames(self, group: ViewGroup) -> Iterator[tuple[str, float, SE3 | None]]:
-        """Each transform that the views depend on, from camera to target: its name, sign and place, as in `Link`."""
+        """Yield name, sign and `Link` pose of each transform that the views depend on, from camera to target."""
         (eye, hand), (at_eye, at_hand) = group.ends, self.ends
         yield eye.mount, at_eye.sign, at_eye.target_from_carried
         for end, link in zip(group.ends, self.ends, strict=True):
@@ -268,7 +268,7 @@ class Chain:
 
 
 def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
-    """The products of the one equation, read from the target back to the camera.
+    """Evaluate the loop equation of a group, from the target back to the camera.
 
     camera_from_target == (eye_base_from_eye_flange @ eye_flange_from_camera).inverse()
                           @ eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target
@@ -288,7 +288,7 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
 
 
 def _to_eye_base(target_from_hand_base: SE3, group: ViewGroup, state: State) -> SE3:
-    """`target_from_eye_base`; either base is the reference's, and the world's, if it has no name."""
+    """`target_from_eye_base`; a base without a name is the reference base, which is the world."""
     eye, hand = group.ends
     if hand.base is None:
         return target_from_hand_base if eye.base is None else target_from_hand_base @ state.view_transform(eye.base)
@@ -299,7 +299,7 @@ def _to_eye_base(target_from_hand_base: SE3, group: ViewGroup, state: State) -> 
 
 
 def _flange(end: End, state: State, error: SE3 | None) -> SE3:
-    """`base_from_flange` by the robot's kinematics, or as recorded if these are as stated, moved by its error."""
+    """`base_from_flange` with its pose error: from estimated kinematics if the state has any, else as recorded."""
     kinematics = state.robots.get(end.robot or "")
     base_from_flange = end.base_from_flange
     if kinematics is not None and end.joints is not None:
@@ -308,15 +308,15 @@ def _flange(end: End, state: State, error: SE3 | None) -> SE3:
 
 
 def _inverse_flange(end: End, state: State, error: SE3 | None) -> SE3:
-    """The inverse of `_flange`; of poses as recorded it is kept."""
+    """Inverse of `_flange`; the cached inverse for recorded poses without error."""
     is_recorded = error is None and end.robot not in state.robots
     return end.flange_from_base if is_recorded else _flange(end, state, error).inverse()
 
 
 def stop_tangents(group: ViewGroup, state: State, stops: Stops) -> Array:
-    """The errors of the stops of views, one noisy robot's after the other's, (..., n or 2 n, 6) [m, rad].
+    """Pose errors of the views' stops, those of the eye before those of the hand, (..., n or 2 n, 6) [m, rad].
 
-    Side by side they take half as many calls, which is what they cost.
+    Robots without noise are left out. One array for both robots halves the number of calls, which dominate the cost.
     """
     stop = np.concatenate([end.stop for end in group.ends if end.has_noise])
     tangents: Array = state.stop_errors[..., stop, :] * stops.sigma[stop]
@@ -324,7 +324,7 @@ def stop_tangents(group: ViewGroup, state: State, stops: Stops) -> Array:
 
 
 def _flange_errors(group: ViewGroup, state: State, stops: Stops) -> tuple[SE3 | None, SE3 | None]:
-    """Errors of eye's and hand's recorded flange poses, (..., n) each; None without noise."""
+    """Errors of the recorded flange poses of eye and hand, (..., n) each; None for a robot without noise."""
     eye, hand = group.ends
     if not (eye.has_noise or hand.has_noise):
         return None, None
@@ -335,16 +335,16 @@ def _flange_errors(group: ViewGroup, state: State, stops: Stops) -> tuple[SE3 | 
 
 
 def sequential_columns(widths: Mapping[str, int]) -> dict[str, slice]:
-    """Columns one after another, so many of each name."""
+    """Assign consecutive columns to names, from the number of columns of each."""
     ends = np.cumsum([0, *widths.values()]).tolist()
     return {name: slice(*each) for name, each in zip(widths, pairwise(ends), strict=True)}
 
 
 def check_carriers(cell: Cell, camera: str, target: str) -> None:
-    """Raise where a camera and its target hang on the same body.
+    """Check that a camera and its target are on different bodies.
 
     Raises:
-        InputError: if they do.
+        InputError: if both are on the same body.
     """
     on = cell.cameras[camera].on
     if on == cell.targets[target].on:

@@ -1,8 +1,8 @@
-"""Estimated parameters of a robot's own kinematics, of any kind.
+"""Estimated parameters of a robot's kinematics, of any kind.
 
-The pose of a robot given by joints is that of its chain, with the parameters applied to the chain and to the recorded
-joints. Ends of an arm cannot be distinguished from what they are attached to. If both sides of such a pair are free,
-the arm's side is held at zero, which defines the other.
+The forward kinematics apply the parameters to the chain and to the recorded joints. Parameters of the first and last
+link cannot be separated from a free base and from free mounts on the flange. In this case the parameters of the arm
+are held at zero, which defines the base and the mounts.
 Source: docs/mathematics.md (9.1).
 """
 
@@ -26,13 +26,13 @@ from basecal.numerics.batch import SHARED
 
 @dataclass(frozen=True, eq=False)
 class RobotModel:
-    """The columns of one robot's kinematics.
+    """Columns of one robot's kinematic parameters.
 
     Attributes:
-        robot: Its name.
-        chain: Its kinematics as stated, of n joints.
-        stated: What is known of its parameters, by kind; of those that are not fixed.
-        columns: What of them is estimated, by kind; of those given joint by joint it may be none.
+        robot: Name of the robot.
+        chain: Stated kinematics, with n joints.
+        stated: Stated parameters that are not fixed, by kind.
+        columns: Estimated columns, by kind; those of a per-joint kind may be empty.
     """
 
     robot: str
@@ -42,21 +42,21 @@ class RobotModel:
 
     @property
     def names(self) -> dict[str, str]:
-        """Kinds by the names of their columns."""
+        """Map from the name of the columns to the kind of parameter."""
         return {f"{self.robot}_{kind}": kind for kind in self.columns}
 
     @property
     def widths(self) -> dict[str, int]:
-        """How many columns there are of each kind that has any, by name."""
+        """Number of columns of each kind, by name."""
         return {name: self.columns[kind].basis.shape[1] for name, kind in self.names.items()}
 
     @property
     def sigmas(self) -> dict[str, Array | None]:
-        """Sigmas of the prior of each kind's columns, by name; None if they are free."""
+        """Prior sigmas of the columns of each kind, by name; None if the columns are free."""
         return {name: self.columns[kind].sigma for name, kind in self.names.items()}
 
     def select_joint(self, kind: str, joint: int) -> RobotModel:
-        """A copy with the columns of one joint alone of a kind that has a number for each."""
+        """Return a copy in which a per-joint kind keeps only the columns of one joint."""
         basis, sigma = self.columns[kind]
         own = np.flatnonzero(basis[joint])
         return replace(
@@ -66,12 +66,12 @@ class RobotModel:
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:
-    """A value of a robot's kinematics, or a batch of them.
+    """Kinematics of a robot with parameter values, or a batch of values.
 
     Attributes:
-        chain: As stated.
-        values: Of its parameters, by kind, with the batch's axis first; those of kinds that are not there are zero.
-        stated: What is known of them, by kind.
+        chain: Stated kinematics.
+        values: Values of the parameters by kind, with a leading batch axis for a batch; missing kinds are zero.
+        stated: Stated parameters, by kind.
     """
 
     chain: SerialChain = field(metadata=SHARED)
@@ -80,31 +80,31 @@ class Kinematics:
 
     @cached_property
     def moved_chain(self) -> SerialChain:
-        """The chain moved by the parameters; shifts of joints are not in it."""
+        """The chain changed by the parameters, without their shifts of the joints."""
         chain = self.chain
         for kind, values in self.values.items():
             chain = ROBOT_PARAMETERS[kind].moved(chain, values)
         return chain
 
     def spread(self, model: RobotModel | None, count: int) -> Kinematics:
-        """A single one so many times, with values of all kinds that a model estimates."""
+        """Repeat a single entry `count` times as a batch, with values of all kinds that a model estimates."""
         kinds = {**self.values, **({} if model is None else {kind: self.kind_values(kind) for kind in model.columns})}
         return replace(self, values={kind: np.broadcast_to(of, (count, *of.shape)) for kind, of in kinds.items()})
 
     def kind_values(self, kind: str) -> Array:
-        """The values of a kind."""
+        """Values of a kind of parameter; zeros if there are none."""
         return self.values[kind] if kind in self.values else ROBOT_PARAMETERS[kind].zero(self.chain.n)
 
     def stated_parameters(self, kind: str) -> Parameters:
-        """Stated knowledge of a kind."""
+        """Stated parameters of a kind; the default of the kind if there are none."""
         return self.stated[kind] if kind in self.stated else ROBOT_PARAMETERS[kind].stated()
 
     def forward(self, joints: Array) -> SE3:
-        """`base_from_flange`, ([b,] m), at recorded joints ([b,] m, n) [rad]."""
+        """Forward kinematics `base_from_flange`, ([b,] m), at recorded joints ([b,] m, n) [rad]."""
         return self.moved_chain.forward(self.true_joints(joints))
 
     def true_joints(self, joints: Array) -> Array:
-        """Where recorded joints ([b,] m, n) truly stand [rad]; each kind shifts them as recorded."""
+        """True joints at recorded joints, ([b,] m, n) each [rad]; the shifts of all kinds add up."""
         true = joints
         for kind, values in self.values.items():
             true = true + ROBOT_PARAMETERS[kind].shift(self.chain, self.stated_parameters(kind), joints, values)
@@ -118,14 +118,16 @@ def robot_model(
     joints: Array,
     free_ends: tuple[bool, bool] = (False, False),
 ) -> RobotModel:
-    """The columns of what is not fixed; of what is free, those that the recorded joints separate from all else.
+    """Choose the columns of the parameters that are not fixed.
+
+    Free parameters keep the columns that the recorded joints separate from all other unknowns.
 
     Args:
-        robot: Its name.
-        chain: Its kinematics as stated.
-        parameters: What is known of its parameters, by kind.
-        joints: (m, n) as recorded [rad].
-        free_ends: Whether its base, and whether all that its flange carries, are free.
+        robot: Name of the robot.
+        chain: Stated kinematics.
+        parameters: Stated parameters, by kind.
+        joints: (m, n) recorded joints [rad].
+        free_ends: Whether the base is free, and whether everything on the flange is free.
 
     Raises:
         InputError: if the robot lacks what a kind needs.
@@ -153,18 +155,18 @@ def robot_model(
             of = Columns(told, None)
         columns[name] = of
         others = np.concatenate([others, kind.scale * derivative @ of.basis], axis=-1)
-    # What is told joint by joint is told of none, too.
+    # Per-joint kinds are kept even if no joint has a column.
     kept = {name: of for name, of in columns.items() if of.basis.shape[1] or ROBOT_PARAMETERS[name].is_by_joint}
     return RobotModel(robot, chain, asked, kept)
 
 
 def column_derivative(model: RobotModel, kinematics: Kinematics, joints: Array) -> Array:
-    """Derivative of `base_from_flange` to all columns, (..., m, 6, k), right tangents.
+    """Derivative of `base_from_flange` with respect to all columns, (..., m, 6, k), right tangents.
 
     Args:
         model: The columns.
-        kinematics: Where.
-        joints: (..., m, n) as recorded [rad].
+        kinematics: Parameter values at which to linearise.
+        joints: (..., m, n) recorded joints [rad].
     """
     at = Posture(model.chain, joints, kinematics.moved_chain.posture(kinematics.true_joints(joints)))
     parts = [at.true.joint_derivative[..., :0]]
@@ -175,7 +177,7 @@ def column_derivative(model: RobotModel, kinematics: Kinematics, joints: Array) 
 
 
 def apply_step(model: RobotModel, kinematics: Kinematics, step: Mapping[str, Array]) -> Kinematics:
-    """The kinematics after steps of the columns, (..., k), by their names."""
+    """Return the kinematics after a step, given as (..., k) by name of the columns."""
     values = dict(kinematics.values)
     for name, kind in model.names.items():
         before = kinematics.kind_values(kind)
@@ -185,7 +187,7 @@ def apply_step(model: RobotModel, kinematics: Kinematics, step: Mapping[str, Arr
 
 
 def column_values(model: RobotModel, kinematics: Kinematics) -> dict[str, Array]:
-    """Values of the columns with a prior, (..., k), by name; each is of one value."""
+    """Values of the columns with a prior, (..., k), by name."""
     found = {}
     for name, kind in model.names.items():
         basis, sigma = model.columns[kind]

@@ -1,8 +1,9 @@
-"""Which recorded poses are of one stop: a pose read back anew differs a little each time, and an arm may come again.
+"""Assign recorded poses to stops: repeated read-backs of one pose differ slightly, and an arm may revisit a pose.
 
-The error of an arm belongs to its pose. Poses that agree as read-backs of one place do therefore share it, whenever
-they were taken. As separate stops they would seem independent. Within a stated noise that is larger, only poses one
-after another are one place: of hundreds of places some are as near by chance.
+The error of an arm is a function of its pose. Poses that agree within the read-back noise therefore share one error,
+even if they were recorded at different times. As separate stops, their errors would be treated as independent. If the
+stated noise is larger than the read-back noise, poses within the stated noise share a stop only if they are
+consecutive. Among hundreds of poses, some are this close by chance.
 """
 
 from __future__ import annotations
@@ -11,19 +12,19 @@ import numpy as np
 
 from basecal.geometry import SE3, Array, IntArray
 
-# [m, rad]: encoders and their filters let a pose that is read back vary by up to 20 um and as many urad a metre, 1
-# sigma; this is five times the sigma of a difference. No two places to which an arm is sent on purpose are as near.
-# Assumed: smaller ones split stops of an arm that stands, larger ones join near places.
+# [m, rad]: because of encoders and filters, repeated read-backs of one pose vary by up to 20 um and 20 urad per metre,
+# 1 sigma; this is five times the sigma of a difference. Two poses that are commanded on purpose are farther apart.
+# Assumed: smaller values split the stops of an arm at rest, larger values merge neighbouring poses.
 READ_BACK = 1.4e-4
 
 
 def stop_numbers(base_from_flange: SE3, joints: Array | None, noise: Array | None) -> IntArray:
-    """The stop of each pose, (n,), in the order in which they were taken, numbered as they first appear.
+    """Stop number of each pose, (n,), in order of first appearance.
 
     Args:
-        base_from_flange: (n,) recorded poses.
-        joints: (n, k) [rad], where recorded: one pose by other joints is another stop.
-        noise: (6,) stated sigmas of the poses [m, rad]; places nearer than these are no places of their own.
+        base_from_flange: (n,) recorded poses, in the order of recording.
+        joints: (n, k) [rad], or None; the same pose with different joints is a different stop.
+        noise: (6,) stated sigmas of the poses [m, rad]; consecutive poses closer than these share one stop.
     """
     angles = [base_from_flange.rotation.reshape(-1, 9), *([] if joints is None else [joints])]
     coordinates = np.concatenate([base_from_flange.translation, *angles], axis=-1)
@@ -36,7 +37,10 @@ def stop_numbers(base_from_flange: SE3, joints: Array | None, noise: Array | Non
 
 
 def _first_visits(places: Array) -> IntArray:
-    """The first of the rows, (n, k), within 1 in every coordinate that is not near another before."""
+    """Index of the first row, (n, k), within 1 of each row in every coordinate, (n,).
+
+    A row that is assigned to an earlier one cannot have others assigned to itself.
+    """
     _, at, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(at)
     first, distinct = at[order], places[at[order]]  # as they first appear
@@ -49,9 +53,9 @@ def _first_visits(places: Array) -> IntArray:
 
 
 def _near_pairs(places: Array) -> IntArray:
-    """Pairs of rows (n, k), the lower one first, that are within 1 of each other in every coordinate, (m, 2).
+    """Pairs of rows (n, k) within 1 of each other in every coordinate, the lower index first, (m, 2).
 
-    Along the coordinate that spreads most hardly any others are within 1.
+    Candidates are neighbours within 1 in the coordinate of the largest spread, in which neighbours are few.
     """
     along = places[:, np.argmax(np.ptp(places, axis=0))]
     order = np.argsort(along)
@@ -63,9 +67,9 @@ def _near_pairs(places: Array) -> IntArray:
 
 
 def _runs(places: Array) -> IntArray:
-    """The first row of each row's run, (n, k): all of a run are within 1 of it in every coordinate."""
+    """First row of the run of each row, (n,): rows (n, k) of a run are within 1 of its first in every coordinate."""
     first = np.arange(len(places))
-    near = np.all(np.abs(places[1:] - places[:-1]) <= 2, axis=-1)  # without that a run has ended anyhow
+    near = np.all(np.abs(places[1:] - places[:-1]) <= 2, axis=-1)  # any larger difference ends a run
     for row in np.flatnonzero(near) + 1:
         if np.all(np.abs(places[row] - places[first[row - 1]]) <= 1):
             first[row] = first[row - 1]

@@ -1,4 +1,4 @@
-"""The error of a lens that is stated without sigmas: that of a usual calibration, or as large as the data show."""
+"""Error of a lens that is stated without sigmas: that of a typical calibration, or larger if the data show it."""
 
 from __future__ import annotations
 
@@ -10,40 +10,42 @@ from basecal.cell import Intrinsics
 from basecal.effects.registry import LENS_PARAMETERS
 from basecal.geometry import Array, Camera
 
-_STUDENT_FREEDOMS = 3.0  # of Student's t: one lens of twenty is off by more than three times these; assumed
-_MOST_ROUNDS = 100  # at most; assumed: bounds the time
-# Relative change of a variance in a round, each of which closes a third of the gap or more; assumed.
+# Degrees of freedom of Student's t: errors of one lens in twenty exceed three times the usual sigmas; assumed.
+_STUDENT_FREEDOMS = 3.0
+_MOST_ROUNDS = 100  # most iterations; assumed: bounds the time
+# Relative change of a variance at convergence; each iteration reduces the distance by a third or more; assumed.
 _CONVERGED_CHANGE = 0.01
 
 
 def with_usual_error(lens: Intrinsics) -> Intrinsics:
-    """A lens that is stated without sigmas as a prior with those of a usual calibration; others as they are."""
+    """Convert a lens stated without sigmas to a prior with the sigmas of a typical calibration; keep other lenses."""
     if not is_stated(lens) or lens.camera is None:
         return lens
     return replace(lens, status="prior", sigma=usual_sigmas(lens.camera))
 
 
 def is_stated(lens: Intrinsics | None) -> bool:
-    """Whether a lens is stated without sigmas, and not as exact."""
+    """Whether a lens is stated without sigmas and not marked as exact."""
     return lens is not None and lens.status == "fixed" and not lens.exact
 
 
 def usual_sigmas(camera: Camera) -> Array:
-    """Usual sigmas of a calibration's focal lengths, principal point and distortion terms, (4 + k,)."""
+    """Typical sigmas of calibrated focal lengths, principal point and distortion terms, (4 + k,)."""
     return np.concatenate([part.usual(camera) for part in LENS_PARAMETERS.values()])
 
 
 def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
-    """Sigmas of the errors of a stated lens, given the data, (4 + k,): the usual ones or larger.
+    """Sigmas of the errors of a stated lens, given the data, (4 + k,); at least the typical sigmas.
 
-    The errors of each block are Student's t. This is a normal whose variance is estimated by the mean of the squares
-    that are expected of the errors, given the data. Estimate and covariance follow from those with the present sigmas
-    to first order, all else as it is. Source: Dempster, Laird & Rubin 1977 (expectation maximisation).
+    The errors of each block follow Student's t, which is a normal distribution of unknown variance. The variance is
+    the mean of the expected squares of the errors, given the data. The estimate and covariance under new sigmas follow
+    from those under the present sigmas to first order. Source: Dempster, Laird & Rubin 1977 (expectation
+    maximisation).
 
     Args:
-        lens: With the sigmas in use.
-        camera: As estimated with these.
-        covariance: Of its parameters, (4 + k, 4 + k).
+        lens: Stated lens with the sigmas in use.
+        camera: Lens estimated with these sigmas.
+        covariance: Covariance of the estimated parameters, (4 + k, 4 + k).
     """
     assert lens.camera is not None
     assert lens.sigma is not None
@@ -60,7 +62,7 @@ def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
 
 
 def _expected_variances(squares: Array) -> Array:
-    """Expected variances of the errors in units of the usual sigmas, (4 + k,), at least 1."""
+    """Expected variances of the errors, relative to the squared typical sigmas, (4 + k,); at least 1."""
     ratios = []
     for part in LENS_PARAMETERS.values():
         of = squares[part.where]

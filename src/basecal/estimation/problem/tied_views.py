@@ -1,4 +1,4 @@
-"""Views of a static scene, which the unknown points that they show tie together."""
+"""Views of a static scene, coupled by unknown scene points."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import SE3, Array, Camera, IntArray
 
 SCENE = "scene"
-"""What such views see; its mount is the identity in the world."""
+"""Name of the target of scene views; its mount is the identity in the world."""
 
 
 @dataclass(frozen=True, eq=False)
 class TiedViews:
-    """Image points of a scene to second order about poses and lenses, the points eliminated.
+    """Quadratic cost of a scene's image points about poses and lenses, with the scene points eliminated.
 
     Source: docs/mathematics.md (4.4).
 
     The q columns are right tangents of `camera_from_world` of all views, group after group, then parameters of lenses.
 
     Attributes:
-        groups: Of each camera its views.
-        camera_from_world: (v,) poses of all views about which it is.
-        lenses: Those about which it is, of cameras whose lens is estimated.
-        cost: There.
-        gradient: (q,).
-        information: (q, q).
-        count: Scalar residuals less three for each point.
-        points: (p, 3) of the scene at their best for these poses [m].
+        groups: Views, one group per camera.
+        camera_from_world: (v,) poses of all views at the linearisation point.
+        lenses: Lenses at the linearisation point, of cameras whose lens is estimated.
+        cost: Cost at the linearisation point.
+        gradient: (q,) J'r of the views.
+        information: (q, q) J'J of the views.
+        count: Number of scalar residuals minus three per scene point.
+        points: (p, 3) optimal scene points for these poses [m].
     """
 
     groups: tuple[ViewGroup, ...]
@@ -45,5 +45,5 @@ class TiedViews:
 
     @cached_property
     def stops(self) -> IntArray:
-        """(k,) stops with noise in which views stand."""
+        """Indices of the stops with noise that the views belong to, (k,), sorted."""
         return np.unique(np.concatenate([group.eye.stop[group.eye.stop >= 0] for group in self.groups]))

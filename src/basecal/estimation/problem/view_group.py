@@ -1,4 +1,4 @@
-"""The views of one target by one camera, and the two ends of the loop that they close."""
+"""Views of one target by one camera, and the two ends of their kinematic loop."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from basecal.numerics.batch import SHARED, take
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """One end of the loop: a robot, or the world, and the camera or target that it carries.
+    """One end of the loop: a camera or target, and the robot or world that carries it.
 
     Attributes:
-        robot: Name of the robot; None on `world`, and on a plate that stands in it.
-        mount: Name of the transform of what it carries.
-        base: Name of the transform of the robot's base, or of the plate; None of the reference, and on `world`.
+        robot: Name of the robot; None on `world`, and on a plate in the world.
+        mount: Name of the transform of the camera or target.
+        base: Name of the transform of the robot's base, or of the plate; None for the reference, and on `world`.
         base_from_flange: (n,) recorded poses; identity on `world`.
         stop: (n,) rows of the stops' errors; -1 if the robot's noise is not stated.
-        stand: (n,) number of the stop among all that the robot made, noise or not; -1 on `world`.
-        joints: (n, joints) as recorded [rad]; None if poses are recorded.
-        passed_s: (n,) when the robot moved through it [s], NaN where it stood; None if it never moved.
+        stand: (n,) number of the stop among all stops of the robot, with or without stated noise; -1 on `world`.
+        joints: (n, joints) recorded joints [rad]; None if poses are recorded.
+        passed_s: (n,) times of views during motion [s], NaN for views at rest; None if the robot never moved.
     """
 
     robot: str | None
@@ -41,38 +41,38 @@ class End:
 
     @classmethod
     def still(cls, mount: str, count: int, base: str | None = None) -> End:
-        """The end of what stands on `world`, or on a plate, in so many views."""
+        """Make the end of a camera or target on `world`, or on a plate, for `count` views."""
         nowhere = np.full(count, -1, dtype=np.int64)
         return cls(None, mount, base, SE3.identity((count,)), nowhere, nowhere)
 
     @cached_property
     def flange_from_base(self) -> SE3:
-        """(n,) inverses of the recorded poses."""
+        """Inverses of the recorded poses, (n,)."""
         return self.base_from_flange.inverse()
 
     @cached_property
     def has_noise(self) -> bool:
-        """Whether the poses of the robot have errors."""
+        """Whether the poses of the robot have stated noise."""
         return bool(self.stop.size and self.stop.flat[0] >= 0)
 
     def world_from_base(self, transforms: Mapping[str, SE3]) -> SE3:
-        """Where transforms place the robot's base, or the plate."""
+        """Pose of the robot's base, or of the plate, in the world; identity for the reference."""
         return SE3.identity() if self.base is None else transforms[self.base]
 
 
 @dataclass(frozen=True, eq=False)
 class ViewGroup:
-    """All views of one target by one camera, of one kind of measurement.
+    """All views of one target by one camera, with one kind of measurement.
 
     Attributes:
         camera: Name of the camera.
         target: Name of the target.
-        ends: Where the camera is, and where the target is; `eye` and `hand`.
+        ends: Ends of the camera and of the target; see `eye` and `hand`.
         sample: (n,) sample numbers. This and all other arrays have a leading batch axis, (b, n), if each entry of a
             batch has views of its own. In this case no stop has noise.
-        measurement: What was seen.
-        readings: All that may have been seen, if views can be read in several ways; see `readings`.
-        half_turn: `target_from_turned` if the target looks the same turned by half a turn.
+        measurement: Measurements of the views.
+        readings: Alternative readings of ambiguous views; see `problem.measurements.alternative_readings`.
+        half_turn: `target_from_turned` if the target looks the same rotated by 180 deg; else None.
         motion: (n, 6) velocity of `camera_from_target` in the target's axes [m/s, rad/s]; None if nothing moves.
     """
 
@@ -90,12 +90,12 @@ class ViewGroup:
 
     @property
     def eye(self) -> End:
-        """The end of the camera."""
+        """End of the camera."""
         return self.ends[0]
 
     @property
     def hand(self) -> End:
-        """The end of the target."""
+        """End of the target."""
         return self.ends[1]
 
     @property
@@ -105,7 +105,7 @@ class ViewGroup:
 
     @cached_property
     def reach_m(self) -> float:
-        """How far flanges are from their bases, the median of the arm that reaches farther [m]."""
+        """Median distance of the flange from its base, of the arm with the longer reach [m]; 1 without robots."""
         places = [lengths(end.base_from_flange.translation) for end in self.ends if end.robot is not None]
         return max((float(np.median(of)) for of in places if of.size), default=1.0)
 
@@ -115,28 +115,37 @@ class ViewGroup:
         return tuple(name for end in self.ends for name in (end.mount, end.base) if name is not None)
 
     def robot_end(self, robot: str) -> End | None:
-        """The end that a robot carries; None if it carries neither."""
+        """End of a robot; None if the robot carries neither camera nor target."""
         return next((end for end in self.ends if end.robot == robot), None)
 
     def with_ends(self, change: Callable[[End], End]) -> ViewGroup:
-        """A copy with both ends changed."""
+        """Return a copy with `change` applied to both ends."""
         eye, hand = self.ends
         return replace(self, ends=(change(eye), change(hand)))
 
     def without_stops(self) -> ViewGroup:
-        """A copy with robots assumed exact."""
+        """Return a copy in which robots are assumed exact."""
         none = np.full(len(self), -1, dtype=np.int64)
         return self.with_ends(lambda end: replace(end, stop=none))
 
     def eye_base_from_hand_base(self, transforms: Mapping[str, SE3]) -> SE3:
-        """The relation of the two bases where transforms place them."""
+        """Pose of the hand's base in the eye's base, from the transforms of both."""
         world_from_eye_base, world_from_hand_base = (end.world_from_base(transforms) for end in self.ends)
         return world_from_eye_base.inverse() @ world_from_hand_base
 
     def placed_base(
         self, eye_base_from_hand_base: SE3, transforms: Mapping[str, SE3], free: Container[str | None]
     ) -> dict[str, SE3]:
-        """The base of the hand, or else of the eye, if it is free, where its relation to the other places it."""
+        """Transform of the free base, by name, that satisfies a relation of the bases.
+
+        Args:
+            eye_base_from_hand_base: Relation of the bases.
+            transforms: Transforms by name; they determine the other base.
+            free: Names of the free transforms.
+
+        Returns:
+            The hand's base if it is free, else the eye's base if it is free, else nothing.
+        """
         eye, hand = (end.base for end in self.ends)
         if hand is not None and hand in free:
             return {hand: transforms[eye] @ eye_base_from_hand_base if eye else eye_base_from_hand_base}
@@ -148,22 +157,22 @@ class ViewGroup:
     def close_loop(
         self, eye_flange_from_camera: SE3, eye_base_from_hand_base: SE3, hand_flange_from_target: SE3
     ) -> SE3:
-        """`camera_from_target` of the recorded poses by these mounts and this relation of the bases, (n,)."""
+        """`camera_from_target` from the recorded poses, the mounts and the relation of the bases, (n,)."""
         eye_base_from_eye_flange, hand_base_from_hand_flange = (end.base_from_flange for end in self.ends)
         camera_from_eye_base = (eye_base_from_eye_flange @ eye_flange_from_camera).inverse()
         return camera_from_eye_base @ eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target
 
     def take(self, views: Rows) -> ViewGroup:
-        """The views at these indices."""
+        """Select views by index."""
         return take(self, views)
 
     def take_batch(self, rows: Rows) -> ViewGroup:
-        """The views of these rows of a batch."""
+        """Select entries of a batch; views without a batch axis are shared."""
         if self.sample.ndim == 1:
             return replace(self, measurement=self.measurement.take_batch(rows))
         return self.take(rows)
 
     def with_noise(self, noise: Noise) -> ViewGroup:
-        """A copy with sigmas for unstated noise."""
+        """Return a copy with sigmas for unstated noise."""
         readings = tuple(r.with_noise(noise) for r in self.readings)
         return replace(self, measurement=self.measurement.with_noise(noise), readings=readings)

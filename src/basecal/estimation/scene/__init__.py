@@ -1,1 +1,1 @@
-"""Cameras and bases from unknown points of a static scene, which several images show."""
+"""Calibrate cameras and bases from images of a static scene with unknown points."""

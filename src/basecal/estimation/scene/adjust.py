@@ -1,6 +1,6 @@
-"""The most likely state of a scene, and its priors: Levenberg-Marquardt with the points eliminated.
+"""Bundle adjustment of a scene with priors: Levenberg-Marquardt with the points eliminated.
 
-`benchmarks.scene` judges its limits.
+`benchmarks.scene` evaluates the constants of this module.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from basecal.geometry import Array, Camera, IntArray
 from basecal.numerics.batch import stack, take
 from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 
-_MOST_STEPS = 30  # of one descent
-_SHARE_LEFT = 1e-3  # its square is the share of the cost that may be left to go
+_MOST_STEPS = 30  # most steps of one descent
+_SHARE_LEFT = 1e-3  # its square is the relative decrease of the cost that may remain at convergence
 _POINT_STEPS = 2  # Gauss-Newton steps of the points after each step of the cameras
 FOCAL_SHARE = 0.1  # [1] sigma of a free focal length about its guess; assumed
 _CENTER_SHARE = 0.03  # [1] of the image size, sigma of a free principal point; assumed
 _ASPECT_SHARE = 1e-3  # [1] sigma of fy / fx: pixels of today's sensors are square; assumed
-_TERM = 1.0  # [1] sigma of a distortion term of which nothing is known; assumed
+_TERM = 1.0  # [1] sigma of a distortion term without a prior; assumed
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """The task of a descent: views, image points, sigmas, and the guesses of free lenses.
+    """Input of a bundle adjustment: views, image points, sigmas, and guesses of free lenses.
 
     Attributes:
         views: The views.
         tracks: The image points.
-        sigma_px: Of image points [px].
-        stop_sigma: (s, 6) of the errors of stops [m, rad].
-        guesses: Lenses about which free ones are expected.
-        tail: Residual in sigmas from which on an image point counts less (Cauchy); infinite if none does.
+        sigma_px: Sigma of image points [px].
+        stop_sigma: (s, 6) sigmas of the pose errors of stops [m, rad].
+        guesses: Guesses of the lenses, the prior means of free lenses.
+        tail: Scale of the Cauchy loss in sigmas; infinite for least squares.
     """
 
     views: SceneViews
@@ -49,24 +49,24 @@ class Task:
 
     @property
     def columns(self) -> Columns:
-        """Columns of all that is not fixed."""
+        """Columns of all unknowns that are not fixed."""
         return scene_columns(self.views, self.guesses)
 
     def linearise(self, state: SceneState) -> tuple[Quadratic, Quadratic]:
-        """Image points and priors about a state, in all columns."""
+        """Linearise the image points and the priors about a state, in all columns."""
         return _reduce_equations(self, state), prior_information(self, state)
 
 
 @dataclass(frozen=True, eq=False)
 class SceneFit(Task):
-    """An optimum of a task.
+    """Optimum of a task.
 
     Attributes:
         state: The optimum.
-        information: (m, m) about all columns.
-        gradient: (m,) what is left of it, as a descent ends near an optimum.
-        pixel_information: (m, m) the part of it that pixels give, at a sigma of one pixel.
-        pixel_gradient: (m,) likewise.
+        information: (m, m) information matrix of all columns.
+        gradient: (m,) remaining gradient, since a descent ends near an optimum.
+        pixel_information: (m, m) information of the pixels alone, for a sigma of one pixel.
+        pixel_gradient: (m,) gradient of the pixels alone, for a sigma of one pixel.
     """
 
     state: SceneState
@@ -77,13 +77,13 @@ class SceneFit(Task):
 
 
 def adjust(task: Task, state: SceneState) -> SceneFit:
-    """The optimum downhill of a state."""
+    """Optimise a task from an initial state."""
     optima = levenberg_marquardt(_System(task), stack([state]), Stop(_MOST_STEPS, sigmas=_SHARE_LEFT))
     return scene_fit(task, take(optima.state, 0))
 
 
 def scene_fit(task: Task, state: SceneState) -> SceneFit:
-    """A state at which a descent of a task ended."""
+    """Make the `SceneFit` of a task from its final state."""
     pixels, prior = task.linearise(state)
     square, every = task.sigma_px**2, pixels.hessian + prior.hessian
     return SceneFit(
@@ -98,7 +98,7 @@ def scene_fit(task: Task, state: SceneState) -> SceneFit:
 
 @dataclass(frozen=True)
 class _System:
-    """A scene as Levenberg-Marquardt knows it, a batch of one; see `numerics.levenberg_marquardt.System`."""
+    """A scene as a `System` for Levenberg-Marquardt, a batch of one; see `numerics.levenberg_marquardt`."""
 
     task: Task
 
@@ -108,7 +108,7 @@ class _System:
         return Quadratic(*(one[None] + other for one, other in zip(pixels[:3], prior[:3], strict=True)))
 
     def retract(self, state: SceneState, model: Quadratic, step: Array) -> SceneState:
-        """See `System`; the points are at their best for the cameras after the step."""
+        """See `System`; the points are optimised for the cameras after the step."""
         alone = take(state, 0)
         after = take_step(alone, self.task.columns, step[0])
         for _ in range(_POINT_STEPS):
@@ -121,7 +121,10 @@ class _System:
 
 
 def _reduce_equations(task: Task, state: SceneState) -> Quadratic:
-    """Normal equations of image points in all columns; a point behind its camera costs as much as one at ten tails."""
+    """Normal equations of image points in all columns.
+
+    A point behind its camera costs as much as a residual of ten times `tail`, with `tail` at most 10.
+    """
     equations, columns = _weigh_equations(task, state), task.columns
     gradient, information = reduced_equations(task.views.camera, task.tracks, equations, columns.lens_widths)
     moves = column_jacobian(task.views, state, columns)
@@ -136,20 +139,20 @@ def _reduce_equations(task: Task, state: SceneState) -> Quadratic:
 
 
 def residuals_px(views: SceneViews, tracks: Tracks, state: SceneState) -> Array:
-    """Residuals of image points, (n, 2) [px]; infinite behind a camera."""
+    """Residuals of image points, (n, 2) [px]; infinite for points behind the camera."""
     equations = pixel_equations(views, tracks, state, 1.0)
     return np.where(equations.seen[:, None], equations.residual, np.inf)
 
 
 def _weigh_equations(task: Task, state: SceneState) -> PixelEquations:
-    """The equations, large residuals with less weight."""
+    """Equations of the image points, with Cauchy weights."""
     equations = pixel_equations(task.views, task.tracks, state, 1 / task.sigma_px)
     share = 1 / np.sqrt(1 + np.sum(equations.residual**2, 1, keepdims=True) / task.tail**2)
     return equations.scale(share)
 
 
 def prior_information(task: Task, state: SceneState) -> Quadratic:
-    """Prior information of all unknowns: what is known of mounts, bases, lenses and errors of stops."""
+    """Prior cost, gradient and information of mounts, bases, lenses and stop errors."""
     columns, sigmas = task.columns, task.stop_sigma
     width = columns.errors.stop
     gradient, information, cost = np.zeros(width), np.zeros((width, width)), 0.0
@@ -165,7 +168,7 @@ def prior_information(task: Task, state: SceneState) -> Quadratic:
 
 
 def _residuals(task: Task, state: SceneState) -> list[tuple[Array, Array, slice]]:
-    """Residuals in sigmas, their derivatives and columns, of all but the errors of stops."""
+    """Prior residuals in sigmas with their Jacobians and columns, without those of stop errors."""
     found, views, columns = [], task.views, task.columns
     mounts = tuple(camera.mount for camera in views.cameras)
     stacks = (mounts, state.mounts, columns.mounts), (views.bases, state.bases, columns.bases)
@@ -180,7 +183,7 @@ def _residuals(task: Task, state: SceneState) -> list[tuple[Array, Array, slice]
 
 
 def _lens_residual(intrinsics: Intrinsics, value: Camera, guess: Camera) -> tuple[Array, Array]:
-    """A stated lens by its sigmas; a free one by what lenses have."""
+    """Prior residual of a lens and its Jacobian: from stated sigmas, or from typical lenses if the lens is free."""
     if intrinsics.status == "prior" and intrinsics.camera is not None and intrinsics.sigma is not None:
         return (value.parameters - intrinsics.camera.parameters) / intrinsics.sigma, np.diag(1 / intrinsics.sigma)
     count = len(value.parameters)

@@ -1,7 +1,8 @@
-"""Rigid transforms that bring points of one arm to those of another, where a share of their pairs is wrong.
+"""Align the scene points of two arms by rigid transforms, from point pairs with outliers.
 
-A repeated object makes a wrong transform that many pairs agree with. So several distinct ones are given, for images to
-judge, and refined on image points that one arm shows of the other's points. `benchmarks.scene` judges its limits.
+Because of repeated objects, many pairs may agree with a wrong transform. Therefore several distinct transforms are
+returned. The caller chooses between them by image points, and refines them on image points that one arm has of the
+other's scene points. `benchmarks.scene` evaluates the constants of this module.
 """
 
 from __future__ import annotations
@@ -13,24 +14,24 @@ from basecal.estimation.start.pair_views import umeyama
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.numerics.robust_step import STEP, robust_step
 
-_TRIPLES = 4000  # of pairs that are tried: 97 % of all are wrong before the chance of a right triple falls below 10 %
+_TRIPLES = 4000  # samples of three pairs: an inlier sample is found with 10 % probability at 97 % outliers
 _AT_ONCE = 500
-_REFINEMENTS = 4  # of refinement on the pairs that agree
-_FEWEST_PAIRS = 8  # that agree, five beyond the three that define a transform
+_REFINEMENTS = 4  # rounds of refinement on the inliers
+_FEWEST_PAIRS = 8  # fewest inliers, five more than the three that define a transform
 _SAME_M_RAD = 0.05  # [m, rad] within which two transforms are one hypothesis
-_SEED = 1  # any other would do
-_TAIL_PX = 3.0  # [px] from which on an image point counts less
+_SEED = 1  # any seed works
+_TAIL_PX = 3.0  # [px] scale of the Cauchy loss of image points
 _MOST_STEPS = 10
 
 
 def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) -> list[tuple[SE3, BoolArray]]:
-    """Distinct `second_from_first` and which pairs of points agree with them, (n,), those of most pairs first.
+    """Find distinct transforms `second_from_first` by RANSAC, with their inlier masks (n,), most inliers first.
 
     Args:
         first: (n, 3) points of the first arm [m].
-        second: (n, 3) the points of the second that they are paired with [m].
-        tolerance_m: (n,) how far a pair may be apart [m].
-        max_count: How many to give.
+        second: (n, 3) corresponding points of the second arm [m].
+        tolerance_m: (n,) largest distance of an inlier pair [m].
+        max_count: Most transforms to return.
     """
     if len(first) < _FEWEST_PAIRS:
         return []
@@ -42,7 +43,7 @@ def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) 
     is_left = np.ones(len(first), dtype=bool)
     found: list[tuple[SE3, BoolArray]] = []
     while len(found) < max_count:
-        # A transform of fewer pairs, such as of a repeated object, shows among the pairs that others leave.
+        # Transforms with fewer inliers, such as the right one beside repeated objects, are found among the other pairs.
         best = int(np.argmax(agrees @ is_left.astype(np.int64)))
         at, mine = _refine(every[best], agrees[best], first, second, tolerance_m)
         if mine.sum() < _FEWEST_PAIRS or not np.any(mine & is_left):
@@ -54,7 +55,7 @@ def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) 
 
 
 def _agreeing(transforms: SE3, first: Array, second: Array, tolerance_m: Array) -> BoolArray:
-    """Which pairs agree with each transform, (..., n)."""
+    """Inlier mask of the pairs for each transform, (..., n)."""
     moved = first @ transforms.rotation.mT + transforms.translation[..., None, :]
     agrees: BoolArray = np.sum((moved - second) ** 2, -1) < tolerance_m**2
     return agrees
@@ -63,7 +64,7 @@ def _agreeing(transforms: SE3, first: Array, second: Array, tolerance_m: Array) 
 def _refine(
     transform: SE3, agrees: BoolArray, first: Array, second: Array, tolerance_m: Array
 ) -> tuple[SE3, BoolArray]:
-    """The transform of the pairs that agree with it, and these; as it was, and too few, if so."""
+    """Fit the transform to its inliers repeatedly; return it and its inlier mask, unchanged if inliers are too few."""
     for _ in range(_REFINEMENTS):
         if agrees.sum() < _FEWEST_PAIRS:
             break
@@ -73,18 +74,18 @@ def _refine(
 
 
 def are_one(first: SE3, second: SE3, points: Array, limit: float) -> bool:
-    """Whether two transforms move the middle of the points to one place, and are one rotation, within `limit`."""
+    """Whether two transforms are equal within `limit`: their rotation [rad], and the moved median point [m]."""
     middle = np.median(points, axis=0)
     apart = np.linalg.norm(first @ middle - second @ middle)
     return bool(apart < limit and np.linalg.norm((first.inverse() @ second).rotvec) < limit)
 
 
 def project_points(points: Array, camera_from_first: SE3, lens: Camera) -> Array:
-    """Pixels of points in each of v views, (v, p, 2); NaN where the lens or the image does not show them.
+    """Project points to v views, (v, p, 2) [px]; NaN outside the lens's domain or the image.
 
     Args:
         points: (p, 3) [m].
-        camera_from_first: (v,) of the frame of the points.
+        camera_from_first: (v,) poses of the points' frame in the camera.
         lens: The lens.
     """
     at = np.einsum("vab,pb->vpa", camera_from_first.rotation, points) + camera_from_first.translation[:, None]
@@ -94,14 +95,14 @@ def project_points(points: Array, camera_from_first: SE3, lens: Camera) -> Array
 def refine_transform(
     points: Array, sightings: Tracks, camera_from_second: SE3, second_from_first: SE3, lens: Camera
 ) -> SE3:
-    """`second_from_first` at which image points are nearest to the points that they show.
+    """Refine `second_from_first` by minimising reprojection errors, with Cauchy weights.
 
     Args:
         points: (p, 3) in the first frame [m].
-        sightings: Image points of them.
-        camera_from_second: (v,) of the views.
-        second_from_first: Where to start.
-        lens: Of these views.
+        sightings: Image points of `points`.
+        camera_from_second: (v,) poses of the second frame in the camera of each view.
+        second_from_first: Initial transform.
+        lens: Lens of the views.
     """
     own = points[sightings.point]
     camera = camera_from_second[sightings.view]

@@ -1,8 +1,8 @@
-"""Image points of unknown points to second order, the points eliminated.
+"""Normal equations of image points of unknown scene points, with the points eliminated (Schur complement).
 
-J holds the derivatives of pixels to right tangents of cameras and to lenses, E those to points. The points are
-eliminated as H = J'J - J'E (E'E)^-1 E'J. E'E is block diagonal, so that the points cost little however many they are.
-Source: Triggs et al. 2000, section 6.
+J is the Jacobian of the pixels with respect to right tangents of cameras and to lenses, E that with respect to points.
+The points are eliminated as H = J'J - J'E (E'E)^-1 E'J. E'E is block diagonal, so the cost is linear in the number of
+points. Source: Triggs et al. 2000, section 6.
 """
 
 from __future__ import annotations
@@ -18,17 +18,18 @@ from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import cross_matrix
 
-_RIDGE = 1e-6  # [1/m^2] of a point's information: keeps one at infinity regular
+_RIDGE = 1e-6  # [1/m^2] added to a point's information: keeps points at infinity regular
 
 
 @dataclass(frozen=True, eq=False)
 class PixelEquations:
-    """Residuals of image points over their sigma, and derivatives.
+    """Residuals of image points in sigmas, with derivatives.
 
     Attributes:
-        residual: (n, 2); 0 if not seen.
-        by_view: (n, 2, 6 + k) to the right tangent of the view's camera, then to the k parameters of the longest lens.
-        by_point: (n, 2, 3) to the point in `world` [1/m].
+        residual: (n, 2) residuals; 0 for points behind the camera.
+        by_view: (n, 2, 6 + k) derivative with respect to the right tangent of the view's camera, then to its lens. k is
+            the largest number of lens parameters.
+        by_point: (n, 2, 3) derivative with respect to the point in `world` [1/m].
         seen: (n,) whether the point is in front of the camera.
     """
 
@@ -38,13 +39,13 @@ class PixelEquations:
     seen: BoolArray
 
     def scale(self, factor: Array) -> PixelEquations:
-        """The equations times a factor each, (n, 1)."""
+        """Multiply each equation by a factor, (n, 1)."""
         wide = factor[..., None]
         return PixelEquations(self.residual * factor, self.by_view * wide, self.by_point * wide, self.seen)
 
 
 def pixel_equations(views: SceneViews, tracks: Tracks, state: SceneState, weight: float) -> PixelEquations:
-    """The equations of all image points at a state; see `equations_of_points`."""
+    """Equations of all image points at a state; see `equations_of_points`."""
     camera_from_world = state.world_from_camera(views).inverse()
     return equations_of_points(tracks, views.camera, camera_from_world, state.lenses, state.points, weight)
 
@@ -52,13 +53,13 @@ def pixel_equations(views: SceneViews, tracks: Tracks, state: SceneState, weight
 def equations_of_points(
     tracks: Tracks, camera: IntArray, camera_from_world: SE3, lenses: Sequence[Camera], points: Array, weight: float
 ) -> PixelEquations:
-    """The equations of all image points.
+    """Linearise the reprojection errors of all image points.
 
     Args:
         tracks: The image points.
         camera: (v,) index of the camera of each view.
         camera_from_world: (v,) poses of the views.
-        lenses: By camera.
+        lenses: Lens of each camera.
         points: (p, 3) in the world [m].
         weight: 1 / sigma [1/px].
     """
@@ -83,22 +84,22 @@ def equations_of_points(
 def reduced_equations(
     camera: IntArray, tracks: Tracks, equations: PixelEquations, lens_widths: Sequence[int]
 ) -> tuple[Array, Array]:
-    """Gradient (6 v + k,) and information (6 v + k, 6 v + k) of all image points, the points eliminated.
+    """Gradient (6 v + k,) and information (6 v + k, 6 v + k) of all image points, with the points eliminated.
 
     Columns are right tangents of cameras, then parameters of lenses that are not fixed.
 
     Args:
         camera: (v,) index of the camera of each view.
         tracks: The image points.
-        equations: Theirs.
-        lens_widths: By camera how many parameters of its lens are estimated, 0 or all.
+        equations: Equations of the image points.
+        lens_widths: Number of estimated lens parameters of each camera, 0 or all.
     """
     whole, force = _point_blocks(tracks, equations)
     root = np.linalg.inv(np.linalg.cholesky(whole))
     tie = equations.by_view.mT @ equations.by_point @ root[tracks.point].mT
     ends = np.cumsum([6 * len(camera), *lens_widths])
     width, own = int(ends[-1]), equations.by_view.shape[-1]
-    # Fixed lenses stand behind all else, which is cut off.
+    # Columns of fixed lenses are placed last and cut off.
     lens_at = np.where(np.diff(ends) > 0, ends[:-1], width)
     gradient, information = np.zeros(width + own), np.zeros((width + own, width + own))
     ties = np.zeros((width + own, tracks.count, 3))
@@ -115,25 +116,25 @@ def reduced_equations(
 
 
 def point_steps(tracks: Tracks, equations: PixelEquations) -> Array:
-    """Gauss-Newton steps of the points with cameras as they are, (p, 3) [m]."""
+    """Gauss-Newton steps of the points for fixed cameras, (p, 3) [m]."""
     whole, force = _point_blocks(tracks, equations)
     return np.asarray(-np.linalg.solve(whole, force[..., None])[..., 0])
 
 
 def point_information(tracks: Tracks, equations: PixelEquations) -> Array:
-    """Information about each point if the cameras are known, (p, 3, 3) [1/m^2]."""
+    """Information matrix of each point for known cameras, (p, 3, 3) [1/m^2]."""
     return _point_blocks(tracks, equations)[0]
 
 
 def sums(index: IntArray, count: int, values: Array) -> Array:
-    """Sums of values (n, ...) by index (n,), (count, ...)."""
+    """Sum values (n, ...) by index (n,), to (count, ...)."""
     flat = values.reshape(len(values), -1)
     rows = sparse.csr_matrix((np.ones(len(index)), (index, np.arange(len(index)))), shape=(count, len(index)))
     return np.asarray(rows @ flat).reshape(count, *values.shape[1:])
 
 
 def _point_blocks(tracks: Tracks, equations: PixelEquations) -> tuple[Array, Array]:
-    """Information (p, 3, 3) and gradient (p, 3) of the points."""
+    """Information (p, 3, 3) and gradient (p, 3) of the points, for known cameras."""
     of = equations.by_point
     whole = sums(tracks.point, tracks.count, of.mT @ of) + _RIDGE * np.eye(3)
     return whole, sums(tracks.point, tracks.count, (of.mT @ equations.residual[..., None])[..., 0])

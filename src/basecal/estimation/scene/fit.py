@@ -1,6 +1,6 @@
-"""A scene fitted from a start: points, gross errors left out round by round, and sigmas estimated.
+"""Fit a scene from an initial state: triangulation, rejection of outliers in rounds, estimation of sigmas.
 
-`benchmarks.scene` judges its limits.
+`benchmarks.scene` evaluates the constants of this module.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import Array, BoolArray, Camera
 from basecal.numerics.robust_step import NORMAL_MAD
 
-_REFINEMENTS = 4  # in which gross errors are left out
-_FIRST_PX = 2.0  # [px] sigma of image points before any is known
-_TAIL = 2.0  # sigmas from which on an image point counts less
-_GROSS = 4.0  # sigmas beyond which an image point is left out
-_FIRST_LIMIT_PX = 12.0  # [px] that are left out at first, halved in each round
-_DEPTH_SHARE = 0.2  # of its distance: a point whose depth is known worse is left out
+_REFINEMENTS = 4  # rounds of outlier rejection
+_FIRST_PX = 2.0  # [px] initial sigma of image points
+_TAIL = 2.0  # scale of the Cauchy loss in sigmas
+_GROSS = 4.0  # sigmas beyond which an image point is an outlier
+_FIRST_LIMIT_PX = 12.0  # [px] outlier limit of the first round, halved in each round
+_DEPTH_SHARE = 0.2  # of the distance: points with a larger sigma are rejected
 _LEAST_ANGLE_DEG = 0.3  # rms angle of a point's rays to their mean, below which its depth is noise
 
 
@@ -35,17 +35,17 @@ def fit_scene(
     guesses: tuple[Camera, ...],
     stop_noise: Sequence[Array | None],
 ) -> SceneFit:
-    """The most likely state of a scene downhill of mounts and bases.
+    """Fit a scene by maximum likelihood, from initial mounts, bases and lenses.
 
     Args:
         views: The views.
         tracks: The image points.
-        start: Where to start; its points are found anew.
-        guesses: Lenses about which free ones are expected.
+        start: Initial state; its points are ignored and triangulated.
+        guesses: Guesses of the lenses, the prior means of free lenses.
         stop_noise: (6,) noise of each robot [m, rad]; None if it is to be estimated.
 
     Raises:
-        np.linalg.LinAlgError: if no points are left, or too few.
+        np.linalg.LinAlgError: if too few points are left.
     """
     usual = [np.repeat([ROBOT_RAD[0] * reach_m, ROBOT_RAD[0]], 3) for reach_m in views.reach_m]
     by_robot = [own if noise is None else noise for own, noise in zip(usual, stop_noise, strict=True)]
@@ -76,7 +76,7 @@ def _check_points(task: Task) -> None:
 
 
 def _robust_sigma(fit: SceneFit) -> float:
-    """Sigma of image points by the median of their residuals, which the unknowns have made smaller [px]."""
+    """Robust sigma of image points [px]: from the median residual, corrected for the number of unknowns."""
     residual = residuals_px(fit.views, fit.tracks, fit.state)
     equations = residual.size
     unknowns = 3 * fit.tracks.count + 6 * len(fit.views)
@@ -86,7 +86,7 @@ def _robust_sigma(fit: SceneFit) -> float:
 
 
 def _without_gross(fit: SceneFit, limit_px: float) -> tuple[Tracks, SceneState]:
-    """Image points within a limit, of points whose depth is known."""
+    """Reject image points beyond a limit and points of uncertain depth; return tracks and state without them."""
     views, tracks, state = fit.views, fit.tracks, fit.state
     off = np.linalg.norm(residuals_px(views, tracks, state), axis=1)
     equations = pixel_equations(views, tracks, state, 1 / fit.sigma_px)
@@ -99,7 +99,10 @@ def _without_gross(fit: SceneFit, limit_px: float) -> tuple[Tracks, SceneState]:
 
 
 def triangulate(views: SceneViews, tracks: Tracks, state: SceneState) -> tuple[Array, BoolArray]:
-    """The points nearest to all their rays, (p, 3) [m], and which are in front of all their cameras and well seen."""
+    """Triangulate points, (p, 3) [m], and check that they are in front of all their cameras with sufficient parallax.
+
+    Each point minimises the sum of squared distances to its rays.
+    """
     world_from_camera = state.world_from_camera(views)
     direction, valid = views.directions(tracks, state.lenses)
     ray = (world_from_camera.rotation[tracks.view] @ direction[..., None])[..., 0]

@@ -1,9 +1,10 @@
-"""A camera's mount without a guess, from pairs of image points and recorded poses alone.
+"""Find a camera's mount without a guess, from pairs of image points and recorded poses alone.
 
 With d the directions of a pair rotated into the base, (d_i x d_j) . [(t_j - t_i) + (R_j - R_i) p] = 0 for poses (R, t)
-of the flange. This is linear in the position p of the camera on the flange, in metres, once its rotation is known.
-Rotations are searched on a grid, and the best are refined by Sampson distances. No point is needed, a plane is no
-degeneracy, and recorded poses that are wrong leave residuals of many pixels. `benchmarks.scene` judges its limits.
+of the flange. For a given camera rotation, this is linear in the position p of the camera on the flange, in metres.
+Rotations are searched on a grid, and the best are refined by Sampson distances. No scene points are estimated, and
+planar scenes are not degenerate. Wrong recorded poses cause residuals of many pixels. `benchmarks.scene` evaluates the
+constants of this module.
 """
 
 from __future__ import annotations
@@ -20,25 +21,25 @@ from basecal.geometry.rotation import cross_matrix, rotation_from_quaternion
 from basecal.numerics.batch import take
 from basecal.numerics.robust_step import STEP, robust_step
 
-_ROTATIONS = 1000  # of the grid, 25 degrees apart: basins are 20 to 30 degrees wide
-_REFINED = 8  # best of the grid that are refined
-_RANKED = 500  # pairs by which the grid is ranked
-_AT_ONCE = 100  # rotations of the grid that are tried side by side
-_REFINEMENTS = 5  # of reweighting, each of which halves what outliers pull or more
-_TAILS_PX = (10.0, 3.0, 2.0)  # [px] beyond which a pair counts less, one after another
-_MOST_STEPS = 8  # of each
-_SHORTEST_M = 1e-2  # [m] of a baseline that is divided by
+_ROTATIONS = 1000  # rotations of the grid, 25 degrees apart: basins of attraction are 20 to 30 degrees wide
+_REFINED = 8  # best rotations of the grid that are refined
+_RANKED = 500  # pairs used to rank the grid
+_AT_ONCE = 100  # rotations of the grid that are tried as one batch
+_REFINEMENTS = 5  # rounds of reweighting, each of which halves the effect of outliers or more
+_TAILS_PX = (10.0, 3.0, 2.0)  # [px] scales of the Cauchy loss, in sequence
+_MOST_STEPS = 8  # most steps for each scale
+_SHORTEST_M = 1e-2  # [m] shortest baseline in a divisor
 _SPIRAL = 2.0**0.5, 1.533751168755204288118041  # Alexa 2022, super-Fibonacci spirals
-_MIXING = 7919, 10007  # a prime times a view's index modulo another spreads neighbours in time: any primes would do
+_MIXING = 7919, 10007  # a prime times a view's index modulo another separates neighbours in time: any primes work
 
 
 @dataclass(frozen=True, eq=False)
 class MountStart:
-    """A mount, and how well pairs of image points agree with it.
+    """A mount, and its residuals of point pairs.
 
     Attributes:
         flange_from_camera: The mount.
-        lens: With the focal length that fits best.
+        lens: Lens with the best focal length.
         median_px: Median distance of pairs from their epipolar geometry [px].
         front: Share of the pairs whose rays meet in front of both cameras.
     """
@@ -50,26 +51,26 @@ class MountStart:
 
     @property
     def is_behind(self) -> bool:
-        """Whether most of what the camera shows would be behind it, which epipolar lines do not show."""
+        """Whether most points would be behind the camera, which epipolar distances cannot detect."""
         return self.front < 1 / 2
 
     @property
     def misfit(self) -> tuple[bool, float]:
-        """The misfit by which starts are compared, the least first."""
+        """Sort key of starts, the best first: whether points are behind the camera, then the median distance [px]."""
         return self.is_behind, self.median_px
 
 
 def find_mount(
     pairs: PointPairs, base_from_flange: SE3, lens: Camera, is_free: bool, guess: SE3 | None = None
 ) -> MountStart | None:
-    """The mount that pairs of image points agree with best; None if there are too few.
+    """Find the mount that fits pairs of image points best; None if there are too few pairs.
 
     Args:
-        pairs: Of one camera.
+        pairs: Point pairs of one camera.
         base_from_flange: (v,) recorded poses of all views.
         lens: The lens, or its guess.
         is_free: Whether the focal length is refined.
-        guess: A mount to start from; all rotations are searched if it is None.
+        guess: Initial mount; all rotations are searched if it is None.
     """
     if len(pairs[0]) < _RANKED // 10:
         return None
@@ -90,7 +91,7 @@ def find_mount(
 
 
 def rotation_grid(count: int) -> Array:
-    """Rotations spread evenly, (count, 3, 3). Source: Alexa 2022."""
+    """Evenly distributed rotations, (count, 3, 3). Source: Alexa 2022."""
     s = np.arange(count) + 0.5
     inner, outer = np.sqrt(s / count), np.sqrt(1 - s / count)
     first, second = (2 * np.pi * s / each for each in _SPIRAL)
@@ -99,7 +100,7 @@ def rotation_grid(count: int) -> Array:
 
 
 def _score_rotations(pairs: PointPairs, base_from_flange: SE3, lens: Camera, rotations: Array) -> tuple[Array, Array]:
-    """The best position of the camera for each of its rotations, (r, 3) [m], and the remaining median sine, (r,)."""
+    """Best position of the camera for each rotation, (r, 3) [m], and the median sine of the epipolar error, (r,)."""
     first, second = directions(pairs, lens)
     one, other = (base_from_flange[each.view] for each in pairs)
     ray = np.einsum("nab,rbc,nc->rna", one.rotation, rotations, first, optimize=True)
@@ -128,11 +129,11 @@ def _refine(
     is_free: bool,
     tails_px: Sequence[float] = _TAILS_PX,
 ) -> MountStart:
-    """The optimum of Sampson distances downhill of a mount."""
+    """Minimise Sampson distances from an initial mount."""
     mount, logarithm, rays = start, 0.0, directions(pairs, lens)
 
     def distances(step: Array) -> Array:
-        """Distances after a step of the mount, and of the focal length's logarithm if it is free, (n, 1)."""
+        """Distances after a step of the mount, and of the logarithm of a free focal length, (n, 1) [px]."""
         scaled = scale_focal(lens, np.exp(logarithm + step[6:].sum()))
         seen = directions(pairs, scaled) if step[6:].any() else rays
         at = mount @ SE3.exp(step[:6])
@@ -154,25 +155,25 @@ def _refine(
 
 
 def scale_focal(lens: Camera, factor: float) -> Camera:
-    """The lens with its focal length times this."""
+    """Return the lens with its focal lengths multiplied by a factor."""
     scaled = lens.parameters.copy()
     scaled[:2] *= factor
     return lens.with_parameters(scaled)
 
 
 PointPairs = tuple[Tracks, Tracks]
-"""Image points of one camera, and other ones of the same points of the scene."""
+"""Image points of one camera, and image points of the same scene points in other views."""
 
 
 def directions(pairs: PointPairs, lens: Camera) -> tuple[Array, Array]:
-    """Unit directions of both image points, (n, 3) each; zero if the lens has none."""
+    """Unit directions of both image points of each pair, (n, 3) each; zero for pairs outside the lens's domain."""
     (first, is_first), (second, is_second) = (lens.undistort(each.pixels) for each in pairs)
     valid = (is_first & is_second)[:, None]
     return np.where(valid, first, 0.0), np.where(valid, second, 0.0)
 
 
 def point_pairs(tracks: Tracks, max_count: int) -> PointPairs:
-    """At most so many pairs of image points of a camera, of views that are not neighbours in time."""
+    """Select at most `max_count` pairs of image points of a camera, from views that are mostly not consecutive."""
     factor, modulus = _MIXING
     order = np.lexsort((tracks.view * factor % modulus, tracks.point))
     found = np.flatnonzero(tracks.point[order[1:]] == tracks.point[order[:-1]])
@@ -183,10 +184,10 @@ def point_pairs(tracks: Tracks, max_count: int) -> PointPairs:
 def sampson_px(
     pairs: PointPairs, rays: tuple[Array, Array], base_from_flange: SE3, flange_from_camera: SE3, focal_px: float
 ) -> Array:
-    """Distance of each pair from the epipolar geometry to first order, (n,) [px]. Source: Sampson 1982.
+    """Sampson distance of each pair from the epipolar geometry, (n,) [px]. Source: Sampson 1982.
 
     Args:
-        pairs: Of one camera.
+        pairs: Point pairs of one camera.
         rays: Directions of both image points, (n, 3) each; see `directions`.
         base_from_flange: (v,) poses of all views.
         flange_from_camera: The mount.

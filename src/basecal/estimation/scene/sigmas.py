@@ -1,8 +1,8 @@
-"""Sigmas of image points and of robots' stops by the marginal likelihood of a scene (REML).
+"""Estimate sigmas of image points and of robot stops by the marginal likelihood of a scene (REML).
 
-About an optimum all is linear: the unknowns and the errors of stops share one information matrix K at a sigma of one
-pixel. Minus twice the log likelihood is (2 n - 3 p) ln s^2 + sum ln S + ln |K / s^2 + P| + cost, the points eliminated.
-Source: Harville 1977; docs/mathematics.md (5.2).
+The model is linearised about an optimum: the unknowns and the stop errors have a joint information matrix K for a sigma
+of one pixel. Minus twice the log likelihood is (2 n - 3 p) ln s^2 + sum ln S + ln |K / s^2 + P| + cost, with the points
+eliminated. Source: Harville 1977; docs/mathematics.md (5.2).
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from basecal.estimation.scene.adjust import SceneFit, residuals_px
 from basecal.estimation.scene.views import SceneViews
 from basecal.geometry import Array
 
-_PIXELS = (1e-3, 1e2)  # [px] within which a sigma is looked for
-_ROBOTS = (1e-7, 0.1)  # [m, rad] likewise of robots
-_RELATIVE_DECREASE = 1e-6  # relative change of the likelihood that ends the search
-_IMPOSSIBLE = 1e12  # of sigmas that leave no positive definite information
+_PIXELS = (1e-3, 1e2)  # [px] bounds of the sigma of image points
+_ROBOTS = (1e-7, 0.1)  # [m, rad] bounds of the sigmas of robots
+_RELATIVE_DECREASE = 1e-6  # relative change of the likelihood at convergence
+_IMPOSSIBLE = 1e12  # cost of sigmas for which the information is not positive definite
 
 
 @dataclass(frozen=True, eq=False)
 class _Likelihood:
-    """The marginal likelihood of a scene about an optimum.
+    """Marginal likelihood of a scene about an optimum.
 
     Attributes:
         fit: The optimum.
         stated: (6,) noise of each robot [m, rad]; None if it is to be estimated.
-        prior: (m, m) information known beforehand, without that of errors of stops.
-        gradient: (m,) of the pixels at a sigma of one, about errors of zero.
-        squares: Of residuals there [px^2].
+        prior: (m, m) prior information, without that of stop errors.
+        gradient: (m,) gradient of the pixels for a sigma of one pixel, about stop errors of zero.
+        squares: Sum of squared residuals about stop errors of zero [px^2].
     """
 
     fit: SceneFit
@@ -44,13 +44,13 @@ class _Likelihood:
     squares: float
 
     def sigmas(self, logs: Array) -> tuple[float, Array]:
-        """Sigmas from logarithms: of image points, then of shift and turn of each open robot."""
+        """Sigmas from logarithms: image points, then translation and rotation of each robot without stated noise."""
         left = iter(np.exp(np.repeat(logs[1:].reshape(-1, 2), 3, axis=1)))
         by_robot = [next(left) if noise is None else noise for noise in self.stated]
         return float(np.exp(logs[0])), sigmas_by_stop(self.fit.views, by_robot)
 
     def negative_log_likelihood(self, logs: Array) -> float:
-        """Minus twice the log likelihood, and that of what is expected beforehand."""
+        """Minus twice the log likelihood, plus the prior cost of the sigmas."""
         sigma_px, stop_sigma = self.sigmas(logs)
         information = self.fit.pixel_information / sigma_px**2 + self.prior
         at = len(information) - stop_sigma.size + np.arange(stop_sigma.size)
@@ -74,12 +74,12 @@ class _Likelihood:
 
 
 def sigmas_by_stop(views: SceneViews, by_robot: Sequence[Array]) -> Array:
-    """Sigmas of the errors of all stops, (s, 6), from those of each robot."""
+    """Expand the sigmas of each robot to all stops, (s, 6)."""
     return np.array(by_robot)[views.stop_robot].reshape(-1, 6)
 
 
 def estimate_sigmas(fit: SceneFit, stop_noise: Sequence[Array | None]) -> tuple[float, Array]:
-    """The most likely sigmas about an optimum: of image points [px], and of the errors of stops, (s, 6) [m, rad].
+    """Most likely sigmas about an optimum: of image points [px], and of stop errors, (s, 6) [m, rad].
 
     Args:
         fit: The optimum.
@@ -92,7 +92,7 @@ def estimate_sigmas(fit: SceneFit, stop_noise: Sequence[Array | None]) -> tuple[
     errors[own] = fit.state.errors.ravel()
     carried = fit.pixel_information @ errors
     residuals = residuals_px(fit.views, fit.tracks, fit.state)
-    residuals = residuals[np.isfinite(residuals)]  # without points behind a camera, which the next round leaves out
+    residuals = residuals[np.isfinite(residuals)]  # points behind a camera are rejected in the next round
     squares = float(np.sum(residuals**2) - 2 * fit.pixel_gradient @ errors + errors @ carried)
     likelihood = _Likelihood(fit, stop_noise, prior, fit.pixel_gradient - carried, squares)
     now = [fit.stop_sigma[fit.views.stop_robot == k][0, ::3] for k, noise in enumerate(stop_noise) if noise is None]

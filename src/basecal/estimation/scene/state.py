@@ -1,4 +1,4 @@
-"""A value for all that views of a scene depend on, and the columns of these unknowns in a step."""
+"""State of a scene's unknowns, and their columns in a step."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class SceneState:
     """Values of all unknowns.
 
     Attributes:
-        mounts: (c,) `flange_from_camera` by camera, `world_from_camera` on `world`.
-        bases: (r,) `world_from_base` by robot.
-        lenses: By camera.
+        mounts: (c,) `flange_from_camera` of each camera, or `world_from_camera` on `world`.
+        bases: (r,) `world_from_base` of each robot.
+        lenses: Lens of each camera.
         errors: (s, 6) pose error of each stop, right tangents of the flange [m, rad].
-        points: (p, 3) of the scene in `world` [m].
+        points: (p, 3) scene points in `world` [m].
     """
 
     mounts: SE3
@@ -31,21 +31,21 @@ class SceneState:
     points: Array
 
     def with_points(self, points: Array) -> SceneState:
-        """A copy with other points."""
+        """Return a copy with other points."""
         return replace(self, points=points)
 
     def with_camera(self, world_from_camera: SE3, lens: Camera) -> SceneState:
-        """A copy with one camera more, on `world`."""
+        """Return a copy with an additional camera on `world`."""
         mounts = concatenate([self.mounts, SE3.stack([world_from_camera])])
         return replace(self, mounts=mounts, lenses=(*self.lenses, lens))
 
     def world_from_camera(self, views: SceneViews) -> SE3:
-        """Where the cameras of all views were, (v,)."""
+        """Poses of the cameras of all views, (v,)."""
         return self.world_from_flange(views) @ self.mounts[views.camera]
 
     def world_from_flange(self, views: SceneViews) -> SE3:
-        """Where the flanges of all views were, (v,); identity on `world`."""
-        none = np.zeros(6)  # at -1, which stands for `world`
+        """Poses of the flanges of all views, including stop errors, (v,); identity on `world`."""
+        none = np.zeros(6)  # at index -1, which means `world`
         return self.base_of_views(views) @ views.base_from_flange @ SE3.exp(np.vstack([self.errors, none])[views.stop])
 
     def base_of_views(self, views: SceneViews) -> SE3:
@@ -54,20 +54,20 @@ class SceneState:
 
 
 def start_state(views: SceneViews, mounts: list[SE3], bases: list[SE3], lenses: tuple[Camera, ...]) -> SceneState:
-    """A state without points, and without errors of stops."""
+    """Make a state without points and with zero stop errors."""
     errors, points = np.zeros((len(views.stop_robot), 6)), np.zeros((0, 3))
     return SceneState(SE3.stack(mounts), SE3.stack(bases), lenses, errors, points)
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Where unknowns stand in a step; None for what is fixed.
+    """Slices of the unknowns in a step; None for fixed unknowns.
 
     Attributes:
-        mounts: By camera.
-        bases: By robot.
-        lenses: By camera.
-        errors: Of all stops, the last.
+        mounts: Slice of each camera's mount.
+        bases: Slice of each robot's base.
+        lenses: Slice of each camera's lens.
+        errors: Slice of all stop errors, the last columns.
     """
 
     mounts: tuple[slice | None, ...]
@@ -77,16 +77,16 @@ class Columns:
 
     @property
     def lens_widths(self) -> list[int]:
-        """How many columns each lens has."""
+        """Number of columns of each lens; 0 if it is fixed."""
         return [0 if where is None else where.stop - where.start for where in self.lenses]
 
 
 def scene_columns(views: SceneViews, lenses: tuple[Camera, ...]) -> Columns:
-    """The columns of all that is not fixed."""
+    """Assign columns to all unknowns that are not fixed."""
     at = 0
 
     def next_columns(width: int) -> slice:
-        """The next columns, so many."""
+        """Allocate the next `width` columns."""
         nonlocal at
         at += width
         return slice(at - width, at)
@@ -101,12 +101,15 @@ def scene_columns(views: SceneViews, lenses: tuple[Camera, ...]) -> Columns:
 
 
 def column_jacobian(views: SceneViews, state: SceneState, columns: Columns) -> Array:
-    """How right tangents of all cameras, then parameters of all lenses, move with the columns, (6 v + k, width).
+    """Jacobian of right tangents of all cameras, then of all lens parameters, with respect to the columns.
 
     Args:
         views: The views.
         state: The state.
-        columns: Of the unknowns.
+        columns: Columns of the unknowns.
+
+    Returns:
+        (6 v + k, width) for v views and k lens parameters.
     """
     count, terms = len(views), sum(columns.lens_widths)
     moves = np.zeros((6 * count + terms, columns.errors.stop))
@@ -130,10 +133,10 @@ def column_jacobian(views: SceneViews, state: SceneState, columns: Columns) -> A
 
 
 def take_step(state: SceneState, columns: Columns, step: Array) -> SceneState:
-    """The state after a step, with the points as they were."""
+    """Return the state after a step, with unchanged points."""
 
     def move(transforms: SE3, places: tuple[slice | None, ...]) -> SE3:
-        """Transforms after their parts of the step."""
+        """Apply the step to transforms."""
         tangents = np.array([np.zeros(6) if where is None else step[where] for where in places]).reshape(-1, 6)
         return transforms @ SE3.exp(tangents)
 

@@ -1,4 +1,4 @@
-"""Tracks of a scene joined with what else was seen: the points eliminated, about the state of a problem."""
+"""Add the tracks of a scene to a problem: linearised about a state, with the scene points eliminated."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.equations import equations_of_points, point_steps, reduced_equations
 from basecal.numerics.batch import concatenate
 
-_POINT_STEPS = 3  # Gauss-Newton steps that bring points to their best; `benchmarks.scene` judges them
+_POINT_STEPS = 3  # Gauss-Newton steps to optimise the points; evaluated by `benchmarks.scene`
 
 
 def with_scene(problem: Problem, state: State, groups: Sequence[ViewGroup], fit: SceneFit, sigma_px: float) -> Problem:
-    """The problem with the tracks of a scene about a state.
+    """Return a problem with the tracks of a scene, linearised about a state.
 
     Args:
-        problem: What else was seen.
-        state: Of all its unknowns and lenses; a scene's own cameras stand among these.
-        groups: Views of the scene, by camera in the order of those of `fit`.
-        fit: Tracks, and points to start from.
-        sigma_px: Of image points [px].
+        problem: Problem without the scene.
+        state: Values of all unknowns and lenses, including lenses of cameras that only see the scene.
+        groups: Views of the scene, one group per camera in the order of `fit`.
+        fit: Tracks, and initial points.
+        sigma_px: Sigma of image points [px].
     """
     lenses = {camera.name: camera.lens for camera in fit.views.cameras}
     columns, width = dict(problem.columns), problem.width
@@ -54,7 +54,7 @@ def _eliminate_points(
     free = {group.camera: lens for group, lens in zip(groups, own, strict=True) if group.camera in problem.columns}
     widths = [len(lens.parameters) if group.camera in free else 0 for group, lens in zip(groups, own, strict=True)]
     gradient, information = reduced_equations(camera, tracks, equations, widths)
-    # A right tangent of a camera in the world is one of the world in the camera, carried and turned about.
+    # Right tangents of `world_from_camera` to those of `camera_from_world`: minus the adjoint.
     turn = block_diag(*-camera_from_world.adjoint(), np.eye(sum(widths)))
     return TiedViews(
         tuple(groups),

@@ -1,4 +1,4 @@
-"""Images of a static scene as arrays: which robot carried their cameras where, and which points they show."""
+"""Images of a static scene as arrays: the recorded poses of their cameras, and tracks of image points."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from basecal.cell import Intrinsics, Unknown
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.numerics.batch import SHARED, take
 
-FEWEST_VIEWS = 3  # of a track: two rays of one pair meet whatever the mount, along the epipolar line
+FEWEST_VIEWS = 3  # fewest views of a track: two rays give no constraint along the epipolar line
 AT_WORLD = Unknown("fixed", SE3.identity())
-"""Of the base that is the world of a scene."""
+"""Base that is the world of a scene, fixed at the identity."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """Image points by the point of the scene that they show.
+    """Image points with their view and scene point.
 
     Attributes:
         view: (n,) index of the view.
-        point: (n,) index of the point of the scene, each at most once in a view.
+        point: (n,) index of the scene point; each point appears at most once per view.
         pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
-        feature: (n,) index of the feature among those of its view.
+        feature: (n,) index of the feature within its view.
     """
 
     view: IntArray
@@ -36,11 +36,19 @@ class Tracks:
 
     @property
     def count(self) -> int:
-        """How many points of the scene there are."""
+        """Number of scene points."""
         return int(self.point.max(initial=-1)) + 1
 
     def take(self, keep: BoolArray, min_views: int = FEWEST_VIEWS) -> tuple[Tracks, IntArray]:
-        """The image points to keep of the points that so many views still show, and the old indices of these."""
+        """Select image points; points with fewer than `min_views` remaining views are dropped.
+
+        Args:
+            keep: (n,) image points to keep.
+            min_views: Fewest views of a scene point.
+
+        Returns:
+            The selected image points with renumbered scene points, and the old indices of the scene points.
+        """
         left = np.bincount(self.point[keep], minlength=self.count)
         chosen = take(self, np.flatnonzero(keep & (left[self.point] >= min_views)))
         old, point = np.unique(chosen.point, return_inverse=True)
@@ -52,10 +60,10 @@ class SceneCamera:
     """A camera that takes images of the scene.
 
     Attributes:
-        name: Of the camera.
-        robot: That carries it; None on `world`.
-        mount: What is known of `flange_from_camera`, or of `world_from_camera`.
-        lens: What is known of its lens.
+        name: Name of the camera.
+        robot: Name of the robot that carries it; None on `world`.
+        mount: Stated `flange_from_camera`, or `world_from_camera` on `world`.
+        lens: Stated intrinsics.
     """
 
     name: str
@@ -69,11 +77,11 @@ class SceneViews:
     """The images of all cameras.
 
     Attributes:
-        cameras: That took them.
-        robots: That carry cameras; `bases` has as many entries.
-        bases: What is known of `world_from_base` of each robot; fixed at the identity for the reference.
+        cameras: The cameras.
+        robots: Names of the robots that carry cameras; `bases` has as many entries.
+        bases: Stated `world_from_base` of each robot; fixed at the identity for the reference.
         sample: (v,) sample number of each view.
-        camera: (v,) index of its camera.
+        camera: (v,) index of the camera.
         robot: (v,) index of the robot; -1 on `world`.
         stop: (v,) index of the robot's stop; -1 on `world`.
         base_from_flange: (v,) recorded poses; identity on `world`.
@@ -95,12 +103,12 @@ class SceneViews:
 
     @property
     def reach_m(self) -> Array:
-        """How far each robot's flange is from its base, root of the mean square, (r,) [m]."""
+        """RMS distance of each robot's flange from its base, (r,) [m]."""
         squares = np.sum(self.base_from_flange.translation**2, 1)
         return np.sqrt([np.mean(squares[self.robot == k]) for k in range(len(self.robots))])
 
     def directions(self, tracks: Tracks, lenses: tuple[Camera, ...]) -> tuple[Array, BoolArray]:
-        """Unit directions of image points in their cameras' axes, (n, 3), and which the lens has, (n,)."""
+        """Unit directions of image points in camera axes, (n, 3), and whether each is in the lens's domain, (n,)."""
         unit, valid = np.zeros((len(tracks), 3)), np.zeros(len(tracks), dtype=bool)
         camera = self.camera[tracks.view]
         for index, lens in enumerate(lenses):

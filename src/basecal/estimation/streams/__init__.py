@@ -1,1 +1,1 @@
-"""Robots and cameras recorded each by its own clock: robots' paths, read at the instants of the views."""
+"""Asynchronous recordings with one clock per device: robot paths are interpolated at the times of the views."""

@@ -1,4 +1,7 @@
-"""Views in motion: how targets move before cameras, which is what a stamp's error costs, and when robots pass poses."""
+"""Views in motion: velocities of targets relative to cameras, and the times at which moving robots pass poses.
+
+The velocity determines the effect of an error of a time stamp.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +16,22 @@ from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.streams.rolling_shutter import Known, Moving
 from basecal.estimation.streams.streams import Synchronised
 
-_STANDS = 5e-3  # [m/s, rad/s]: as fast as read-backs of an arm that stands seem to be; assumed
+_STANDS = 5e-3  # [m/s, rad/s] apparent velocity of an arm at rest, from noise of its recorded poses; assumed
 
 
 def with_jitter(
     problem: Problem, motion: Known, robots: Mapping[str, Mapping[int, Moving]], clocks: Mapping[str, Clock]
 ) -> Problem:
-    """The problem with what is known of the jitter of its cameras' stamps; where none is stated it is to be estimated.
+    """Return a problem with the motion of its views and the timing jitter of its cameras.
+
+    Unstated jitter is to be estimated.
 
     Args:
-        problem: Of samples by one time.
-        motion: What it is seen with, as far as known: errors of it count as little as a target moves in the jitter.
-        robots: Where each robot was, and how fast, by name and sample.
-        clocks: What is known of each device's clock.
+        problem: Problem of synchronised samples.
+        motion: Known transforms, from which velocities follow. Their errors have little effect, since the motion
+            during the jitter is small.
+        robots: Pose and velocity of each robot, by name and sample.
+        clocks: Stated clock of each device.
     """
     stated = {camera: clocks[camera].jitter_s for camera in {g.camera for g in problem.groups}}
     sigmas = {camera: sigma for camera, sigma in stated.items() if sigma is not None}
@@ -47,9 +53,9 @@ def _with_motion(group: ViewGroup, known_motion: Known, robots: Mapping[str, Map
 
 
 def with_passing_times(problem: Problem, samples: Synchronised, cell: Cell) -> Problem:
-    """The problem of samples by one time, whose ends know when their robots moved.
+    """Return a problem of synchronised samples, with the times of views during motion in its ends.
 
-    A stated repeatability is of stops: the noise of an arm that moves is open.
+    A stated repeatability holds for stops. The noise of a moving arm therefore counts as unstated.
     """
     stamps = {s.sample: s.stamp_s for s in samples.recording.samples if s.stamp_s is not None}
     times = {
@@ -58,7 +64,7 @@ def with_passing_times(problem: Problem, samples: Synchronised, cell: Cell) -> P
     }
 
     def add_times(group: ViewGroup, end: End) -> End:
-        """An end of the views of a group."""
+        """Add the times of views during motion to an end of a group."""
         if end.robot is None:
             return end
         mine = times.get(end.robot, {})

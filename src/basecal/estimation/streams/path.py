@@ -1,7 +1,7 @@
-"""Where a robot was between the instants at which it was recorded.
+"""Interpolation of a recorded robot path.
 
-Between two records the tangent from the first follows a cubic. Its slopes at both ends are those of the records around
-them (Catmull and Rom 1974, of unequal spacing). The velocity therefore has no jumps.
+Between two records, the tangent relative to the first is a cubic polynomial. Its slopes at both records are the slopes
+between their neighbours (Catmull and Rom 1974, for unequal spacing). The velocity is therefore continuous.
 Source: docs/mathematics.md (12.1).
 """
 
@@ -17,17 +17,17 @@ from basecal.geometry.se3_jacobians import right_jacobian
 from basecal.kinematics import SerialChain
 
 LARGEST_GAP_S = 0.25
-"""Of records between which a robot is taken to go smoothly [s]: arms change what they do within some tenths of it."""
+"""Largest gap between records that is interpolated [s]: arms change their motion within some tenths of a second."""
 
 
 @dataclass(frozen=True, eq=False)
 class PathPoints:
-    """A robot at some instants.
+    """States of a robot at several times.
 
     Attributes:
         base_from_flange: (n,) poses.
         joints: (n, k) [rad]; None if poses were recorded.
-        velocity: (n, 6) of the flange in its own axes [m/s, rad/s].
+        velocity: (n, 6) velocity of the flange in its own axes [m/s, rad/s].
     """
 
     base_from_flange: SE3
@@ -37,13 +37,13 @@ class PathPoints:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The recorded path of a robot.
+    """Recorded path of a robot.
 
     Attributes:
-        times: (n,) [s], rising.
-        base_from_flange: (n,) as recorded, or by the joints.
+        times: (n,) increasing times [s].
+        base_from_flange: (n,) recorded poses, or poses from the recorded joints.
         joints: (n, k) [rad]; None if poses were recorded.
-        chain: The robot's kinematics, where joints were.
+        chain: Kinematics of the robot; None if poses were recorded.
     """
 
     times: Array
@@ -53,17 +53,17 @@ class Path:
 
     @cached_property
     def steady_intervals(self) -> BoolArray:
-        """(n - 1,) whether the robot can be followed from each record to the next."""
+        """Whether the gap after each record can be interpolated, (n - 1,)."""
         return np.asarray(np.diff(self.times) <= LARGEST_GAP_S)
 
     @cached_property
     def isolated_records(self) -> BoolArray:
-        """(n,) records with none near them, as of a robot that was recorded where it stood."""
+        """Whether each record has a large gap on both sides, (n,), such as records of a robot at rest."""
         apart = np.concatenate([[True], ~self.steady_intervals, [True]])
         return np.asarray(apart[1:] & apart[:-1])
 
     def known_mask(self, times: Array) -> BoolArray:
-        """Whether it is known where the robot was at instants, (m,)."""
+        """Whether the pose of the robot is known at times (m,), (m,)."""
         if len(self.times) < 2:
             return np.zeros(len(times), dtype=bool)
         inside = (times >= self.times[0]) & (times <= self.times[-1])
@@ -72,20 +72,20 @@ class Path:
         )
 
     def evaluate(self, times: Array) -> PathPoints:
-        """The robot at instants at which that is known, (m,)."""
+        """Evaluate the path at times (m,) at which it is known."""
         record, stood = self._nearest_rest(times)
         points = self._interpolate(np.where(stood, self.times[record], times))
         return replace(points, velocity=np.where(stood[:, None], 0.0, points.velocity))
 
     def _nearest_rest(self, times: Array) -> tuple[IntArray, BoolArray]:
-        """The nearest record to each instant, and whether the robot stood there."""
+        """Nearest record to each time, and whether it is an isolated record of a robot at rest near this time."""
         before = self._preceding_records(times)
         nearest = np.where(times - self.times[before] > self.times[before + 1] - times, before + 1, before)
         near = np.abs(times - self.times[nearest]) <= LARGEST_GAP_S
         return nearest, np.asarray(near & self.isolated_records[nearest])
 
     def _interpolate(self, times: Array) -> PathPoints:
-        """Between records, at instants (m,)."""
+        """Interpolate between records at times (m,)."""
         first = self._preceding_records(times)
         if self.joints is not None and self.chain is not None:
             start = self.joints[first]
@@ -98,7 +98,10 @@ class Path:
         return PathPoints(at_first @ SE3.exp(tangent), None, _times(right_jacobian(tangent), rate))
 
     def _preceding_records(self, times: Array) -> IntArray:
-        """Which record comes before each instant, the last but one at most; of one that ends a way the one before."""
+        """Index of the record before each time, at most the second-last.
+
+        For the last record of a continuous part, it is the record before, so that the interpolated gap is short.
+        """
         first = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2).astype(np.int64)
         ends = (
             (self.times[first] == times)
@@ -108,7 +111,10 @@ class Path:
         return np.where(ends, first - 1, first)
 
     def _neighbour_records(self, first: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-        """The records before a first, after it, and after that; at a pause or an end those of the gap itself."""
+        """Indices of the record before each first, the next one, and the one after; without crossing large gaps.
+
+        At a large gap or an end of the path, the record of the interpolated interval itself is repeated.
+        """
         second = first + 1
         before = np.where((first > 0) & self.steady_intervals[np.maximum(first - 1, 0)], first - 1, first)
         last = len(self.times) - 1
@@ -116,7 +122,10 @@ class Path:
         return before, second, after
 
     def _cubic(self, first: IntArray, times: Array, distances: list[Array]) -> tuple[Array, Array]:
-        """How far instants are from their first records, (m, k), and how fast, of how far records around are."""
+        """Cubic interpolation: tangents at times (m,) relative to their first records, and their rates, (m, k) each.
+
+        `distances` are the tangents of the three neighbours of the first records, relative to these.
+        """
         before, second, after = self._neighbour_records(first)
         back, end, on = distances
         gap = (self.times[second] - self.times[first])[:, None]

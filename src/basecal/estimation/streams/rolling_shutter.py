@@ -1,7 +1,7 @@
-"""Images whose rows are seen one after another, of targets that move before the camera meanwhile.
+"""Correction of rolling shutter: image rows are exposed in sequence while the target moves relative to the camera.
 
-A view stands at the instant of the mean row of its pixels. The motion between that instant and the row of each pixel is
-subtracted from the pixel. It follows from the velocities at the view, and from the transforms as far as they are known.
+The time of a view is that of the mean row of its pixels. The motion between this time and the row of each pixel is
+subtracted from the pixel. It follows from the velocities of the robots and from the known transforms.
 Source: docs/mathematics.md (12.4).
 """
 
@@ -20,12 +20,12 @@ _NO_VELOCITY = np.zeros(6)
 
 
 def line_time_name(camera: str) -> str:
-    """Name of a camera's line time among the offsets of clocks: no device has such a name."""
+    """Key of a camera's line time among the clock offsets; it differs from all device names."""
     return f"{camera} line"
 
 
 def mean_row(sample: Sample) -> float:
-    """The mean row of all pixels of a sample [px]; 0 if there are none."""
+    """Mean row of all pixels of a sample [px]; 0 if there are none."""
     rows = [o.pixels[:, 1] for o in sample.observations if isinstance(o, PixelObservation | CandidateObservation)]
     every = np.concatenate([*rows, np.zeros(0)])
     return float(every.mean()) if len(every) else 0.0
@@ -33,7 +33,7 @@ def mean_row(sample: Sample) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Moving:
-    """A robot at an instant: `base_from_flange`, and its velocity, (6,) in the flange's axes [m/s, rad/s]."""
+    """State of a moving robot: `base_from_flange`, and its velocity in the flange's axes, (6,) [m/s, rad/s]."""
 
     base_from_flange: SE3
     velocity: Array
@@ -41,12 +41,12 @@ class Moving:
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """Known states by which pixels are corrected.
+    """Known transforms and lenses, from which pixels are corrected.
 
     Attributes:
-        cell: What exists.
-        transforms: Means by name; views that need one that is missing stay as they are.
-        lenses: By camera.
+        cell: The cell.
+        transforms: Known transforms by name; views that need a missing transform are not corrected.
+        lenses: Known lenses, by camera.
     """
 
     cell: Cell
@@ -54,7 +54,7 @@ class Known:
     lenses: Mapping[str, Camera]
 
     def camera_from_target(self, camera: str, target: str, robots: Mapping[str, Moving]) -> tuple[SE3, Array] | None:
-        """The pose of a target in a camera, and its velocity, (6,), in the target's axes."""
+        """Pose of a target in a camera, and its velocity in the target's axes, (6,) [m/s, rad/s]; None if unknown."""
         eye, hand = self._moving_body(camera, robots), self._moving_body(target, robots)
         if eye is None or hand is None:
             return None
@@ -62,7 +62,7 @@ class Known:
         return pose, hand.velocity - pose.inverse().adjoint() @ eye.velocity
 
     def _moving_body(self, name: str, robots: Mapping[str, Moving]) -> Moving | None:
-        """A camera or target in the world, and its velocity in its own axes."""
+        """Pose of a camera or target in the world, and its velocity in its own axes; None if unknown."""
         thing = self.cell.cameras[name] if name in self.cell.cameras else self.cell.targets[name]
         on, mount = thing.on, self.transforms.get(self.cell.mount_name(name))
         if mount is None or on == WORLD:
@@ -76,13 +76,13 @@ class Known:
 def correct_rolling_shutter(
     recording: Recording, motion: Known, line_s: Mapping[str, float], robots: Mapping[str, Mapping[int, Moving]]
 ) -> Recording:
-    """The recording with pixels where they had been, had all rows been seen at the instant of the mean one.
+    """Return a recording with pixels as if all rows had been exposed at the time of the mean row.
 
     Args:
-        recording: Samples at those instants.
-        motion: What pixels are corrected by.
+        recording: Samples at the times of their mean rows.
+        motion: Known transforms and lenses.
         line_s: Line times by camera [s].
-        robots: By name, then by sample.
+        robots: States of moving robots, by name, then by sample.
     """
     rolling = {camera for camera, line in line_s.items() if line and camera in motion.lenses}
     samples = []

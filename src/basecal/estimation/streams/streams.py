@@ -1,4 +1,4 @@
-"""A recording of streams: lines with robots alone or with observations alone, each by the clock of its device."""
+"""Recordings of asynchronous streams: lines with either robots or observations, each in the clock of its device."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from basecal.geometry import SE3
 
 _FREE_CLOCK = Clock("free")
 _EXACT_CLOCK = Clock()
-# Of a camera that states none: sensors that are read row by row take 5 to 70 us for each, global shutters nothing.
+# Prior of an unstated line time: rolling shutters take 5 to 70 us per row, global shutters zero.
 _OPEN_SHUTTER = RollingShutter("prior", 0.0, 3e-5)
-# Of the views, beyond which a recording without robots beside them is one of streams: the majority; assumed.
+# Share of views without robots in the same line, above which a recording is asynchronous: the majority; assumed.
 _STREAM_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Streams:
-    """Records of each device by its own clock.
+    """Records of each device in its own clock.
 
     Attributes:
-        cell: What exists.
-        recording: As it was read.
-        paths: Of the robots, by name, each by its own clock.
-        instants: What was seen, a sample for each camera's clock, without robots.
+        cell: The cell.
+        recording: The recording as read.
+        paths: Paths of the robots by name, each in its own clock.
+        instants: Observations without robots, one sample per camera and stamp.
         clocks: Clock of each robot and camera by name; line times by `line_time_name`.
     """
 
@@ -60,29 +60,29 @@ class Streams:
 
     @property
     def stated_offsets(self) -> dict[str, float]:
-        """Offsets and line times as stated, or guessed [s]."""
+        """Stated or guessed clock offsets and line times [s], by name."""
         return {name: clock.offset_s for name, clock in self.clocks.items()}
 
     def thin(self, count: int) -> Streams:
-        """A copy with at most so many instants, spread evenly."""
+        """Return a copy with at most `count` evenly spaced instants."""
         chosen = np.unique(np.linspace(0, len(self.instants) - 1, min(count, len(self.instants))).astype(int))
         return replace(self, instants=tuple(self.instants[k] for k in chosen))
 
 
 @dataclass(frozen=True, eq=False)
 class Synchronised:
-    """Views with robots where they were at the same instants.
+    """Views with the states of robots at the same times.
 
     Attributes:
-        recording: The samples.
-        robots: Where each robot is, and how fast, by name and sample.
+        recording: The synchronised samples.
+        robots: Pose and velocity of each robot, by name and sample.
     """
 
     recording: Recording
     robots: Mapping[str, Mapping[int, Moving]]
 
     def correct_rows(self, motion: Known, offsets_s: Mapping[str, float]) -> Synchronised:
-        """A copy as if the rows of images were all seen at once; `offsets_s` as of `synchronise`."""
+        """Return a copy with rolling shutter corrected; `offsets_s` as in `synchronise`."""
         lines = {
             camera: offsets_s[line_time_name(camera)]
             for camera in motion.cell.cameras
@@ -96,13 +96,13 @@ class Synchronised:
 
 
 def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
-    """The streams of a recording; None of one whose robots and cameras are all taken to share one clock.
+    """Separate a recording into streams; None if all robots and cameras share one clock.
 
-    Clocks of cameras are free where views have no robots beside them and nothing else is stated. Line times have a wide
-    prior about none there.
+    In an asynchronous recording, unstated clocks of cameras are free, and unstated line times have a wide prior about
+    zero.
 
     Raises:
-        InputError: if a clock is stated, or views stand alone, and a line has no stamp.
+        InputError: if a clock is stated or the recording is asynchronous, and a line has no stamp.
     """
     asynchronous = _asynchronous(cell, recording)
     stated = {name: robot.clock for name, robot in cell.robots.items()}
@@ -113,8 +113,8 @@ def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
     if unstamped is not None and not any(stated.values()) and all(s.stamp_s is None for s in recording.samples):
         raise InputError(_missing_robots(cell, recording))
     if unstamped is not None:
-        why = "clocks are stated" if any(stated.values()) else "robots and views stand in lines of their own"
-        raise InputError(f"sample {unstamped} has no stamp_s: {why}, which takes the time of every line")
+        why = "clocks are stated" if any(stated.values()) else "robots and views are recorded in separate lines"
+        raise InputError(f"sample {unstamped} has no stamp_s, which every line needs: {why}")
     clocks = {
         name: clock or (_FREE_CLOCK if asynchronous and name in cell.cameras else _EXACT_CLOCK)
         for name, clock in stated.items()
@@ -131,9 +131,9 @@ def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
 
 
 def synchronise(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronised:
-    """The views, with robots where they were by clocks that are so far off [s]; those in gaps of a path left out.
+    """Interpolate robots at the times of the views, for given clock offsets [s]; views in gaps of a path are left out.
 
-    A view of a rolling shutter is at the instant of its mean row; see `Synchronised.correct_rows`.
+    The time of a view with rolling shutter is that of its mean row; see `Synchronised.correct_rows`.
     """
     needed = [_carrying_robots(streams.cell, sample) for sample in streams.instants]
     times = np.array([s.stamp_s + _stamp_delay(s, offsets_s) for s in streams.instants if s.stamp_s is not None])
@@ -163,12 +163,12 @@ def synchronise(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronise
 
 
 def synchronous(cell: Cell, recording: Recording, calibration: Calibration | None = None) -> Recording:
-    """The samples of a recording, whose robots stand where they were at the instants of the views.
+    """Return a recording with robots interpolated at the times of the views.
 
     Args:
-        cell: What exists.
-        recording: As it was read; one by a single clock is given back as it is.
-        calibration: Which clocks and line times are by; where it has none they are as stated, or guessed.
+        cell: The cell.
+        recording: The recording as read; with a single clock it is returned unchanged.
+        calibration: Calibration with estimated clocks and line times; otherwise these are as stated, or guessed.
     """
     streams = recording_streams(cell, recording)
     if streams is None:
@@ -184,7 +184,7 @@ def synchronous(cell: Cell, recording: Recording, calibration: Calibration | Non
 
 
 def _asynchronous(cell: Cell, recording: Recording) -> bool:
-    """Whether most views stand without a robot that they need, and that other lines have."""
+    """Whether most views lack the state of a robot that they need and that is recorded in other lines."""
     recorded = {robot for s in recording.samples for robot in s.robots}
     views = [s for s in recording.samples if s.observations]
     alone = sum(bool(_carrying_robots(cell, s) & recorded - s.robots.keys()) for s in views)
@@ -192,13 +192,13 @@ def _asynchronous(cell: Cell, recording: Recording) -> bool:
 
 
 def _pixel_cameras(recording: Recording) -> set[str]:
-    """Cameras of which points were seen in rows of images."""
+    """Names of the cameras with pixel observations."""
     seen = (o for s in recording.samples for o in s.observations)
     return {o.camera for o in seen if isinstance(o, PixelObservation | CandidateObservation)}
 
 
 def _missing_robots(cell: Cell, recording: Recording) -> str:
-    """Robots whose poses most views lack, and how to import them."""
+    """Message about the robot whose poses most views lack, and how to import them."""
     lacks = [(s.sample, name) for s in recording.samples for name in _carrying_robots(cell, s) - s.robots.keys()]
     robot = Counter(name for _, name in lacks).most_common(1)[0][0]
     numbers = [sample for sample, name in lacks if name == robot]
@@ -207,7 +207,7 @@ def _missing_robots(cell: Cell, recording: Recording) -> str:
 
 
 def _has_rolling_shutter(cell: Cell, recording: Recording) -> bool:
-    """Whether rows are seen one after another while robots go along paths: theirs are recorded often, with stamps."""
+    """Whether a camera has a rolling shutter and robots are recorded with stamps densely enough to interpolate."""
     stamps = [s.stamp_s for s in recording.samples if s.robots and s.stamp_s is not None]
     rolls = any(camera.rolling_shutter is not None for camera in cell.cameras.values())
     all_stamped = all(s.stamp_s is not None for s in recording.samples)
@@ -215,14 +215,14 @@ def _has_rolling_shutter(cell: Cell, recording: Recording) -> bool:
 
 
 def _stamp_delay(sample: Sample, offsets_s: Mapping[str, float]) -> float:
-    """Delay of the instant of a view after its stamp [s]."""
+    """Delay of the time of a view after its stamp [s]."""
     camera = _camera(sample)
     line = offsets_s.get(line_time_name(camera), 0.0)
     return offsets_s[camera] + (line * mean_row(sample) if line else 0.0)
 
 
 def _carrying_robots(cell: Cell, sample: Sample) -> set[str]:
-    """Robots that carry what saw or was seen in a sample."""
+    """Names of the robots that carry cameras or targets of a sample's observations."""
     carriers = {c for o in sample.observations for c in (cell.cameras[o.camera].on, cell.targets[o.target].on)}
     return carriers - {WORLD}
 
@@ -232,7 +232,7 @@ def _camera(sample: Sample) -> str:
 
 
 def _instants(samples: Sequence[Sample]) -> Iterator[Sample]:
-    """Samples of one camera each; what further cameras saw at the same stamp has numbers beyond all others."""
+    """Yield samples of one camera each; observations of further cameras get new sample numbers after all others."""
     number = max((s.sample for s in samples), default=0)
     for sample in samples:
         by_camera = defaultdict(list)
@@ -244,7 +244,11 @@ def _instants(samples: Sequence[Sample]) -> Iterator[Sample]:
 
 
 def _path(cell: Cell, robot: str, samples: Sequence[Sample]) -> Path:
-    """The recorded path of a robot; of two records at one stamp the first."""
+    """Make the recorded path of a robot; of records with equal stamps, the first is used.
+
+    Raises:
+        InputError: if the robot is recorded by joints without a urdf, or by both poses and joints.
+    """
     stamped = sorted((s.stamp_s, s.sample) for s in samples if robot in s.robots and s.stamp_s is not None)
     states = {s.sample: s.robots[robot] for s in samples if robot in s.robots}
     times, first = np.unique(np.array([stamp for stamp, _ in stamped]), return_index=True)
@@ -265,7 +269,11 @@ def _path(cell: Cell, robot: str, samples: Sequence[Sample]) -> Path:
 
 
 def _check_overlap(streams: Streams) -> None:
-    """Raise where a robot was recorded at other times than what needs it, as by clocks that count from other days."""
+    """Check that the recorded times of robots and of their views overlap.
+
+    Raises:
+        InputError: if they do not, such as for clocks with different epochs.
+    """
     for robot, path in streams.paths.items():
         for camera in streams.cell.cameras:
             seen = [s for s in streams.instants if _camera(s) == camera and robot in _carrying_robots(streams.cell, s)]
@@ -273,9 +281,9 @@ def _check_overlap(streams: Streams) -> None:
             stamps = [s.stamp_s + shift for s in seen if s.stamp_s is not None]
             if stamps and len(path.times) and (max(stamps) < path.times[0] or min(stamps) > path.times[-1]):
                 raise InputError(
-                    f"stamps of {camera} and of {robot} share no time: {min(stamps):.3f} to {max(stamps):.3f} s and "
+                    f"stamps of {camera} and of {robot} do not overlap: {min(stamps):.3f} to {max(stamps):.3f} s and "
                     f"{path.times[0]:.3f} to {path.times[-1]:.3f} s; write `clock: {{status: free, offset_s: ...}}` at "
-                    f"{camera} with what is to be added to its stamps, to about a second"
+                    f"{camera} with the offset to add to its stamps, to about 1 s"
                 )
 
 

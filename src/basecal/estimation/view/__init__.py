@@ -1,1 +1,1 @@
-"""Measurements of `camera_from_target` by one view."""
+"""Measurements of `camera_from_target` in single views."""

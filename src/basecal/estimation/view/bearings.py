@@ -1,4 +1,4 @@
-"""Directions to a target's points: what views of them say, for starts."""
+"""Measurements of directions to a target's points, for initial guesses."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ _IS_DIAGONAL = np.where(_FIRST == _SECOND, 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class BearingMeasurement(MeasuredPoints):
-    """Directions to a target's points, for starts: defined behind the camera too, and free of the lens's folds.
+    """Directions to a target's points, for initial guesses.
+
+    The residuals are also defined behind the camera, and do not depend on the lens, so that its fold has no effect.
 
     Attributes:
-        bearings_in_camera: ([b,] n, p, 3) unit.
-        weight: ([b,] n, p) 1 / sigma, 0 where not seen [1/rad].
+        bearings_in_camera: ([b,] n, p, 3) unit directions.
+        weight: ([b,] n, p) 1 / sigma, 0 if the point is not seen [1/rad].
     """
 
     bearings_in_camera: Array
@@ -39,7 +41,7 @@ class BearingMeasurement(MeasuredPoints):
         seen = to_front(self.bearings_in_camera, -1)
         chord = unit - seen.reshape(3, *[1] * (unit.ndim - seen.ndim), *seen.shape[1:])
         chord *= self.weight
-        # The derivative of a unit vector is the projection across it over the distance: its own square, but for scale.
+        # The derivative of a unit vector is a projection over the distance; a projection is idempotent.
         scale = self.weight / norm
         forces = chord - unit * np.einsum("i...,i...->...", unit, chord)
         forces *= scale
@@ -50,13 +52,13 @@ class BearingMeasurement(MeasuredPoints):
         return self.information(cost, forces, squares, camera_from_target.rotation)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
-        """See `Measurement`; its weights are its own."""
+        """See `Measurement`; all weights are stated."""
         return {}
 
     def with_noise(self, noise: Noise) -> BearingMeasurement:
-        """See `Measurement`; its weights are its own."""
+        """See `Measurement`; all weights are stated."""
         return self
 
     def counts(self) -> dict[str, int]:
-        """See `Measurement`: two free coordinates a direction."""
+        """See `Measurement`; a direction has two scalar residuals."""
         return {"stated": 2 * int(np.count_nonzero(self.weight))}

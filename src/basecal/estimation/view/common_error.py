@@ -1,7 +1,7 @@
-"""Errors that all points of a view share, integrated out of what the view says.
+"""Marginalise errors that all points of a view share out of the normal equations of the view.
 
-With a shared shift in the image, the covariance of a coordinate's residuals is diag(sigma^2) + tau^2 11'. Many points
-of one view are then not as many independent measurements of errors of its lens or exposure time. Source: Woodbury 1950;
+With a shared shift in the image, the covariance of a coordinate's residuals is diag(sigma^2) + tau^2 11'. Points of one
+view are then not independent measurements of errors of the lens or of the exposure time. Source: Woodbury 1950;
 docs/mathematics.md (2.8).
 """
 
@@ -15,14 +15,14 @@ from basecal.geometry import Array
 def without_common_shift(
     view: tuple[Array, Array, Array], residual: Array, weight: Array, by_shift: Array, common_px: float
 ) -> tuple[Array, Array, Array]:
-    """Cost, gradient and information of n views without it: an update of rank two.
+    """Cost, gradient and information of n views with a shared shift marginalised, an update of rank two.
 
     Args:
-        view: The three as if there were none.
-        residual: (..., n, 2, p) over sigmas.
+        view: Cost, gradient and information without a shared shift.
+        residual: (..., n, 2, p) residuals in sigmas.
         weight: (..., n, p) 1 / sigma [1/px].
-        by_shift: (..., n, 6 + k, 2) mixed second derivative to such an error [1/px].
-        common_px: Its sigma, tau, per coordinate [px].
+        by_shift: (..., n, 6 + k, 2) mixed second derivative with respect to the unknowns and the shift [1/px].
+        common_px: Sigma of the shift, tau, per coordinate [px].
     """
     cost, gradient, information = view
     force = np.einsum("...ip,...p->...i", residual, weight)
@@ -35,15 +35,15 @@ def without_common_shift(
 
 
 def without_motion(cost: Array, gradient: Array, information: Array, motion: Array) -> tuple[Array, Array, Array]:
-    """Cost, gradient and information of views without one normal error that moves each by so much: of rank one.
+    """Cost, gradient and information of views with an error along a motion marginalised, an update of rank one.
 
-    Source: docs/mathematics.md (12.6).
+    The error of each view is an independent standard normal. Source: docs/mathematics.md (12.6).
 
     Args:
-        cost: (..., n).
-        gradient: (..., n, 6 + k).
-        information: (..., n, 6 + k, 6 + k).
-        motion: (..., n, 6) right tangent of a unit error.
+        cost: (..., n) cost without the error.
+        gradient: (..., n, 6 + k) gradient without the error.
+        information: (..., n, 6 + k, 6 + k) information without the error.
+        motion: (..., n, 6) right tangent of a unit error [m, rad].
     """
     carried = (information[..., :6] @ motion[..., None])[..., 0]
     along = np.einsum("...i,...i->...", gradient[..., :6], motion)

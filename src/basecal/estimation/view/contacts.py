@@ -1,6 +1,6 @@
-"""Contacts that are no point at a point: a tip on a plane or an edge, and directions of a part that two robots hold.
+"""Contacts other than point on point: a tip on a plane or an edge, and directions of a part that two robots hold.
 
-Residuals are coordinates of the camera in the axes of the target: its origin, and the directions of its axes.
+Residuals are coordinates of the camera frame in the axes of the target: its origin, and the directions of its axes.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from basecal.geometry.rotation import cross_matrix
 
 
 class ContactMeasurement(TouchMeasurement):
-    """A contact of which some coordinates are zero.
+    """A contact that constrains some coordinates of the camera frame in the target to zero.
 
     Attributes:
-        rows: Which of these: x, y, z of the camera's origin [m]; x and y of its z axis, and y of its x axis.
-        camera_gauge: (6,) directions of the camera's mount that nothing depends on, 1 or 0.
-        target_gauge: (6,) of the target's mount.
+        rows: Slice of the constrained coordinates. The six coordinates are x, y, z of the camera's origin [m], x and y
+            of its z axis, and y of its x axis.
+        camera_gauge: (6,) directions of the camera's mount without effect: 1, else 0.
+        target_gauge: (6,) directions of the target's mount without effect: 1, else 0.
     """
 
     rows: ClassVar[slice]
@@ -59,28 +60,28 @@ def _axes(camera_from_target: SE3) -> tuple[Array, Array, Array]:
 
 
 class PlaneMeasurement(ContactMeasurement):
-    """A tip on a plane z = 0."""
+    """A tip on the plane z = 0 of the target."""
 
     rows, coordinates = slice(2, 3), 1
     target_gauge = (1, 1, 0, 0, 0, 1)
 
 
 class EdgeMeasurement(ContactMeasurement):
-    """A tip on an edge along z."""
+    """A tip on an edge along the z axis of the target."""
 
     rows, coordinates = slice(0, 2), 2
     target_gauge = (0, 0, 1, 0, 0, 1)
 
 
 class HingeMeasurement(ContactMeasurement):
-    """The axis of a part that turns about it, z of both its ends."""
+    """Parallel hinge axes: the z axes of both ends of a part that rotates about them."""
 
     rows, coordinates, noise_field = slice(3, 5), 2, "grip_rad"
     camera_gauge, target_gauge = (0, 0, 1, 0, 0, 1), (0, 0, 0, 0, 0, 1)
 
 
 class GripMeasurement(ContactMeasurement):
-    """The directions of a part that two robots hold rigidly: it has no frame of its own."""
+    """The orientation of a part that two robots hold rigidly; the part has no frame of its own."""
 
     rows, coordinates, noise_field = slice(3, 6), 3, "grip_rad"
     camera_gauge = (0, 0, 0, 1, 1, 1)
@@ -93,7 +94,7 @@ TOUCHES: Mapping[Contact | None, type[TouchMeasurement]] = {
     "clamp": TouchMeasurement,
     "hinge": TouchMeasurement,
 }
-"""What touches say of places, by what is touched."""
+"""Measurement of the position of a touch, by kind of contact."""
 
 GRIPS: Mapping[Contact | None, type[ContactMeasurement]] = {"clamp": GripMeasurement, "hinge": HingeMeasurement}
-"""What they say of directions."""
+"""Measurement of the directions of a touch, by kind of contact."""

@@ -1,7 +1,7 @@
-"""The measurement of `camera_from_target` by one view: cost, gradient and information.
+"""Interface of measurements of `camera_from_target`: cost, gradient and information of each view.
 
-With residuals r(delta) of `camera_from_target @ SE3.exp(delta)`, already divided by their sigmas, a view gives
-`cost = r'r`, `gradient = J'r` and `information = J'J`. A few more columns represent the lens if it is free.
+With residuals r(delta) of `camera_from_target @ SE3.exp(delta)`, already divided by their sigmas, a view has
+`cost = r'r`, `gradient = J'r` and `information = J'J`. A free lens adds k columns.
 Source: docs/mathematics.md (2.1), (2.2), (2.7).
 """
 
@@ -16,7 +16,7 @@ from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 
 
 class ViewInformation(NamedTuple):
-    """Per view: cost (..., n), gradient (..., n, 6 + k), information (..., n, 6 + k, 6 + k)."""
+    """Cost (..., n), gradient (..., n, 6 + k) and information (..., n, 6 + k, 6 + k) of each view."""
 
     cost: Array
     gradient: Array
@@ -24,12 +24,12 @@ class ViewInformation(NamedTuple):
 
     @property
     def hessian(self) -> Array:
-        """Half the second derivative of the cost, as Levenberg-Marquardt calls it: the information."""
+        """The information, under the name that Levenberg-Marquardt uses: half the second derivative of the cost."""
         return self.information
 
     @property
     def eliminated_cost(self) -> float:
-        """Zero: no unknown is eliminated, as Levenberg-Marquardt asks."""
+        """Zero, since no unknown is eliminated; used by Levenberg-Marquardt."""
         return 0.0
 
 
@@ -47,71 +47,71 @@ class Noise(NamedTuple):
 class Measurement(Protocol):
     """All views of one target by one camera.
 
-    What was seen may have a leading batch axis, as poses and the lens may: then each entry is seen from its own.
+    Measured values, poses and the lens may have a leading batch axis; entries of the batch correspond.
     """
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
-        """The linearised views at `camera_from_target`, (..., n); with the lens's columns if `lens`."""
+        """Linearise the views at `camera_from_target`, (..., n); with columns of the lens if `lens`."""
         ...
 
     def take_batch(self, rows: Rows) -> Measurement:
-        """The views of these rows of a batch; shared if all rows saw the same."""
+        """Select entries of a batch; measurements without a batch axis are shared."""
         ...
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
-        """Sums of squared residuals over sigmas of what states no sigma, by field of `Noise`."""
+        """Sums of squared residuals over sigmas, of residuals without stated sigma, by field of `Noise`."""
         ...
 
     def with_noise(self, noise: Noise) -> Measurement:
-        """A copy with the sigmas that were not stated."""
+        """Return a copy with sigmas for unstated noise."""
         ...
 
     def noisier(self, factor: float) -> Measurement:
-        """A copy with all sigmas in use, stated or not, so many times as large."""
+        """Return a copy with all sigmas in use, stated or not, multiplied by a factor."""
         ...
 
     def mask_points(self, points: BoolArray) -> Measurement:
-        """A copy as if points (n, p) that are not kept had not been seen; poses stay."""
+        """Return a copy in which only the points of a mask (n, p) are seen; measured poses stay unchanged."""
         ...
 
     def without_sigmas(self) -> Measurement:
-        """A copy with no sigma stated; how points of a view compare with one another is kept."""
+        """Return a copy without stated sigmas; the relative weights of pixels are kept."""
         ...
 
     def point_counts(self) -> IntArray:
-        """How many points each view shows, (n,); 0 of poses."""
+        """Number of points seen in each view, (n,); 0 for measured poses."""
         ...
 
     def take(self, views: Rows) -> Measurement:
-        """The views at these indices."""
+        """Select views by index."""
         ...
 
     def counts(self) -> dict[str, int]:
-        """How many scalar residuals state no sigma, by field of `Noise`; and `stated`."""
+        """Number of scalar residuals without stated sigma, by field of `Noise`, and with stated sigma, as `stated`."""
         ...
 
     def equations(self) -> IntArray:
-        """How many of the six freedoms of `camera_from_target` each view can hold, (n,)."""
+        """Number of degrees of freedom of `camera_from_target` that each view can determine, (n,), at most six."""
         ...
 
 
 def make_information(residual: Array, jacobian: Array) -> ViewInformation:
-    """Information from residuals (..., m) and their derivative by rows of unknowns, (..., k, m)."""
+    """Make information from residuals (..., m) and the transpose of their Jacobian, (..., k, m)."""
     gradient = (jacobian @ residual[..., None])[..., 0]
     return ViewInformation(np.einsum("...i,...i->...", residual, residual), gradient, jacobian @ jacobian.mT)
 
 
 def take_batch_rows(values: Array, rows: Rows | int, axes: int) -> Array:
-    """The rows of a batch, of values that have so many axes without one."""
+    """Select entries of a batch of values; values with only `axes` axes have no batch axis and stay unchanged."""
     return values[rows] if values.ndim > axes else values
 
 
 def sums_of_squares(residual: Sequence[Array]) -> Array:
-    """Each view's sum of squares over arrays (..., p)."""
+    """Sum of squares of each view over several arrays (..., p), (...,)."""
     total: Array = sum(np.einsum("...p,...p->...", r, r) for r in residual)
     return total
 
 
 def limit_equations(equations: IntArray) -> IntArray:
-    """No more equations than a pose has freedoms."""
+    """Limit numbers of equations to six, the degrees of freedom of a pose."""
     return np.minimum(equations, 6).astype(np.int64)

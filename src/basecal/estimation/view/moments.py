@@ -1,9 +1,9 @@
-"""Gradient and information of views from moments of their targets' points, without a Jacobian.
+"""Gradient and information of views from moments of the target's points, without a Jacobian of each point.
 
-A residual of the point p moves by J = P R [I, -hat(p)]. P is its derivative to the point in the camera, R the rotation
-of `camera_from_target`. J'J is therefore linear in R'P'PR and quadratic in h = (1, x, y, z) of the point. J'r is linear
-in both R'P'r and h. Only the sums over points of (P'P)_ij h_a h_b and (P'r)_i h_a are needed. These are products with
-matrices that depend on the target alone; the rotation follows, once a view.
+The Jacobian of the residual of a point p is J = P R [I, -hat(p)]. P is the derivative with respect to the point in the
+camera, R the rotation of `camera_from_target`. J'J is therefore linear in R'P'PR and quadratic in h = (1, x, y, z) of
+the point. J'r is linear in both R'P'r and h. Only the sums over points of (P'P)_ij h_a h_b and (P'r)_i h_a are needed.
+These are products with matrices that depend on the target alone; the rotation is applied once per view.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from basecal.geometry import Array
 
-# Of which monomials are kept: those of one calibration, whole and thinned; assumed: more cost memory alone.
+# Cache size: targets of one calibration, whole and thinned; assumed: a larger cache only costs memory.
 _TARGETS = 32
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _MONOMIALS = tuple(combinations_with_replacement(range(4), 2))
@@ -29,10 +29,10 @@ class Monomials:
     """Non-zero products of 1, x, y and z of a target's points. Four of the ten are zero for a plane board.
 
     Attributes:
-        values: (p, k), the `linear` first of them with 1.
-        linear: How many these are.
-        to_gradient: (3 linear, 6) from sums of (R'P'r)_i h_a over points to J'r.
-        to_information: (6 k, 36) from sums of (R'P'PR)_ij h_a h_b, upper halves, to J'J.
+        values: (p, k) products; the first `linear` columns are 1 and the non-zero coordinates.
+        linear: Number of the constant and linear columns.
+        to_gradient: (3 linear, 6) matrix from sums of (R'P'r)_i h_a over points to J'r.
+        to_information: (6 k, 36) matrix from sums of (R'P'PR)_ij h_a h_b, upper halves, to J'J.
     """
 
     values: Array
@@ -42,7 +42,7 @@ class Monomials:
 
     @classmethod
     def from_points(cls, points: Array) -> Monomials:
-        """Moments of points, (p, 3), kept since they are requested again and again."""
+        """Make the monomials of points, (p, 3); results are cached."""
         return _monomials(points.tobytes())
 
     @classmethod
@@ -76,12 +76,12 @@ def gradient_and_information(
     Args:
         forces: P'r, three arrays (..., p), or one (3, ..., p).
         squares: The upper half of P'P by rows, six arrays (..., p), or one (6, ..., p), see `UPPER`.
-        rotation: Of camera_from_target, (..., 3, 3).
-        of_points: Of the points.
+        rotation: Rotation of camera_from_target, (..., 3, 3).
+        of_points: Monomials of the points.
     """
     shape, flat = rotation.shape[:-2], rotation.reshape(-1, 3, 3)
     first = flat.mT @ _moments(forces, of_points.values[:, : of_points.linear])
-    # What takes the upper half of a symmetric M to that of R'MR, (n, 6, 6).
+    # Matrices that map the upper half of a symmetric M to the upper half of R'MR, (n, 6, 6).
     entries = flat.reshape(len(flat), 9)
     carried = entries[:, _LEFT] * entries[:, _RIGHT]
     carried += entries[:, _LEFT_SWAPPED] * entries[:, _RIGHT_SWAPPED]
@@ -93,9 +93,10 @@ def gradient_and_information(
 
 
 def _moments(planes: Iterable[Array], of_points: Array) -> Array:
-    """(n, k, m) sums over the points of k arrays (..., p), n views in all, times (p, m).
+    """Sums over points of k arrays (..., p), n views in all, times (p, m): (n, k, m).
 
-    As one array the planes of few views are one product; those of many are better made and used one after another.
+    For few views, one array and one product are fastest. For many views, planes that are made and used one after
+    another are faster.
     """
     if isinstance(planes, np.ndarray):
         return np.asarray((planes.reshape(len(planes), -1, len(of_points)) @ of_points).swapaxes(0, 1))
@@ -103,7 +104,7 @@ def _moments(planes: Iterable[Array], of_points: Array) -> Array:
 
 
 def _motion() -> Array:
-    """The derivative of a point's motion to the tangent, [I, -hat(p)], by its h: (4, 3, 6)."""
+    """Coefficients (4, 3, 6) of [I, -hat(p)], the derivative of a point with respect to the tangent, in h."""
     out = np.zeros((4, 3, 6))
     out[0, :, :3] = np.eye(3)
     for i in range(3):
@@ -113,7 +114,7 @@ def _motion() -> Array:
 
 
 def _to_information() -> Array:
-    """Convert (R'P'PR)_ij h_a h_b, upper halves, (6, 10), to J'J, (36,)."""
+    """Tensor (6, 10, 36) that maps the upper halves of (R'P'PR)_ij h_a h_b to J'J."""
     out = np.zeros((len(UPPER), len(_MONOMIALS), 6, 6))
     for row, (i, j) in enumerate(UPPER):
         for column, (a, b) in enumerate(_MONOMIALS):
@@ -124,7 +125,7 @@ def _to_information() -> Array:
 
 _TO_GRADIENT = _motion()
 _TO_INFORMATION = _to_information()
-# (R'MR)_ij gathers M_ab from R_ai R_bj and, off the diagonal, R_bi R_aj.
+# (R'MR)_ij is the sum of M_ab R_ai R_bj and, off the diagonal, M_ab R_bi R_aj.
 _TERMS = [(i, j, a, b) for i, j in UPPER for a, b in UPPER]
 _LEFT, _RIGHT = np.array([(3 * a + i, 3 * b + j) for i, j, a, b in _TERMS]).T
 _LEFT_SWAPPED, _RIGHT_SWAPPED = np.array([(3 * b + i, 3 * a + j) for i, j, a, b in _TERMS]).T

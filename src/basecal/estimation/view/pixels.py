@@ -1,4 +1,4 @@
-"""Pixels of a target's points: what views of them say."""
+"""Measurements of pixels of a target's points."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.array import to_back, to_front
 from basecal.geometry.lens import Projection
 
-# Points whose arrays stay near the core: fewer cost NumPy's overhead, more the memory's. A free lens has more of them.
-# `benchmarks.solve` measures the time.
+# Points per chunk, so that the arrays stay in the cache: smaller chunks cost overhead of NumPy, larger ones memory
+# access. `benchmarks.solve` measures the time.
 _CHUNK_POINTS = 28800
-_CHUNK_LENS_POINTS = 12000  # likewise, with a free lens
+_CHUNK_LENS_POINTS = 12000  # points per chunk with a free lens, which has more arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +31,12 @@ class PixelMeasurement(SeenPoints):
     """Pixels of a target's points.
 
     Attributes:
-        pixels: ([b,] n, p, 2) [px]; anything finite where not seen.
-        seen: (n, p).
-        stated: (n, p) 1 / sigma where a sigma was stated, else 0 [1/px].
-        weight: (n, p) 1 / sigma in use, 0 where not seen [1/px].
+        pixels: ([b,] n, p, 2) [px]; any finite values for points that are not seen.
+        seen: (n, p) whether the point was seen.
+        stated: (n, p) 1 / sigma if a sigma was stated, else 0 [1/px].
+        weight: (n, p) 1 / sigma in use, 0 for points that are not seen [1/px].
         common_px: Sigma of an error that all points of a view share, per coordinate [px].
-        relative: (n, p) 1 / sigma of points without a stated one over that of `Noise.pixel_px`; None for 1 everywhere.
+        relative: (n, p) `Noise.pixel_px` / sigma of points without stated sigma; None for 1 everywhere.
     """
 
     pixels: Array
@@ -61,9 +61,9 @@ class PixelMeasurement(SeenPoints):
         return pixels - self.pixels, by_point, by_lens
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
-        """See `Measurement`; the cost is infinite where a seen point lies behind the camera.
+        """See `Measurement`; the cost of a view is infinite if a seen point is behind the camera.
 
-        Many views go in chunks that stay in the processor's cache, which halves the time.
+        Many views are processed in chunks that fit the processor's cache, which halves the time.
         """
         camera = require_camera(camera)
         *batch, count = camera_from_target.shape
@@ -105,13 +105,13 @@ class PixelMeasurement(SeenPoints):
     def linearise_shape(
         self, camera_from_target: SE3, camera: Camera | None, lens: bool, by_shape: Array
     ) -> ViewInformation:
-        """As `linearise`, with further columns, after those of the lens, for what moves points in the target.
+        """Same as `linearise`, with additional columns for the target's shape, after those of the lens.
 
         Args:
-            camera_from_target: (..., n).
+            camera_from_target: (..., n) poses.
             camera: The lens.
-            lens: Whether to give its columns.
-            by_shape: (p, 3, k) how points move by each of them [m].
+            lens: Whether to include columns of the lens.
+            by_shape: (p, 3, k) derivative of points with respect to k shape parameters [m].
         """
         turned = self.turn(camera_from_target)
         pixels, image = require_camera(camera).image(self.translate(camera_from_target, turned), lens)
@@ -121,9 +121,9 @@ class PixelMeasurement(SeenPoints):
     def _with_jacobian(
         self, rotation: Array, turned_points: Array, pixels: Array, image: Projection, by_more: Array | None = None
     ) -> ViewInformation:
-        """The long way, for a lens that is free, a common shift, and points that have no pixel."""
+        """Information of views from Jacobians: for a free lens, a shared shift, and points without a pixel."""
         rows, lost = self._weighted_rows(pixels, image, by_more, turned_points), np.zeros(1, dtype=bool)
-        # Most often every point has a pixel, which the sum tells at once.
+        # Usually every point has a pixel, for which the sum is a fast test.
         if not np.isfinite(pixels.sum()):
             lost = np.asarray(np.isnan(pixels).any(-1))
             rows[..., lost] = 0.0
@@ -140,15 +140,16 @@ class PixelMeasurement(SeenPoints):
         return view._replace(cost=np.where((lost & self.seen).any(-1), np.inf, view.cost))
 
     def _weighted_rows(self, pixels: Array, image: Projection, by_more: Array | None, turned_points: Array) -> Array:
-        """Residuals and their derivatives by pose, lens and more, over sigmas, (1 + 6 + k, 2, ..., n, p).
+        """Residuals in sigmas, and their derivatives by pose, lens and more, (1 + 6 + k, 2, ..., n, p).
 
-        The pose's are those to a shift and a turn about the target's origin, but along the axes of the camera.
+        Derivatives with respect to the pose are those of a translation and a rotation about the target's origin, in the
+        axes of the camera.
 
         Args:
-            pixels: Predicted, (..., n, p, 2) [px].
-            image: Of the points; where it has derivatives to the terms of the lens, its parameters have columns.
-            by_more: Derivative to further unknowns, (..., n, p, 2, k), or None.
-            turned_points: Points from the target's origin in the camera's axes, (3, ..., n, p).
+            pixels: Predicted pixels, (..., n, p, 2) [px].
+            image: Projection of the points; if it has derivatives of the terms, all lens parameters have columns.
+            by_more: Derivative with respect to further unknowns, (..., n, p, 2, k), or None.
+            turned_points: Points relative to the target's origin in the camera's axes, (3, ..., n, p) [m].
         """
         parts = [_planes(of) for of in (image.by_terms, by_more) if of is not None]
         at = 7 if image.by_terms is None else 11
@@ -174,21 +175,21 @@ class PixelMeasurement(SeenPoints):
         return out
 
     def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
-        """Predicted minus seen pixels, (n, p, 2) [px]; NaN where not seen."""
+        """Predicted minus measured pixels, (n, p, 2) [px]; NaN for points that are not seen."""
         return np.where(self.seen[..., None], self.residuals(camera_from_target, camera), np.nan)
 
     def thin(self, max_count: int, is_paired: bool = False) -> PixelMeasurement:
-        """The same views of at most `max_count` of the points, spread over the target.
+        """Return a copy with at most `max_count` of the points, spread over the target.
 
         Args:
-            max_count: How many.
-            is_paired: Whether with each point the one is kept that takes its place where the target is read from its
-                other end.
+            max_count: Most points to keep.
+            is_paired: Whether to keep with each point its counterpart in the reverse order of points.
         """
         count = len(self.points_in_target)
         if is_paired:
             half = spread_rows(self.points_in_target[: (count + 1) // 2], (max_count + 1) // 2)
-            rows = np.concatenate([half, count - 1 - half[half < count // 2][::-1]])  # one in the middle is its own
+            # A middle point is its own counterpart.
+            rows = np.concatenate([half, count - 1 - half[half < count // 2][::-1]])
         else:
             rows = spread_rows(self.points_in_target, max_count)
         return replace(self.take_points(rows), points_in_target=self.points_in_target[rows])
@@ -205,7 +206,7 @@ class PixelMeasurement(SeenPoints):
 
     def without_sigmas(self) -> Self:
         """See `Measurement`."""
-        # 1 / sigma of points over that of the median point; 1 where none was stated.
+        # 1 / sigma of points relative to the median point; 1 if none was stated.
         stated = self.stated > 0
         middle = float(np.median(self.stated[stated])) if stated.any() else 1.0
         shares = np.where(stated, self.stated / middle, 1.0)
@@ -213,14 +214,14 @@ class PixelMeasurement(SeenPoints):
 
 
 def _planes(derivative: Array) -> Array:
-    """(..., 2, k) as (k, 2, ...)."""
+    """Transpose (..., 2, k) to (k, 2, ...)."""
     return to_front(to_front(derivative, -2), -1)
 
 
 def _information_of_rows(rows: Array, rotation: Array) -> ViewInformation:
-    """Information of views whose residuals, and derivatives in the camera's axes, are rows (1 + k, 2, ..., n, p)."""
+    """Information of views from rows (1 + k, 2, ..., n, p): residuals, then derivatives in the camera's axes."""
     u, v = (to_back(rows[:, i]) for i in range(2))  # (..., n, p, 1 + k)
-    # Of a product of something with itself BLAS makes half, which takes longer where it is as small as this.
+    # For a product of a matrix with itself, BLAS computes one half only, which is slower for such small matrices.
     product = u[..., 1:].mT @ u
     product += v[..., 1:].mT @ v
     cost = np.einsum("i...p,i...p->...", rows[0], rows[0])
@@ -230,7 +231,7 @@ def _information_of_rows(rows: Array, rotation: Array) -> ViewInformation:
 
 
 def _rotate_columns(columns: Array, rotation: Array) -> Array:
-    """Columns (..., 6 + k, m) by a shift and a turn in the camera's axes, in place, as by those in the target's."""
+    """Rotate the six pose rows of (..., 6 + k, m) from the camera's axes to the target's axes, in place."""
     pose = columns[..., :6, :]
     *shape, _, m = pose.shape
     turned = rotation.mT[..., None, :, :] @ pose.reshape(*shape, 2, 3, m)

@@ -1,4 +1,4 @@
-"""A target's points measured in 3-D."""
+"""Measurements of a target's points in 3-D."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from basecal.geometry import SE3, Array, BoolArray, Camera
 
 @dataclass(frozen=True, eq=False)
 class PointMeasurement(SeenPoints):
-    """A target's points in 3-D.
+    """Points of a target measured in 3-D.
 
     Attributes:
-        points_in_camera: ([b,] n, p, 3) [m]; anything finite where not seen.
+        points_in_camera: ([b,] n, p, 3) [m]; any finite values for points that are not seen.
         seen: (n, p) whether the point was seen.
-        stated: (n, p) 1 / sigma, or 0 where none was stated [1/m].
-        weight: (n, p) 1 / sigma in use, 0 where not seen [1/m].
+        stated: (n, p) 1 / sigma, or 0 if none was stated [1/m].
+        weight: (n, p) 1 / sigma in use, 0 for points that are not seen [1/m].
     """
 
     points_in_camera: Array
@@ -58,11 +58,11 @@ class PointMeasurement(SeenPoints):
 
 
 class TouchMeasurement(PointMeasurement):
-    """Points that a tip touches, which are at its origin."""
+    """Points touched by a tip; the measured points are at the origin of the tip."""
 
     noise_field = "touch_m"
 
 
 def is_touch(measurement: Measurement) -> bool:
-    """Whether points are seen at the origin of what sees them, as a tip does that touches them."""
+    """Whether all points are measured at the origin of the camera frame, such as points touched by a tip."""
     return isinstance(measurement, PointMeasurement) and not np.any(measurement.points_in_camera)

@@ -1,4 +1,4 @@
-"""Poses of a target that another program measured."""
+"""Measurements of target poses from another program."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from basecal.numerics.batch import take
 
 @dataclass(frozen=True, eq=False)
 class PoseMeasurement:
-    """Poses of a target as another program measured them.
+    """Target poses measured by another program.
 
     Attributes:
-        measured_camera_from_target: (n,).
-        stated: (n, 6) 1 / sigma, or 0 where none was stated [1/m, 1/rad].
+        measured_camera_from_target: (n,) measured poses.
+        stated: (n, 6) 1 / sigma, or 0 if none was stated [1/m, 1/rad].
         weight: (n, 6) 1 / sigma in use [1/m, 1/rad].
-        corners: How errors of views go with what these hold; None if they are independent and equal.
+        corners: Error model as a function of the view; None if errors are right tangents.
     """
 
     measured_camera_from_target: SE3
@@ -35,7 +35,7 @@ class PoseMeasurement:
     corners: CornerErrors | None = None
 
     def _error(self, camera_from_target: SE3) -> Array:
-        """In units of which all views have the same sigmas, (n, 6) [m, rad]."""
+        """Errors scaled to equal sigmas in all views, (n, 6) [m, rad]."""
         if self.corners is not None:
             return self.corners.differences(self.measured_camera_from_target, camera_from_target)
         return (self.measured_camera_from_target.inverse() @ camera_from_target).log()
@@ -86,12 +86,13 @@ class PoseMeasurement:
         )
 
     def least_rotation_weight(self) -> Array:
-        """Below what each view holds of any direction of its rotation, (n,), as 1 / sigma [1/rad]."""
+        """Lower bound of 1 / sigma over all directions of each view's rotation, (n,) [1/rad]."""
         least = self.weight[:, 3:].min(1)
         if self.corners is None:
             return np.asarray(least)
         inverse = np.linalg.inv(self.corners.jacobian(self.measured_camera_from_target)[:, 3:, 3:])
-        return np.asarray(least / np.linalg.norm(inverse, axis=(1, 2)))  # of the inverse of a least singular value
+        # The Frobenius norm bounds the inverse of the smallest singular value.
+        return np.asarray(least / np.linalg.norm(inverse, axis=(1, 2)))
 
     def equations(self) -> IntArray:
         """See `Measurement`."""

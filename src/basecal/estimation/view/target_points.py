@@ -1,4 +1,4 @@
-"""Common parts of measurements of a target's points: their model in the camera, and sums over them."""
+"""Common base of measurements of a target's points: points in the camera, and sums over points."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ from basecal.numerics.spectral import dimension
 
 @dataclass(frozen=True, eq=False)
 class TargetPoints:
-    """Points of one target as one camera measured them in some views.
+    """Points of one target, with their poses in the camera.
 
     Attributes:
-        points_in_target: (p, 3) [m].
+        points_in_target: (p, 3) points in the target's frame [m].
     """
 
     points_in_target: Array = field(metadata=SHARED)
 
     def camera_points(self, camera_from_target: SE3) -> Array:
-        """Points in the camera, (..., n, p, 3), those of one coordinate side by side in memory."""
+        """Points in the camera, (..., n, p, 3) [m], with each coordinate contiguous in memory."""
         return self.translate(camera_from_target, self.turn(camera_from_target))
 
     def turn(self, camera_from_target: SE3) -> Array:
-        """Points from the target's origin in the camera's axes, (3, ..., n, p)."""
+        """Points relative to the target's origin in the camera's axes, (3, ..., n, p) [m]."""
         return to_front(camera_from_target.rotation, -2) @ self.points_in_target.T
 
     def translate(self, camera_from_target: SE3, turned_points: Array) -> Array:
-        """Points in the camera, (..., n, p, 3), of what `turned_points` gave."""
+        """Points in the camera, (..., n, p, 3) [m], from the result of `turn`."""
         return to_back(turned_points + to_front(camera_from_target.translation, -1)[..., None])
 
     def information(
         self, cost: Array, forces: Iterable[Array], squares: Iterable[Array], rotation: Array
     ) -> ViewInformation:
-        """Information of views of known cost, by the sums of `gradient_and_information` over their points."""
+        """Make the information of views from their cost and the arguments of `gradient_and_information`."""
         return ViewInformation(cost, *gradient_and_information(forces, squares, rotation, self._monomials))
 
     @cached_property
@@ -57,9 +57,10 @@ class TargetPoints:
 
 
 def spread_rows(points: Array, max_count: int) -> IntArray:
-    """Rows, rising, of at most so many of points (p, 3): every so manyth, or those far apart where these span less.
+    """Sorted rows of at most `max_count` well-distributed points (p, 3).
 
-    Every eleventh point of a grid of eleven columns is one of its columns.
+    Every k-th point is taken if these span as many dimensions as all points. Otherwise, such as for every eleventh
+    point of a grid with eleven columns, farthest-point sampling is used.
     """
     every = np.arange(0, len(points), -(-len(points) // max_count))
     if dimension(points[every]) == dimension(points):
@@ -73,23 +74,23 @@ def spread_rows(points: Array, max_count: int) -> IntArray:
 
 
 def require_camera(camera: Camera | None) -> Camera:
-    """The camera, without which pixels say nothing.
+    """Check that there is a camera, and return it.
 
     Raises:
-        InputError: if there is none.
+        InputError: if the camera is None.
     """
     if camera is None:
-        raise InputError("pixels say nothing without the camera's lens")
+        raise InputError("pixels need the lens of the camera: state its intrinsics")
     return camera
 
 
 class MeasuredPoints(TargetPoints):
-    """Points of one target as one camera measured them in some views; the methods are those of `Measurement`.
+    """Points of one target measured by one camera; implements the methods of `Measurement`.
 
     Attributes:
-        weight: ([b,] n, p) 1 / sigma of a coordinate in use, 0 if the point was not seen.
-        coordinates: How many a point has.
-        axes: How many axes each array has that may have one of a batch before them.
+        weight: ([b,] n, p) 1 / sigma in use of each coordinate, 0 if the point was not seen.
+        coordinates: Number of measured coordinates of a point.
+        axes: Number of axes of each array, without the batch axis that it may have.
     """
 
     weight: Array
@@ -103,7 +104,7 @@ class MeasuredPoints(TargetPoints):
         return self._with(**batched)
 
     def take_points(self, rows: Rows) -> Self:
-        """A copy with what was measured at these indices of points, which the target's points do not follow."""
+        """Return a copy with the measured values at these indices of points; `points_in_target` stays unchanged."""
         arrays = {name: getattr(self, name) for name in self.axes}
         return self._with(**{name: of[:, rows] for name, of in arrays.items() if of is not None})
 
@@ -132,12 +133,12 @@ class MeasuredPoints(TargetPoints):
 
 
 class SeenPoints(MeasuredPoints):
-    """Points of one target, each seen or not, in some views.
+    """Points of one target measured by one camera, with a visibility mask.
 
     Attributes:
         seen: ([b,] n, p) whether the point was seen.
-        stated: ([b,] n, p) 1 / sigma of a coordinate, or 0 if none was stated.
-        noise_field: Of `Noise`, the sigma of a coordinate without a stated one.
+        stated: ([b,] n, p) 1 / sigma of each coordinate, or 0 if none was stated.
+        noise_field: Field of `Noise` that is the sigma of coordinates without stated sigma.
     """
 
     seen: BoolArray
@@ -154,20 +155,23 @@ class SeenPoints(MeasuredPoints):
 
     @abstractmethod
     def residuals(self, camera_from_target: SE3, camera: Camera | None) -> Array:
-        """Predicted less seen coordinates, (n, p, d); not finite if a point cannot be seen, anything if it was not."""
+        """Predicted minus measured coordinates, (n, p, d).
+
+        They are not finite if a point cannot be seen, and arbitrary if it was not seen.
+        """
 
     @abstractmethod
     def with_derivatives(
         self, points_in_camera: Array, camera: Camera | None, lens: bool
     ) -> tuple[Array, Array, Array | None]:
-        """As `residuals`, of points (n, p, 3), with derivatives by these, (n, p, d, 3), and if `lens` by its terms."""
+        """Residuals of points (n, p, 3), with derivatives by points, (n, p, d, 3), and by the lens if `lens`."""
 
     def tangent_rows(
         self, camera_from_target: SE3, camera: Camera | None, lens: bool
     ) -> tuple[Array, Array, Array | None]:
-        """As `with_derivatives`, about poses (n,) and by their tangent, (n, p, d, 6)."""
+        """Residuals at poses (n,), with derivatives by right tangents, (n, p, d, 6), and by the lens if `lens`."""
         off, by_point, by_lens = self.with_derivatives(self.camera_points(camera_from_target), camera, lens)
-        # Of f(camera_from_target @ p), from df/dp, (n, p, d, 3).
+        # Derivative of f(camera_from_target @ p) from df/dp, (n, p, d, 3).
         shift = by_point @ camera_from_target.rotation[:, None]
         return off, np.concatenate([shift, np.cross(self.points_in_target[:, None], shift)], -1), by_lens
 
@@ -200,12 +204,12 @@ class SeenPoints(MeasuredPoints):
 
 @dataclass(frozen=True, eq=False)
 class PointJacobians:
-    """Points of views.
+    """Residuals and Jacobians of each point of views.
 
     Attributes:
-        residual: (n, p, d) predicted minus seen, over sigma; zero where not seen.
-        jacobian: (n, p, d, 6 + k) its derivative to the view's tangent and, where it is free, the lens.
-        seen: (n, p) whether the point was seen and lies before the camera.
+        residual: (n, p, d) predicted minus measured, in sigmas; zero for points that are not seen.
+        jacobian: (n, p, d, 6 + k) derivative with respect to the view's tangent and to a free lens.
+        seen: (n, p) whether the point was seen and is in front of the camera.
     """
 
     residual: Array
@@ -216,7 +220,7 @@ class PointJacobians:
 def point_jacobians(
     measurement: SeenPoints, camera_from_target: SE3, camera: Camera | None, lens: bool
 ) -> PointJacobians:
-    """Each point of views about `camera_from_target`, (n,)."""
+    """Linearise each point of views at `camera_from_target`, (n,)."""
     off, by_pose, by_lens = measurement.tangent_rows(camera_from_target, camera, lens)
     seen = measurement.seen & (measurement.weight > 0) & np.isfinite(off).all(-1)
     weight = np.where(seen, measurement.weight, 0.0)[..., None]

@@ -1,6 +1,6 @@
-"""A target's pose in one view, from directions to its points: closed form, then maximum likelihood.
+"""Estimate a target's pose in single views from directions to its points: closed form, then maximum likelihood.
 
-A plane seen from afar has two poses that look the same; both are given. Source: Zhang 2000 (homography), Hartley &
+A distant plane has two poses with almost equal images; both are returned. Source: Zhang 2000 (homography), Hartley &
 Zisserman 2004 (7.2, direct linear transform), Schweighofer & Pinz 2006 (the second pose).
 """
 
@@ -19,12 +19,12 @@ from basecal.numerics.batch import choose_entries, concatenate, take
 from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
 from basecal.numerics.spectral import principal_axes, smallest_vectors
 
-FEWEST_3D_POINTS = 3  # points measured in space that determine a pose, unless they lie on a line
-FEWEST_POINTS = 4  # points that determine the pose of a plane up to two
-_FEWEST_IN_SPACE = 6  # points of the direct linear transform
+FEWEST_3D_POINTS = 3  # 3-D points that determine a pose, unless they are collinear
+FEWEST_POINTS = 4  # points that determine the pose of a plane, up to two solutions
+_FEWEST_IN_SPACE = 6  # points needed by the direct linear transform
 _REFINEMENT_STEPS = 2
-_MOST_STEPS = 20  # of one view: bounds the time of a pose that does not converge; assumed
-_SETTLED_GAIN = 1e-3  # of the residuals' norm: a step that gains less than a millionth of the cost is the last
+_MOST_STEPS = 20  # most steps of one view: bounds the time of a pose that does not converge; assumed
+_SETTLED_GAIN = 1e-3  # relative to the residual norm: a step with a gain below a millionth of the cost is the last
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class ViewPoses:
     """Poses of a target in each view.
 
     Attributes:
-        camera_from_target: (n, 2) the best and the next best pose of each view; equal if there is only one.
+        camera_from_target: (n, 2) best and second-best pose of each view; equal if there is only one.
         cost: (n, 2) sums of squared residuals; infinite if there is no pose.
-        information: (n, 6, 6) of the best.
+        information: (n, 6, 6) information of the best pose.
     """
 
     camera_from_target: SE3
@@ -43,7 +43,7 @@ class ViewPoses:
 
     @property
     def has_pose(self) -> BoolArray:
-        """(n,) whether the view has a pose at all."""
+        """Whether each view has a pose, (n,)."""
         return np.isfinite(self.cost[:, 0])
 
 
@@ -54,23 +54,24 @@ def view_poses(
     measurement: Measurement,
     iterations: int = _REFINEMENT_STEPS,
 ) -> ViewPoses:
-    """Poses of a target in each of its views.
+    """Estimate the poses of a target in each view.
 
     Args:
         points_in_target: (p, 3) [m].
-        bearings_in_camera: (n, p, 3) unit.
-        is_visible: (n, p).
-        measurement: What is minimised: the views' bearings and sigmas.
-        iterations: Steps from the closed form; without any it is what is given.
+        bearings_in_camera: (n, p, 3) unit directions.
+        is_visible: (n, p) whether the point was seen.
+        measurement: Measurement whose cost is minimised: bearings and sigmas of the views.
+        iterations: Steps of refinement after the closed form; 0 returns the closed form.
 
     Returns:
-        The poses; a cost is infinite in a view of fewer than four points.
+        The poses; costs are infinite in views with too few points: four of a plane, six of other targets.
     """
     centre = points_in_target.mean(0)
     centred = points_in_target - centre
     of = principal_axes(centred)
     flat, size = of.dimension < 3, float(np.sqrt(np.mean(np.sum(centred**2, -1))))
-    axes = of.axes * np.array([1.0, 1.0, np.linalg.det(of.axes)])  # a rotation, z across the plane of what is flat
+    # A rotation, with z normal to the plane of a flat target.
+    axes = of.axes * np.array([1.0, 1.0, np.linalg.det(of.axes)])
     plane_from_target = SE3.adopt(axes, centre).inverse()
     local = centred @ axes / size
     guess = _direct_linear(local, bearings_in_camera, is_visible, flat)
@@ -91,12 +92,12 @@ def view_poses(
 
 
 def _direct_linear(local: Array, bearings_in_camera: Array, is_visible: BoolArray, flat: bool) -> SE3:
-    """The pose by the direct linear transform; of a plane by its homography, whose third axis is across the others."""
+    """Poses by the direct linear transform, (n,); for a plane by its homography, with the third axis as a normal."""
     places = local[:, :2] if flat else local
     homogeneous = np.column_stack([places, np.ones(len(places))])
     bearings = bearings_in_camera * is_visible[..., None]
     matrix = smallest_vectors(_squared_misses(bearings, homogeneous)).reshape(len(bearings), 3, -1)
-    # Points lie along the bearings and not against them.
+    # Points are in the direction of the bearings, not opposite.
     along = np.einsum("nia,nia->n", matrix, bearings.mT @ homogeneous)
     matrix[along < 0] = -matrix[along < 0]
     axes = matrix[:, :, :-1]
@@ -109,13 +110,13 @@ def _direct_linear(local: Array, bearings_in_camera: Array, is_visible: BoolArra
 
 
 def _squared_misses(bearings: Array, homogeneous: Array) -> Array:
-    """The quadratic form of the entries of M by rows whose value is the sum of |b x (M h)|^2, (n, 3 k, 3 k).
+    """Quadratic form in the entries of M, by rows, whose value is the sum of |b x (M h)|^2, (n, 3 k, 3 k).
 
-    It is the sum of (b'b I - b b') (x) h h'.
+    The quadratic form is the sum of (b'b I - b b') (x) h h'.
 
     Args:
-        bearings: b, (n, p, 3), zero where not seen.
-        homogeneous: h, (p, k).
+        bearings: Bearings b, (n, p, 3), zero for points that are not seen.
+        homogeneous: Homogeneous coordinates h, (p, k).
     """
     n, (p, k) = len(bearings), homogeneous.shape
     across = -bearings[..., :, None] * bearings[..., None, :]
@@ -126,10 +127,10 @@ def _squared_misses(bearings: Array, homogeneous: Array) -> Array:
 
 
 def _mirror_normal(camera_from_plane: SE3) -> SE3:
-    """The pose whose normal is mirrored at the line of sight: it looks the same through a long lens.
+    """Mirror the plane's normal at the line of sight: the second pose, which looks the same through a long lens.
 
-    It is reached by a half turn about the normal n, then one about the line of sight s. Its rotation matrix is (2 s s'
-    - I) (2 n n' - I). A plane at the camera's centre has no line of sight: its pose is kept.
+    The plane is rotated by 180 deg about the normal n, then by 180 deg about the line of sight s. The rotation matrix
+    is (2 s s' - I) (2 n n' - I). A plane at the camera's centre has no line of sight: its pose is kept.
     """
     normal, at = camera_from_plane.rotation[..., 2], camera_from_plane.translation
     length = lengths(at)[..., None]
@@ -147,7 +148,7 @@ class _Refined:
 
 
 class Views(Protocol):
-    """The fit of views at poses; see `Measurement`."""
+    """Views that can be linearised at poses; see `Measurement`."""
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`."""
@@ -160,7 +161,7 @@ class Views(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Poses:
-    """The poses of views, each a problem of its own, as Levenberg-Marquardt knows them; see `System`."""
+    """Poses of views as a `System` for Levenberg-Marquardt; each view is a separate problem of the batch."""
 
     views: Views
     camera: Camera | None
@@ -179,7 +180,7 @@ class _Poses:
 
 
 def refine_poses(views: Views, start: SE3, camera: Camera | None = None, iterations: int = _MOST_STEPS) -> _Refined:
-    """Each view's pose at its own optimum near `start`, (n,); see `numerics.levenberg_marquardt`."""
+    """Refine the pose of each view separately, from initial poses (n,); see `numerics.levenberg_marquardt`."""
     if not iterations:
         at = views.linearise(start, camera, False)
         return _Refined(start, at.cost, at.information)
@@ -189,10 +190,10 @@ def refine_poses(views: Views, start: SE3, camera: Camera | None = None, iterati
 
 @dataclass(frozen=True, eq=False)
 class KnownPoses:
-    """`view_poses` that remembers what it found of each view, by all that its pose depends on.
+    """`view_poses` with a cache of results per view.
 
     Attributes:
-        known: What was found of views, a batch of one each.
+        known: Poses of each view, a batch of one, by all data that they depend on.
     """
 
     known: dict[bytes, ViewPoses] = field(default_factory=dict)

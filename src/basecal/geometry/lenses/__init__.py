@@ -1,4 +1,4 @@
-"""Lens models, a module each, with the face of `basecal.geometry.lens.Lens`.
+"""Lens models; each is a module that implements `basecal.geometry.lens.Lens`.
 
-A new one is a module here and a line in `registry`.
+To add a lens model, add a module here and a line in `registry`.
 """

@@ -1,7 +1,8 @@
-"""The lens of Kannala and Brandt with four terms: cv2.fisheye, but also past 90 deg.
+"""Fisheye lens of Kannala and Brandt with four terms: the same as cv2.fisheye, but also valid beyond 90 deg.
 
-A point is at the angle t from the axis. Its image is at d(t) = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) from the
-centre. Source: Kannala & Brandt 2006, doi:10.1109/TPAMI.2006.153; docs/mathematics.md (2.5).
+The image of a point at the angle t from the axis is at the distance d(t) from the centre. The distance is
+d(t) = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8).
+Source: Kannala & Brandt 2006, doi:10.1109/TPAMI.2006.153; docs/mathematics.md (2.5).
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ TERMS: tuple[int, ...] = (4,)
 TERM_SIGMAS: tuple[float, ...] = ()
 USUAL_TERMS = 4
 USUAL_FOCAL_PX = (480.0, 560.0)  # a field of view of 130 to 150 deg
-# Halving the bracket alone comes below the tolerance from pi in 48 steps; steps of Newton's method may lie between.
+# Bisection alone needs 48 steps from pi to the tolerance; Newton steps may be added between.
 _MOST_STEPS = 80
-_TOLERANCE = 1e-14  # of the angle [rad], some roundings
+_TOLERANCE = 1e-14  # tolerance of the angle [rad], some roundings
 
 
 class _Polar(NamedTuple):
-    """Points by their distance r from the axis [m], cosine and sine about it, and the angle from it [rad]."""
+    """Polar coordinates of points: distance r from the axis [m], azimuth (cosine, sine), angle to the axis [rad]."""
 
     r: Array
     cosine: Array
@@ -36,7 +37,7 @@ class _Polar(NamedTuple):
 
 
 def _polar(points: Array) -> _Polar:
-    """Polar angle and radius of points (..., 3); the angle is NaN on the axis where z <= 0."""
+    """Polar coordinates of points (..., 3); the angle is NaN on the axis if z <= 0."""
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     r = np.hypot(x, y)
     off = r > 0
@@ -53,7 +54,7 @@ def _distance(angle: Array, distortion: Sequence[Number]) -> Array:
 
 
 def _radius_derivative(angle: Array, distortion: Sequence[Number]) -> Array:
-    """Derivative of the distance from the centre to the angle."""
+    """Derivative of the image's distance from the centre with respect to the angle."""
     k1, k2, k3, k4 = distortion
     s = angle * angle
     growth: Array = (((9 * k4 * s + 7 * k3) * s + 5 * k2) * s + 3 * k1) * s + 1.0
@@ -61,7 +62,7 @@ def _radius_derivative(angle: Array, distortion: Sequence[Number]) -> Array:
 
 
 def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
-    """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN on the axis where z <= 0."""
+    """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN on the axis if z <= 0."""
     _, cosine, sine, angle = _polar(points)
     distance = _distance(angle, distortion)
     return cosine * distance, sine * distance
@@ -92,20 +93,20 @@ def project_with_derivatives(
 
 
 def fold(distortion: list[float]) -> float:
-    """The angle up to which the image grows outwards [rad], at most pi."""
+    """Largest angle up to which the distance of the image increases [rad], at most pi."""
     return min(math.sqrt(first_root(np.array([1.0, *distortion]) * [1, 3, 5, 7, 9])), math.pi)
 
 
 def domain_mask(points: Array, distortion: list[float]) -> BoolArray:
-    """Whether points lie inside the fold, (...,)."""
+    """Whether points are inside the fold, (...,)."""
     inside: BoolArray = _polar(points).angle < fold(distortion)
     return inside
 
 
 def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
-    """Unit directions, (..., 3), and whether each has the image (u, v) inside the fold, (...,).
+    """Unit directions, (..., 3), with the image (u, v), and whether each is inside the fold, (...,).
 
-    Newton's method on the angle, halving the bracket where it would leave it.
+    Newton's method on the angle, with bisection if a step would leave the bracket.
     """
     wanted = np.hypot(u, v)
     low, high = np.zeros_like(wanted), np.full_like(wanted, fold(distortion))
@@ -126,5 +127,5 @@ def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolA
 
 
 def usual_distortion(rng: np.random.Generator) -> Array:
-    """Terms as a simulation draws them, (4,)."""
+    """Draw distortion terms for a simulation, (4,)."""
     return rng.uniform(-1, 1, 4) * (0.03, 0.01, 0.003, 0.001)

@@ -1,7 +1,7 @@
-"""The lens of Brown and Conrady in OpenCV's order k1 k2 p1 p2 [k3 [k4 k5 k6]], on the plane at unit distance.
+"""Brown-Conrady lens in OpenCV's order k1 k2 p1 p2 [k3 [k4 k5 k6]], on the plane at unit distance.
 
-Of a point (a, b, 1) the image is `(a radial + 2 p1 a b + p2 (s + 2 a^2), b radial + p1 (s + 2 b^2) + 2 p2 a b)`. Here
-`s = a^2 + b^2` and `radial = (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3)`. Its derivative is symmetric.
+The image of a point (a, b, 1) is `(a radial + 2 p1 a b + p2 (s + 2 a^2), b radial + p1 (s + 2 b^2) + 2 p2 a b)`. Here
+`s = a^2 + b^2` and `radial = (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3)`. Its Jacobian is symmetric.
 Source: Brown 1971, "Close-range camera calibration"; the rational terms as in OpenCV;
 docs/mathematics.md (2.3), (2.4), (2.6).
 """
@@ -20,16 +20,17 @@ from basecal.geometry.lens import BoolArray, Image, Number, Projection, any_nonz
 MODEL = "pinhole"
 TERM_NAMES: tuple[str, ...] = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 TERMS: tuple[int, ...] = (0, 4, 5, 8)
-# Of lenses that were calibrated: p1, p2 of sixteen cameras (TUM RGB-D, KITTI, EuRoC, `camera_info` files) have an rms
-# of 3.3e-3. Without these a few views trade tilt and centre against p1, p2, and k1, k2 against k3. Were p1 and p2
-# narrower, such lenses would pull the mount aside; were k3 wider, ten views of a wide lens would leave its rim open.
+# From calibrated lenses: p1, p2 of sixteen cameras (TUM RGB-D, KITTI, EuRoC, `camera_info` files) have an RMS of
+# 3.3e-3. Without these priors, tilt and centre are not separable from p1, p2 in a few views, nor k1, k2 from k3.
+# Smaller sigmas of p1 and p2 would bias the mount for such lenses. With a larger sigma of k3, ten views of a wide lens
+# would not determine its rim.
 TERM_SIGMAS: tuple[float, ...] = (math.inf, math.inf, 3e-3, 3e-3, 0.1)
 USUAL_TERMS = 5
 USUAL_FOCAL_PX = (860.0, 940.0)  # a field of view of about 70 deg
 
 
 class _Rays(NamedTuple):
-    """Points (a, b, 1), the radial factor there, and what multiplies a and b, (...,) each.
+    """Points (a, b, 1), their radial factor, and the common factor `stretch` of a and b, (...,) each.
 
     The image is (a stretch + p2 s, b stretch + p1 s) with stretch = radial + 2 p1 b + 2 p2 a.
     """
@@ -58,7 +59,7 @@ def _rays(a: Array, b: Array, k: Sequence[Number]) -> _Rays:
 
 
 def _polynomial(s: Array, coefficients: tuple[Number, ...]) -> Array:
-    """The sum of c_i s^i, Horner's way."""
+    """Evaluate the polynomial with coefficients c_i at s by Horner's method."""
     total: Array = coefficients[-1] * s
     for c in coefficients[-2:0:-1]:
         total += c
@@ -68,7 +69,7 @@ def _polynomial(s: Array, coefficients: tuple[Number, ...]) -> Array:
 
 
 def normalise(points: Array) -> tuple[Array, Array, Array]:
-    """a, b and 1 / z; NaN if z <= 0."""
+    """Coordinates a = x / z, b = y / z, and 1 / z of points (..., 3), (...,) each; NaN if z <= 0."""
     z = points[..., 2]
     ahead = z > 0
     inverse = 1.0 / (z if ahead.all() else np.where(ahead, z, np.nan))
@@ -88,7 +89,7 @@ def _image(rays: _Rays, k: Sequence[Number]) -> tuple[Array, Array]:
 
 
 def _derivative(rays: _Rays, k: Sequence[Number]) -> tuple[Array, Array, Array]:
-    """du/da, du/db == dv/da, dv/db."""
+    """Derivatives du/da, du/db (equal to dv/da) and dv/db, (...,) each."""
     k1, k2, p1, p2, k3, k4, k5, k6 = k
     slope = _polynomial(rays.s, (2 * k1, 4 * k2, 6 * k3))
     if any_nonzero((k4, k5, k6)):
@@ -106,7 +107,7 @@ def _derivative(rays: _Rays, k: Sequence[Number]) -> tuple[Array, Array, Array]:
 
 
 def _own_derivative(slopes: Array, p: Number, coordinate: Array, stretch: Array) -> Array:
-    """Derivative of a coordinate's image to the coordinate itself."""
+    """Diagonal entry of the Jacobian: derivative of an image coordinate with respect to its own coordinate."""
     total = slopes + 4 * p
     total *= coordinate
     total += stretch
@@ -143,7 +144,7 @@ def project_with_derivatives(
 
 
 def room(rows: int, columns: int, shape: tuple[int, ...]) -> Array:
-    """Room for (*shape, rows, columns) numbers, those of one entry side by side in memory: fast to work on."""
+    """Allocate an array (*shape, rows, columns) in which all values of one entry are contiguous, for fast access."""
     return to_back(np.empty((rows, columns, *shape)), 2)
 
 
@@ -156,7 +157,7 @@ def _undistorted_rows(output: Array, a: Array, b: Array, inverse: Array, focal: 
 
 
 def _term_derivative(rays: _Rays, focal: tuple[Number, Number], count: int) -> Array:
-    """Derivative of the pixels to the first `count` distortion terms, (..., 2, count)."""
+    """Derivative of the pixels with respect to the first `count` distortion terms, (..., 2, count)."""
     out = room(2, count, rays.s.shape)
     power = rays.s * rays.inverse_denominator
     for row, (f, at, other) in enumerate(((focal[0], rays.a, rays.b), (focal[1], rays.b, rays.a))):
@@ -175,7 +176,7 @@ def _term_derivative(rays: _Rays, focal: tuple[Number, Number], count: int) -> A
 
 
 def fold(distortion: list[float]) -> float:
-    """The s = a^2 + b^2 up to which the radial image grows with the radius; infinite if it always does."""
+    """Largest s = a^2 + b^2 up to which the radial image increases with the radius; infinite if it always does."""
     k1, k2, _, _, k3, k4, k5, k6 = _pad_distortion(distortion)
     if not any((k4, k5, k6)):
         return first_root(np.array([1.0, 3 * k1, 5 * k2, 7 * k3]))
@@ -186,25 +187,25 @@ def fold(distortion: list[float]) -> float:
 
 
 def domain_mask(points: Array, distortion: list[float]) -> BoolArray:
-    """Whether points lie ahead and inside the fold, (...,)."""
+    """Whether points are in front of the camera and inside the fold, (...,)."""
     a, b, _ = normalise(points)
     inside: BoolArray = a * a + b * b < fold(distortion)
     return inside
 
 
 def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
-    """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) inside the fold, (...,)."""
+    """Directions (a, b, 1), (..., 3), with the image (u, v), and whether each is inside the fold, (...,)."""
     k = _pad_distortion(distortion)
     return invert_map(lambda a, b: project_direction(a, b, k), u, v, fold(distortion))
 
 
 def project_direction(a: Array, b: Array, k: Sequence[Number]) -> Image:
-    """The image of directions (a, b, 1), (...,) each, and its derivative, by all eight terms."""
+    """Image of directions (a, b, 1), (...,) each, and its derivatives, for all eight terms k."""
     rays = _rays(a, b, k)
     uu, uv, vv = _derivative(rays, k)
     return Image(*_image(rays, k), uu, uv, uv, vv)
 
 
 def usual_distortion(rng: np.random.Generator) -> Array:
-    """Terms as a simulation draws them, (5,): a slight barrel."""
+    """Draw distortion terms for a simulation, (5,): a slight barrel distortion."""
     return np.array([-0.08, 0.02, 0, 0, 0]) + rng.uniform(-1, 1, 5) * (0.05, 0.02, 1e-3, 1e-3, 0.005)

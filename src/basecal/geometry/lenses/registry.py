@@ -1,4 +1,4 @@
-"""Every lens: a new one is a module, and a line here."""
+"""Registry of lens models; to add one, add a module and a line here."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ LENSES: Mapping[str, Lens] = {
     "fisheye": fisheye,
     "thin_prism": thin_prism,
 }
-"""By name, the usual one of a model first; several may be one model with other numbers of terms."""
+"""Lenses by name. Lenses of one model differ in their numbers of terms; the default lens of a model is first."""
 
 
 @cache
 def find_lens(model: str, terms: int) -> Lens:
-    """The lens of a model with so many distortion terms.
+    """Find the lens of a model with a number of distortion terms.
 
     Raises:
-        InputError: if there is no such model, or none with so many terms.
+        InputError: if the model does not exist, or has no such number of terms.
     """
     for lens in model_lenses(model):
         if terms in lens.TERMS:
@@ -33,10 +33,10 @@ def find_lens(model: str, terms: int) -> Lens:
 
 @cache
 def model_lenses(model: str) -> tuple[Lens, ...]:
-    """The lenses of a model, the usual one first.
+    """Lenses of a model, the default one first.
 
     Raises:
-        InputError: if there is no such model.
+        InputError: if the model does not exist.
     """
     found = tuple(lens for lens in LENSES.values() if model == lens.MODEL)
     if not found:
@@ -47,18 +47,18 @@ def model_lenses(model: str) -> tuple[Lens, ...]:
 
 @cache
 def lens_models() -> tuple[str, ...]:
-    """Names of the models there are."""
+    """Names of all lens models."""
     return tuple(dict.fromkeys(lens.MODEL for lens in LENSES.values()))
 
 
 @cache
 def term_counts(model: str) -> tuple[int, ...]:
-    """How many distortion terms a lens of the model may have, rising."""
+    """Valid numbers of distortion terms of a model, increasing."""
     return tuple(sorted({count for lens in model_lenses(model) for count in lens.TERMS}))
 
 
 def terms_text(model: str) -> str:
-    """The distortion terms of a model, those that may be left out in brackets: `k1 k2 p1 p2 [k3 [k4 k5 k6]]`."""
+    """Distortion terms of a model as text, with optional terms in brackets: `k1 k2 p1 p2 [k3 [k4 k5 k6]]`."""
     names = max((lens.TERM_NAMES for lens in model_lenses(model)), key=len)
     text = ""
     for start, end in reversed(list(pairwise([0, *filter(None, term_counts(model))]))):

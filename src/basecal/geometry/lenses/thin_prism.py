@@ -1,6 +1,6 @@
-"""The pinhole's lens with four terms s1 s2 s3 s4 more, of a sensor or elements that stand askew: OpenCV's thin prism.
+"""Pinhole lens with OpenCV's thin prism terms s1 s2 s3 s4, for a tilted sensor or tilted lens elements.
 
-With s = a^2 + b^2 the image of (a, b, 1) is the pinhole's plus (s1 s + s2 s^2, s3 s + s4 s^2). Its derivative is not
+With s = a^2 + b^2 the image of (a, b, 1) is the pinhole's plus (s1 s + s2 s^2, s3 s + s4 s^2). Its Jacobian is not
 symmetric. Source: Weng, Cohen & Herniou 1992, doi:10.1109/34.159901, in OpenCV's order.
 """
 
@@ -51,7 +51,7 @@ def project_with_derivatives(
 
 
 def _term_derivative(s: Array, focal: tuple[Number, Number]) -> Array:
-    """Derivative of the pixels to the last four terms, (..., 2, 4)."""
+    """Derivative of the pixels with respect to the last four terms, (..., 2, 4)."""
     out = pinhole.room(2, 4, s.shape)
     out[...] = 0.0
     for row in (0, 1):
@@ -61,16 +61,16 @@ def _term_derivative(s: Array, focal: tuple[Number, Number]) -> Array:
 
 
 def domain_mask(points: Array, distortion: list[float]) -> BoolArray:
-    """Whether points lie ahead and inside the fold of the radial terms, (...,)."""
+    """Whether points are in front of the camera and inside the fold of the radial terms, (...,)."""
     return pinhole.domain_mask(points, distortion[:_RADIAL_TERMS])
 
 
 def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
-    """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) inside the fold, (...,)."""
+    """Directions (a, b, 1), (..., 3), with the image (u, v), and whether each is inside the fold, (...,)."""
     s1, s2, s3, s4 = distortion[_RADIAL_TERMS:]
 
     def project_direction(a: Array, b: Array) -> Image:
-        """The pinhole's image and its derivative, with what the prism adds."""
+        """Image of a direction and its derivatives: those of the pinhole plus those of the prism terms."""
         at, s = pinhole.project_direction(a, b, distortion[:_RADIAL_TERMS]), a * a + b * b
         for_u, for_v = 2 * (s1 + 2 * s2 * s), 2 * (s3 + 2 * s4 * s)
         moved_u, moved_v = at.u + s * (s1 + s2 * s), at.v + s * (s3 + s4 * s)
@@ -82,7 +82,7 @@ def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolA
 
 
 def usual_distortion(rng: np.random.Generator) -> Array:
-    """Terms as a simulation draws them, (12,): a pinhole's without rational ones, and a slight prism."""
+    """Draw distortion terms for a simulation, (12,): pinhole terms without rational ones, and slight prism terms."""
     return np.concatenate(
         [pinhole.usual_distortion(rng), np.zeros(3), rng.uniform(-1, 1, 4) * (2e-3, 5e-4, 2e-3, 5e-4)]
     )
