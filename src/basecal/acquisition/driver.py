@@ -33,7 +33,7 @@ StopGuarantee = Literal["watchdog", "short-horizon", "none"]
 reaches within 0.3 s. `none`: the arm finishes its move.
 """
 ARRIVED_RAD_M = 2e-3
-"""Distance from the goal at which an arm counts as arrived [rad, m]: controllers round, and some stop slightly short."""
+"""Distance from the goal at which an arm counts as arrived [rad, m]: controllers round or stop slightly short."""
 _LARGEST_JOINT_RAD = 1e3  # of a joint: 159 turns, more than any turn counter
 _LARGEST_DISTANCE_M = 1e3  # of a flange from its base
 _ROTATION_TOLERANCE = 1e-3  # for the orthonormality of a rotation matrix: printed numbers are rounded

@@ -2,7 +2,9 @@
 
 Let C be the covariance, and U U' the information that a sample adds to its inverse. C decreases by
 C U (I + U'C U)^-1 U'C (Woodbury). Each candidate needs the inverse of one (q, q) matrix; q is the number of columns of
-U. The criterion is trace(W C), A-optimality at the task. Source: Fedorov 1972 (exchange); docs/mathematics.md (15.1), (15.2).
+U. The criterion is trace(W C), A-optimality at the task.
+
+Source: Fedorov 1972 (exchange); docs/mathematics.md (15.1), (15.2).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Faults of a running cell, and how they are switched on."""
+"""Faults of a running cell, and their command-line syntax."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _SIMULATOR_FAULTS = (
 )
 _EFFECT_FAULTS = (effect.fault for effect in EFFECTS.values() if effect.fault is not None)
 FAULTS = {fault.name: fault for fault in (*_EFFECT_FAULTS, *_SIMULATOR_FAULTS)}
-"""What can be switched on: the effects' faults, and those of the simulator alone."""
-_SUDDEN_DELAY_MOVES = 12  # moves of the arm: about half of a usual recording
+"""Available faults by name: those of the effects, and those of the simulator."""
+_SUDDEN_DELAY_MOVES = 12  # moves of the arm before a sudden fault: about half of a usual recording
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that is switched on: its name, its size in SI, and after how many moves it comes; 0 is from the start."""
+    """An active fault: its name, its size in SI units, and the number of moves before it occurs; 0 from the start."""
 
     name: str
     size: float
@@ -47,19 +47,19 @@ class Faults:
     faults: tuple[Fault, ...] = ()
 
     def size(self, name: str) -> float:
-        """Size of a fault in SI, 0 if it is off."""
+        """Size of a fault in SI units, 0 if it is off."""
         return sum(fault.size for fault in self.faults if fault.name == name)
 
     def delay_moves(self, name: str) -> int:
-        """Number of moves after which a fault comes."""
+        """Number of moves before a fault occurs."""
         return next((fault.after_moves for fault in self.faults if fault.name == name), 0)
 
 
 def read_faults(texts: Sequence[str]) -> Faults:
-    """Faults as they are switched on: `NAME`, `NAME=SIZE` or `NAME=SIZE@MOVES`, the size in the unit of its kind.
+    """Parse faults of the form `NAME`, `NAME=SIZE` or `NAME=SIZE@MOVES`, with the size in the unit of the fault.
 
     Raises:
-        InputError: if a name is not known, a size no positive number, or one is given twice.
+        InputError: if a name is unknown, a size is not a positive number, or a fault is given twice.
     """
     faults = tuple(_fault(each) for each in texts)
     names = [fault.name for fault in faults]
