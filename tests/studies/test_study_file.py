@@ -94,7 +94,12 @@ def test_there_are_examples() -> None:
         (f"{HEAD}hold: {{board: {{}}}}", 4, "hold.board", "needs `kind`"),
         (f"{HEAD}transform: eye_base", 4, "transform", "there are: eye_base_from_hand_base"),
         (f"{HEAD}hold: {{base: fixed, camera_mount: fixed, target_mount: fixed}}", 4, "hold.base", "nothing is left"),
-        (f"{HEAD}hold: {{samples: 2000}}", 4, "hold.samples", "2000 samples of 36 points make 72000, at most 20000 do"),
+        (
+            f"{HEAD}hold: {{samples: 2000}}",
+            4,
+            "hold.samples",
+            "2000 samples of 36 points make 72000, at most 20000 are",
+        ),
         (f"{HEAD}axes: {{samples: [5, 700]}}", 4, "axes.samples", "700 samples of 36 points"),
         (
             f"{HEAD}hold: {{board: {{kind: chessboard, corners: [1000, 900], square_m: 0.01}}}}",
@@ -102,8 +107,13 @@ def test_there_are_examples() -> None:
             "hold.samples",
             "30 samples of 900000 points",
         ),
-        (f"schema: basecal/study/1\ntrials: 9000000\n{MANY}", 2, "trials", "at most 100000000 do in all"),
-        (f"schema: basecal/study/1\ntrials: 30000\ncells: 10000\n{MANY}", 3, "cells", "at most 1000000 do in all"),
+        (f"schema: basecal/study/1\ntrials: 9000000\n{MANY}", 2, "trials", "at most 100000000 are allowed in all"),
+        (
+            f"schema: basecal/study/1\ntrials: 30000\ncells: 10000\n{MANY}",
+            3,
+            "cells",
+            "at most 1000000 are allowed in all",
+        ),
         ("schema: basecal/study/1\ntrials: 2\ncells: 5", 1, None, "2 trials cannot be spread over 5 cells"),
     ],
 )

@@ -117,7 +117,7 @@ def capture(taker: Taker, plan: Sequence[Sample], replan: Replan | None = None) 
                 append_sample(taker.folder, replace(found, observations=()))
                 captured.add(found)
             if replan is not None:
-                taker.notify("planning anew")
+                taker.notify("planning again")
                 instead = replan(captured.taken, abandoned_samples(taker.folder, taker.sketch.cell))
                 left = list(store_plan(taker.folder, taker.sketch.cell, instead))
                 captured.planned = len(captured.taken) + len(left)

@@ -327,4 +327,8 @@ def _problem(reading: Reading) -> str:
     if (distance_m := float(np.abs(values[:3]).max())) > _LARGEST_DISTANCE_M:
         return f"the flange is {distance_m:.3g} m from its base"
     rotation = values[3:].reshape(3, 3)
-    return "" if np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION_TOLERANCE else "its rotation is none"
+    return (
+        ""
+        if np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION_TOLERANCE
+        else "its rotation matrix is not orthonormal"
+    )

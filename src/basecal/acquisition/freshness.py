@@ -90,4 +90,4 @@ class Patience:
     @property
     def cause(self) -> str:
         """Note for a message that the timestamps did not advance most of the time; else empty."""
-        return " (the stamps of its states stand still)" if self._standing_s > self._passed_s else ""
+        return " (the stamps of its states do not advance)" if self._standing_s > self._passed_s else ""

@@ -33,7 +33,7 @@ def missing_secrets(openers: Iterable[tuple[DriverKind, Place]]) -> list[Secret]
 
 def _all_options(place: Place) -> str:
     options = ", ".join(f"{key}: {value}" for key, value in place.options.items())
-    return f"whatever the driver of {place.name!r} reaches with {options or 'no options'}"
+    return f"any resource that the driver of {place.name!r} accesses with {options or 'no options'}"
 
 
 def external_path(folder: Path, path: Path, noun: str) -> str:

@@ -73,7 +73,7 @@ class Replanner:
             left = [s for s in self.offered.get(sketch.view, ()) if not _is_settled(sketch, s, samples, bad)]
             offered += [(sketch, left)] if left else []
         if not offered:
-            raise InputError("nothing is left to choose from: teach another pose, and capture again")
+            raise InputError("no candidate is left: teach another pose, and capture again")
         recording = _with_home(self.home, samples)
         return plan_for_task(self.cell, recording, calibration, self.points_m, self.tolerance_m, offers=offered)
 

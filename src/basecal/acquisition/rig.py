@@ -138,7 +138,7 @@ def check_cameras(rig: Rig) -> None:
         InputError: if no camera has one.
     """
     if not rig.cameras:
-        raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its images")
+        raise InputError("no camera of the cell has a `driver`: state one in cell.yaml")
 
 
 def check_guarantees(rig: Rig, is_none_accepted: bool) -> None:

@@ -72,7 +72,7 @@ def wait_for_arms(
             return {name: _mean(readings) for name, readings in latest.items()}
         if waited.is_over(latest[live[0]][-1].stamp_s):
             stuck = [name for name in moving if _is_still(latest[name], None)]
-            what = "arm not where it was sent" if stuck else "arm still moving"
+            what = "arm not at its goal" if stuck else "arm still moving"
             raise Moving(f"{what}: {', '.join(stuck or moving)}{waited.cause}")
 
 

@@ -207,7 +207,7 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
     sample = replace(here, images=images, background=background)
     like = find_equal_sample(sketch, sample, samples)
     if like is not None:
-        raise Unfit(f"too like sample {like}")
+        raise Unfit(f"too similar to sample {like}")
     seen = detect(sketch.cell, Recording((sample,), folder=str(folder))).samples[0]
     _check_visibility(taker, seen, shots)
     return seen

@@ -178,7 +178,7 @@ def plan_for_task(
     base_transforms(cell)
     known, recording = sketches(cell, calibration), synchronous(cell, recording, calibration)
     if offers is not None and not offers:
-        raise InputError("offers is empty, expected what there is to choose from, or None")
+        raise InputError("offers is empty, expected candidates or None")
     offered = draw_offers(known, recording, CANDIDATES, seed) if offers is None else offers
     prospect = prospects(cell, recording, calibration, offered)
     roots = prospect.roots if group_size == 1 else prospect.group_roots(group_size)

@@ -65,7 +65,7 @@ def _result(future: Any, address: str) -> bytes | str:
     try:
         made: bytes = future.result()
     except _dask().KilledWorker:
-        return "the workers that did it were killed again and again: is there memory enough?"
+        return "the workers that did it were killed again and again: is there enough memory?"
     except CancelledError:
         raise InputError(
             f"the scheduler at {address} went away; what is done is kept: start the same command again"

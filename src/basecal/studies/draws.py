@@ -54,7 +54,7 @@ def group_pixels(group: ViewGroup) -> PixelMeasurement:
         InputError: if the group has no pixels.
     """
     if not isinstance(group.measurement, PixelMeasurement):
-        raise InputError(f"{group.camera} sees {group.target} not as pixels")
+        raise InputError(f"{group.camera} does not observe {group.target} as pixels")
     return group.measurement
 
 

@@ -118,7 +118,7 @@ def _run_in_one_process(job: Job) -> bytes:
                 return pool.submit(job.call).result()
         except BrokenProcessPool:
             continue
-    return _killed_bytes(job, f"the process that worked on it was killed {_DEATHS} times: is there memory enough?")
+    return _killed_bytes(job, f"the process that worked on it was killed {_DEATHS} times: is there enough memory?")
 
 
 def _killed_bytes(job: Job, cause: str) -> bytes:

@@ -155,10 +155,12 @@ def _study(entry: StudyEntry, data: dict[str, Any], text: str, path: str, lines:
         if name in (data.get("hold") or {}):
             raise dataset_error(path, [Problem(("hold", name), "is an axis too: keep one of both")], lines)
     if count > _MOST_POINTS:
-        raise dataset_error(path, [Problem(("axes",), f"make {count} points, at most {_MOST_POINTS} do")], lines)
+        raise dataset_error(
+            path, [Problem(("axes",), f"make {count} points, at most {_MOST_POINTS} are allowed")], lines
+        )
     for field, each, most in (("trials", entry.trials, _MOST_IN_ALL), ("cells", entry.cells, _MOST_CELLS_IN_ALL)):
         if count * each > most:
-            message = f"{each} at each of {count} points make {count * each}, at most {most} do in all"
+            message = f"{each} at each of {count} points make {count * each}, at most {most} are allowed in all"
             raise dataset_error(path, [Problem((field,), message)], lines)
     held = {name: getattr(entry.hold, name) for name in SettingsEntry.model_fields}
     return Study(
@@ -177,7 +179,7 @@ def _study(entry: StudyEntry, data: dict[str, Any], text: str, path: str, lines:
 def _twice(study: Study) -> list[Problem]:
     """Problems about repeated values on an axis."""
     return [
-        Problem(("axes", name, k), "stands on this axis already: remove it")
+        Problem(("axes", name, k), "is on this axis already: remove it")
         for name, values in study.axes.items()
         for k, value in enumerate(values)
         if value in values[:k]
@@ -196,7 +198,9 @@ def _unfit_boards(study: Study) -> list[Problem]:
             found.append(Problem(where, "needs `kind`, with the sizes of that kind"))
         points = _USUAL_POINTS if target is None else len(target.points)
         if samples * points > _MOST_VIEWED:
-            message = f"{samples} samples of {points} points make {samples * points}, at most {_MOST_VIEWED} do"
+            message = (
+                f"{samples} samples of {points} points make {samples * points}, at most {_MOST_VIEWED} are allowed"
+            )
             found.append(Problem(("axes" if axis else "hold", "samples"), message))
     return found
 
@@ -221,5 +225,5 @@ def unfit(point: Point, transform: str | None) -> list[tuple[str, str]]:
         found.append(("base", "nothing is left to solve for: every transform is fixed"))
     elif transform is not None and transform not in known:
         there = f"there are: {', '.join(known)}"
-        found.append(("", f"{shorten(transform)} is none that layout {s['layout']} solves for; {there}"))
+        found.append(("", f"{shorten(transform)} is not solved for in layout {s['layout']}; {there}"))
     return found

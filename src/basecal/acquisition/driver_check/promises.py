@@ -73,7 +73,7 @@ def _stream_promises(arrivals: Arrivals, least_hz: float) -> Iterator[Promise]:
     yield Promise(f"no gap longer than {STALE_S:g} s", f"longest {gap_s:.3f} s", gap_s <= STALE_S)
     yield Promise(f"latency varies by less than {STALE_S:g} s", f"{lag_s:.3f} s", lag_s < STALE_S)
     yield Promise("stamps do not go back", f"{arrivals.steps_back} went back", arrivals.steps_back == 0)
-    yield Promise("stamps do not stand still", f"{arrivals.repeats} were repeated", arrivals.repeats == 0)
+    yield Promise("stamps advance", f"{arrivals.repeats} were repeated", arrivals.repeats == 0)
     drift = arrivals.drift
     yield Promise(
         f"clock within {_MOST_CLOCK_DRIFT:.0%} of this machine's", f"{drift:+.2%}", abs(drift) < _MOST_CLOCK_DRIFT

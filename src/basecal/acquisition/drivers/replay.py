@@ -64,7 +64,7 @@ class Tape:
         if self.at is None:
             self.at = next((sample for sample in self.samples if is_suitable(sample)), None)
         if self.at is None or not is_suitable(self.at):
-            raise DriverError(f"{name}: the recording has nothing of it in sample {self.at and self.at.sample}")
+            raise DriverError(f"{name}: the recording has no data of it in sample {self.at and self.at.sample}")
         return self.at
 
     def _distance(self, sample: Sample) -> float:

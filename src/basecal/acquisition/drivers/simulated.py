@@ -63,7 +63,7 @@ def _parse_answer(kind: type[_Answer], answer: dict[str, Any]) -> _Answer:
         return kind.model_validate(answer)
     except ValidationError as error:
         said = first_problem(error, kind)
-        raise DriverError(f"what answers at that port is no simulated cell ({said})") from None
+        raise DriverError(f"the program at that port is not a simulated cell ({said})") from None
 
 
 class SimulatedRobot:

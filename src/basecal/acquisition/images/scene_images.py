@@ -57,7 +57,7 @@ class SceneImages:
             for name, on in carriers.items()
         }
         if all(seen.values()):
-            raise Unfit(f"too like sample {next(iter(seen.values()))[0]}")
+            raise Unfit(f"too similar to sample {next(iter(seen.values()))[0]}")
         return [name for name, alike in seen.items() if not alike]
 
     def check(self, sample: Sample) -> None:

@@ -53,7 +53,7 @@ def axes_of_devices(client: Any, name: str, device: str | None) -> list[Any]:
     if device is None and len(devices) == 1:
         device = next(iter(devices))
     if device not in devices:
-        what = f"no motion device {device!r}" if device else "`device` is not said" if devices else "no motion device"
+        what = f"no motion device {device!r}" if device else "`device` is not stated" if devices else "no motion device"
         raise DriverError(
             f"{name}: {what}; there are: {list_names(sorted(devices))}. Name the device, or the nodes of its `joints`"
         )
@@ -88,5 +88,5 @@ def radians_per_unit(node: Any, name: str, unit_name: str | None) -> float:
     if unit_name is not None:
         return _RADIANS_OF_WORD[unit_name]
     if said is None:
-        raise DriverError(f"{name}: {node} does not say its unit: say `unit: deg` or `unit: rad` in cell.yaml")
+        raise DriverError(f"{name}: {node} does not state its unit: state `unit: deg` or `unit: rad` in cell.yaml")
     return said

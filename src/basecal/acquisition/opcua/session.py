@@ -97,7 +97,7 @@ def _forbid_plaintext(name: str, client: Any) -> None:
         """The security policy with which the client encrypts the password."""
         policy = policy_of(token_type)
         if policy.SecurityPolicyUri in (None, "", SecurityPolicyNone.URI):
-            why = "the server takes the password without encryption only, and everybody in the network can read it"
+            why = "the server accepts the password only without encryption, and everybody in the network can read it"
             raise DriverError(f"{name}: {why}; to send it all the same, add --allow-plaintext")
         return policy
 
@@ -118,7 +118,9 @@ def _answer(name: str, ask: Callable[[], Given]) -> Given:
     except UaError as error:
         said = type(error).__name__ + (f", {' '.join(str(error).split())}" if str(error) else "")
         if any(word in said for word in _REFUSED):
-            why = "no permission: the server refuses this user or an unsigned connection; say `user` and `password_in`"
+            why = (
+                "no permission: the server refuses this user or an unsigned connection; state `user` and `password_in`"
+            )
             raise DriverError(f"{name}: {why} ({said})") from None
         kind = LostLink if any(word in said for word in _GONE) else DriverError
         raise kind(f"{name}: the server says {said}") from None

@@ -48,7 +48,7 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
         time.sleep(_POLL_S)
     if not listeners:
         raise DriverError(
-            f"nobody sends joint states, tf or images in domain {domain}. Is ROS_DOMAIN_ID the same there, and does "
+            f"no publisher of joint states, tf or images in domain {domain}. Is ROS_DOMAIN_ID the same there, and does "
             "the network let DDS pass?"
         )
     topics = {name: Topic(name, offer.kind, counts[name]) for name, (offer, _) in listeners.items()}

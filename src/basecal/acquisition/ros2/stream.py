@@ -35,7 +35,7 @@ class Stream:
         if offer is None:
             known = list_names(sorted(self._discovery.offers()))
             raise DriverError(
-                f"{name}: nobody sends {topic} in domain {domain}; there are: {known}. "
+                f"{name}: no publisher of {topic} in domain {domain}; there are: {known}. "
                 f"Is ROS_DOMAIN_ID the same there, and does the network let DDS pass?"
             )
         if offer.kind not in kinds:
@@ -100,5 +100,5 @@ class Stream:
                 f"the last one taken. Look at `ros2 topic echo {self._topic}`"
             )
         if self._topic not in self._discovery.offers():
-            return f"nobody sends {self._topic} any more: is its node still running, and the network plugged in?"
-        return f"nothing came on {self._topic} {waited}, though somebody offers it: is what it stems from switched on?"
+            return f"{self._topic} has no publisher any more: is its node still running, and the network plugged in?"
+        return f"no message came on {self._topic} {waited}, although it has a publisher: is its source switched on?"

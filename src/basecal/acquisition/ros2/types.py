@@ -47,7 +47,7 @@ def decode(kind: str, data: bytes) -> Any:
     try:
         return typestore().deserialize_cdr(memoryview(data), kind)
     except (SerdeError, ValueError):
-        raise InputError("a message ends too early: its type is not the one that it is sent as") from None
+        raise InputError("a message ends too early: it does not match its type") from None
 
 
 def encode(kind: str, message: Any) -> bytes:

@@ -112,7 +112,7 @@ class ArmProcess:
             self._report(f"{self._name}: its connection was closed while it moved")
         if self._goal is not None and now_s - self._changed_s > HOLD_S:
             self._report(
-                f"{self._name}: it stands still, but not where it was sent. Look for an obstacle, a paused program "
+                f"{self._name}: it is at rest, but not at its goal. Look for an obstacle, a paused program "
                 f"or a speed slider at zero"
             )
         if self._robot.is_live and now_s - self._read_s > self._patience_s:
@@ -200,7 +200,7 @@ class ArmProcess:
         if found := joint_off_way(values, start, end, limit_rad):
             joint, beyond_deg = found[0] + 1, float(f"{np.degrees(found[1]):.3g}")
             raise DriverError(
-                f"{self._name}: joint {joint} is {beyond_deg:g} deg beyond its way. Look for a "
+                f"{self._name}: joint {joint} is {beyond_deg:g} deg beyond its path. Look for a "
                 f"person or a program that moves the arm, or a controller that sends wrong states"
             )
 

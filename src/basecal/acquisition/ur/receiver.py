@@ -67,7 +67,7 @@ class Receiver:
             except Stale:
                 if is_new and time.monotonic() > until_s:
                     raise DriverError(
-                        f"{self._name}: its stamps stand still at {self._last_s:.3f} s: the controller sends old "
+                        f"{self._name}: its stamps do not advance from {self._last_s:.3f} s: the controller sends old "
                         f"states; restart it"
                     ) from None
                 self._reconnect(until_s)

@@ -12,18 +12,18 @@ from basecal.errors import InputError, nearest
 
 _PUSHED_EFFECT = "turned by 1 mrad a mm"
 _SIMULATOR_FAULTS = (
-    SimulatedFault("backlash", "deg", DEGREE, 0.1, "play of each joint: it stops on the side it comes from"),
+    SimulatedFault("backlash", "deg", DEGREE, 0.1, "backlash of each joint: it stops on the side from which it comes"),
     SimulatedFault("encoder-noise", "deg", DEGREE, 0.02, "noise of each state of each joint, one sigma"),
-    SimulatedFault("ringing", "mrad", MILLI, 2.0, "joints swing by so much for half a second after they arrive"),
-    SimulatedFault("late-trigger", "s", SECOND, 0.1, "images are taken so much later than their stamps say"),
-    SimulatedFault("dropped-frames", "share", ONE, 0.2, "images that never come; the next one does"),
+    SimulatedFault(
+        "ringing", "mrad", MILLI, 2.0, "amplitude of joint oscillations in the first half second after arrival"
+    ),
+    SimulatedFault("late-trigger", "s", SECOND, 0.1, "delay of the exposure after the stamp of the image"),
+    SimulatedFault("dropped-frames", "share", ONE, 0.2, "share of images that are lost"),
     SimulatedFault("base-bumped", "mm", MILLI, 5.0, f"the second base is pushed, and {_PUSHED_EFFECT}", True),
     SimulatedFault(
         "board-remounted", "mm", MILLI, 5.0, f"the target is taken off and put back, {_PUSHED_EFFECT}", True
     ),
-    SimulatedFault(
-        "reflection", "share", ONE, 0.4, "a glossy tray shows the light again, with this share of its brightness"
-    ),
+    SimulatedFault("reflection", "share", ONE, 0.4, "a glossy tray reflects the LED with this share of its brightness"),
 )
 _EFFECT_FAULTS = (effect.fault for effect in EFFECTS.values() if effect.fault is not None)
 FAULTS = {fault.name: fault for fault in (*_EFFECT_FAULTS, *_SIMULATOR_FAULTS)}

@@ -113,7 +113,7 @@ class CellServer(socketserver.ThreadingTCPServer):
         token = message.get("token")
         said = token.encode("utf-8", "surrogatepass") if isinstance(token, str) else b""
         if not hmac.compare_digest(said, self.token.encode()):
-            raise InputError("the token is missing or wrong; it stands in derived/simulated.json of the cell")
+            raise InputError("the token is missing or wrong; it is in derived/simulated.json of the cell")
         try:
             return Request.model_validate(message)
         except ValidationError as error:

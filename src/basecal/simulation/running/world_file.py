@@ -88,7 +88,7 @@ def read_world(folder: Path, faults: Faults | None = None) -> World:
     home = {name: np.array(joints) for name, joints in running.home_joints_rad.items()}
     missing = [name for name in cell.transforms if name not in truth]
     if missing:
-        raise DatasetError(path, f"says nothing of {missing[0]}, which the cell has", field="transforms")
+        raise DatasetError(path, f"lacks {missing[0]}, which the cell has", field="transforms")
     _check_drawable(cell, home, folder)
     return faulty_world(cell, truth, home, faults or Faults(), running.seed)
 

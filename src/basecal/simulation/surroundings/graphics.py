@@ -24,7 +24,7 @@ def missing_graphics() -> str | None:
     if sys.platform == "linux" and _BACKEND_VARIABLE not in os.environ:
         there = [name for name, library in _LIBRARIES.items() if find_library(library) is not None]
         if not there:
-            return f"no library to draw with (EGL or OSMesa): {APT_LINE}"
+            return f"no rendering library (EGL or OSMesa): {APT_LINE}"
         os.environ[_BACKEND_VARIABLE] = there[0]
     return _try_rendering()
 

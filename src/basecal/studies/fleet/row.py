@@ -92,7 +92,7 @@ def calibrate_row(folder: str, cell: str, make_page: PageMaker | None = None) ->
     except BasecalError as error:
         row = Row(cell, "unreadable", said=_one_line(error).replace(f"{Path(folder, cell)}/", ""))
     except MemoryError:
-        row = Row(cell, "failed", said="there is not memory enough for it")
+        row = Row(cell, "failed", said="there is not enough memory for it")
     except Exception as error:  # a fault in one cell must not end the others
         fault = printable(traceback.format_exc())
         row = Row(cell, "failed", said=_one_line(f"a fault of basecal itself ({type(error).__name__}: {error})"))

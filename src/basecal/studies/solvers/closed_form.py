@@ -13,7 +13,7 @@ from basecal.studies.solvers.solver import Answers, Solver
 def unfit(settings: Settings) -> str | None:
     """The reason why the solver does not support settings; None if it does."""
     if settings["layout"] not in OF_SHIFTS:
-        return f"closed_form needs layout {' or '.join(OF_SHIFTS)}: a light shifted before a still camera"
+        return f"closed_form needs layout {' or '.join(OF_SHIFTS)}: an LED shifted in front of a camera at rest"
     return None
 
 
