@@ -83,7 +83,7 @@ def test_there_are_examples() -> None:
         (f"{HEAD}axes:\n  samples: 5", 5, "axes.samples", "expected a list"),
         (f"{HEAD}axes:\n  samples: [5, x]", 5, "axes.samples[1]", "expected a whole number"),
         (f"{HEAD}axes:\n  samples:\n    - 5\n    - 5", 7, "axes.samples[1]", "already"),
-        (f"{HEAD}hold: {{samples: 5}}\naxes: {{samples: [5, 6]}}", 4, "hold.samples", "keep one of both"),
+        (f"{HEAD}hold: {{samples: 5}}\naxes: {{samples: [5, 6]}}", 4, "hold.samples", "keep only one"),
         (f"{HEAD}hold: {{pixel_px: .nan}}", 4, "hold.pixel_px", "finite"),
         (f"{HEAD}hold: {{pixel_px: -1}}", 4, "hold.pixel_px", "greater than or equal to 0"),
         (f"{HEAD}hold: {{solver: open_cv}}", 4, "hold.solver", "did you mean 'opencv'?"),
@@ -93,7 +93,7 @@ def test_there_are_examples() -> None:
         (f"{HEAD}hold: {{board: {{kind: charucco}}}}", 4, "hold.board.kind", "did you mean 'charuco'?"),
         (f"{HEAD}hold: {{board: {{}}}}", 4, "hold.board", "needs `kind`"),
         (f"{HEAD}transform: eye_base", 4, "transform", "there are: eye_base_from_hand_base"),
-        (f"{HEAD}hold: {{base: fixed, camera_mount: fixed, target_mount: fixed}}", 4, "hold.base", "nothing is left"),
+        (f"{HEAD}hold: {{base: fixed, camera_mount: fixed, target_mount: fixed}}", 4, "hold.base", "nothing to solve"),
         (
             f"{HEAD}hold: {{samples: 2000}}",
             4,

@@ -34,7 +34,7 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Covered share of the image."""
+        """Fraction of the image's cells in which points were seen."""
         return float(self.cells.mean())
 
     def advice(self, samples: int) -> str:

@@ -313,7 +313,7 @@ def check_reading(name: str, reading: Reading) -> None:
 
 def _problem(reading: Reading) -> str:
     if (reading.state.joints_rad is None) == (reading.state.base_from_flange is None):
-        return "expected joints or a pose of the flange, one of them"
+        return "expected either joints or a pose of the flange"
     values = reading.state.vector
     if not np.isfinite(reading.stamp_s):
         return f"its stamp is {reading.stamp_s}"

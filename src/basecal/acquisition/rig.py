@@ -1,4 +1,4 @@
-"""The robots and cameras of a cell, opened by their drivers."""
+"""The rig: the robots and cameras of a cell, opened by their drivers."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ class Taker:
     digests: dict[tuple[str, bytes], int] = field(default_factory=dict)
 
     def coverage(self, samples: Sequence[Sample]) -> Coverage:
-        """The coverage of samples."""
+        """Measure the coverage of samples."""
         if self.scene is None:
             return measure_coverage(self.sketch, samples)
         return Coverage(self.scene.cells.copy(), turned_angles(self.sketch, samples))

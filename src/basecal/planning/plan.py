@@ -1,4 +1,4 @@
-"""A plan: the samples that a tolerance at the task needs, or why no samples reach it."""
+"""Plans: the samples that a tolerance at the task needs, and the expected error with them."""
 
 from __future__ import annotations
 
@@ -297,7 +297,7 @@ def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: in
     cell_sketches = [sketch for sketch in cell_sketches if taught[sketch.view]]
     if not cell_sketches:
         raise InputError(
-            "a plan begins at taught poses: jog the arms so that the target is in the middle of the image. Record "
+            "a plan needs taught poses: jog the arms so that the target is in the middle of the image. Record "
             "that once or more, by basecal capture or by lines with `robots` alone in recording/samples.jsonl"
         )
     looked = [

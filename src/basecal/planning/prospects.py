@@ -71,7 +71,7 @@ class Prospects:
 
     @property
     def recorded_problem(self) -> Problem:
-        """The recorded views alone."""
+        """The problem with only the recorded views."""
         return select_samples(self.problem, list(self.recorded))
 
     def solution(self, choice: Sequence[int]) -> Solution:

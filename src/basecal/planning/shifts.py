@@ -56,7 +56,7 @@ def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int
                 found.append(station)
             if len(found) == wanted:
                 return [Sample(k, robots=each.robots) for k, each in enumerate(s for station in found for s in station)]
-    raise InputError(f"only {len(found)} of {wanted} stations can be shifted from: begin farther from the arms' limits")
+    raise InputError(f"only {len(found)} of {wanted} stations are feasible: begin farther from the arms' limits")
 
 
 def check_target(sketch: Sketch) -> None:
@@ -148,5 +148,5 @@ def stations(sketch: Sketch, views: Sequence[Taught], seed: int = 0) -> list[Sam
             if not blocked_samples(sketch, station[0].robots, station):
                 found += station
     if not found:
-        raise InputError("no station can be shifted from: teach poses farther from the arms' limits")
+        raise InputError("no station is feasible: teach poses farther from the arms' limits")
     return found

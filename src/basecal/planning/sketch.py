@@ -12,14 +12,14 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 
 View = tuple[str, str]
-"""A camera and a target."""
+"""Names of a camera and a target."""
 
 NEAREST_M = 0.2
 """Assumed smallest distance from a camera to a target before any was seen: usual lenses are not sharp below it."""
 
 
 def target_points(target: Target | None) -> Array:
-    """Points of a target in its frame, (n, 3) [m]; its origin if its shape is not known."""
+    """Points of a target in its frame, (n, 3) [m]; the origin if the shape is unknown."""
     return np.zeros((1, 3)) if target is None else target.points
 
 
@@ -63,7 +63,7 @@ class Sketch:
 
     @property
     def target_points(self) -> Array:
-        """Points of the target in its frame, (n, 3) [m]; its origin if its shape is not known."""
+        """Points of the target in its frame, (n, 3) [m]; the origin if the shape is unknown."""
         return target_points(self.target.target)
 
     @property

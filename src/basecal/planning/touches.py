@@ -67,7 +67,7 @@ def plan_touches(
     known = sketches(cell, calibration)[0]
     touches = list(_touches(known, recording))
     if not touches:
-        raise InputError("a plan of touches begins at touches: import or capture some of each arm first")
+        raise InputError("a plan of touches needs recorded touches: import or capture some of each arm first")
     marks = [name for name, mark in cell.targets.items() if mark.target is not None and mark.target.kind == "mark"]
     offers = _offers(known, marks, touches, rotations, rng)
     choices = [_Choice(cell, offers, {})]

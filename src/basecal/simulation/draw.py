@@ -1,4 +1,4 @@
-"""Random vectors, rotations, lenses and targets."""
+"""Random draws of vectors, rotations, lenses and targets."""
 
 from __future__ import annotations
 

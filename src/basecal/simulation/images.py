@@ -55,7 +55,7 @@ def _render_sample(
         target = simulation.cell.targets[observation.target].target
         camera = simulation.cameras[observation.camera]
         if target is None or camera.size_px is None:
-            raise InputError(f"{observation.camera} gives no images of {observation.target}: simulate pixels instead")
+            raise InputError(f"{observation.camera} has no images of {observation.target}: simulate pixels instead")
         seen = camera_from_target(simulation, observation.camera, observation.target, index)
         if not target.sheets:
             lit, points = LightSettings(), seen @ target.points

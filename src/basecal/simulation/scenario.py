@@ -1,4 +1,4 @@
-"""Scenarios to simulate, and the simulated cells."""
+"""Scenarios of simulations, and simulated cells."""
 
 from __future__ import annotations
 

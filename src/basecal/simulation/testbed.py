@@ -100,7 +100,7 @@ def _points(
 
 
 def observe(motion: Motion, scene: Scene, scenario: Scenario, rng: Generator) -> list[tuple[Observation, ...]]:
-    """Observations in each sample of a motion."""
+    """Simulate the observations in each sample of a motion."""
     by_view: list[list[Observation]] = []
     for view in scene.layout.groups[motion.group]:
         if scenario.target == "pose":

@@ -65,15 +65,15 @@ def _result(future: Any, address: str) -> bytes | str:
     try:
         made: bytes = future.result()
     except _dask().KilledWorker:
-        return "the workers that did it were killed again and again: is there enough memory?"
+        return "its workers were killed repeatedly: is there enough memory?"
     except CancelledError:
         raise InputError(
-            f"the scheduler at {address} went away; what is done is kept: start the same command again"
+            f"the scheduler at {address} ended; finished results are kept: start the same command again"
         ) from None
     except ImportError as error:
         if isinstance(error, BasecalError):
             raise
-        raise InputError(f"a worker lacks what it needs ({error}): install the same packages there as here") from None
+        raise InputError(f"a worker lacks a package ({error}): install the same packages there as here") from None
     return made
 
 

@@ -153,7 +153,7 @@ def _study(entry: StudyEntry, data: dict[str, Any], text: str, path: str, lines:
     for name, values in axes.items():
         count *= len(values)
         if name in (data.get("hold") or {}):
-            raise dataset_error(path, [Problem(("hold", name), "is an axis too: keep one of both")], lines)
+            raise dataset_error(path, [Problem(("hold", name), "is also an axis: keep only one")], lines)
     if count > _MOST_POINTS:
         raise dataset_error(
             path, [Problem(("axes",), f"make {count} points, at most {_MOST_POINTS} are allowed")], lines
@@ -222,7 +222,7 @@ def unfit(point: Point, transform: str | None) -> list[tuple[str, str]]:
         found.append(("solver", refusal))
     known = {name: status for name, status in statuses(s).items() if status != "fixed"}
     if not known:
-        found.append(("base", "nothing is left to solve for: every transform is fixed"))
+        found.append(("base", "nothing to solve for: every transform is fixed"))
     elif transform is not None and transform not in known:
         there = f"there are: {', '.join(known)}"
         found.append(("", f"{shorten(transform)} is not solved for in layout {s['layout']}; {there}"))

@@ -40,7 +40,7 @@ def test_an_arm_goes_where_it_is_sent(place):
     np.testing.assert_array_equal(readings[-1].state.joints_rad, there)
     assert np.all(np.diff([reading.stamp_s for reading in readings]) > 0)
     arm.stop()
-    with pytest.raises(DriverError, match="joints, not to poses"):
+    with pytest.raises(DriverError, match="joints, not as poses"):
         arm.move(RobotState(SE3.identity()), 1.0)
     arm.close()
 

@@ -107,7 +107,7 @@ def test_a_controller_that_is_gone():
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [(b"HTTP/1.1 400\r\n", "does not speak RTDE 2"), (b"", r"gives no answer\. Wait until the controller has started")],
+    [(b"HTTP/1.1 400\r\n", "does not speak RTDE 2"), (b"", r"does not answer\. Wait until the controller has started")],
 )
 def test_another_program_at_the_port(words, message):
     """Something that answers otherwise, or hangs up, is told apart from a controller."""

@@ -53,7 +53,7 @@ class DriverCheck:
 
     @property
     def is_in_cell(self) -> bool:
-        """Whether the device is a cell's folder."""
+        """Whether `device` is a cell's folder."""
         return (Path(self.device) / "cell.yaml").is_file()
 
 

@@ -58,7 +58,7 @@ def robot_promises(name: str, robot: Robot, guarantee: StopGuarantee, is_motion_
         DriverError: if the robot does not answer, or its states are implausible.
     """
     if not robot.is_live:
-        yield Promise("states come on demand", "a person answers for each", None)
+        yield Promise("states come on demand", "a person types each", None)
         return
     arrivals, values = record_states(name, robot, _MEASURED_S)
     yield from _stream_promises(arrivals, LEAST_HZ)
@@ -99,7 +99,7 @@ def _guarantee_promise(name: str, robot: Robot, guarantee: StopGuarantee, is_mot
         return Promise(words, "the arm finishes its move if this computer is silent", None)
     if guarantee == "watchdog" and isinstance(robot, HasWatchdog) and is_motion_allowed:
         stop = measure_stop(name, robot, _MOVE_RAD, _SPEED_RAD_S, "silence")
-        return Promise(words, f"stood {stop.time_s:.2f} s after the last heartbeat", stop.time_s <= _STOPPED_S)
+        return Promise(words, f"stopped {stop.time_s:.2f} s after the last heartbeat", stop.time_s <= _STOPPED_S)
     return Promise(words, "declared by the driver, not measured", None)
 
 
@@ -111,7 +111,7 @@ def reconnection_promise(name: str, robot: Robot, watch_s: float) -> Promise:
     """
     arrivals, _ = record_states(name, robot, watch_s)
     gap_s = arrivals.longest_gap_s
-    words = "states go on after an outage"
+    words = "states resume after an outage"
     if gap_s < _GAP_S:
         return Promise(words, f"no outage was seen in {watch_s:g} s", None)
     return Promise(words, f"after {gap_s:.1f} s", True)
@@ -124,7 +124,7 @@ def camera_promises(camera: Camera) -> Iterator[Promise]:
         DriverError: if no image arrives.
     """
     if not camera.is_live:
-        yield Promise("images come on demand", "a person or a program gives each", None)
+        yield Promise("images come on demand", "a person or a program provides each", None)
         return
     arrivals = record_images(camera, _MEASURED_S)
     yield from _stream_promises(arrivals, 1.0)
@@ -211,7 +211,7 @@ def _arrivals(read: Callable[[], Given], duration_s: float) -> tuple[Array, list
         given.append(read())
         at_s.append(time.monotonic())
     if len(given) < 3:
-        raise DriverError(f"only {len(given)} came in {duration_s:g} s: too few to measure anything")
+        raise DriverError(f"only {len(given)} states or images came in {duration_s:g} s, at least 3 are needed")
     return np.array(at_s), given
 
 
@@ -264,7 +264,7 @@ def _joints(name: str, robot: Robot) -> Array:
     reading: Reading = robot.state()
     check_reading(name, reading)
     if reading.state.joints_rad is None:
-        raise DriverError(f"{name}: it gives poses: a move of one joint needs a cell with its URDF")
+        raise DriverError(f"{name}: it reports poses: a move of one joint needs a cell with its URDF")
     return reading.state.joints_rad
 
 
@@ -272,7 +272,7 @@ def _wait(name: str, robot: Robot, is_there: Callable[[Array], bool], most_s: fl
     until_s = time.monotonic() + most_s
     while not is_there(_joints(name, robot)):
         if time.monotonic() > until_s:
-            raise DriverError(f"{name}: it did not go where it was sent within {most_s:g} s")
+            raise DriverError(f"{name}: it did not move as requested within {most_s:g} s")
 
 
 def _wait_for_rest(name: str, robot: Robot) -> tuple[float, Array]:

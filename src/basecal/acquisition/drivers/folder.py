@@ -40,7 +40,7 @@ class FolderOptions(Entry):
 
 
 class FolderCamera:
-    """A folder into which images are saved."""
+    """A folder of images as a camera."""
 
     is_live = False
     is_stamped = True
@@ -83,7 +83,7 @@ class FolderCamera:
         """
         since_s = self._unreadable_s.setdefault((written_ns, path), time.monotonic())
         if not self._has_given and time.monotonic() - since_s > _WRITING_S:
-            raise DriverError(f"{path} {problem}. Have images saved whole, as PNG, JPEG or TIFF")
+            raise DriverError(f"{path} {problem}. Save complete images, as PNG, JPEG or TIFF")
 
     def _new_files(self) -> Iterator[tuple[int, Path]]:
         """New files, with their times of modification [ns]."""
@@ -114,5 +114,5 @@ def open_camera(place: Place) -> FolderCamera:
     options = checked_options(place, FolderOptions)
     folder = place.folder / options.path
     if not folder.is_dir():
-        raise place.error(f"there is no folder {folder}; make it, and have images saved into it", "driver.path")
+        raise place.error(f"there is no folder {folder}: create it, and save images into it", "driver.path")
     return FolderCamera(folder, options.wait_s, options.existing)

@@ -12,7 +12,7 @@ from types import ModuleType
 from basecal.acquisition.driver import DriverKind
 
 GROUP = "basecal.drivers"
-"""The group of entry points in which other packages offer modules with `open_robot` or `open_camera`."""
+"""Group of entry points for drivers of other packages: modules with `open_robot` or `open_camera`."""
 
 
 DRIVERS = (

@@ -90,7 +90,7 @@ class SimulatedRobot:
             DriverError: if the joints are beyond their limits, or the goal is a pose.
         """
         if to.joints_rad is None:
-            raise DriverError(f"{self._name} goes to joints, not to poses of its flange")
+            raise DriverError(f"{self._name} accepts goals as joints, not as poses of its flange")
         self._cell.ask(do="move", robot=self._name, joints_rad=to.joints_rad.tolist(), speed_rad_s=speed_rad_s)
 
     def stop(self) -> None:

@@ -82,7 +82,7 @@ def choose_domain(domain: int | None) -> int:
 
 
 def domain_words(domain: int) -> str:
-    """Description of the computers that a domain reaches."""
+    """Description of a domain for messages."""
     return f"ROS 2 in domain {domain}, by DDS on all networks of this computer"
 
 

@@ -239,7 +239,7 @@ def _error(kind: type[BaseException], words: str, attributes: dict[str, Any]) ->
 
 
 class RemoteRobot:
-    """A robot whose driver runs in a process of its own."""
+    """Proxy of a robot whose driver runs in a separate process."""
 
     def __init__(self, arms: Arms, number: int, is_live: bool) -> None:
         self._arms, self._number, self.is_live = arms, number, is_live

@@ -68,7 +68,7 @@ class _Arm:
 
 
 class Supervisor:
-    """All arms of a capture, and the capture that owns them."""
+    """Supervisor of all arms of a capture, and of the capture itself."""
 
     def __init__(self, parent: Channel, signals_fd: int, names: list[str]) -> None:
         self._parent, self._signals_fd, self._parent_pid = parent, signals_fd, os.getppid()

@@ -148,6 +148,6 @@ def _check_protocol(name: str, host: str) -> None:
             answer = b""
     where = f"{name}: what listens at {host}:{_RTDE_PORT}"
     if not answer:
-        raise DriverError(f"{where} gives no answer. Wait until the controller has started, or restart it")
+        raise DriverError(f"{where} does not answer. Wait until the controller has started, or restart it")
     if answer != _ACCEPT_REPLY:
         raise DriverError(f"{where} does not speak RTDE 2; expected a UR, PolyScope 3.3 or later")

@@ -83,5 +83,5 @@ def _fault(texts: str) -> Fault:
     if not (0 < size < math.inf) or moves < 0:
         raise InputError(f"{texts!r}: expected a size above 0 [{kind.unit}], and moves of 0 or more")
     if moves and not kind.is_sudden:
-        raise InputError(f"{texts!r}: {name} is there from the start; leave @{moves} away")
+        raise InputError(f"{texts!r}: {name} acts from the start; omit @{moves}")
     return Fault(name, size * kind.scale, moves)

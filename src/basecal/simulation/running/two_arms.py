@@ -113,7 +113,7 @@ def _joints(chain: SerialChain, base_from_flange: SE3) -> Array:
     joints, reached = solve_joints(chain, base_from_flange.repeat(_START_COUNT), starts)
     near = reached & np.all(np.abs(joints) < np.pi, axis=-1)
     if not near.any():
-        raise InputError("an arm does not reach where it has to begin; choose another seed")
+        raise InputError("an arm does not reach its home pose; choose another seed")
     dexterity = np.abs(np.linalg.det(chain.jacobian(joints[near])))
     return np.asarray(joints[near][int(dexterity.argmax())])
 

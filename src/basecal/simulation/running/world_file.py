@@ -82,7 +82,7 @@ def read_world(folder: Path, faults: Faults | None = None) -> World:
     path = str(folder / FILE)
     said = read_truth_extra(folder).get("running")
     if said is None:
-        message = "this cell was not made to run. Give a folder that does not exist yet, or state where its arms begin"
+        message = "this cell has no data to run. Give a new folder, or state the initial joints of its arms"
         raise DatasetError(path, message, field="running.home_joints_rad")
     running = check_entry(RunningEntry, said, path, place=("running",))
     home = {name: np.array(joints) for name, joints in running.home_joints_rad.items()}
