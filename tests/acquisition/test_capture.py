@@ -119,7 +119,7 @@ def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):
         away = {**home(world), "hand": RobotState(joints_rad=world.home["hand"] + [0, 0, 0, 0, 1.2, 0])}
         plan = store_plan(tmp_path, world.cell, [Sample(0, robots=each) for each in (home(world), away, home(world))])
         steps = list(capture(Taker(rig, sketch, tmp_path, FAST), plan))
-        assert [step.why_not for step in steps] == ["", "target not seen by wrist", "too like sample 0"]
+        assert [step.why_not for step in steps] == ["", "target not seen by wrist", "too similar to sample 0"]
         assert remaining_samples(tmp_path, world.cell) == ()
         assert [json.loads(line)["sample"] for line in (tmp_path / ABANDONED_FILE).read_text().splitlines()] == [1, 2]
         assert store_plan(tmp_path, world.cell, plan[:1])[0].sample == 3
@@ -141,7 +141,7 @@ def test_an_arm_that_does_not_arrive_is_told(tmp_path, monkeypatch):
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 1)
         (step,) = capture(Taker(rig, sketch, tmp_path, CaptureSettings(0.01, 10.0, 0.5)), plan)
-    assert step.why_not.startswith("arm not where it was sent: ")
+    assert step.why_not.startswith("arm not at its goal: ")
 
 
 @pytest.mark.parametrize("torn", ["", '{"sample": 7', '{"why": 3}\n'])

@@ -114,9 +114,9 @@ def test_a_possible_reading_is_accepted(reading):
         (joints(0.0, -1001.0), r"joint 2 is at -1e\+03 rad"),
         (pose(1001.0), r"the flange is 1e\+03 m from its base"),
         (pose(np.nan), "a number is not finite"),
-        (pose(0.0, 2.0), "its rotation is none"),
+        (pose(0.0, 2.0), "its rotation matrix is not orthonormal"),
         (Reading(np.nan, joints(0.0).state), "its stamp is nan"),
-        (Reading(0.0, RobotState()), "expected joints or a pose"),
+        (Reading(0.0, RobotState()), "expected either joints or a pose"),
     ],
 )
 def test_an_impossible_reading_is_refused_with_its_number(reading, problem):

@@ -69,4 +69,4 @@ def test_patience_ends_though_stamps_stand_still(step_s):
         stamp_s += step_s
         assert time.monotonic() - began_s < 10
     assert time.monotonic() - began_s >= 0.05
-    assert waited.cause == " (the stamps of its states stand still)"
+    assert waited.cause == " (the stamps of its states do not advance)"

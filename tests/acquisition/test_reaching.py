@@ -23,7 +23,7 @@ def test_a_driver_of_others_is_stated_with_its_options(tmp_path):
     place = Place("eye", CELL, tmp_path, {"host": "10.0.0.9"})
     silent, inside = DriverKind(), DriverKind(reaches=lambda place: "")
     found = reachable_places([(silent, place), (inside, place), (silent, place)])
-    assert found == ["whatever the driver of 'eye' reaches with host: 10.0.0.9"]
+    assert found == ["any resource that the driver of 'eye' accesses with host: 10.0.0.9"]
 
 
 def test_secrets_are_needed_if_the_environment_lacks_them(tmp_path, monkeypatch):

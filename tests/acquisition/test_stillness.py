@@ -67,7 +67,7 @@ def test_arms_that_never_rest_or_stop_short():
     """One that is still moving after the patience, and one that rests elsewhere than it was sent, are told."""
     with pytest.raises(Unfit, match="arm still moving: arm"):
         wait_for_arms({"arm": Arm(speed=0.1)}, GOAL, 2.0)
-    with pytest.raises(Unfit, match="arm not where it was sent: arm"):
+    with pytest.raises(Unfit, match="arm not at its goal: arm"):
         wait_for_arms({"arm": Arm()}, {"arm": RobotState(joints_rad=np.array([2.0, 0.0]))}, 2.0)
 
 

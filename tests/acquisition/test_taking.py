@@ -187,7 +187,7 @@ def test_a_camera_that_repeats_an_image_ends_the_capture(tmp_path):
         frozen = Rig(rig.robots, {"wrist": Frozen(rig.cameras["wrist"].image())})
         by = Taker(frozen, sketch_cell(world.cell), tmp_path, FAST)
         first = by.take(Sample(0), [])
-        with pytest.raises(Unfit, match="too like sample 0"):
+        with pytest.raises(Unfit, match="too similar to sample 0"):
             by.take(Sample(1), [first])
         turned = RobotState(joints_rad=first.robots["eye"].joints_rad + 0.02)
         with pytest.raises(DriverError, match=r"^wrist: its image at sample 2 repeats that of sample 0, though arms"):

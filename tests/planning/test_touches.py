@@ -60,7 +60,7 @@ def test_a_plan_begins_at_touches():
     tips = {f"{name}_tip": {"on": name, "offset": {"guess": {"t_m": [0, 0, 0.1]}}} for name in ("eye", "hand")}
     base = {"hand": {"status": "free", "guess": {"t_m": [1, 0, 0], "q_xyzw": [0, 0, 0, 1]}}}
     cell = touch_cell((), tips=tips, marks={"a": {"points_m": [[0.4, 0, 0]]}}, bases=base)
-    with pytest.raises(InputError, match="begins at touches"):
+    with pytest.raises(InputError, match="needs recorded touches"):
         plan_touches(cell, Recording(), None, TASK, count=4)
 
 

@@ -37,7 +37,7 @@ WORDS = {
     "safeguard": "safeguard stop",
     "emergency": "emergency stop",
     "drop": "program was stopped",
-    "lie": "stands still, but not where it was sent",
+    "lie": "is at rest, but not at its goal",
     "nan": "not finite|finite",
     "crash": "process of its driver ended",
 }

@@ -6,7 +6,7 @@ import pytest
 
 from tests.safety.link_trial import ARMS, Trial, _outcome, faults_found
 
-ERROR = "right: its connection was closed (Broken pipe). left was told to stop."
+ERROR = "right: its connection was closed (Broken pipe). left confirmed the stop."
 FIRST_CUT_S, FAULT_S = 9.5, 10.0
 
 

@@ -80,7 +80,7 @@ def test_a_stop_of_another_thread_stops_both_arms(tmp_path):
         found = halts(controllers, since_s)
     assert {name: why for name, (_, why) in found.items()} == {"left": "halted stop", "right": "halted stop"}
     assert max(at for at, _ in found.values()) < TOLD_S
-    assert "DriverError: Stop was pressed. left and right were told to stop." in said
+    assert "DriverError: Stop was pressed. left and right confirmed the stop." in said
 
 
 @pytest.mark.parametrize("victim", ["capture", "supervisor", "left", "right"])

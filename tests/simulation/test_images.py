@@ -47,5 +47,5 @@ def test_a_light_is_imaged_on_and_off(tmp_path: Path):
 
 def test_poses_have_no_images(tmp_path: Path):
     """A camera that gives poses is refused in one sentence."""
-    with pytest.raises(InputError, match="gives no images"):
+    with pytest.raises(InputError, match="has no images"):
         render_recording(simulate(Scenario(samples=1, target="pose"), seed=0), tmp_path)

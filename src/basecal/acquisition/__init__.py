@@ -1,1 +1,1 @@
-"""Recordings of cells as they run: drivers, waiting for stillness, going through a pattern."""
+"""Recording of live cells: drivers, detection of stillness, and execution of plans."""

@@ -1,6 +1,6 @@
-"""Going through a plan: send the arms, wait until all is still, take states and image, detect, append to the journal.
+"""Executing a plan: move the arms, wait until they are still, read states and images, detect, append to the journal.
 
-Every sample that is reported is on the disk. Cut off at any instant, a capture goes on with the samples of its plan
+Every reported sample is on the disk. A capture that was interrupted at any time resumes with the samples of its plan
 that are neither in the journal nor given up.
 """
 
@@ -28,15 +28,15 @@ from basecal.exchange.importing.imported import recorded_samples
 from basecal.vision.detect import detect
 
 PLAN_FILE = Path("recording", "plan.jsonl")
-"""What is to be captured, with the numbers that samples then have."""
+"""Numbered samples that are to be captured."""
 
 ABANDONED_FILE = Path("recording", "given_up.jsonl")
-"""Samples of the plan that could not be taken, and why."""
+"""Samples of the plan that could not be taken, with the reasons."""
 
 Replan = Callable[[Sequence[Sample], Sequence[Sample]], Sequence[Sample]]
-"""What is still to be taken, by the samples that were and those that could not be."""
+"""Function of the samples taken and the samples given up that returns the samples still to be taken."""
 
-_LARGEST_BYTES = 2**26  # of samples given up: a line of each there can be, and why
+_LARGEST_BYTES = 2**26  # of the file of samples given up
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +44,13 @@ class Step:
     """The result of one sample of the plan.
 
     Attributes:
-        sample: Its number.
-        why_not: Why it was given up, in words; empty if it was taken.
-        taken: How many samples there are now.
-        planned: How many there are to be in the end.
-        coverage: Of all of them.
-        sigma: Of the requested transform, 3-D norms [m] and [rad] as in the report; None while a direction is open.
-        doubts: What disagrees, as far as it was not reported before.
+        sample: Number of the sample.
+        why_not: Reason why the sample was given up; empty if it was taken.
+        taken: Number of samples so far.
+        planned: Number of samples at the end of the capture.
+        coverage: Coverage of all samples so far.
+        sigma: 3-D norms of the requested transform's sigmas [m] and [rad], as in the report; None if unobservable.
+        doubts: Disagreements that were not reported before.
     """
 
     sample: int
@@ -63,7 +63,7 @@ class Step:
 
 
 def remaining_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
-    """Samples of a plan in a cell's folder that are still to be taken; none if there is no plan."""
+    """Samples of the plan in a cell's folder that are still to be taken; empty without a plan."""
     if not (folder / PLAN_FILE).exists():
         return ()
     done = {sample.sample for sample in recorded_samples(folder, cell)} | _abandoned_numbers(folder)
@@ -71,14 +71,14 @@ def remaining_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
 
 
 def finished_count(folder: Path, cell: Cell) -> int | None:
-    """Number of samples recorded, if there is a plan of which none is left to be taken; else None."""
+    """Number of recorded samples if there is a plan and it is complete; else None."""
     if not (folder / PLAN_FILE).exists() or remaining_samples(folder, cell):
         return None
     return len(recorded_samples(folder, cell))
 
 
 def store_plan(folder: Path, cell: Cell, samples: Sequence[Sample]) -> tuple[Sample, ...]:
-    """Samples as they are to be taken, numbered beyond what the recording has, stored in the cell's folder."""
+    """Store a plan in the cell's folder; its samples, numbered after those of the recording."""
     numbers = [sample.sample for sample in recorded_samples(folder, cell)]
     first = max([*numbers, *_abandoned_numbers(folder)], default=-1) + 1
     plan = tuple(Sample(first + k, robots=sample.robots) for k, sample in enumerate(samples))
@@ -87,14 +87,14 @@ def store_plan(folder: Path, cell: Cell, samples: Sequence[Sample]) -> tuple[Sam
 
 
 def capture(taker: Taker, plan: Sequence[Sample], replan: Replan | None = None) -> Iterator[Step]:
-    """Take the samples of a plan, one after another; each has become what is reported when it is reported.
+    """Take the samples of a plan one after another; each sample is on the disk before its step is yielded.
+
+    Without `replan`, a sample that disagrees with earlier ones is repeated at the same place.
 
     Args:
-        taker: What takes them.
-        plan: What is to be taken.
-        replan: What else is to be taken instead of what is left, after each sample; nothing changes where None.
-
-    A sample that disagrees with those before it is taken once more at the same place.
+        taker: Procedure that takes a sample.
+        plan: The planned samples.
+        replan: Returns new samples in place of the remaining plan after each sample; None to keep the plan.
 
     Raises:
         InputError: if a file cannot be written, or no camera has a driver.
@@ -117,7 +117,7 @@ def capture(taker: Taker, plan: Sequence[Sample], replan: Replan | None = None) 
                 append_sample(taker.folder, replace(found, observations=()))
                 captured.add(found)
             if replan is not None:
-                taker.notify("planning anew")
+                taker.notify("planning again")
                 instead = replan(captured.taken, abandoned_samples(taker.folder, taker.sketch.cell))
                 left = list(store_plan(taker.folder, taker.sketch.cell, instead))
                 captured.planned = len(captured.taken) + len(left)
@@ -128,12 +128,12 @@ def capture(taker: Taker, plan: Sequence[Sample], replan: Replan | None = None) 
 
 
 def capture_led(taker: Taker, samples: int, key: Key) -> Iterator[Step]:
-    """Take samples where a person leads the arms to: each time they are held still, or a key is pressed.
+    """Take samples while a person leads the arms: each time they are held still, or a key is pressed.
 
     Args:
-        taker: What takes them.
-        samples: After how many it ends.
-        key: The key that was pressed since it was last asked.
+        taker: Procedure that takes a sample.
+        samples: Number of samples after which the capture ends.
+        key: Returns the key pressed since the previous call.
 
     Raises:
         InputError: if a file cannot be written, or no camera has a driver.
@@ -157,7 +157,7 @@ def capture_led(taker: Taker, samples: int, key: Key) -> Iterator[Step]:
 
 
 class _Captured:
-    """Samples taken so far, and what they say."""
+    """Samples taken so far, and the results of their running check."""
 
     def __init__(self, taker: Taker, planned_count: int, samples: Sequence[Sample], check: BackgroundCheck) -> None:
         self.taken: list[Sample] = []
@@ -169,23 +169,23 @@ class _Captured:
 
     @property
     def trusted_samples(self) -> list[Sample]:
-        """Samples that need not be taken again."""
+        """Samples without doubts."""
         return [sample for sample in self.taken if sample.sample not in self._doubted]
 
     def add(self, sample: Sample) -> None:
-        """Count a sample among those taken, and have it checked."""
+        """Add a sample, and start its check."""
         self.taken.append(sample)
         if self._by.scene is None:
             self._check.add(sample)
 
     def step(self, sample: int, reason: str = "", is_last: bool = False) -> Step:
-        """The step to report once a sample is taken, or the reason why it is not."""
+        """The step of a sample that was taken, or of one that was given up for a reason."""
         waits = is_last or self._by.settings.waits_for_check
         covered, checked = self._by.coverage(self.taken), self._check.collect(waits)
         return Step(sample, reason, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)
 
     def repeat_doubtful(self, step: Step, plan: Sequence[Sample], remaining_samples: Sequence[Sample]) -> list[Sample]:
-        """The remaining plan, after the samples of a step's doubts that are worth taking again."""
+        """The remaining plan, preceded by the doubtful samples of a step that are to be repeated."""
         again = {doubt.sample for doubt in step.doubts if doubt.repeats} - self._doubted
         number = max(sample.sample for sample in (*plan, *self.taken, *remaining_samples)) + 1
         places = [sample for sample in plan if sample.sample in again]
@@ -207,7 +207,7 @@ def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> 
 
 
 def abandoned_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
-    """Samples that could not be taken, with where robots should have been."""
+    """Samples that could not be taken, with the planned robot states."""
     lines = [{key: line[key] for key in ("sample", "robots")} for line in _lines(folder) if line.get("robots")]
     return parse_plan([json.dumps(line).encode() for line in lines], folder / ABANDONED_FILE, folder, cell)
 
@@ -217,7 +217,7 @@ def _abandoned_numbers(folder: Path) -> set[int]:
 
 
 def _lines(folder: Path) -> Iterator[dict[str, Any]]:
-    """Lines of samples that were given up; a line that is cut off or damaged is omitted, and its sample tried again."""
+    """Lines of samples that were given up; a damaged line is omitted, and its sample is tried again."""
     path = folder / ABANDONED_FILE
     for line in read_bounded(path, _LARGEST_BYTES).splitlines() if path.exists() else []:
         try:

@@ -1,4 +1,4 @@
-"""Which part of the image was covered, and how far arms were turned."""
+"""Coverage of the image by observed points, and of rotations by the arms."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ from basecal.geometry import Array, BoolArray
 from basecal.planning.sketch import Sketch
 
 COVERAGE_GRID = (4, 6)
-"""Rows and columns into which an image is divided."""
+"""Numbers of rows and columns into which an image is divided."""
 
-_EQUAL_M, _EQUAL_RAD = 2e-3, 2e-3  # between arms of samples that say nearly the same
+_EQUAL_M, _EQUAL_RAD = 2e-3, 2e-3  # distance below which two robot poses count as equal
 
-_ENOUGH_TURN_RAD = np.radians(
-    15.0
-)  # of turn between samples about an axis, below which a person is told to turn further
-_FEWEST_SAMPLES = 5  # samples, before which nothing is said
+_ENOUGH_TURN_RAD = np.radians(15.0)  # range of rotation about an axis, below which the advice is to rotate further
+_FEWEST_SAMPLES = 5  # before the first advice
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +25,8 @@ class Coverage:
     """The coverage of samples.
 
     Attributes:
-        cells: Where in the image points were seen, of `COVERAGE_GRID`.
-        turned_rad: Between which angles each arm was turned about its flange's axes, (3,) by robot [rad].
+        cells: Cells of the image in which points were seen, shape `COVERAGE_GRID`.
+        turned_rad: Range of each arm's rotation about its flange's axes, (3,) by robot [rad].
     """
 
     cells: BoolArray
@@ -36,11 +34,11 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Covered share of the image."""
+        """Fraction of the image's cells in which points were seen."""
         return float(self.cells.mean())
 
     def advice(self, samples: int) -> str:
-        """Advice to cover more; empty if there is none."""
+        """Advice to improve the coverage; empty if there is none."""
         if samples < _FEWEST_SAMPLES:
             return ""
         for robot, turned in self.turned_rad.items():
@@ -51,7 +49,7 @@ class Coverage:
 
 
 def measure_coverage(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
-    """Measure the coverage of samples, of the camera and the robots of a sketch."""
+    """Measure the coverage of samples for the camera and the robots of a sketch."""
     cells = np.zeros(COVERAGE_GRID, dtype=bool)
     size = sketch.lens.size_px
     for sample in samples:
@@ -66,7 +64,7 @@ def measure_coverage(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
 
 
 def covered_cells(pixels: Array, size_px: tuple[int, int]) -> BoolArray:
-    """Where pixels, (n, 2), are in an image, of `COVERAGE_GRID`."""
+    """Cells of an image that contain pixels, (n, 2), shape `COVERAGE_GRID`."""
     cells = np.zeros(COVERAGE_GRID, dtype=bool)
     at = pixels[:, ::-1] / np.array(size_px[::-1]) * COVERAGE_GRID
     rows, columns = np.clip(at.astype(int), 0, np.array(COVERAGE_GRID) - 1).T
@@ -75,7 +73,7 @@ def covered_cells(pixels: Array, size_px: tuple[int, int]) -> BoolArray:
 
 
 def turned_angles(sketch: Sketch, samples: Sequence[Sample]) -> dict[str, Array]:
-    """Between which angles each arm was turned about its flange's axes, (3,) by robot [rad]."""
+    """Range of each arm's rotation about its flange's axes, (3,) by robot [rad]."""
     turned = {}
     for robot in sketch.movers:
         poses = [sketch.base_from_flange(robot, sample.robots[robot]) for sample in samples if robot in sample.robots]
@@ -87,7 +85,7 @@ def turned_angles(sketch: Sketch, samples: Sequence[Sample]) -> dict[str, Array]
 def find_equal_sample(
     sketch: Sketch, sample: Sample, samples: Sequence[Sample], m: float = _EQUAL_M, rad: float = _EQUAL_RAD
 ) -> int | None:
-    """The number of another sample with all arms within so much of this one; None if there is none."""
+    """Number of a sample with all arms within `m` and `rad` of a given sample; None if there is none."""
     for other in samples:
         if all(is_same_place(sketch, robot, sample, other, m, rad) for robot in sketch.movers):
             return other.sample
@@ -97,7 +95,7 @@ def find_equal_sample(
 def is_same_place(
     sketch: Sketch, robot: str, first: Sample, second: Sample, m: float = _EQUAL_M, rad: float = _EQUAL_RAD
 ) -> bool:
-    """Whether an arm is within so much of one place in both samples."""
+    """Whether the flange poses of a robot in two samples differ by less than `m` and `rad`."""
     if robot not in first.robots or robot not in second.robots:
         return False
     here, there = (sketch.base_from_flange(robot, each.robots[robot]) for each in (first, second))

@@ -1,8 +1,8 @@
-"""The protocols of drivers: robots and cameras, and the values that they give.
+"""The protocols of drivers: robots and cameras, and the values that they return.
 
-A driver is a module with `open_robot(place) -> Robot`, `open_camera(place) -> Camera`, or both. What not every robot or
-camera can do is a face of its own, which a driver has or has not. Reading waits: `state` and `image` come back with
-something newer than before, so that nobody has to know how often to ask.
+A driver is a module with `open_robot(place) -> Robot`, `open_camera(place) -> Camera`, or both. Each optional
+capability of a robot or camera is a protocol of its own. Reads block: `state` and `image` return when newer data is
+available, so that callers need no polling rate.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ Grey = NDArray[np.integer[Any]]
 Options = TypeVar("Options", bound=Entry)
 
 StopGuarantee = Literal["watchdog", "short-horizon", "none"]
-"""What stops an arm when this computer is silent, as `STOP_GUARANTEE` of a driver's module declares it.
+"""Mechanism that stops an arm if this computer is silent, declared as `STOP_GUARANTEE` in a driver's module.
 
-`watchdog`: its controller stops it within half a second. `short-horizon`: it is only ever sent goals that it reaches
-within 0.3 s. `none`: it finishes its move.
+`watchdog`: the controller stops the arm within half a second. `short-horizon`: the driver sends only goals that the arm
+reaches within 0.3 s. `none`: the arm finishes its move.
 """
 ARRIVED_RAD_M = 2e-3
-"""Distance from its goal at which an arm counts as arrived: controllers round, and some stop a little short."""
-_LARGEST_JOINT_RAD = 1e3  # of a joint: 159 turns, more than any counter of turns
+"""Distance from the goal at which an arm counts as arrived [rad, m]: controllers round or stop slightly short."""
+_LARGEST_JOINT_RAD = 1e3  # of a joint: 159 turns, more than any turn counter
 _LARGEST_DISTANCE_M = 1e3  # of a flange from its base
-_ROTATION_TOLERANCE = 1e-3  # by which a rotation matrix may miss orthonormality: printed numbers are rounded
+_ROTATION_TOLERANCE = 1e-3  # for the orthonormality of a rotation matrix: printed numbers are rounded
 
 
 @dataclass(frozen=True)
 class Secret:
-    """A secret that a driver signs on with: the environment variable that holds it, and whose it is, in words."""
+    """A secret for a driver's login: the environment variable that holds it, and a description of its owner."""
 
     variable: str
     owner: str
@@ -49,7 +49,7 @@ class Secret:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """Where a robot says it is: `state`, with the time `stamp_s` at which it was there [s]."""
+    """State reported by a robot, with its timestamp `stamp_s` [s]."""
 
     stamp_s: float
     state: RobotState
@@ -57,14 +57,14 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class CameraImage:
-    """An image of a camera with its stamp.
+    """An image of a camera with its timestamp.
 
     Attributes:
-        stamp_s: When it was exposed, in the middle [s], by the camera's clock.
-        grey: (h, w) of uint8 or uint16.
-        exposed_s: The earliest that it was exposed, by `time.monotonic()` of this machine; a driver leaves it None.
-        source: The file it was read from, if it is one.
-        note: What a person should know of how it came; empty if nothing.
+        stamp_s: Middle of the exposure [s], by the camera's clock.
+        grey: Pixel values, (h, w) uint8 or uint16.
+        exposed_s: Earliest possible time of exposure [s], by `time.monotonic()`; a driver leaves it None.
+        source: File from which the image was read; empty if none.
+        note: Note for the user about the image's arrival; empty if none.
     """
 
     stamp_s: float
@@ -79,11 +79,11 @@ class Place:
     """The folder, name and options with which a driver is opened.
 
     Attributes:
-        name: The robot or camera, by its name in the cell.
-        cell: The cell it is in.
+        name: Name of the robot or camera in the cell.
+        cell: The cell.
         folder: The cell's folder.
-        options: What stands beside `kind` in its `driver:`.
-        allow_plaintext: Whether the user allowed to send a password without encryption; no cell can.
+        options: All fields of `driver:` in `cell.yaml` except `kind`.
+        allow_plaintext: Whether the user permits sending a password without encryption; `cell.yaml` cannot permit it.
     """
 
     name: str
@@ -94,130 +94,129 @@ class Place:
 
     @property
     def section(self) -> Literal["robots", "cameras"]:
-        """The section of `cell.yaml` that it stands in."""
+        """The section of `cell.yaml` that contains the robot or camera."""
         return "robots" if self.name in self.cell.robots else "cameras"
 
     def error(self, message: str, field: str = "driver") -> DatasetError:
-        """An error of a field of its entry in `cell.yaml`."""
+        """An error about a field of the robot or camera in `cell.yaml`."""
         return DatasetError(self.folder / "cell.yaml", message, field=f"{self.section}.{self.name}.{field}")
 
 
 @runtime_checkable
 class Robot(Protocol):
-    """A robot that says where it is.
+    """A robot that reports its state.
 
     Attributes:
-        is_live: Whether `state` is updated continuously; not where a person has to be asked.
+        is_live: Whether states arrive continuously; False if each one is typed by a person.
     """
 
     is_live: bool
 
     def state(self) -> Reading:
-        """Wait for a state newer than the last one given.
+        """Wait for a state newer than the last returned one.
 
         Raises:
-            DriverError: if there is none any more.
+            DriverError: if no newer state arrives.
         """
 
     def close(self) -> None:
-        """Let go of the robot; it stays where it is."""
+        """Close the connection to the robot, without a motion."""
 
 
 @runtime_checkable
 class Moves(Protocol):
-    """The methods of a robot that can be sent somewhere."""
+    """The methods of a robot that can be moved."""
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
-        """Begin to go there, each joint straight to its goal; at once, without waiting for the end.
+        """Start a motion to a goal, straight in joint space, and return without waiting for its end.
 
         Args:
-            to: Joints, or a pose of the flange, in the kind that `state` gives.
-            speed_rad_s: The fastest that any joint may turn [rad/s].
+            to: Joints, or a pose of the flange, whichever `state` returns.
+            speed_rad_s: Speed limit of any joint [rad/s].
 
         Raises:
-            DriverError: if it cannot go there.
+            DriverError: if the robot cannot move to the goal.
         """
 
     def stop(self) -> None:
-        """Stand still as soon as it can; called from another thread than the rest, also while a call hangs."""
+        """Stop the robot as fast as possible; called from a separate thread, also while another call hangs."""
 
 
 @runtime_checkable
 class ChecksGoals(Protocol):
-    """The method of a robot whose controller can be asked whether it would go somewhere."""
+    """The method of a robot whose controller can check a goal before a motion."""
 
     def goal_refusal(self, to: RobotState) -> str:
-        """Why the controller would not go there, in words; empty if it would.
+        """The controller's reason to refuse a goal; empty if it accepts the goal.
 
         Raises:
-            DriverError: if it cannot be asked.
+            DriverError: if the controller does not answer.
         """
 
 
 @runtime_checkable
 class HasWatchdog(Protocol):
-    """The method of a robot whose controller stops it unless this computer reports again and again that it is well."""
+    """The method of a robot whose controller stops it if heartbeats of this computer are missing."""
 
     def keep_alive(self) -> None:
-        """Report to the controller that this computer is well; called every 20 ms by a thread of its own.
+        """Send a heartbeat to the controller; called every 20 ms by a separate thread.
 
         Raises:
-            DriverError: if the controller no longer listens.
+            DriverError: if the connection to the controller is lost.
         """
 
 
 @runtime_checkable
 class Freedrives(Protocol):
-    """The methods of a robot that a person can lead by hand."""
+    """The method of a robot that a person can lead by hand."""
 
     def freedrive(self, on: bool) -> None:
-        """Let the arm be led, or hold it."""
+        """Switch freedrive on or off."""
 
 
 @runtime_checkable
 class Camera(Protocol):
     """A camera.
 
-    A driver may also state `is_on_demand` (True if each image is exposed when asked; a thread reads any other live
-    camera without pause). It may state `is_stamped` (True if stamps are times of exposure, by any clock). It may state
-    `wait_s` (how long an image may take, 10 s by default).
-
+    A driver may define `is_on_demand` (True if each image is exposed on request; a thread reads any other live camera
+    continuously). It may define `is_stamped` (True if timestamps are times of exposure, by any clock). It may define
+    `wait_s` (timeout for an image [s], 10 s by default).
     """
 
     @property
     def is_live(self) -> bool:
-        """Whether images come without a request, one after another."""
+        """Whether images arrive continuously, without a request."""
 
     def image(self) -> CameraImage:
-        """Wait for an image newer than the last one given.
+        """Wait for an image newer than the last returned one.
 
         Raises:
-            DriverError: if there is none any more.
+            DriverError: if no newer image arrives.
         """
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Close the connection to the camera."""
 
 
 @runtime_checkable
 class Switches(Protocol):
-    """The method of a camera that can switch the LED it looks at."""
+    """The method of a camera that can switch the LED in its view."""
 
     def light(self, on: bool) -> None:
-        """Switch the light; the next image shows it so."""
+        """Switch the LED on or off; the next image shows the new state."""
 
 
 @dataclass(frozen=True)
 class DriverKind:
-    """A kind of driver of robots, of cameras, or of both.
+    """A kind of driver for robots, for cameras, or for both.
 
     Attributes:
-        open_robot: Opens a robot; None if it is for cameras only.
-        open_camera: Opens a camera; None if it is for robots only.
-        stop_guarantee: What stops an arm when this computer is silent.
-        needs_own_process: Whether an arm gets a process of its own: all but those that ask a person or simulate.
-        reaches: What it reaches outside of the cell's folder, a line for a person, or "" if nothing.
-        secret: What it signs on with.
+        open_robot: Opens a robot; None if the driver is for cameras only.
+        open_camera: Opens a camera; None if the driver is for robots only.
+        stop_guarantee: Mechanism that stops an arm if this computer is silent.
+        needs_own_process: Whether each arm gets a process of its own; False for typed and simulated states.
+        reaches: Describes the resources outside the cell's folder that the driver accesses; "" if none.
+        secret: Returns the secret for the login; None if the driver needs none.
     """
 
     open_robot: Callable[[Place], Robot] | None = None
@@ -231,7 +230,7 @@ class DriverKind:
         """Open a robot.
 
         Raises:
-            DriverError: if it is for cameras only, or the robot does not answer.
+            DriverError: if the driver is for cameras only, or the robot does not answer.
         """
         if self.open_robot is None:
             raise DriverError(f"{place.name}: its driver is for cameras only")
@@ -242,7 +241,7 @@ class DriverKind:
         """Open a camera.
 
         Raises:
-            DriverError: if it is for robots only, or the camera does not answer.
+            DriverError: if the driver is for robots only, or the camera does not answer.
         """
         if self.open_camera is None:
             raise DriverError(f"{place.name}: its driver is for robots only")
@@ -252,7 +251,7 @@ class DriverKind:
 
 @contextmanager
 def driver_errors(name: str) -> Iterator[None]:
-    """A context that names the device in an error of its driver, or of the driver's library."""
+    """A context that turns an error of a driver or its library into a `DriverError` with the device's name."""
     try:
         yield
     except Exception as error:
@@ -262,37 +261,37 @@ def driver_errors(name: str) -> Iterator[None]:
 
 
 def driver_failure(name: str, error: BaseException) -> DriverError:
-    """An error of a maker's library as one of the device."""
+    """A `DriverError` of a device for an error of a vendor's library."""
     return DriverError(f"{name}: its driver failed ({type(error).__name__}: {error})")
 
 
 def checked_options(place: Place, kind: type[Options]) -> Options:
-    """The options of a driver, checked.
+    """The validated options of a driver.
 
     Raises:
-        DatasetError: if one is unknown or not as expected; it names the field in `cell.yaml`.
+        DatasetError: if an option is unknown or invalid; the error names the field in `cell.yaml`.
     """
     where = (place.section, place.name, "driver")
     return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), place=where)
 
 
 def has_arrived(state: RobotState, goal: RobotState) -> bool:
-    """Whether an arm is where it was sent."""
+    """Whether a robot is at its goal."""
     return bool(np.abs(state.vector - goal.vector).max() < ARRIVED_RAD_M)
 
 
 OFF_WAY_RAD = 0.05
-"""By which a joint may leave the range between start and goal: more than overshoot, play and noise of any arm."""
+"""Tolerance of a joint beyond the range between start and goal: more than overshoot, play and noise of any arm."""
 
 
 OFF_PLACE_RAD = 0.01
-"""By which a joint may leave the place where it arrived: more than noise and settling, less than a push."""
+"""Tolerance of a joint at its goal after arrival: more than noise and settling, less than a push."""
 
 
 def joint_off_way(joints_rad: Array, start_rad: Array, goal_rad: Array, limit_rad: float) -> tuple[int, float] | None:
-    """The joint that is farthest outside of the range between its start and its goal, and by how much [rad].
+    """Index of the joint farthest outside the range between its start and its goal, and the excess [rad].
 
-    None if each joint is within that range, to a limit. All arrays are (joints,).
+    None if the excess of every joint is within a limit. All arrays are (joints,) [rad].
     """
     beyond = np.maximum(np.minimum(start_rad, goal_rad) - joints_rad, joints_rad - np.maximum(start_rad, goal_rad))
     worst = int(np.argmax(beyond))
@@ -300,7 +299,7 @@ def joint_off_way(joints_rad: Array, start_rad: Array, goal_rad: Array, limit_ra
 
 
 def check_reading(name: str, reading: Reading) -> None:
-    """Refuse a reading that no robot can give.
+    """Check that the state of a robot is plausible.
 
     Raises:
         DriverError: if a number is not finite, a joint is beyond 1000 rad, or a flange is beyond 1 km.
@@ -314,7 +313,7 @@ def check_reading(name: str, reading: Reading) -> None:
 
 def _problem(reading: Reading) -> str:
     if (reading.state.joints_rad is None) == (reading.state.base_from_flange is None):
-        return "expected joints or a pose of the flange, one of them"
+        return "expected either joints or a pose of the flange"
     values = reading.state.vector
     if not np.isfinite(reading.stamp_s):
         return f"its stamp is {reading.stamp_s}"
@@ -328,4 +327,8 @@ def _problem(reading: Reading) -> str:
     if (distance_m := float(np.abs(values[:3]).max())) > _LARGEST_DISTANCE_M:
         return f"the flange is {distance_m:.3g} m from its base"
     rotation = values[3:].reshape(3, 3)
-    return "" if np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION_TOLERANCE else "its rotation is none"
+    return (
+        ""
+        if np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION_TOLERANCE
+        else "its rotation matrix is not orthonormal"
+    )

@@ -1,4 +1,4 @@
-"""Arms that a person leads: each time they are held still at a new place, or a key is pressed, a sample is due."""
+"""Arms led by a person: a sample is due each time they are held still at a new place, or a key is pressed."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from basecal.cell import RobotState
 from basecal.geometry import Array
 
 TAKE_KEY, END_KEY = " ", "q"
-"""Keys: take a sample now, and end."""
+"""Keys that take a sample now, and end the capture."""
 
-_HOLD_S = 0.8  # of rest, after which a sample is due: shorter, a person who thinks would take some
-_REST_TOLERANCE = 1e-3  # [rad, m] by which arms that are held still may move
-_LEAST_MOTION = 0.03  # [rad, m] from where the last sample was due: nearer it is no new place
+_HOLD_S = 0.8  # of rest, after which a sample is due: with less, a short pause would take a sample
+_REST_TOLERANCE = 1e-3  # [rad, m] largest motion of arms that are held still
+_LEAST_MOTION = 0.03  # [rad, m] from the last sample to a new place
 
 Key = Callable[[], str]
-"""The key that was pressed since it was last asked; empty if none was."""
+"""Function that returns the key pressed since the previous call; empty if none."""
 
 
 def wait_for_led_arms(rig: Rig, states: Mapping[str, RobotState], patience_s: float) -> dict[str, RobotState]:
-    """Where arms that a person leads have come to: of those that are live, but are not sent.
+    """Wait until a person has led the live robots that cannot be moved by program; their new states, by name.
 
     Raises:
-        Unfit: if they were not led to another place in time.
+        Unfit: if a robot was not led to another place before the timeout [s].
     """
     led = {name: robot for name, robot in rig.robots.items() if robot.is_live and not isinstance(robot, Moves)}
     if not led:
@@ -41,7 +41,7 @@ def wait_for_led_arms(rig: Rig, states: Mapping[str, RobotState], patience_s: fl
 
 
 def release_arms(robots: Iterable[Robot]) -> ExitStack:
-    """Lets arms be led, where their drivers can do that, until it is closed."""
+    """Context in which arms are in freedrive, if their drivers support it."""
     with ExitStack() as held:
         for robot in robots:
             if isinstance(robot, Freedrives):
@@ -51,16 +51,16 @@ def release_arms(robots: Iterable[Robot]) -> ExitStack:
 
 
 class Led:
-    """A person who leads the live robots of a rig; where drivers can do that, arms are free until a sample is due."""
+    """Leading of a rig's live robots by a person; arms with a freedrive are free until a sample is due."""
 
     def __init__(self, rig: Rig, key: Key, report: Notify) -> None:
         self._rig, self._key, self._notify = rig, key, report
         self._last: Array | None = None
 
     def wait(self) -> bool:
-        """Wait until a sample is due; False where the person has ended.
+        """Wait until a sample is due; False if the person ended the capture.
 
-        Of robots whose states do not come without a request nothing is awaited: whoever types a pose is there.
+        Without live robots, a sample is due at once: a person who types poses has moved the robots.
 
         Raises:
             DriverError: if a robot does not answer.

@@ -1,4 +1,4 @@
-"""Whether states come as they should: with stamps that go on, and often enough to judge stillness."""
+"""Checks of a stream of states: timestamps that advance, and a sufficient rate."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from typing import TypeVar
 from basecal.errors import DriverError
 
 LEAST_HZ = 10.0
-"""Fewest states in a second: stillness is judged from twelve of them."""
+"""Lowest accepted rate of states [Hz]: stillness is judged from twelve states."""
 
 STALE_S = 1.0
-"""Without a new state for so long, the connection is made anew."""
+"""Time without a new state after which the connection is re-established [s]."""
 
-_POLL_S = 5e-4  # between looks at what a client's own thread receives: a quarter of the shortest period, 2 ms
-_SUSTAINED_S = 5.0  # of waiting, over which the rate is measured
+_POLL_S = 5e-4  # polling period of data received by another thread: a quarter of the shortest state period, 2 ms
+_SUSTAINED_S = 5.0  # time of waiting over which the rate is measured
 _RATE_STATES = round(_SUSTAINED_S * LEAST_HZ)
 
 Given = TypeVar("Given")
 
 
 class Stale(Exception):
-    """The source gave nothing new; the caller says what to do about it."""
+    """No new data before the timeout; the caller decides what to do."""
 
 
 def wait_for_newer(read_newer: Callable[[], Given | None], wait_s: float = STALE_S) -> Given:
-    """The first result of `read_newer` that is not None.
+    """Poll `read_newer` until it returns a result that is not None.
 
     Raises:
-        Stale: if it gives nothing for so long [s].
+        Stale: if there is none before the timeout [s].
     """
     until = time.monotonic() + wait_s
     while (given := read_newer()) is None:
@@ -41,9 +41,9 @@ def wait_for_newer(read_newer: Callable[[], Given | None], wait_s: float = STALE
 
 
 class Waits:
-    """How long states are waited for: one outage is forgiven, a rate that stays too low is not.
+    """Monitor of the waiting times for states: detects a rate that stays too low, but tolerates one outage.
 
-    Rare requests wait less, and never fail because states are too few.
+    Only the time spent waiting counts, so that infrequent requests never fail.
     """
 
     def __init__(self, name: str) -> None:
@@ -51,14 +51,14 @@ class Waits:
         self._waits_s: deque[float] = deque(maxlen=_RATE_STATES + 1)
 
     def forget(self) -> None:
-        """Begin again, after a connection that was lost."""
+        """Discard the waiting times, after a lost connection."""
         self._waits_s.clear()
 
     def add(self, wait_s: float) -> None:
-        """Count a state.
+        """Add the waiting time of a state [s].
 
         Raises:
-            DriverError: if states came less often than ten times a second for five seconds, not counting one outage.
+            DriverError: if the rate was below 10 Hz for five seconds, not counting the longest wait.
         """
         self._waits_s.append(wait_s)
         waited_s = sum(self._waits_s) - max(self._waits_s)
@@ -71,14 +71,14 @@ class Waits:
 
 
 class Patience:
-    """Time that has passed by the stamps of states, or by this machine's clock while the stamps stand still."""
+    """Timeout by the timestamps of states, or by this machine's clock while the timestamps do not advance."""
 
     def __init__(self, patience_s: float) -> None:
         self._patience_s, self._passed_s, self._standing_s = patience_s, 0.0, 0.0
         self._stamp_s, self._at_s = float("nan"), 0.0
 
     def is_over(self, stamp_s: float) -> bool:
-        """Count a state, and give whether more than the patience has passed since the first one."""
+        """Add the timestamp of a state [s]; whether more than the timeout has passed since the first state."""
         before_s, before_at_s = self._stamp_s, self._at_s
         self._stamp_s, self._at_s = stamp_s, time.monotonic()
         if stamp_s > before_s:
@@ -89,5 +89,5 @@ class Patience:
 
     @property
     def cause(self) -> str:
-        """Words about a clock that stood still most of the time; empty if it went on."""
-        return " (the stamps of its states stand still)" if self._standing_s > self._passed_s else ""
+        """Note for a message that the timestamps did not advance most of the time; else empty."""
+        return " (the stamps of its states do not advance)" if self._standing_s > self._passed_s else ""

@@ -1,4 +1,4 @@
-"""Touches of tips that a person leads: at each answer the arm has to stand still, and is noted durably."""
+"""Touches of tips that a person leads: at each typed line, the arm must be still, and the touch is stored."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from basecal.errors import InputError, list_names, nearest
 from basecal.exchange.importing.imported import recorded_samples
 
 Answer = Callable[[], str]
-"""The line that a person typed; None where the input has ended."""
+"""Function that returns the line that a person typed; "" at the end of the input."""
 
-_PATIENCE_S = 5.0  # for an arm that a person has just let go
+_PATIENCE_S = 5.0  # timeout for an arm to come to rest after a person released it
 
 
 def take_touches(rig: Rig, cell: Cell, folder: Path, answer: Answer, report: Notify) -> Iterator[Sample]:
-    """Touches, each on the disk when it is given; no arm is sent anywhere.
+    """Record touches, each written to the disk before it is yielded; no arm moves by program.
 
     Args:
-        rig: Robots with drivers; those that can be led are free until a line is typed.
-        cell: Its tips and marks.
-        folder: Of the cell.
-        answer: The typed line: a mark, and a tip if there are several. One without words repeats both, "" is the end.
-        report: Receives what a person should know.
+        rig: Robots with drivers; robots with a freedrive are free until a line is typed.
+        cell: The cell, with tips and marks.
+        folder: The cell's folder.
+        answer: Returns a typed line: a mark, and a tip if there are several; an empty line repeats both, "" ends.
+        report: Receives messages for the user.
 
     Raises:
         InputError: if no robot with a driver has a tip, or the cell has no marks.
@@ -61,10 +61,10 @@ def take_touches(rig: Rig, cell: Cell, folder: Path, answer: Answer, report: Not
 
 
 def _parse_contact(words: Sequence[str], marks: Sequence[str], tips: Mapping[str, str]) -> tuple[str, str]:
-    """The mark and the tip that words name.
+    """Parse the names of a mark and a tip; the only tip may be omitted.
 
     Raises:
-        InputError: if they name none, or leave open which.
+        InputError: if a name is missing or unknown.
     """
     mark, *rest = words or [""]
     tip = rest[0] if rest else next(iter(tips)) if len(tips) == 1 else ""

@@ -1,6 +1,6 @@
-"""Places that drivers reach outside of a cell's folder, stated before any of them is opened.
+"""Resources outside a cell's folder that drivers access, listed before any driver is opened.
 
-A driver states it by `reaches(place)`; one without that function is stated with all its options.
+A driver describes them by `reaches(place)`; a driver without that function is listed with all its options.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from pathlib import Path
 from basecal.acquisition.driver import DriverKind, Place, Secret
 
 SECRET = r"^BASECAL_[A-Z0-9_]+$"
-"""Names of the environment variables that may hold a secret: no other program's are read."""
+"""Pattern of the names of environment variables that may hold a secret; no other variables are read."""
 
 
 def reachable_places(openers: Iterable[tuple[DriverKind, Place]]) -> list[str]:
-    """Places that drivers reach outside of the cell's folder, a line each.
+    """Resources outside the cell's folder that drivers access, one line each.
 
     Raises:
         DatasetError: if an option is wrong.
@@ -26,17 +26,17 @@ def reachable_places(openers: Iterable[tuple[DriverKind, Place]]) -> list[str]:
 
 
 def missing_secrets(openers: Iterable[tuple[DriverKind, Place]]) -> list[Secret]:
-    """Secrets that drivers sign on with, and the environment does not hold."""
+    """Secrets for drivers' logins that are not set in the environment."""
     found = [kind.secret(place) for kind, place in openers if kind.secret is not None]
     return [secret for secret in found if secret is not None and secret.variable not in os.environ]
 
 
 def _all_options(place: Place) -> str:
     options = ", ".join(f"{key}: {value}" for key, value in place.options.items())
-    return f"whatever the driver of {place.name!r} reaches with {options or 'no options'}"
+    return f"any resource that the driver of {place.name!r} accesses with {options or 'no options'}"
 
 
 def external_path(folder: Path, path: Path, noun: str) -> str:
-    """The place that a driver reaches by a path; empty if it stays inside a folder, also by its links."""
+    """Description of a path outside a folder; empty if the path, with symbolic links resolved, is inside."""
     is_inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
     return "" if is_inside else f"the {noun} {path}"

@@ -1,7 +1,7 @@
-"""Planning after each sample: the samples that the required accuracy at a task still needs.
+"""Planning after each sample: the samples that are still needed for the required accuracy at a task.
 
-The samples taken are solved, and their transforms and noise replace the guesses. Samples that could not be taken, and
-those near them, are not tried again. Source: docs/mathematics.md (15.1), (15.2).
+Transforms and noise estimated from the samples so far replace the guesses. Samples that could not be taken, and samples
+near them, are not tried again. Source: docs/mathematics.md (15.1), (15.2).
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch, View
 
 OFFERED_SAMPLES = 240
-"""Candidates, drawn once: planning among them takes a fraction of a second while the arms stand."""
+"""Number of candidates, drawn once: planning with them takes a fraction of a second while the arms wait."""
 
-_FEWEST_SOLVED = 8  # samples: of fewer, noise that is estimated says next to nothing
-_SAME_M, _SAME_RAD = 2e-3, 2e-3  # of a sample that was taken
-_NEAR_M, _NEAR_RAD = 0.03, 0.05  # of one that could not be: what hides a target or stops an arm is as large
+_FEWEST_SOLVED = 8  # samples: with fewer, the noise cannot be estimated
+_SAME_M, _SAME_RAD = 2e-3, 2e-3  # distance below which a candidate repeats a sample that was taken
+_NEAR_M, _NEAR_RAD = 0.03, 0.05  # distance to a failed sample: size of what hides a target or blocks an arm
 
 
 @dataclass(frozen=True, eq=False)
 class Replanner:
-    """The requested accuracy, and the offers to choose from.
+    """The requested accuracy, and the candidates to choose from.
 
     Attributes:
         cell: The cell.
-        points_m: (n, 3) the task in the reference's base [m].
-        tolerance_m: The error that 95 of 100 there are to stay below [m].
-        home: Where the robots are to begin with.
-        offered: Samples that could be taken, by the camera and target that they show one another.
+        points_m: (n, 3) task points in the reference's base [m].
+        tolerance_m: Largest accepted 95 % quantile of the error at the task [m].
+        home: Initial states of the robots.
+        offered: Candidates, by the names of the camera and the target.
     """
 
     cell: Cell
@@ -51,14 +51,14 @@ class Replanner:
     offered: Mapping[View, Sequence[Sample]]
 
     def plan(self, samples: Sequence[Sample], bad: Sequence[Sample]) -> Plan:
-        """The samples still to be taken, in order; none if a calibration of those taken meets the tolerance.
+        """Plan the remaining samples; none if a calibration of the samples so far meets the tolerance.
 
         Args:
-            samples: What was, with what was seen.
-            bad: What could not be.
+            samples: Samples taken so far, with their observations.
+            bad: Samples that could not be taken.
 
         Raises:
-            InputError: if nothing is left to choose from.
+            InputError: if no candidate is left.
         """
         task = _task_settings(self.points_m)
         found = self._plan_from(_current_calibration(self.cell, samples, task), samples, bad)
@@ -73,7 +73,7 @@ class Replanner:
             left = [s for s in self.offered.get(sketch.view, ()) if not _is_settled(sketch, s, samples, bad)]
             offered += [(sketch, left)] if left else []
         if not offered:
-            raise InputError("nothing is left to choose from: teach another pose, and capture again")
+            raise InputError("no candidate is left: teach another pose, and capture again")
         recording = _with_home(self.home, samples)
         return plan_for_task(self.cell, recording, calibration, self.points_m, self.tolerance_m, offers=offered)
 
@@ -87,19 +87,19 @@ def replanner(
     plan_samples: Sequence[Sample] = (),
     seed: int = 0,
 ) -> Replanner:
-    """A replanner with candidates near where the robots are and were.
+    """Create a replanner with candidates near the current and the recorded robot states.
 
     Args:
         cell: The cell.
-        samples: What was recorded already.
-        home: Where the robots are.
-        points_m: (n, 3) the task in the reference's base [m].
-        tolerance_m: The error that 95 of 100 there are to stay below [m].
-        plan_samples: Samples that are offered besides, of the first camera and target.
-        seed: Of the draws.
+        samples: The recorded samples.
+        home: Current states of the robots.
+        points_m: (n, 3) task points in the reference's base [m].
+        tolerance_m: Largest accepted 95 % quantile of the error at the task [m].
+        plan_samples: Additional candidates for the first camera and target.
+        seed: Seed of the random draws.
 
     Raises:
-        InputError: if there is no candidate, or a transform has no guess.
+        InputError: if no candidate is feasible, or a transform has no guess.
     """
     at_home = Sample(0, robots=home)
     known = sketches(cell, _current_calibration(cell, samples, _task_settings(points_m)))
@@ -118,19 +118,19 @@ def stations_for_task(
     count: int | None,
     seed: int = 0,
 ) -> Plan:
-    """Whole stations of programmed shifts, near where the robots are and were, that lower the error at a task the most.
+    """Plan the stations of programmed shifts, near current and recorded robot states, that lower the error the most.
 
     Args:
         cell: The cell.
-        samples: What was recorded already.
-        home: Where the robots are.
-        points_m: (n, 3) the task in the reference's base [m].
-        tolerance_m: The error that 95 of 100 there are to stay below [m]; None if only `count` says how many.
-        count: How many samples; as many as the tolerance needs where None.
-        seed: Of the draws.
+        samples: The recorded samples.
+        home: Current states of the robots.
+        points_m: (n, 3) task points in the reference's base [m].
+        tolerance_m: Largest accepted 95 % quantile of the error at the task [m]; None if `count` is given.
+        count: Number of samples; None for as many as the tolerance needs.
+        seed: Seed of the random draws.
 
     Raises:
-        InputError: if no station can be shifted from, or a transform has no guess.
+        InputError: if no station is feasible, or a transform has no guess.
     """
     calibration = _current_calibration(cell, samples, _task_settings(points_m))
     recording = _with_home(Sample(0, robots=home), samples)
@@ -138,25 +138,25 @@ def stations_for_task(
 
 
 def _with_home(home: Sample, samples: Sequence[Sample]) -> Recording:
-    """The recorded samples, after the robots' initial pose."""
+    """Recording of the robots' initial states, followed by the recorded samples."""
     number = max((sample.sample for sample in samples), default=-1) + 1
     return Recording((replace(home, sample=number), *samples))
 
 
 def _is_settled(sketch: Sketch, sample: Sample, samples: Sequence[Sample], bad: Sequence[Sample]) -> bool:
-    """Whether a sample was taken, or is near one that could not be."""
+    """Whether a candidate was taken already, or is near a sample that could not be taken."""
     near = ((samples, _SAME_M, _SAME_RAD), (bad, _NEAR_M, _NEAR_RAD))
     return any(find_equal_sample(sketch, sample, others, m, rad) is not None for others, m, rad in near)
 
 
 def _task_settings(points_m: Array) -> Settings:
-    """Settings of a calibration for a point, or for a box whose middle and corners these are, (n, 3) [m]."""
+    """Calibration settings for a task point, or for a task box given by its centre and corners, (n, 3) [m]."""
     middle, first, last = (tuple(points_m[k].tolist()) for k in (0, min(1, len(points_m) - 1), -1))
     return Settings(task_point=middle, task_box=None if len(points_m) == 1 else (*first, *last))
 
 
 def _current_calibration(cell: Cell, samples: Sequence[Sample], task: Settings) -> Calibration | None:
-    """Transforms, noise and the error at the task by the samples; None while they leave any direction open."""
+    """Transforms, noise and the error at the task from the samples; None while any direction is unobservable."""
     if sum(bool(sample.observations) for sample in samples) < _FEWEST_SOLVED:
         return None
     recording = Recording(tuple(samples))

@@ -1,4 +1,4 @@
-"""The robots and cameras of a cell, opened by their drivers."""
+"""The rig: the robots and cameras of a cell, opened by their drivers."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from basecal.errors import InputError, UsageError, nearest
 from basecal.estimation.settings import LOG
 from basecal.planning.sketch import Sketch
 
-_STOP_TIMEOUT_S = 1.0  # that all stops may take together; a supervised arm has 0.3 s, and is then cut off
-_CLOSE_TIMEOUT_S = 0.5  # that a camera or robot may take to close: its stream may hang
+_STOP_TIMEOUT_S = 1.0  # for the stops of all robots; the process of a supervised arm is killed after 0.3 s
+_CLOSE_TIMEOUT_S = 0.5  # for a camera or robot to close: its stream may hang
 
 _Openers = Mapping[str, tuple[DriverKind, Place]]
 
@@ -34,9 +34,9 @@ class Rig:
     Attributes:
         robots: Robots by name.
         cameras: Cameras by name.
-        arms: When its arms moved.
-        guarantees: What stops each robot when this computer is silent, by name.
-        request_stop: Has all arms stopped and the capture ended with a reason; any thread may call it.
+        arms: Times at which the arms moved.
+        guarantees: Mechanism that stops each robot if this computer is silent, by name.
+        request_stop: Requests a stop of all arms and the end of the capture, with a reason; thread-safe.
     """
 
     robots: Mapping[str, Robot]
@@ -46,7 +46,7 @@ class Rig:
     request_stop: Callable[[str], None] = lambda reason: None
 
     def stop(self) -> None:
-        """Stop every robot that moves, all at once; those that do not confirm it are logged as errors."""
+        """Stop all robots in parallel; a robot that does not confirm the stop is logged as an error."""
         stops = {name: robot.stop for name, robot in movers(self).items()}
         for name in _call_in_parallel(stops, _STOP_TIMEOUT_S):
             LOG.error("%s did not confirm a stop: look at the arm", name)
@@ -54,13 +54,13 @@ class Rig:
 
 @contextmanager
 def open_rig(cell: Cell, folder: Path, allow_plaintext: bool = False) -> Iterator[Rig]:
-    """The rig of a cell, closed at the end; if that is an error or a signal, all robots stop first.
+    """Context of a cell's open rig; on an error or a signal, all robots stop before it is closed.
 
-    Each robot's driver runs in a process of its own, unless it declares that it needs none. SIGTERM and SIGHUP end the
-    capture as Ctrl-C does.
+    Each robot's driver runs in a process of its own, unless the driver declares that it needs none. SIGTERM and SIGHUP
+    end the capture in the same way as Ctrl-C.
 
     Raises:
-        DatasetError: if a driver is not known, lacks the face that is asked of it, or an option is wrong.
+        DatasetError: if a driver is unknown, does not support the device, or has an invalid option.
         DriverError: if a robot or camera does not answer, or all arms were stopped.
     """
     places = _places(cell, folder, "robots", allow_plaintext)
@@ -100,21 +100,21 @@ def open_rig(cell: Cell, folder: Path, allow_plaintext: bool = False) -> Iterato
 
 
 def _interrupt(reasons: list[str], reason: str) -> None:
-    """Have the main thread leave whatever it waits for, and close the rig."""
+    """Interrupt the main thread, which then closes the rig."""
     reasons.append(f"{reason}. What was recorded is kept.")
     interrupt_main_thread()
 
 
 def movers(rig: Rig) -> dict[str, Moves]:
-    """Robots that can be sent somewhere, by name."""
+    """Robots that can be moved, by name."""
     return {name: robot for name, robot in rig.robots.items() if isinstance(robot, Moves)}
 
 
 def starting_states(rig: Rig, sketch: Sketch) -> dict[str, RobotState]:
-    """Where robots are before a plan of a sketch, by name.
+    """Current states of the robots, by name.
 
     Raises:
-        InputError: if nothing can move one that is planned for.
+        InputError: if a robot of the sketch's camera or target has no driver.
         DriverError: if a robot does not answer.
     """
     missing = [name for name in sketch.movers if name not in rig.robots]
@@ -124,7 +124,7 @@ def starting_states(rig: Rig, sketch: Sketch) -> dict[str, RobotState]:
 
 
 def goal_checks(robots: Mapping[str, object]) -> dict[str, Callable[[RobotState], str]]:
-    """Checks of a goal by each robot's controller; one that cannot be asked never refuses."""
+    """Goal checks by the robots' controllers, by name; a robot without a check accepts every goal."""
     return {
         name: robot.goal_refusal if isinstance(robot, ChecksGoals) else lambda state: ""
         for name, robot in robots.items()
@@ -132,20 +132,20 @@ def goal_checks(robots: Mapping[str, object]) -> dict[str, Callable[[RobotState]
 
 
 def check_cameras(rig: Rig) -> None:
-    """Check that some camera can be read.
+    """Check that at least one camera has a driver.
 
     Raises:
-        InputError: if none has a driver.
+        InputError: if no camera has one.
     """
     if not rig.cameras:
-        raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its images")
+        raise InputError("no camera of the cell has a `driver`: state one in cell.yaml")
 
 
 def check_guarantees(rig: Rig, is_none_accepted: bool) -> None:
-    """Check that every arm that is sent stops if this program fails, or that the person accepts that it does not.
+    """Check that every arm stops if this program fails, unless the user accepts arms without a watchdog.
 
     Raises:
-        UsageError: if neither.
+        UsageError: if an arm does not stop, and the user does not accept it.
     """
     loose = [name for name in movers(rig) if rig.guarantees.get(name) == "none"]
     if loose and not is_none_accepted:
@@ -156,11 +156,11 @@ def check_guarantees(rig: Rig, is_none_accepted: bool) -> None:
 
 
 def _call_in_parallel(calls: Mapping[str, Callable[[], None]], most_s: float) -> list[str]:
-    """Make calls in threads of their own, each until it returns or the time [s] is over; names of those that failed."""
+    """Make calls in parallel threads with a shared timeout [s]; names of the calls that failed or did not return."""
     failed = list(calls)
 
     def call_silently(name: str) -> None:
-        """Make one call, whatever it raises."""
+        """Make one call, and suppress its exceptions."""
         with suppress(Exception):
             calls[name]()
             failed.remove(name)
@@ -175,10 +175,10 @@ def _call_in_parallel(calls: Mapping[str, Callable[[], None]], most_s: float) ->
 
 
 def openers(cell: Cell, folder: Path) -> list[tuple[DriverKind, Place]]:
-    """Drivers and places of all robots and cameras, none of them opened.
+    """Drivers and places of all robots and cameras, which are not opened.
 
     Raises:
-        DatasetError: if a driver is not known, or is for the others only.
+        DatasetError: if a driver is unknown, or does not support the kind of device.
     """
     return [*_places(cell, folder, "robots").values(), *_places(cell, folder, "cameras").values()]
 
@@ -187,7 +187,7 @@ def _places(cell: Cell, folder: Path, section: Literal["robots", "cameras"], all
     """Drivers and places of all robots or cameras that have a driver, by name.
 
     Raises:
-        DatasetError: if a driver is not known, or is for the others only.
+        DatasetError: if a driver is unknown, or does not support the kind of device.
     """
     things = cell.robots if section == "robots" else cell.cameras
     found = {}

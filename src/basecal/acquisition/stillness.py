@@ -1,4 +1,4 @@
-"""Waiting until arms and image are still, judged from states and from pixels."""
+"""Waiting until arms and image are still, according to states and pixels."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from basecal.geometry import Array
 from basecal.vision.detectors import LIGHT, find
 from basecal.vision.image_motion import Levels, reduce_image, shift_between
 
-_WINDOW_STATES = 12  # states that are looked at: a tenth of a second of most controllers
-_STILL_RAD_M = 1e-4  # by which the two halves of them may differ: 0.1 mm at a metre
-_NOISE_SIGMAS = 4.0  # sigmas of that difference, where states are noisy
-_LED_RAD_M = 2e-3  # from where a person began to lead an arm
-_STILL_PX = 0.1  # by which an image may differ from those before it
-_STILL_IMAGES = 3  # in a row: of two, a swing may happen to be at the same place
+_WINDOW_STATES = 12  # number of compared states: a tenth of a second of most controllers
+_STILL_RAD_M = 1e-4  # tolerance between the means of both halves of the window: 0.1 mm at a metre
+_NOISE_SIGMAS = 4.0  # tolerance in sigmas of that difference, for noisy states
+_LED_RAD_M = 2e-3  # least motion of an arm that a person leads
+_STILL_PX = 0.1  # largest motion between still images
+_STILL_IMAGES = 3  # still images in a row: two images of a swing may coincide
 
 
 Note = Callable[[str, Reading], None]
-"""Takes account of a state that a robot, by its name, gave just now."""
+"""Function that receives a robot's name and its newest state."""
 
 Show = Callable[[CameraImage], None]
-"""Receives each image."""
+"""Function that receives each image."""
 
 
 class Unfit(Exception):
-    """The camera's view is not usable; the text is reported to the person."""
+    """A sample is not usable; the text is reported to the user."""
 
 
 class Moving(Unfit):
-    """The camera's view may be used when it is looked at again: something still moved."""
+    """A sample is not usable because something moved; another attempt may succeed."""
 
 
 def wait_for_arms(
@@ -46,16 +46,16 @@ def wait_for_arms(
     patience_s: float,
     note: Note = lambda name, reading: None,
 ) -> dict[str, Reading]:
-    """Where arms are, once all stand still; the mean of their last states.
+    """Wait until all arms are still; the mean of the last states of each arm, by name.
 
     Args:
-        robots: By name; of one whose states do not come without a request the next one is taken as it is.
-        goals: Where they were sent, by name; of one that is not there, anywhere will do.
-        patience_s: How long, by the states' own stamps; by this machine's clock while these stand still.
-        note: Takes account of each state.
+        robots: Robots by name; of a robot that is not live, one state is read and used without a check.
+        goals: Goals by name; an arm without a goal may be anywhere.
+        patience_s: Timeout [s], by the states' timestamps; by this machine's clock while these do not advance.
+        note: Receives each state.
 
     Raises:
-        Moving: if one is still moving then, or stands elsewhere.
+        Moving: if an arm is still moving at the timeout, or is not at its goal.
     """
     latest: dict[str, deque[Reading]] = {name: deque(maxlen=_WINDOW_STATES) for name in robots}
     waited = Patience(patience_s)
@@ -72,7 +72,7 @@ def wait_for_arms(
             return {name: _mean(readings) for name, readings in latest.items()}
         if waited.is_over(latest[live[0]][-1].stamp_s):
             stuck = [name for name in moving if _is_still(latest[name], None)]
-            what = "arm not where it was sent" if stuck else "arm still moving"
+            what = "arm not at its goal" if stuck else "arm still moving"
             raise Moving(f"{what}: {', '.join(stuck or moving)}{waited.cause}")
 
 
@@ -82,16 +82,16 @@ def wait_until_led(
     patience_s: float,
     note: Note = lambda name, reading: None,
 ) -> None:
-    """Wait until every arm that is led by hand stands still at another place.
+    """Wait until every arm that is led by hand is still at a new place.
 
     Args:
-        robots: Those that are led, by name.
-        states: Where they were; of one that is not there, every place is another.
-        patience_s: How long, by the states' own stamps; by this machine's clock while these stand still.
-        note: Takes account of each state.
+        robots: Led robots, by name.
+        states: Previous states, by name; for an arm without one, every place is new.
+        patience_s: Timeout [s], by the states' timestamps; by this machine's clock while these do not advance.
+        note: Receives each state.
 
     Raises:
-        Moving: if one is still moving then, or has not been moved.
+        Moving: if an arm is still moving at the timeout, or was not moved.
     """
     waited = Patience(patience_s)
     while True:
@@ -124,16 +124,16 @@ def _mean(readings: Sequence[Reading]) -> Reading:
 def wait_for_image_after(
     camera: Camera, after_s: float, patience_s: float, show: Show = lambda image: None
 ) -> CameraImage:
-    """The next image that was exposed after an instant.
+    """The next image that was exposed after a given time.
 
     Args:
         camera: The camera.
-        after_s: The instant, by `time.monotonic()`; of a camera that exposes when asked, the next image will do.
-        patience_s: How long older ones may come.
+        after_s: The time [s], by `time.monotonic()`; an image without a known time of exposure is accepted.
+        patience_s: Timeout [s].
         show: Receives each image.
 
     Raises:
-        Moving: if only older ones came.
+        Moving: if all images before the timeout are older.
     """
     until = time.monotonic() + patience_s
     while True:
@@ -152,21 +152,21 @@ def wait_for_image(
     after_s: float = -np.inf,
     show: Show = lambda image: None,
 ) -> CameraImage:
-    """The last of three images that show no movement; of a camera that is not live, the next one.
+    """The last of three consecutive images without motion; for a camera that is not live, the next image.
 
     Args:
         camera: The camera.
-        targets: What it looks at; a light is a few pixels, and is followed alone.
-        patience_s: How long, by the images' own stamps.
-        after_s: All three are exposed after this instant, by `time.monotonic()`.
+        targets: Targets in view; an LED covers few pixels and is tracked separately.
+        patience_s: Timeout [s], by the images' timestamps.
+        after_s: Time after which all three images are exposed [s], by `time.monotonic()`.
         show: Receives each image.
 
     Raises:
-        Moving: if something still moves then, or all images are older.
+        Moving: if something still moves at the timeout, or all images are older.
     """
 
     def look() -> _Look:
-        """The next image, with the targets in it."""
+        """The next image, with the detected LEDs."""
         image = wait_for_image_after(camera, after_s, patience_s, show)
         found = [find(image.grey, target) for target in targets if target.found_by == LIGHT]
         lights = tuple(None if each is None else each.pixels[0] for each in found)
@@ -187,7 +187,7 @@ def wait_for_image(
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """An image, made small, and where its lights are [px]."""
+    """An image, its reduced copy, and the positions of its LEDs, (2,) each [px]; None for an LED not found."""
 
     image: CameraImage
     small: Levels

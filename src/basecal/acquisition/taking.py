@@ -1,4 +1,4 @@
-"""Taking one sample: send the arms, wait until all is still, take states and image, and look at it."""
+"""Taking one sample: move the arms, wait until they are still, read states and images, and detect the targets."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ from basecal.vision.detectors import LIGHT
 from basecal.vision.edge_width import EdgeWidth, edge_width
 from basecal.vision.image_file import png_bytes, size_fault
 
-_WIDTH_RATIO = 1.25  # across one direction than across another: motion, for a lens or a print is as soft in all
-_MOTION_PX = 3.0  # that is seen in the width of edges, beside that of the sharpest view
-_MELT_PX = 16.0  # width at which twice as wide is as good: neighbouring marks melt into one another
+_WIDTH_RATIO = 1.25  # of widest to narrowest edges, above which motion is likely: lens and print blur all directions
+_MOTION_PX = 3.0  # motion blur that is accepted in addition to the width of edges in the sharpest view
+_MELT_PX = 16.0  # width of edges at which twice the width is accepted: neighbouring marks merge
 
 
 class Sharpness:
-    """The narrowest edges so far, by camera and target: in the image [px], and on the target [m]."""
+    """Widths of the narrowest edges so far, by camera and target: in the image [px], and on the target [m]."""
 
     def __init__(self) -> None:
         self._narrowest: dict[tuple[str, str], Array] = {}
 
     def is_blurred(self, view: tuple[str, str], width: EdgeWidth, pixels: Array, points: Array) -> bool:
-        """Whether the edges of a view are wider than lens and print explain; a view that is not blurred counts later.
+        """Whether the edges of a view are wider than lens and print explain; a sharp view updates the reference.
 
-        Edges are as wide as in the sharpest view [px] if the lens is soft, or [m] if the print is.
+        The lens limits the width of edges in the image [px], and the print limits it on the target [m].
 
         Args:
             view: Names of the camera and the target.
-            width: Of the edges.
-            pixels: (n, 2) the target's points in the image.
-            points: (n, 3) on the target [m].
+            width: Width of the edges.
+            pixels: (n, 2) image of the target's points [px].
+            points: (n, 3) points on the target [m].
         """
         if len(points) < 2:  # one point has no size on either side
             return False
@@ -61,27 +61,27 @@ class Sharpness:
 
 
 Notify = Callable[[str], None]
-"""Receives what is done now, in words."""
+"""Function that receives a description of the current step."""
 
 TOOL_M_S = 0.25
-"""Speed of the fastest point of an arm unless somebody states another: that of collaborative and of manual operation.
+"""Default speed of an arm's fastest point [m/s]: the limit of collaborative and of manual operation.
 
 Source: ISO 10218-1, reduced speed control.
 """
 
-_REST_ATTEMPTS = 2  # at a sample whose arms or image do not come to rest
+_REST_ATTEMPTS = 2  # attempts at a sample if the arms or the image do not come to rest
 
 
 @dataclass(frozen=True)
 class CaptureSettings:
-    """How arms are moved and waited for.
+    """Speed limits and timeouts of a capture.
 
     Attributes:
-        speed_rad_s: The fastest that any joint may turn.
-        tool_m_s: The fastest that any point of an arm, or of what it carries, may move.
-        patience_s: How long an arm may take to come to rest beyond the time of its way, and an image.
-        lead_patience_s: How long a person may take to lead an arm to another place.
-        waits_for_check: Whether the running check of a sample is awaited before arms move on.
+        speed_rad_s: Speed limit of any joint [rad/s].
+        tool_m_s: Speed limit of any point of an arm and its load [m/s].
+        patience_s: Timeout for an image, and for an arm to come to rest in addition to the time of its path [s].
+        lead_patience_s: Timeout for a person to lead an arm to another place [s].
+        waits_for_check: Whether to wait for the running check of a sample before arms move on.
     """
 
     speed_rad_s: float
@@ -93,20 +93,20 @@ class CaptureSettings:
 
 @dataclass(frozen=True, eq=False)
 class Taker:
-    """The taker of a cell's samples.
+    """Procedure that takes the samples of a cell.
 
     Attributes:
         rig: The robots and cameras.
         sketch: The cell.
         folder: The cell's folder.
-        settings: How arms are moved and waited for.
-        notify: Receives what is done.
-        report: Receives what a person should know of images.
+        settings: Speed limits and timeouts.
+        notify: Receives a description of the current step.
+        report: Receives notes about images.
         show: Receives each image, with the camera's name.
-        send: Receives where a robot is sent, with its name.
-        sharpness: Of the views so far.
-        scene: Images of the scene so far; None where targets are seen.
-        digests: Number of the sample that each image so far was taken at, by camera and digest of its pixels.
+        send: Receives each goal, with the robot's name.
+        sharpness: Sharpness of the views so far.
+        scene: Images of the scene so far; None if the cell has targets.
+        digests: Sample number of each image so far, by camera and digest of its pixels.
     """
 
     rig: Rig
@@ -122,20 +122,20 @@ class Taker:
     digests: dict[tuple[str, bytes], int] = field(default_factory=dict)
 
     def coverage(self, samples: Sequence[Sample]) -> Coverage:
-        """The coverage of samples."""
+        """Measure the coverage of samples."""
         if self.scene is None:
             return measure_coverage(self.sketch, samples)
         return Coverage(self.scene.cells.copy(), turned_angles(self.sketch, samples))
 
     def take(self, target_sample: Sample, samples: Sequence[Sample]) -> Sample:
-        """A sample with its images on the disk, and what is seen in them.
+        """Take a sample, write its images to the disk, and detect the targets in them.
 
         Args:
-            target_sample: Its number, and where robots are sent; those it does not name stay where they are.
-            samples: Those that there are.
+            target_sample: Number of the sample, and goals of the robots; robots without a goal do not move.
+            samples: The samples taken so far.
 
         Raises:
-            Unfit: if it cannot be used.
+            Unfit: if the sample is not usable.
             DriverError: if a robot or camera does not answer.
         """
         patience_s = self.settings.patience_s + _send(self, target_sample)
@@ -148,13 +148,13 @@ class Taker:
 
 
 def _send(taker: Taker, target_sample: Sample) -> float:
-    """Send the arms, once the sample and the way to it are checked and every controller accepts its goal.
+    """Send the arms to a sample after the sample, the path and the controllers' acceptance are checked.
 
     Returns:
-        How long the longest way takes [s].
+        Duration of the longest path [s].
 
     Raises:
-        Unfit: if one of them is refused; nothing is sent then.
+        Unfit: if a check fails; no arm is sent then.
         DriverError: if a robot does not answer.
     """
     taker.notify(
@@ -175,7 +175,7 @@ def _send(taker: Taker, target_sample: Sample) -> float:
 
 
 def _turn_rad(start: RobotState, end: RobotState) -> float:
-    """Angle by which the leading joint turns; of robots that are sent to poses, the most that is usual."""
+    """Angle by which the leading joint turns [rad]; pi, the usual maximum, if joints are unknown."""
     if start.joints_rad is None or end.joints_rad is None:
         return np.pi
     return float(np.abs(end.joints_rad - start.joints_rad).max())
@@ -189,7 +189,7 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
     taker.notify(f"sample {target_sample.sample}: waiting for a still image")
     shots = {name: _take_shot(taker, name, rested_s) for name in rig.cameras}
     rig.arms.forget()
-    # After the image they are nearer to where they were in it, since the last of a way is slow.
+    # States after the image are nearer to the pose at the exposure, because the end of a motion is slow.
     live = {name: robot for name, robot in rig.robots.items() if robot.is_live}
     after = wait_for_arms(live, {name: before[name].state for name in live}, settings.patience_s) if live else {}
     states = {name: reading.state for name, reading in {**before, **after}.items()}
@@ -207,7 +207,7 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
     sample = replace(here, images=images, background=background)
     like = find_equal_sample(sketch, sample, samples)
     if like is not None:
-        raise Unfit(f"too like sample {like}")
+        raise Unfit(f"too similar to sample {like}")
     seen = detect(sketch.cell, Recording((sample,), folder=str(folder))).samples[0]
     _check_visibility(taker, seen, shots)
     return seen
@@ -215,7 +215,7 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
 
 @dataclass(frozen=True, eq=False)
 class _Shot:
-    """The images of one camera: one with the LED on, and one with it off if it can be switched."""
+    """The image of one camera, with the LED on, and a second image with the LED off if it can be switched."""
 
     stamp_s: float
     grey: Grey
@@ -230,7 +230,7 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
     )
 
     def show(image: CameraImage) -> None:
-        """Show an image, and report what a person should know of it."""
+        """Show an image, and report its note."""
         taker.show(name, image.grey)
         if image.note:
             taker.report(image.note)
@@ -250,10 +250,10 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
 
 
 def _check_repeats(taker: Taker, here: Sample, shots: Mapping[str, _Shot], samples: Sequence[Sample]) -> None:
-    """Check that no camera gives the image of another sample once more.
+    """Check that no camera repeats the image of another sample.
 
     Raises:
-        DriverError: if one does, though it moved or all that it looks at.
+        DriverError: if an image is repeated although the camera or all its targets moved.
     """
     others = {other.sample: other for other in samples}
     for name, shot in shots.items():
@@ -269,7 +269,7 @@ def _check_repeats(taker: Taker, here: Sample, shots: Mapping[str, _Shot], sampl
 
 
 def _is_new_view(sketch: Sketch, camera: str, first: Sample, second: Sample) -> bool:
-    """Whether a camera, or each target before it, was carried to another place between two samples."""
+    """Whether a camera, or each target that it may see, moved between two samples."""
     shared = first.robots.keys() & second.robots.keys()
     moved = {robot for robot in shared if not is_same_place(sketch, robot, first, second)}
     on = sketch.cell.cameras[camera].on
@@ -278,13 +278,13 @@ def _is_new_view(sketch: Sketch, camera: str, first: Sample, second: Sample) -> 
 
 
 def visible_targets(cell: Cell, camera: str) -> list[Target]:
-    """Targets that a camera may see: those that do not hang on the same body."""
+    """Targets that a camera may see: all that are not mounted on the same body."""
     on = cell.cameras[camera].on
     return [each.target for each in cell.targets.values() if each.on != on and each.target is not None]
 
 
 def _write_shots(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dict[str, str], dict[str, str]]:
-    """Paths of the images and of those without the light, by camera; all of them are on the disk."""
+    """Write images to the disk; paths of the images, and of those with the LED off, by camera."""
     images, background = {}, {}
     for camera, shot in shots.items():
         stem = f"recording/images/{camera}/{number:06d}"
@@ -297,10 +297,10 @@ def _write_shots(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple
 
 
 def _check_visibility(taker: Taker, sample: Sample, shots: Mapping[str, _Shot]) -> None:
-    """Whether each camera sees a target, sharply.
+    """Check that each camera sees a target without blur.
 
     Raises:
-        Unfit: if not.
+        Unfit: if a camera sees no target, or the target is blurred.
     """
     for camera, shot in shots.items():
         seen = [each for each in sample.observations if each.camera == camera]

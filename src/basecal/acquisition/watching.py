@@ -1,4 +1,4 @@
-"""The state of a capture for people who watch it, on any surface."""
+"""The progress of a capture for display in any user interface."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from basecal.acquisition.capture import Step
 from basecal.acquisition.driver import Grey
 from basecal.cell import RobotState
 
-_LINE_COUNT = 8  # of what has become of samples, that are shown
-_RECENT_STEPS = 6  # by whose duration it is estimated how long the others take
+_LINE_COUNT = 8  # lines about the last samples that are shown
+_RECENT_STEPS = 6  # from whose durations the remaining time is estimated
 
 
 @dataclass(frozen=True)
 class Sigma:
-    """How well the base is known after so many `samples`: 3-D norms of the sigmas [m] and [rad]."""
+    """3-D norms of the base's sigmas [m] and [rad] after a number of `samples`."""
 
     samples: int
     t_m: float
@@ -29,7 +29,7 @@ class Sigma:
 
 @dataclass(frozen=True)
 class End:
-    """How a capture ended: the verdict in one word, why in a sentence, and what to type next."""
+    """End of a capture: the verdict in one word, the reason in a sentence, and the command to enter next."""
 
     word: str
     sentence: str
@@ -41,19 +41,19 @@ class Snapshot:
     """A capture at an instant.
 
     Attributes:
-        doing: What is done now, in words.
-        step: What has become of the last sample; None before the first.
-        sigmas: After each sample since all directions were seen.
-        said: What has become of the last samples, a line each.
-        doubts: What disagrees for the rest of the capture, a line each.
-        images: The last one of each camera.
-        states: The last one of each robot.
-        goals: Where each robot was sent last.
-        failures: Samples that were not taken, and why.
-        times_s: When each sample was finished, by the clock of the watch.
-        tolerance_m: The error at the task that is needed; None if nothing is.
-        errors: The expected error at the task [m] after so many samples.
-        end: How it ended; None while it goes on.
+        doing: Description of the current step.
+        step: Result of the last sample; None before the first one.
+        sigmas: Sigmas of the base after each sample, since all directions are observable.
+        said: Lines about the last samples.
+        doubts: Lines about disagreements that last for the rest of the capture.
+        images: The last image of each camera.
+        states: The last state of each robot.
+        goals: The last goal of each robot.
+        failures: Numbers of samples that were not taken, with the reasons.
+        times_s: Time at which each sample was finished [s], by the clock of the watch.
+        tolerance_m: Required error at the task [m]; None if not stated.
+        errors: (number of samples, expected error at the task [m]).
+        end: End of the capture; None while it is running.
     """
 
     doing: str = "opening robots and cameras"
@@ -72,7 +72,7 @@ class Snapshot:
 
     @property
     def time_left_s(self) -> float | None:
-        """How long the samples that are left take, as the last ones did; None before there are two."""
+        """Estimated duration of the remaining samples [s], from the last ones; None before the second sample."""
         recent = self.times_s[-_RECENT_STEPS:]
         if self.step is None or len(recent) < 2:
             return None
@@ -81,12 +81,12 @@ class Snapshot:
 
     @property
     def advice(self) -> str:
-        """Advice to cover more; empty if there is none."""
+        """Advice to improve the coverage; empty if there is none."""
         return "" if self.step is None else self.step.coverage.advice(self.step.taken)
 
 
 class Watch:
-    """Keeps what is to be shown; one thread captures, others look."""
+    """Thread-safe store of a capture's snapshot: one thread captures, others read."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._lock = threading.Lock()
@@ -95,17 +95,17 @@ class Watch:
 
     @property
     def snapshot(self) -> Snapshot:
-        """The capture as it is now."""
+        """The current state of the capture."""
         with self._lock:
             return self._snapshot
 
     def notify(self, words: str) -> None:
-        """Note what is done now."""
+        """Note the current step."""
         with self._lock:
             self._snapshot = replace(self._snapshot, doing=words)
 
     def note(self, step: Step) -> None:
-        """Note what has become of a sample."""
+        """Note the result of a sample."""
         line = f"sample {step.sample}: {'not taken: ' + step.why_not if step.why_not else 'taken'}"
         with self._lock:
             before = self._snapshot
@@ -121,7 +121,7 @@ class Watch:
             )
 
     def note_error(self, tolerance_m: float, error_m: float | None) -> None:
-        """Note the tolerance at the task, and the error that is expected there with the samples so far."""
+        """Note the tolerance at the task, and the error expected with the samples so far [m]."""
         with self._lock:
             before = self._snapshot
             taken = 0 if before.step is None else before.step.taken
@@ -129,7 +129,7 @@ class Watch:
             self._snapshot = replace(before, tolerance_m=tolerance_m, errors=errors)
 
     def report(self, words: str) -> None:
-        """Note what a person should know."""
+        """Note a message for the user."""
         with self._lock:
             self._snapshot = replace(self._snapshot, said=(*self._snapshot.said, words)[-_LINE_COUNT:])
 
@@ -138,21 +138,21 @@ class Watch:
         self._keep("images", camera, grey)
 
     def note_state(self, robot: str, state: RobotState) -> None:
-        """Note where a robot is."""
+        """Note the state of a robot."""
         self._keep("states", robot, state)
 
     def note_goal(self, robot: str, goal: RobotState) -> None:
-        """Note where a robot is sent."""
+        """Note the goal of a robot."""
         self._keep("goals", robot, goal)
 
     def _keep(self, kind: Literal["images", "states", "goals"], name: str, value: object) -> None:
-        """Note the last value of a camera or robot."""
+        """Replace the last value of a camera or robot."""
         with self._lock:
             kept = {**dict(getattr(self._snapshot, kind)), name: value}
             changes: dict[str, Any] = {kind: tuple(kept.items())}
             self._snapshot = replace(self._snapshot, **changes)
 
     def end(self, end: End) -> None:
-        """Note how it ended; the first end counts."""
+        """Note the end of the capture; later calls have no effect."""
         with self._lock:
             self._snapshot = replace(self._snapshot, end=self._snapshot.end or end)

@@ -1,1 +1,1 @@
-"""Where arms should go so that a calibration follows: programmed shifts, and poses all around."""
+"""Planning of samples for a calibration: programmed shifts, and poses about the target."""

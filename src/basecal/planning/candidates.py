@@ -1,4 +1,4 @@
-"""Samples that could be taken: both arms at offsets from taught poses, about the target, which stays in view."""
+"""Candidate samples: both arms moved about the target from taught poses, with the target in view."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from basecal.planning.sketch import Sketch
 Taught = Mapping[str, RobotState]
 
 Reach = tuple[float, float]
-"""How far an arm is turned about the target [rad], and shifted [m], at most."""
+"""Largest rotation of an arm about the target [rad], and its largest translation [m]."""
 POSE_REACH: Reach = (0.6, 0.12)
-"""Of an arm about a taught pose: what it mostly reaches from there; of two arms, views up to 50 degrees apart."""
+"""Reach about a taught pose if limits are unknown: mostly feasible; two arms give views up to 50 degrees apart."""
 _JOINT_REACH: Reach = (1.0, 0.25)  # of an arm whose limits are known
-_DRAW_ROUNDS = 20  # of draws, before those are taken that were found
+_DRAW_ROUNDS = 20  # largest number of rounds of draws
 
 
 def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 0) -> list[Sample]:
-    """Feasible samples, at most `count`; none at a taught pose, whose stop would be one that is recorded.
+    """Draw at most `count` feasible samples; none is at a taught pose, which would repeat a recorded stop.
 
     Args:
-        sketch: What is known of the cell.
-        views: States of all robots where the target was seen.
-        count: How many.
-        seed: Of the draws.
+        sketch: Sketch of the cell.
+        views: States of all robots at which the target was seen.
+        count: Largest number of samples.
+        seed: Seed of the random draws.
 
     Raises:
-        InputError: if none is feasible.
+        InputError: if no drawn sample is feasible.
     """
     rng = np.random.default_rng([seed, 29])
     robots = sketch.cell.robots
@@ -54,14 +54,14 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
 def draw_feasible(
     sketch: Sketch, views: Sequence[Taught], count: int, reach: Mapping[str, Reach], rng: np.random.Generator
 ) -> list[Sample]:
-    """Draw samples, and give those that can be taken.
+    """Draw samples, and return the feasible ones.
 
     Args:
-        sketch: What is known of the cell.
-        views: States of all robots where the target was seen.
-        count: Of draws.
-        reach: Of the robots that move, each alone, by name.
-        rng: Of the draws.
+        sketch: Sketch of the cell.
+        views: States of all robots at which the target was seen.
+        count: Number of draws.
+        reach: Reach of each robot that moves, by name.
+        rng: Random number generator.
     """
     sketch = as_near_as_seen(sketch, views)
     near = rng.integers(len(views), size=count)
@@ -77,7 +77,7 @@ def draw_feasible(
 
 
 def draw_in_ball(rng: np.random.Generator, *count: int) -> Array:
-    """Uniform in the unit ball, (*count, 3)."""
+    """Draw points uniformly in the unit ball, (*count, 3)."""
     direction = rng.standard_normal((*count, 3))
     return np.asarray(np.cbrt(rng.random((*count, 1))) * direction / np.linalg.norm(direction, axis=-1, keepdims=True))
 
@@ -85,7 +85,7 @@ def draw_in_ball(rng: np.random.Generator, *count: int) -> Array:
 def _feasible(
     sketch: Sketch, views: Sequence[Taught], neighbours: IntArray, flanges: Mapping[str, SE3]
 ) -> list[Sample]:
-    """The samples of drawn flanges, (n,), that can be taken."""
+    """Feasible samples among drawn poses of flanges in their bases, (n,) by robot."""
     drawn = Sample(0, robots={robot: RobotState(poses) for robot, poses in flanges.items()})
     rows = np.flatnonzero(visibility_mask(sketch, sketch.camera_from_target(drawn)))
     states: dict[str, list[RobotState | None]] = {}

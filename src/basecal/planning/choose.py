@@ -1,8 +1,10 @@
-"""Which of many samples say most about the task: greedy, with exchange, by their information alone.
+"""Choice of the samples that are most informative about the task: greedy with exchange.
 
-Let C be the covariance, and U U' the information that a sample adds to its inverse. C falls by C U (I + U'C U)^-1 U'C
-(Woodbury). Each candidate costs the inverse of a matrix as small as its own information. The criterion is trace(W C),
-A-optimality at the task. Source: Fedorov 1972 (exchange); docs/mathematics.md (15.1), (15.2).
+Let C be the covariance, and U U' the information that a sample adds to its inverse. C decreases by
+C U (I + U'C U)^-1 U'C (Woodbury). Each candidate needs the inverse of one (q, q) matrix; q is the number of columns of
+U. The criterion is trace(W C), A-optimality at the task.
+
+Source: Fedorov 1972 (exchange); docs/mathematics.md (15.1), (15.2).
 """
 
 from __future__ import annotations
@@ -13,19 +15,20 @@ import numpy as np
 
 from basecal.geometry import Array
 
-_EXCHANGE_PASSES = 3  # over what is chosen: the third exchanges next to nothing
-_LEAST_GAIN = 1e-4  # of the criterion, below which an exchange is not worth another pass
+_EXCHANGE_PASSES = 3  # over the chosen samples: the third changes almost nothing
+_LEAST_GAIN = 1e-4  # relative gain of the criterion in a pass, below which no further pass is made
 
 Enough = Callable[[Array, int], bool]
+"""Whether a covariance, (p, p), with a number of candidates is good enough."""
 
 
 def greedy(roots: Array, covariance: Array, weight: Array) -> Iterator[tuple[int, Array]]:
-    """Candidates in the order of what each adds to those before, none twice, with the covariance then, (p, p).
+    """Yield the best remaining candidate again and again, with the covariance after it, (p, p).
 
     Args:
-        roots: (n, p, q) U of each candidate.
-        covariance: (p, p) to begin with.
-        weight: (p, p) W.
+        roots: (n, p, q) root U of each candidate.
+        covariance: (p, p) covariance without candidates.
+        weight: (p, p) weight W.
     """
     left = np.ones(len(roots), dtype=bool)
     while left.any():
@@ -36,13 +39,13 @@ def greedy(roots: Array, covariance: Array, weight: Array) -> Iterator[tuple[int
 
 
 def exchange(roots: Array, choice: list[int], covariance: Array, weight: Array) -> tuple[list[int], Array]:
-    """The choice after each sample was exchanged for the best of all others, and its covariance.
+    """Improve a choice by exchanging each sample for the best other one; the new choice and its covariance, (p, p).
 
     Args:
-        roots: (n, p, q).
-        choice: Which were chosen.
-        covariance: (p, p) with them.
-        weight: (p, p).
+        roots: (n, p, q) root U of each candidate.
+        choice: Indices of the chosen candidates.
+        covariance: (p, p) covariance with the chosen candidates.
+        weight: (p, p) weight W.
     """
     choice = list(choice)
     for _ in range(_EXCHANGE_PASSES):
@@ -61,14 +64,14 @@ def exchange(roots: Array, choice: list[int], covariance: Array, weight: Array) 
 def choose_fewest(
     roots: Array, covariance: Array, weight: Array, max_count: int, is_enough: Enough
 ) -> tuple[list[int], bool]:
-    """The fewest candidates that are enough, or the best `max_count` of them, and whether they are enough.
+    """The fewest candidates that satisfy `is_enough`, or the best `max_count`; and whether they satisfy it.
 
     Args:
-        roots: (n, p, q).
-        covariance: (p, p) to begin with.
-        weight: (p, p).
-        max_count: How many at most.
-        is_enough: Whether a covariance with so many candidates is.
+        roots: (n, p, q) root U of each candidate.
+        covariance: (p, p) covariance without candidates.
+        weight: (p, p) weight W.
+        max_count: Largest number of candidates.
+        is_enough: Criterion for a covariance, (p, p), and the number of candidates.
     """
     if is_enough(covariance, 0):
         return [], True
@@ -103,13 +106,13 @@ def gains(roots: Array, covariance: Array, weight: Array) -> Array:
 
 
 def with_sample(covariance: Array, root: Array) -> Array:
-    """The covariance with one sample more."""
+    """The covariance with one additional sample."""
     carried = covariance @ root
     return _symmetrise(covariance - carried @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ carried, carried.T))
 
 
 def without_sample(covariance: Array, root: Array) -> Array:
-    """The covariance with one sample less."""
+    """The covariance without one of its samples."""
     carried = covariance @ root
     return _symmetrise(covariance + carried @ np.linalg.solve(np.eye(root.shape[1]) - root.T @ carried, carried.T))
 

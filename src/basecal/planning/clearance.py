@@ -1,4 +1,4 @@
-"""How near arms come to one another and to boxes, and how far their points move, on ways straight in joints."""
+"""Clearance between arms and to keep-out boxes, and path lengths of their points, on paths straight in joint space."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from basecal.kinematics.collision import Capsules, body_capsules, box_capsules
 from basecal.numerics.batch import concatenate
 from basecal.planning.sketch import Sketch, target_points
 
-_CLEARANCE_M = 0.02  # about each arm: as far as its points move from the nearest place on a way that is looked at
-_PADDING_M = 0.06  # radius of a link whose body is unknown, and about what an arm carries
-_STEP_RAD = 0.05  # between places at which the speed of points is looked at
-_CHORD_FACTOR = 1.02  # of an arc of a tenth of a radian and its change of speed over its chord, at most
-_STANDING_FRAMES = 2  # frames of an arm, its base and first joint, which stand on what it is mounted on
-_CHUNK_PAIRS = 500_000  # of capsules whose distances are in memory at once
-_SEGMENT_POINTS = 65  # on a segment that are held against a box
-_ROUNDING_M = 1e-9  # of a distance [m]
-_TINY_M2 = 1e-12  # square of a length that is none [m^2]
+_CLEARANCE_M = 0.02  # about each arm: its points move at most this far from the nearest checked place of a path
+_PADDING_M = 0.06  # radius of a link without geometry, and padding of a carried camera or target
+_STEP_RAD = 0.05  # between places at which the speed of points is evaluated
+_CHORD_FACTOR = 1.02  # largest ratio of an arc of 0.1 rad to its chord, with the change of speed along it
+_STANDING_FRAMES = 2  # base and first joint of an arm, which touch what the arm is mounted on
+_CHUNK_PAIRS = 500_000  # pairs of capsules whose distances are in memory at once
+_SEGMENT_POINTS = 65  # points of a segment whose distance to a box is computed
+_ROUNDING_M = 1e-9  # rounding error of a distance [m]
+_TINY_M2 = 1e-12  # square of a length that counts as zero [m^2]
 
 
 @dataclass(frozen=True)
 class Clearance:
-    """How near a robot comes to another, or to a box.
+    """Clearance between a robot and another robot or a box.
 
     Attributes:
         robot: Name of the robot.
         other: Name of the other robot or of the box.
-        gap_m: Least distance between them, at places from which no point moves farther than the air about an arm.
-        needed_m: The air about both.
+        gap_m: Smallest distance at the sampled places of the path [m]; no point is farther than 0.02 m from one.
+        needed_m: Required distance [m]: 0.02 m per arm.
     """
 
     robot: str
@@ -46,21 +46,21 @@ class Clearance:
 
     @property
     def is_enough(self) -> bool:
-        """Whether they stay apart all the way."""
+        """Whether the required distance is kept on the whole path."""
         return self.gap_m >= self.needed_m
 
 
 def clearances(sketch: Sketch, start: Sample, end: Sample, moving: Collection[str]) -> Iterator[Clearance]:
-    """How near robots come to one another and to boxes to keep out of, on their way to a sample.
+    """Clearances between robots, and to keep-out boxes, on the path to a sample.
 
-    Each goes at a pace of its own: all places on the way of one are held against all on the way of another. Base and
-    first joint may be near boxes; robots whose joints are unknown are left out.
+    The robots are not synchronised: each place on the path of one is compared with all places on the path of the other.
+    The base and first joint may be near boxes. Robots whose joints are unknown are omitted.
 
     Args:
         sketch: The cell.
-        start: Where robots are before.
-        end: Where they go.
-        moving: Robots that are sent: of others nothing is given but their distances from these.
+        start: States of the robots at the start of the path.
+        end: States of the robots at its end.
+        moving: Names of the robots that move; pairs without a moving robot are omitted.
     """
     ways = {name: way for name in end.robots if (way := _swept_capsules(sketch, start, end, name)) is not None}
     for one, other in combinations(ways, 2):
@@ -76,9 +76,9 @@ def clearances(sketch: Sketch, start: Sample, end: Sample, moving: Collection[st
 
 
 def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float | None:
-    """Path of the fastest point of a robot while its leading joint turns by one radian [m/rad].
+    """Path length of the fastest point of a robot per radian of its leading joint [m/rad].
 
-    The largest over a straight way in joints, and over links, camera and target; None if joints are not known.
+    The maximum over a path straight in joint space, and over links, camera and target; None if joints are unknown.
     """
     ends = _ends(sketch, start, end, robot)
     if ends is None:
@@ -95,7 +95,7 @@ def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float
 
 
 def _ends(sketch: Sketch, start: Sample, end: Sample, robot: str) -> tuple[Array, Array] | None:
-    """Joints at both ends of a way; None of a robot that is sent to poses."""
+    """Joints at the start and the end of a path, (n,) each [rad]; None if the joints or the chain are unknown."""
     here, there = (sample.robots[robot].joints_rad if robot in sample.robots else None for sample in (start, end))
     if here is None or there is None or sketch.cell.robots[robot].chain is None:
         return None
@@ -104,9 +104,9 @@ def _ends(sketch: Sketch, start: Sample, end: Sample, robot: str) -> tuple[Array
 
 @lru_cache(maxsize=16)
 def robot_capsules(sketch: Sketch, robot: str) -> tuple[Capsules, list[str]]:
-    """Capsules that enclose the links of a robot with joints and what it carries, and bodies that cannot be read.
+    """Capsules that enclose a robot's links, cameras and targets, and messages for link geometry that is unreadable.
 
-    A frame without bodies, or with one that cannot be read, has a line from its joint to the next.
+    A frame without readable geometry is replaced by a capsule from its joint to the next.
     """
     chain = sketch.cell.robots[robot].chain
     assert chain is not None
@@ -133,7 +133,7 @@ def robot_capsules(sketch: Sketch, robot: str) -> tuple[Capsules, list[str]]:
 
 
 def _place_capsules(sketch: Sketch, robot: str, joints: Array) -> tuple[Array, Array]:
-    """Rotations of capsules, (k, m, 3, 3), and their ends in the world, (k, m, 2, 3), at joints, (m, n)."""
+    """Rotations of capsules, (k, m, 3, 3), and their end points in the world, (k, m, 2, 3) [m], at joints, (m, n)."""
     chain, body = sketch.cell.robots[robot].chain, robot_capsules(sketch, robot)[0]
     assert chain is not None
     turning = chain.joint_frames(joints)
@@ -143,7 +143,7 @@ def _place_capsules(sketch: Sketch, robot: str, joints: Array) -> tuple[Array, A
 
 
 def _swept_capsules(sketch: Sketch, start: Sample, end: Sample, robot: str) -> Array | None:
-    """Both ends and the radius of a robot's capsules at places on its way, (k, m, 7) [m]; None of one sent to poses."""
+    """End points and radii of a robot's capsules along its path, (k, m, 7) [m]; None if its joints are unknown."""
     ends = _ends(sketch, start, end, robot)
     if ends is None:
         return None
@@ -158,40 +158,45 @@ def _swept_capsules(sketch: Sketch, start: Sample, end: Sample, robot: str) -> A
 
 
 def _arms_gap(capsule: Array, other_capsule: Array) -> float:
-    """Least distance of capsules, (n, 7) and (m, 7)."""
+    """Smallest distance between two sets of capsules, (n, 7) and (m, 7) [m]."""
     (middles, reach), (other_middles, other_reach) = _balls(capsule), _balls(other_capsule)
     bound = scipy.spatial.distance.cdist(middles, other_middles) - reach[:, None] - other_reach
     return _least_gap(bound, lambda rows, columns: _gaps(capsule[rows], other_capsule[columns]))
 
 
 def _box_gap(capsules: Array, box: KeepOut) -> float:
-    """Least distance of capsules, (n, 7), from a box, up to 1 % of a link's length too small; inside -radius."""
+    """Smallest distance of capsules, (n, 7), from a box [m]; up to 1 % of a link's length too small, -radius inside."""
     middles, reach = _balls(capsules)
 
     def gap(rows: IntArray) -> Array:
-        """Distances of these capsules from the box."""
+        """Distances of the selected capsules from the box."""
         starts, ends, radius = np.split(capsules[rows], (3, 6), axis=-1)
         points = starts + np.linspace(0, 1, _SEGMENT_POINTS)[:, None, None] * (ends - starts)
-        between = 0.5 * np.linalg.norm(points[1] - points[0], axis=-1)  # by which a point between two may be nearer
+        between = 0.5 * np.linalg.norm(
+            points[1] - points[0], axis=-1
+        )  # a point between two samples may be nearer by this
         return np.asarray(box.distance(points).min(0) - between - radius[:, 0])
 
     return _least_gap(box.distance(middles) - reach, gap)
 
 
 def _balls(capsules: Array) -> tuple[Array, Array]:
-    """Middles of balls that enclose capsules, (n, 3), and their radii, (n,)."""
+    """Centres, (n, 3), and radii, (n,), of the bounding spheres of capsules, (n, 7) [m]."""
     starts, ends, radius = np.split(capsules, (3, 6), axis=-1)
     return 0.5 * (starts + ends), 0.5 * np.linalg.norm(ends - starts, axis=-1) + radius[:, 0]
 
 
 def _least_gap(bound: Array, gap: Callable[..., Array]) -> float:
-    """Least gap, of which lower bounds are known: only gaps that may be the least are computed."""
+    """Smallest gap, given lower bounds: only gaps that may be the smallest are computed."""
     nearest = np.unravel_index([np.argmin(bound)], bound.shape)
     return float(gap(*np.nonzero(bound <= max(bound.min(), gap(*nearest)[0]) + _ROUNDING_M)).min())
 
 
 def _gaps(capsule: Array, other_capsule: Array) -> Array:
-    """Distances of capsules, both (n, 7). Source: Ericson 2005, Real-Time Collision Detection, 5.1.9."""
+    """Distances between paired capsules, both (n, 7) [m].
+
+    Source: Ericson 2005, Real-Time Collision Detection, 5.1.9.
+    """
     u, v, w = (
         capsule[:, 3:6] - capsule[:, :3],
         other_capsule[:, 3:6] - other_capsule[:, :3],

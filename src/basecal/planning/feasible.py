@@ -1,4 +1,4 @@
-"""Whether a sample can be taken: within the arms' limits, in view, and free of collision."""
+"""Feasibility of a sample: joint limits, visibility and collisions."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from basecal.kinematics.inverse import inverse
 from basecal.planning.clearance import clearances
 from basecal.planning.sketch import Sketch
 
-_MARGIN_SHARE = 0.05  # of the image's width: what guesses of a degree or two are off by
-_LEAST_FACING_COSINE = 0.35  # cosine of a board to the ray, at least: flatter, its corners run together
+_MARGIN_SHARE = 0.05  # of the image's width: effect of an error of one or two degrees in a guess
+_LEAST_FACING_COSINE = 0.35  # between a board's normal and the ray, at least: at smaller values corners merge
 _FARTHEST_M = 3.0
-_LEAST_JOINTS = 6  # of an arm that can be sent to any pose; with fewer it goes to the nearest one
-_INVERSE_STEPS = 40  # of many inverses at most: what is farther than a taught pose is from this one is not reached
-_REACH_TOLERANCE = 1e-8  # [m, rad] of inverses that did not converge everywhere, where they did
-_LEAST_AXIS_COSINE = 0.9  # cosine of a point's ray to the camera's axis, at least: half of what depth cameras look at
+_LEAST_JOINTS = 6  # of an arm that reaches a general pose; with fewer joints it moves to the nearest one
+_INVERSE_STEPS = 40  # iterations of batched inverse kinematics: poses near the start converge in fewer
+_REACH_TOLERANCE = 1e-8  # [m, rad] residual of a converged item of batched inverse kinematics
+_LEAST_AXIS_COSINE = 0.9  # between a point's ray and the camera's axis, at least: half the view of depth cameras
 
 
 def is_feasible(sketch: Sketch, sample: Sample) -> bool:
-    """Whether a sample of a cell can be taken, by all that is known of it."""
+    """Whether a sample is within joint limits, shows the target and is free of collision."""
     return all(test(sketch, sample) for test in (is_within_limits, is_in_view, is_clear))
 
 
 def is_within_limits(sketch: Sketch, sample: Sample) -> bool:
-    """Whether every joint is within its limits; robots that are sent to poses keep theirs themselves."""
+    """Whether every joint is within its limits; for robots sent to poses, only the controller checks the limits."""
     for name, state in sample.robots.items():
         chain = sketch.cell.robots[name].chain
         if chain is not None and state.joints_rad is not None:
@@ -46,11 +46,11 @@ def is_in_view(sketch: Sketch, sample: Sample) -> bool:
 
 
 def as_near_as_seen(sketch: Sketch, views: Sequence[Mapping[str, RobotState]]) -> Sketch:
-    """The sketch, with targets allowed as near as they are in these views, where they are in the image.
+    """The sketch with `nearest_m` lowered to the smallest depth of the target in views that show it.
 
     Args:
-        sketch: What is known of the cell.
-        views: States of all robots, such as taught ones.
+        sketch: Sketch of the cell.
+        views: States of all robots, such as taught poses.
     """
     looked = SE3.stack([sketch.camera_from_target(Sample(0, robots=dict(view))) for view in views])
     seen = visibility_mask(replace(sketch, nearest_m=0.0), looked)
@@ -59,7 +59,7 @@ def as_near_as_seen(sketch: Sketch, views: Sequence[Mapping[str, RobotState]]) -
 
 
 def visibility_mask(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
-    """As `is_in_view`, of many poses of the target, (n,); of a camera without a lens, near its axis."""
+    """Which poses of the target in the camera, (n,), satisfy `is_in_view`; without a lens, those near its axis."""
     turned: Array = sketch.target_points @ camera_from_target.rotation.mT
     in_camera = turned + camera_from_target.translation[:, None]
     depth = in_camera[..., 2]
@@ -77,7 +77,7 @@ def visibility_mask(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
 
 
 def points_in_image(camera: Camera, points_in_camera: Array, margin_px: float) -> BoolArray:
-    """Which points, (..., 3) [m], have an image at least `margin_px` within its border, (...,)."""
+    """Which points, (..., 3) [m], are imaged at least `margin_px` inside the image border, (...,)."""
     seen: BoolArray = camera.sees(points_in_camera)
     if camera.size_px is None:
         return seen
@@ -88,33 +88,33 @@ def points_in_image(camera: Camera, points_in_camera: Array, margin_px: float) -
 
 
 def is_front_seen(normal: Array, centre: Array, least_cosine: float) -> BoolArray:
-    """Whether boards about centres, (n, 3) [m], show their fronts, by directions, (n, 3), that point through them."""
+    """Which boards show their front, (n,), from normals out of their back, (n, 3), and centres, (n, 3) [m]."""
     return np.asarray(np.vecdot(normal, centre) > least_cosine * np.linalg.norm(centre, axis=-1))
 
 
 def is_clear(sketch: Sketch, sample: Sample) -> bool:
-    """Whether no robot, nor what it carries, is near another one or a box that the cell keeps out of."""
+    """Whether each robot with its load keeps its clearance to other robots and to keep-out boxes."""
     return is_path_clear(sketch, sample, sample)
 
 
 def is_path_clear(sketch: Sketch, start: Sample, end: Sample) -> bool:
-    """Whether arms that go straight from joints to joints stay clear of one another, and of boxes to keep out of."""
+    """Whether arms keep their clearance to one another and to keep-out boxes on a path straight in joint space."""
     return all(each.is_enough for each in clearances(sketch, start, end, end.robots))
 
 
 def blocked_samples(sketch: Sketch, home: Mapping[str, RobotState], samples: Sequence[Sample]) -> list[int]:
-    """Numbers of samples to which the way from the one before, the first from `home`, is not clear."""
+    """Numbers of samples whose path from the previous sample, or from `home` for the first, is not clear."""
     at = [Sample(0, robots=dict(home)), *samples]
     return [end.sample for start, end in pairwise(at) if not is_path_clear(sketch, start, end)]
 
 
 def reach_pose(robot: Robot, base_from_flange: SE3, neighbour: RobotState) -> RobotState | None:
-    """The state near another one that brings the flange there; None if the arm does not reach.
+    """Robot state near a neighbour that reaches a flange pose; None if the pose is out of reach.
 
     Args:
         robot: The robot.
-        base_from_flange: Where to.
-        neighbour: In the kind that the robot is sent by: joints, or a pose, which is taken as it is.
+        base_from_flange: Goal of the flange.
+        neighbour: State that starts the inverse kinematics; if it has no joints, the goal itself is returned.
     """
     if neighbour.joints_rad is None or robot.chain is None:
         return RobotState(base_from_flange)
@@ -125,7 +125,7 @@ def reach_pose(robot: Robot, base_from_flange: SE3, neighbour: RobotState) -> Ro
 
 
 def approach_poses(robot: Robot, base_from_flange: SE3, neighbours: Sequence[RobotState]) -> list[RobotState | None]:
-    """As `reach_poses`; but an arm of fewer than six joints, which reaches hardly any pose, goes as near as it can."""
+    """Robot states as from `reach_poses`; an arm with fewer than six joints moves as near to each pose as it can."""
     has_few_joints = robot.chain is not None and robot.chain.n < _LEAST_JOINTS
     return reach_poses(robot, base_from_flange, neighbours, np.inf if has_few_joints else _REACH_TOLERANCE)
 
@@ -133,13 +133,13 @@ def approach_poses(robot: Robot, base_from_flange: SE3, neighbours: Sequence[Rob
 def reach_poses(
     robot: Robot, base_from_flange: SE3, neighbours: Sequence[RobotState], tolerance: float = _REACH_TOLERANCE
 ) -> list[RobotState | None]:
-    """States near others that bring the flange to poses (n,), side by side; None where the arm does not reach.
+    """Robot states near neighbours that reach flange poses, (n,); None for each pose out of reach.
 
     Args:
         robot: The robot.
-        base_from_flange: Where to, (n,).
-        neighbours: One for each: joints, or poses, which are taken as they are.
-        tolerance: How far the flange may stay away [m, rad].
+        base_from_flange: Goals of the flange, (n,).
+        neighbours: States that start the inverse kinematics, one per goal; without joints, the goals are returned.
+        tolerance: Largest residual of the flange pose [m, rad].
     """
     start = [state.joints_rad for state in neighbours if state.joints_rad is not None]
     if robot.chain is None or len(start) < len(neighbours) or not start:

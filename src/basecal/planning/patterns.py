@@ -1,4 +1,4 @@
-"""Every pattern: a new one is a module, and a line here."""
+"""Registry of sample patterns: add a module and an entry here for a new pattern."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from basecal.planning import poses, shifts
 from basecal.planning.sketch import Sketch
 
 Pattern = Callable[[Sketch, Mapping[str, RobotState], int, int], list[Sample]]
-"""Samples of a sketch, from where the robots are, so many, by a seed."""
+"""Function of a sketch, the current robot states, the number of samples and a seed; returns the samples."""
 
 PATTERNS: Mapping[str, Pattern] = {
     "poses": poses.plan,
     "shifts": shifts.plan,
 }
-"""By their names in `basecal capture --pattern`."""
+"""Patterns by their names in `basecal capture --pattern`."""

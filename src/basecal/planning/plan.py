@@ -1,4 +1,4 @@
-"""A plan: the samples that a tolerance at the task needs, or why no samples reach it."""
+"""Plans: the samples that a tolerance at the task needs, and the expected error with them."""
 
 from __future__ import annotations
 
@@ -31,18 +31,19 @@ from basecal.planning.shifts import STATION_SAMPLES, stations
 from basecal.planning.sketch import Sketch
 
 MOST_SAMPLES = 60
-"""Of a plan: with twice as many the error falls by a third at most, and an hour of an arm's time is gone."""
+"""Largest plan: twice as many samples lower the error by a third at most, and take an hour of an arm's time."""
 
 CANDIDATES = 600
-"""Drawn to choose from: of arms with joints each takes some milliseconds to be found free of collision."""
+"""Number of drawn candidates: with arm joints, the collision check of each takes some milliseconds."""
 
 OUTLOOK_COUNTS = (0, 5, 10, 20, 40)
-"""Samples more, of which it is reported what they bring."""
+"""Numbers of additional samples for which the expected error is reported."""
 
 OUTLOOK_CANDIDATES = 200
+"""Number of drawn candidates for `outlook`."""
 
 Offer = tuple[Sketch, Sequence[Sample]]
-"""A camera and target, with samples that show one the other."""
+"""A sketch of a camera and a target, with samples in which the camera sees the target."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,16 +51,16 @@ class Plan:
     """The samples to record.
 
     Attributes:
-        samples: Where the robots shall be, in an order that makes their way short; touches say of what.
-        needed: How many samples the tolerance needs beside those recorded; None if it is not reached, or not stated.
-        expected_m: The distance that 95 of 100 errors at the task stay below, with the samples taken [m]. None if a
-            direction is open even then.
-        reachable: Whether the tolerance is; None if none is stated.
-        recorded: How many samples are recorded already and count.
-        budget: The error at the task by source, with the samples taken.
-        marks: Where marks are to be made, (3,) in the reference's base, by name.
-        steps: (count, error [m]) with so many of the samples, those first that lower it the most; none comes first.
-        place: At which places the error is expected.
+        samples: States of the robots, ordered for a short path; a sample of a touch names the tip and the mark.
+        needed: Number of additional samples that the tolerance needs; None if it is not reached, or not stated.
+        expected_m: 95 % quantile of the error at the task with the planned samples [m]. None if a direction is
+            unobservable even then.
+        reachable: Whether the tolerance can be reached; None if no tolerance is stated.
+        recorded: Number of usable samples that are recorded already.
+        budget: The error at the task with the planned samples, by source.
+        marks: Positions at which marks are to be made, (3,) in the reference's base [m], by name.
+        steps: (count, error [m]) with the first `count` samples, from 0; the most useful samples come first.
+        place: Kind of the places at which the error is predicted.
     """
 
     samples: tuple[Sample, ...]
@@ -75,14 +76,14 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class _Goal:
-    """Where all that is placed meets, the tolerance, and what is known with the samples that were recorded.
+    """The tolerance at the task, and the error with the recorded samples.
 
     Attributes:
-        meetings: Of each transform.
-        tolerance_m: The error that 95 of 100 are to stay below [m].
-        recorded: How many samples were.
-        now: The error with these, as a calibration has it; None if none was made of them.
-        beyond_m2: What of its variance the covariance of the noise in use does not hold [m^2].
+        meetings: The meeting of each base transform.
+        tolerance_m: Largest accepted 95 % quantile of the error [m].
+        recorded: Number of recorded samples.
+        now: The error with the recorded samples according to their calibration; None without a calibration.
+        beyond_m2: Part of the variance of `now` that the covariance of the noise in use does not explain [m^2].
     """
 
     meetings: tuple[Meeting, ...]
@@ -93,13 +94,13 @@ class _Goal:
 
     @cached_property
     def weight(self) -> Array:
-        """The criterion's weight of all columns, (p, p)."""
+        """Weight matrix of the criterion, (p, p)."""
         return np.asarray(sum(meeting.weight for meeting in self.meetings))
 
     def expected_m(self, covariance: Array, count: int) -> float:
-        """The error with this covariance of all columns, (p, p), of what was recorded and so many samples more [m].
+        """95 % quantile of the error with a covariance of all columns, (p, p), and `count` additional samples [m].
 
-        What sigmas that are not known, and errors of arms, add to it falls as the samples grow in number.
+        The contribution of unknown sigmas and of robot errors decreases as the number of samples increases.
         """
         if self.now is not None and count == 0:
             return self.now.expected_95_m
@@ -111,17 +112,17 @@ class _Goal:
         return float(max(found))
 
     def excess_m2(self, count: int) -> float:
-        """Variance beyond the noise that is left with so many samples more [m^2]."""
+        """Variance beyond the noise that remains with `count` additional samples [m^2]."""
         return self.beyond_m2 * self.recorded / max(self.recorded + count, 1)
 
 
 def _make_goal(
     prospect: Prospects, cell: Cell, calibration: Calibration | None, points_m: Array, tolerance_m: float | None = None
 ) -> _Goal:
-    """The goal at points in the reference's base, (n, 3) [m], or at recorded places if there are none.
+    """The goal at points in the reference's base, (n, 3) [m]; at the recorded places for shape (0, 3).
 
     Raises:
-        InputError: if there are none, and nothing was recorded.
+        InputError: if there are neither points nor recorded samples.
     """
     problem, state, covariance = prospect.problem, prospect.state, prospect.covariance
     if not len(points_m) and not prospect.recorded:
@@ -136,7 +137,7 @@ def _make_goal(
 
 
 def _calibrated_meeting(calibration: Calibration, points_m: Array) -> MeetingError | None:
-    """The error at these points, (n, 3), as the calibration has it; None if it is that at others."""
+    """The calibration's error at the task points, (n, 3) [m]; None if it was computed at other points."""
     settings = calibration.settings
     its_points_m = task_places(settings.get("task_point"), settings.get("task_box"))
     return calibration.meeting if np.array_equal(its_points_m, points_m) else None
@@ -154,22 +155,22 @@ def plan_for_task(
     offers: Sequence[Offer] | None = None,
     group_size: int = 1,
 ) -> Plan:
-    """The samples to record for a task.
+    """Plan the samples to record for a task.
 
     Args:
         cell: The cell.
-        recording: Samples with observations count as recorded; all show where the arms may stand.
-        calibration: Of them; None if nothing is calibrated, and the cell's own guesses are taken.
-        points_m: (n, 3) the task in the reference's base [m]; (0, 3) is where the arms worked.
-        tolerance_m: The error that 95 of 100 are to stay below [m].
-        count: How many samples; as many as the tolerance needs where None.
-        seed: Of the draws.
-        offers: What there is to choose from; drawn near taught poses where None.
-        group_size: How many of these, one after another, are taken together, such as those of a station.
+        recording: Samples with observations count as recorded; all samples serve as taught poses.
+        calibration: Calibration of the recording; None to use the guesses of the cell.
+        points_m: (n, 3) task points in the reference's base [m]; (0, 3) for the recorded places.
+        tolerance_m: Largest accepted 95 % quantile of the error [m].
+        count: Number of samples; None for as many as the tolerance needs.
+        seed: Seed of the random draws.
+        offers: Candidates to choose from; None to draw them near taught poses.
+        group_size: Number of consecutive candidates that are taken together, such as the samples of a station.
 
     Raises:
-        InputError: if an argument is not as expected, nothing is placed for the task, no pose is taught, or a transform
-            has no guess.
+        InputError: if an argument is invalid, the cell has no base to calibrate, no pose is taught, or a transform has
+            no guess.
     """
     points_m = _checked_points(points_m, tolerance_m)
     for name, value, least in (("count", count or 0, 0), ("seed", seed, 0), ("group_size", group_size, 1)):
@@ -177,7 +178,7 @@ def plan_for_task(
     base_transforms(cell)
     known, recording = sketches(cell, calibration), synchronous(cell, recording, calibration)
     if offers is not None and not offers:
-        raise InputError("offers is empty, expected what there is to choose from, or None")
+        raise InputError("offers is empty, expected candidates or None")
     offered = draw_offers(known, recording, CANDIDATES, seed) if offers is None else offers
     prospect = prospects(cell, recording, calibration, offered)
     roots = prospect.roots if group_size == 1 else prospect.group_roots(group_size)
@@ -202,10 +203,10 @@ def plan_for_task(
 
 
 def _checked_points(points_m: ArrayLike, tolerance_m: float | None) -> Array:
-    """The points of a task, (n, 3) [m].
+    """The validated points of a task, (n, 3) [m].
 
     Raises:
-        InputError: if they are none, or the tolerance is no length.
+        InputError: if the points are not finite (n, 3), or the tolerance is not positive and finite.
     """
     points = read_only(points_m, (3,), "points_m")
     if points.ndim != 2 or not np.all(np.isfinite(points)):
@@ -216,7 +217,7 @@ def _checked_points(points_m: ArrayLike, tolerance_m: float | None) -> Array:
 
 
 def _choose_for_tolerance(prospect: Prospects, roots: Array, goal: _Goal, group_size: int) -> tuple[list[int], bool]:
-    """The fewest groups of samples that reach the tolerance, of U of each, (n, p, q); and whether they do."""
+    """Fewest groups of samples that reach the tolerance, from their roots U, (n, p, q); and whether they reach it."""
     return choose_fewest(
         roots,
         prospect.covariance,
@@ -227,7 +228,7 @@ def _choose_for_tolerance(prospect: Prospects, roots: Array, goal: _Goal, group_
 
 
 def _steps(goal: _Goal, covariance: Array, roots: Array, group_size: int) -> tuple[tuple[int, float], ...]:
-    """The error with none, one, two ... of what was chosen: U of each (n, p, q), by what is known before, (p, p)."""
+    """(count, error [m]) with 0, 1, 2 ... chosen groups, from their roots U, (n, p, q), and the prior covariance."""
     after = (each for _, each in greedy(roots, covariance, goal.weight))
     counted = ((group_size * k, each) for k, each in enumerate([covariance, *after]))
     return tuple((count, goal.expected_m(each, count)) for count, each in counted)
@@ -241,7 +242,7 @@ def least_variance_m2(
     count: int,
     offers: Sequence[Offer],
 ) -> float:
-    """The mean square error at the task that so many samples of an offer leave, beside those recorded [m^2]."""
+    """Mean square error at the task with the recorded samples and the best `count` offered samples [m^2]."""
     prospect = prospects(cell, recording, calibration, offers)
     goal = _make_goal(prospect, cell, calibration, points_m)
     _, covariance = choose_best(prospect, prospect.roots, goal.weight, count)
@@ -251,16 +252,16 @@ def least_variance_m2(
 def outlook(
     cell: Cell, recording: Recording, calibration: Calibration, points_m: Array
 ) -> tuple[tuple[int, float], ...]:
-    """Gain of planned samples beside those recorded: their number, and the error that 95 of 100 stay below then [m].
+    """Expected error with additional samples: pairs of their number and the 95 % quantile of the error [m].
 
     Args:
         cell: The cell.
-        recording: What was recorded; all that has observations counts.
-        calibration: Of it.
-        points_m: (n, 3) the task in the reference's base [m]; (0, 3) is where the arms worked.
+        recording: The recording; samples with observations count as recorded.
+        calibration: Calibration of the recording.
+        points_m: (n, 3) task points in the reference's base [m]; (0, 3) for the recorded places.
 
     Raises:
-        InputError: if nothing is placed that the task is about, no pose is taught, or none near them can be taken.
+        InputError: if the cell has no base to calibrate, no pose is taught, or no candidate is feasible.
     """
     known = sketches(cell, calibration)
     recording = synchronous(cell, recording, calibration)
@@ -274,29 +275,29 @@ def outlook(
 
 
 def choose_best(prospect: Prospects, roots: Array, weight: Array, count: int) -> tuple[list[int], Array]:
-    """The chosen candidates, greedy with exchange, and the covariance with them, (p, p)."""
+    """Choose `count` candidates greedily with exchange; their indices, and the covariance with them, (p, p)."""
     steps = list(islice(greedy(roots, prospect.covariance, weight), count))
     return exchange(roots, [found for found, _ in steps], steps[-1][1], weight)
 
 
 def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: int, seed: int = 0) -> list[Offer]:
-    """Candidates, `count` in all, of each camera and target that were seen or that taught poses show to one another.
+    """Draw candidates for each camera and target that were observed together, or would be at a taught pose.
 
     Args:
-        cell_sketches: The cell by each camera and target.
-        recording: Where robots stood.
-        count: Of candidates.
-        seed: Of the draws.
+        cell_sketches: A sketch of the cell for each camera and target.
+        recording: The taught poses.
+        count: Total number of candidates.
+        seed: Seed of the random draws.
 
     Raises:
-        InputError: if no pose is taught, or there is no candidate.
+        InputError: if no pose is taught, or no candidate is feasible.
     """
     seen = {(o.camera, o.target) for sample in recording.samples for o in sample.observations}
     taught = {sketch.view: _teaching_samples(sketch, recording) for sketch in cell_sketches}
     cell_sketches = [sketch for sketch in cell_sketches if taught[sketch.view]]
     if not cell_sketches:
         raise InputError(
-            "a plan begins at taught poses: jog the arms so that the target is in the middle of the image. Record "
+            "a plan needs taught poses: jog the arms so that the target is in the middle of the image. Record "
             "that once or more, by basecal capture or by lines with `robots` alone in recording/samples.jsonl"
         )
     looked = [
@@ -324,9 +325,9 @@ def plan_stations(
     count: int | None = None,
     seed: int = 0,
 ) -> Plan:
-    """As `plan_for_task`, of whole stations of programmed shifts.
+    """Plan whole stations of programmed shifts for a task; arguments as in `plan_for_task`.
 
-    They are those of the first camera and target that were seen, or that taught poses show.
+    The stations use the first camera and target that were observed together, or would be at a taught pose.
 
     Raises:
         InputError: if no pose is taught, or no station can be shifted from.
@@ -340,12 +341,12 @@ def plan_stations(
 
 
 def _teaching_samples(sketch: Sketch, recording: Recording) -> list[Sample]:
-    """Samples that say where the robots of a view stood; others may be anywhere."""
+    """Samples that contain the states of all robots that carry the camera or the target."""
     return [sample for sample in recording.samples if set(sketch.movers) <= sample.robots.keys()]
 
 
 def _taught_states(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, RobotState]]:
-    """Where the robots stood when the view was seen, or would be; anywhere where it nowhere would."""
+    """Robot states at which the camera observed the target; else at which it would; else of all samples."""
     own = [s for s in samples if any((o.camera, o.target) == sketch.view for o in s.observations)]
     own = own or [s for s in samples if is_in_view(sketch, s)]
     return [dict(sample.robots) for sample in own or samples]
@@ -354,7 +355,7 @@ def _taught_states(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, 
 def _order_samples(
     sketch: Sketch, prospect: Prospects, recording: Recording, choice: Sequence[int], may_part: bool
 ) -> tuple[Sample, ...]:
-    """The chosen samples, by a short way if each moves all arms and they may part; else as they were offered."""
+    """The chosen samples, on a short path if they may be reordered and move all arms; else in the offered order."""
     if not choice:
         return ()
     samples, first = [prospect.samples[k] for k in choice], prospect.samples[0].sample
@@ -367,7 +368,7 @@ def _order_samples(
 
 
 def _without_images(number: int, sample: Sample) -> Sample:
-    """A sample with what is to be touched, and without what cameras are expected to see."""
+    """A sample with its touches, and without the predicted observations of cameras."""
     touches = tuple(seen for seen in sample.observations if isinstance(seen, TouchObservation))
     return Sample(number, robots=sample.robots, observations=touches)
 

@@ -1,4 +1,4 @@
-"""Whether a whole plan may be gone to, before anything moves, and how fast each way may be gone."""
+"""Safety check of a whole plan before any robot moves, with the speed of each path."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from basecal.planning.feasible import reach_pose
 from basecal.planning.sketch import Sketch
 
 Ask = Callable[[RobotState], str]
-"""Why a controller would not go somewhere, in words; empty if it would."""
+"""Function of a goal that returns the controller's reason to refuse it; empty if it accepts the goal."""
 
-_LIMIT_ROUNDING_RAD = 1e-9  # beyond a limit that is rounding
-_LARGEST_TURN_RAD = 4.1 * np.pi  # of a joint on one way: from one limit of a usual arm to the other, rounded up
+_LIMIT_ROUNDING_RAD = 1e-9  # excess over a joint limit that is rounding
+_LARGEST_TURN_RAD = 4.1 * np.pi  # of a joint on one path: the joint range of a usual arm, rounded up
 _LARGEST_REACHES = (
-    3.0  # at most 2.5 of data sheets' reaches, found by search over the ways of arms with six and seven axes
+    3.0  # at most 2.5 reaches of the data sheet, found by search over paths of arms with six and seven axes
 )
-_LOAD_M = 0.3  # what an arm carries beyond its flange
+_LOAD_M = 0.3  # size of what an arm carries beyond its flange
 
 
 @dataclass(frozen=True)
 class SpeedLimits:
-    """How fast arms may go: any joint [rad/s], and any point of an arm or of what it carries [m/s]."""
+    """Speed limits of any joint [rad/s], and of any point of an arm and its load [m/s]."""
 
     joint_rad_s: float
     tool_m_s: float
@@ -34,14 +34,14 @@ class SpeedLimits:
 
 @dataclass(frozen=True)
 class Way:
-    """How one robot goes to one sample.
+    """Path of one robot to one sample.
 
     Attributes:
         sample: Number of the sample.
         robot: Name of the robot.
-        joint_rad_s: Speed of its leading joint.
-        tool_m_s: Speed that the fastest of its points then has, or a bound of it.
-        gaps: How near it comes to other robots and to boxes, if that is known.
+        joint_rad_s: Speed of the leading joint [rad/s].
+        tool_m_s: Speed of the robot's fastest point, or an upper bound of it [m/s].
+        gaps: Clearances to other robots and to boxes, if known.
     """
 
     sample: int
@@ -53,7 +53,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a plan is not gone to: the sample, the problem, and what to do."""
+    """Reason to refuse a plan: the sample, the problem, and what to do."""
 
     sample: int
     what: str
@@ -65,7 +65,7 @@ class Refusal:
 
 @dataclass(frozen=True)
 class PlanCheck:
-    """The check of a plan: every path, and every reason not to go."""
+    """Result of the check of a plan: all paths and all refusals."""
 
     ways: tuple[Way, ...]
     refusals: tuple[Refusal, ...]
@@ -78,14 +78,14 @@ def check_plan(
     limits: SpeedLimits,
     requests: Mapping[str, Ask],
 ) -> PlanCheck:
-    """Check every sample of a plan, and every way between two of them, the first from `home`.
+    """Check every sample of a plan and every path between consecutive samples; the first path begins at `home`.
 
     Args:
         sketch: The cell.
-        home: Where robots are now, by name.
+        home: Current states of the robots, by name.
         plan: Samples in their order.
-        limits: How fast arms may go.
-        requests: What asks the controllers of robots that are sent, by name; robots that are not named are not sent.
+        limits: Speed limits.
+        requests: Functions that ask the controllers of moving robots, by name; other robots do not move.
     """
     ways, refusals = list[Way](), list[Refusal]()
     stops = [Sample(0, robots=dict(home)), *plan]
@@ -109,10 +109,10 @@ def check_plan(
 def timed_path(
     sketch: Sketch, start: Sample, end: Sample, robot: str, limits: SpeedLimits, gaps: Sequence[Clearance] = ()
 ) -> Way:
-    """How a robot may go from one sample to another: as fast as joints and the fastest of its points may.
+    """Path of a robot between two samples at the largest speed that satisfies both limits.
 
-    Of a robot that is sent to poses joints are not known. Its speed is bounded: no point moves by more than three times
-    the robot's reach while its leading joint turns by one radian. A reach that is not stated is estimated by the poses.
+    If a robot is sent to poses, its joints are unknown. Its speed is bounded: no point moves by more than three times
+    the robot's reach while its leading joint turns by one radian. An unstated reach is estimated from the poses.
     """
     metres = path_length(sketch, start, end, robot)
     if metres is None:

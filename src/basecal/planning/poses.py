@@ -1,4 +1,4 @@
-"""Poses all around: both arms turn about the target, which stays in view, as far as they reach."""
+"""Pattern of poses: both arms rotate about the target within their reach, with the target in view."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from basecal.planning.candidates import POSE_REACH, draw_feasible
 from basecal.planning.feasible import blocked_samples, is_path_clear
 from basecal.planning.sketch import Sketch
 
-_DRAWS, _DRAW_ROUNDS = 2, 100  # at once for each sample, and how often: near limits one in ten is feasible
+_DRAWS, _DRAW_ROUNDS = 2, 100  # draws per sample in a round, and rounds: near joint limits one in ten is feasible
 
 
 def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int = 0) -> list[Sample]:
-    """Samples with both arms at new places each, in an order that makes their way short.
+    """Plan samples with new poses of both arms, ordered for a short path.
 
     Args:
-        sketch: What is known of the cell.
-        home: Where the robots are, with the target in view.
-        samples: How many.
-        seed: Of the draws.
+        sketch: Sketch of the cell.
+        home: States of the robots, with the target in view.
+        samples: Number of samples.
+        seed: Seed of the random draws.
 
     Raises:
-        InputError: if hardly any is feasible.
+        InputError: if too few samples are feasible.
     """
     rng = np.random.default_rng([seed, 17])
     found: list[Sample] = []
@@ -44,9 +44,9 @@ def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int
 
 
 def order_samples(sketch: Sketch, home: Mapping[str, RobotState], samples: list[Sample]) -> list[Sample]:
-    """Samples so that each is followed by the nearest of those left to which the way is clear, numbered from 0.
+    """Order samples, numbered from 0: each is followed by the nearest remaining sample with a collision-free path.
 
-    Where it is clear to none of them, by the nearest.
+    If no path is collision-free, the nearest remaining sample follows.
     """
     left, at, ordered = list(samples), Sample(0, robots=dict(home)), list[Sample]()
     while left:
@@ -57,7 +57,7 @@ def order_samples(sketch: Sketch, home: Mapping[str, RobotState], samples: list[
 
 
 def _path_length(sketch: Sketch, start: Sample, end: Sample) -> float:
-    """How far the arms go: the largest joint angle [rad], or of poses the distance [m] and the turn [rad]."""
+    """Largest change of any joint [rad]; for robots with poses, of the pose's translation [m] and rotation [rad]."""
     ways = []
     for robot in end.robots.keys() & start.robots.keys():
         one, other = start.robots[robot], end.robots[robot]

@@ -1,4 +1,4 @@
-"""Predicted information of samples before they are taken, with the noise that is known."""
+"""Predicted information of samples before they are taken, with the known or assumed noise."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 from basecal.planning.sketch import Sketch, seen_views, sketch_cell
 
 ASSUMED_NOISE = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3, touch_m=2e-4, grip_rad=1e-3)
-"""Of views, where nothing is stated and nothing was calibrated: what detectors and trackers have on real images."""
+"""Noise of views if it is neither stated nor calibrated: typical of detectors and trackers on real images."""
 
 ASSUMED_ROBOT_SIGMAS = np.repeat([2e-4, 4e-4], 3)
-"""[m, rad] of a robot's pose, likewise: real arms have 0.1 to 0.5 mm and 0.2 to 1 mrad a stop."""
+"""Noise of a robot's pose if unknown, (6,) [m, rad]: real arms have 0.1 to 0.5 mm and 0.2 to 1 mrad per stop."""
 
-_OPEN_SIGMA = 0.3  # [m, rad] a sigma of what nothing is known of, to begin with
-_OPEN_LENS_SIGMA = 1e3  # [px] likewise of a lens; of its distortion more than any has
+_OPEN_SIGMA = 0.3  # [m, rad] prior sigma of an unknown parameter
+_OPEN_LENS_SIGMA = 1e3  # [px] prior sigma of a lens parameter; more than the distortion of any lens
 
 
 @dataclass(frozen=True, eq=False)
 class Prospects:
-    """A cell with what was recorded of it and what could be.
+    """Recorded samples and candidates of a cell, with the information of each.
 
     Attributes:
-        problem: All views, those recorded and those of candidates.
-        state: Where they are predicted.
-        recorded: Numbers of the samples that were recorded.
-        samples: The candidates with what is expected of them, numbered beyond those.
-        roots: (n, p, q) of each candidate: U U' is what it adds to the information.
-        covariance: (p, p) of what was recorded, finite where nothing was.
+        problem: The views of recorded samples and of candidates.
+        state: The state at which the problem is linearised.
+        recorded: Numbers of the recorded samples.
+        samples: The candidates with their predicted observations, numbered after the recorded samples.
+        roots: (n, p, q) root U of each candidate: U U' is the information that it adds.
+        covariance: (p, p) covariance with the recorded samples and a weak prior, which keeps it finite.
     """
 
     problem: Problem
@@ -62,7 +62,7 @@ class Prospects:
     covariance: Array
 
     def group_roots(self, size: int) -> Array:
-        """U of so many candidates after one another, (n / size, p, p): with the stops that they share."""
+        """Roots U of groups of `size` consecutive candidates, (n / size, p, p), with the stops that they share."""
         nothing = linearise(select_samples(self.problem, []), self.state).hessian
         numbers = [sample.sample for sample in self.samples]
         blocks = (numbers[k : k + size] for k in range(0, len(numbers), size))
@@ -71,7 +71,7 @@ class Prospects:
 
     @property
     def recorded_problem(self) -> Problem:
-        """The recorded views alone."""
+        """The problem with only the recorded views."""
         return select_samples(self.problem, list(self.recorded))
 
     def solution(self, choice: Sequence[int]) -> Solution:
@@ -89,13 +89,13 @@ def prospects(
     calibration: Calibration | None,
     views: Sequence[tuple[Sketch, Sequence[Sample]]],
 ) -> Prospects:
-    """Information that candidates would add to a recording.
+    """Predict the information that candidates would add to a recording.
 
     Args:
         cell: The cell.
-        recording: What counts as recorded already; without observations nothing does.
-        calibration: Of it; None if there is none.
-        views: For each camera and target the candidates that show it.
+        recording: The recording; only samples with observations count as recorded.
+        calibration: Calibration of the recording; None if there is none.
+        views: Sketches of cameras and targets, each with its candidates.
     """
     recorded = tuple(sample for sample in recording.samples if sample.observations)
     first = max((sample.sample for sample in recording.samples), default=-1) + 1
@@ -123,14 +123,14 @@ def prospects(
 
 
 def _join_roots(first: Array, second: Array) -> Array:
-    """Roots of which each candidate has one, (n, p, q) of as few columns as do."""
+    """Join the roots of two groups of views, (n, p, q); no candidate is in both groups."""
     if first.shape[-1] == second.shape[-1]:
         return first + second
     return np.concatenate([first, second], axis=-1)
 
 
 def _predict_observation(sketch: Sketch, sample: Sample) -> Observation:
-    """Predicted observation of a camera or tip: all points of the target, or its pose without a lens; or a touch."""
+    """Predict an observation: a touch of a tip, all target points of a camera with a lens, or the target's pose."""
     camera, target = sketch.view
     if sketch.camera.touches:
         return TouchObservation(camera, target)
@@ -142,7 +142,7 @@ def _predict_observation(sketch: Sketch, sample: Sample) -> Observation:
 
 
 def _with_noise(problem: Problem, calibration: Calibration | None) -> Problem:
-    """The problem with the sigmas of a calibration for unstated noise, or those that are assumed."""
+    """The problem with calibrated sigmas for unstated noise, or assumed sigmas without a calibration."""
     found = {} if calibration is None else calibration.noise
     groups = []
     for group in problem.groups:
@@ -157,7 +157,7 @@ def _with_noise(problem: Problem, calibration: Calibration | None) -> Problem:
 
 
 def _state(cell: Cell, problem: Problem, calibration: Calibration | None, sketch: Sketch) -> State:
-    """The cell as the calibration has it, or as it is sketched; no stop has an error."""
+    """State of the problem from the sketch and the calibrated kinematics; errors of stops are zero."""
     cameras = {
         name: camera.intrinsics.camera
         for name, camera in sketch.cell.cameras.items()
@@ -168,10 +168,10 @@ def _state(cell: Cell, problem: Problem, calibration: Calibration | None, sketch
 
 
 def sketches(cell: Cell, calibration: Calibration | None) -> tuple[Sketch, ...]:
-    """The cell as a calibration has it, or as it is guessed, one sketch for each camera and target that it may see.
+    """Sketches of the cell, one for each camera and target that it may see, with calibrated or else guessed values.
 
     Raises:
-        InputError: if it has none, or a transform without a value; the message names it.
+        InputError: if no camera may see a target, or a transform has no value; the message names it.
     """
     found = {} if calibration is None else calibration.transforms
     lenses = {} if calibration is None else calibration.cameras
@@ -190,12 +190,12 @@ def sketches(cell: Cell, calibration: Calibration | None) -> tuple[Sketch, ...]:
 
 
 def calibrated_sketch(cell: Cell, calibration: Calibration | None) -> Sketch:
-    """The sketch of a cell as a calibration has it, or as it is guessed; of the first camera and target.
+    """Sketch of the first camera and target of a cell, with calibrated or else guessed values.
 
-    What the cell states stays, so that no prior counts twice; a lens of which nothing is stated is that calibrated.
+    Its `cell` keeps the stated priors, so that none counts twice; only a lens without a value is the calibrated one.
 
     Raises:
-        InputError: as `sketches`.
+        InputError: under the conditions of `sketches`.
     """
     found = sketches(cell, calibration)[0]
     cameras = {

@@ -1,8 +1,8 @@
-"""Programmed shifts: from stations over the workspace, the target is shifted along its axes before a still camera.
+"""Programmed shifts: at stations over the workspace, the target is shifted along its axes in front of a still camera.
 
-Source: "Base Calibration for Dual Robot System", section 2: the shifts (2.2), and that they are done several times at
-different positions (2.4). We differ: the camera looks straight at the light, and shifts go to both sides. What the
-closed form neglects is then of second order. The length of shifts balances it against the noise of pixels.
+Source: "Base Calibration for Dual Robot System", section 2: the shifts (2.2), and their repetition at different
+positions (2.4). We differ: the camera points straight at the LED, and shifts have both signs. The error of the closed
+form is then of second order. The length of shifts balances this error against pixel noise.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from basecal.planning.candidates import Taught, candidates
 from basecal.planning.feasible import blocked_samples, is_feasible, reach_pose
 from basecal.planning.sketch import Sketch
 
-_ASSUMED_PX = 0.1  # [px] of a light's centre where the cell states no noise: that of a fitted spot
+_ASSUMED_PX = 0.1  # [px] noise of an LED's centre if the cell states none: that of a fitted spot
 DIRECTIONS = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
-"""Where the target goes at a station, in units of the shift, (7, 3): its origin, and both sides along three axes."""
+"""Target positions at a station in units of the shift, (7, 3): the origin, and both signs along three axes."""
 
 STATION_SAMPLES = len(DIRECTIONS)
-"""Of a station."""
+"""Number of samples of a station."""
 
-_PARALLEL_SINE = 1e-12  # sine of an angle that is none
-_STATION_TRIES = 40  # stations that are looked at for each that is wanted
-_ORIGIN_COUNT = 40  # half of them, and more, have a shift that leaves the image or the arm's reach
-_LENGTH_FACTORS = (1.0, 2.0, 4.0)  # of the shift at which pixel noise and what the closed form neglects do least
+_PARALLEL_SINE = 1e-12  # sine below which vectors count as parallel
+_STATION_TRIES = 40  # tried stations for each requested one
+_ORIGIN_COUNT = 40  # at more than half of them, a shift leaves the image or the arm's reach
+_LENGTH_FACTORS = (1.0, 2.0, 4.0)  # times the optimal length of `shift_length`
 
 
 def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int = 0) -> list[Sample]:
-    """Stations with seven samples each: the target at its origin, and shifted to both sides along its three axes.
+    """Plan stations with seven samples each: the target at its origin, and shifted both ways along its three axes.
 
     Args:
-        sketch: What is known of the cell.
-        home: Where the robots are, with the target in view.
-        samples: How many at least; whole stations are made of them.
-        seed: Of the draws.
+        sketch: Sketch of the cell.
+        home: States of the robots, with the target in view.
+        samples: Smallest number of samples; rounded up to whole stations.
+        seed: Seed of the random draws.
 
     Raises:
-        InputError: if the target is on the world, or hardly any station is feasible.
+        InputError: if no robot carries the target, or too few stations are feasible.
     """
     check_target(sketch)
     wanted = max(1, -(-samples // len(DIRECTIONS)))
@@ -56,24 +56,24 @@ def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int
                 found.append(station)
             if len(found) == wanted:
                 return [Sample(k, robots=each.robots) for k, each in enumerate(s for station in found for s in station)]
-    raise InputError(f"only {len(found)} of {wanted} stations can be shifted from: begin farther from the arms' limits")
+    raise InputError(f"only {len(found)} of {wanted} stations are feasible: begin farther from the arms' limits")
 
 
 def check_target(sketch: Sketch) -> None:
     """Check that a robot carries the target.
 
     Raises:
-        InputError: if none does.
+        InputError: if no robot carries it.
     """
     if sketch.target.on not in sketch.cell.robots:
         raise InputError(f"shifts need a target that a robot carries; {sketch.target.name!r} is on the world")
 
 
 def aim_camera(sketch: Sketch, sample: Sample) -> Sample | None:
-    """The sample with its camera turned towards the target; None if the arm does not reach, or nobody carries it.
+    """The sample with the camera rotated towards the target; None if the arm cannot reach it.
 
-    The closed form uses the camera's axis as the ray to the light. Its error grows with the angle between them, however
-    short the shifts are.
+    A camera that no robot carries is not rotated. The closed form uses the camera's axis as the ray to the LED. Its
+    error grows with the angle between them, however short the shifts are.
     """
     eye = sketch.camera.on
     if eye not in sketch.cell.robots:
@@ -91,12 +91,12 @@ def aim_camera(sketch: Sketch, sample: Sample) -> Sample | None:
 
 
 def make_station(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample] | None:
-    """The origin and its six shifts; None if one of them cannot be taken.
+    """The sample at the origin and its six shifts; None if one of them is not feasible.
 
     Args:
-        sketch: What is known of the cell.
-        origin: Where the shifts start from.
-        length_m: Of a shift.
+        sketch: Sketch of the cell.
+        origin: Sample from which the target is shifted.
+        length_m: Length of a shift [m].
     """
     hand = sketch.target.on
     flange_from_target = sketch.transforms[sketch.cell.mount_name(sketch.target.name)]
@@ -113,11 +113,11 @@ def make_station(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample
 
 
 def shift_length(sketch: Sketch, sample: Sample) -> float:
-    """The length of shifts to both sides [m] at which pixel noise and neglected depth rotate the answer the least.
+    """Length of shifts in both directions [m] with the smallest rotation error of the closed form.
 
-    Noise of s px rotates the closed form by a = s d / (sqrt(2) f L) at depth d. The neglected change of depth, which to
-    first order cancels between the two sides, rotates it by (L / d)^2. Their sum is least at L = d (s / (2 sqrt(2)
-    f))^(1/3).
+    Noise of s px rotates the closed form by a = s d / (sqrt(2) f L) at depth d. The neglected change of depth cancels
+    to first order between both directions, and rotates it by (L / d)^2. The sum is smallest at
+    L = d (s / (2 sqrt(2) f))^(1/3).
     """
     depth = float(np.linalg.norm(sketch.camera_from_target(sample).translation))
     focal: Array = sketch.lens.focal
@@ -129,9 +129,9 @@ def stations(sketch: Sketch, views: Sequence[Taught], seed: int = 0) -> list[Sam
     """Samples of feasible stations, one station after another.
 
     Args:
-        sketch: What is known of the cell.
-        views: States of all robots where the target was seen.
-        seed: Of the draws.
+        sketch: Sketch of the cell.
+        views: States of all robots at which the target was seen.
+        seed: Seed of the random draws.
 
     Raises:
         InputError: if no robot carries the target, or no station is feasible.
@@ -148,5 +148,5 @@ def stations(sketch: Sketch, views: Sequence[Taught], seed: int = 0) -> list[Sam
             if not blocked_samples(sketch, station[0].robots, station):
                 found += station
     if not found:
-        raise InputError("no station can be shifted from: teach poses farther from the arms' limits")
+        raise InputError("no station is feasible: teach poses farther from the arms' limits")
     return found

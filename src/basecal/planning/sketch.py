@@ -1,4 +1,4 @@
-"""A cell as far as it is known before anything was seen: good enough to keep a target in view."""
+"""Approximate model of a cell before calibration: accurate enough to keep a target in view."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 
 View = tuple[str, str]
-"""A camera and a target."""
+"""Names of a camera and a target."""
 
 NEAREST_M = 0.2
-"""From a camera to a target, as far as is known before any was seen; assumed: nearer, usual lenses are not sharp."""
+"""Assumed smallest distance from a camera to a target before any was seen: usual lenses are not sharp below it."""
 
 
 def target_points(target: Target | None) -> Array:
-    """Points of a target in its frame, (n, 3) [m]; its origin if its shape is not known."""
+    """Points of a target in its frame, (n, 3) [m]; the origin if the shape is unknown."""
     return np.zeros((1, 3)) if target is None else target.points
 
 
@@ -29,9 +29,9 @@ class Sketch:
 
     Attributes:
         cell: The cell.
-        transforms: By name.
-        view: The camera and the target that are looked at.
-        nearest_m: How near a camera the points of a target may be planned.
+        transforms: Values of the transforms, by name.
+        view: Names of the camera and the target.
+        nearest_m: Smallest depth of a target's points in the camera that a plan may use [m].
     """
 
     cell: Cell
@@ -41,12 +41,12 @@ class Sketch:
 
     @property
     def camera(self) -> CellCamera:
-        """The camera that looks."""
+        """The camera of the view."""
         return self.cell.cameras[self.view[0]]
 
     @property
     def target(self) -> CellTarget:
-        """The target that is looked at."""
+        """The target of the view."""
         return self.cell.targets[self.view[1]]
 
     @property
@@ -54,7 +54,7 @@ class Sketch:
         """The camera's lens.
 
         Raises:
-            InputError: if the cell has none.
+            InputError: if the cell states no lens of the camera.
         """
         lens = None if self.camera.intrinsics is None else self.camera.intrinsics.camera
         if lens is None:
@@ -63,7 +63,7 @@ class Sketch:
 
     @property
     def target_points(self) -> Array:
-        """Points of the target in its frame, (n, 3) [m]; its origin if its shape is not known."""
+        """Points of the target in its frame, (n, 3) [m]; the origin if the shape is unknown."""
         return target_points(self.target.target)
 
     @property
@@ -72,10 +72,10 @@ class Sketch:
         return tuple(dict.fromkeys(on for on in (self.camera.on, self.target.on) if on in self.cell.robots))
 
     def base_from_flange(self, robot: str, state: RobotState) -> SE3:
-        """Where a flange is.
+        """Pose of a robot's flange in its base.
 
         Raises:
-            InputError: if joints are given of a robot without a chain.
+            InputError: if the state has joints and the robot has no kinematic chain.
         """
         if state.base_from_flange is not None:
             return state.base_from_flange
@@ -85,11 +85,11 @@ class Sketch:
         return chain.forward(state.joints_rad)
 
     def world_from_base(self, robot: str) -> SE3:
-        """Where a robot stands."""
+        """Pose of a robot's base in the world."""
         return SE3.identity() if robot == self.cell.reference else self.transforms[self.cell.base_name(robot)]
 
     def body_pose(self, name: str, states: Mapping[str, RobotState]) -> SE3:
-        """Where a camera or target is, with the robots at these states."""
+        """Pose of a camera or target in the world, with the robots at the given states."""
         mount = self.transforms[self.cell.mount_name(name)]
         on = (self.cell.cameras.get(name) or self.cell.targets[name]).on
         if on in self.cell.plates:
@@ -104,7 +104,7 @@ class Sketch:
 
 @dataclass(frozen=True, eq=False)
 class SceneSketch(Sketch):
-    """A cell whose cameras see the scene alone: nothing of its transforms is known, and nothing can be planned."""
+    """A cell whose cameras see only the scene: its transforms are unknown, and nothing can be planned."""
 
     @property
     def movers(self) -> tuple[str, ...]:
@@ -113,10 +113,10 @@ class SceneSketch(Sketch):
 
 
 def led_sketch(cell: Cell) -> Sketch:
-    """The sketch of a cell whose arms a person leads: also of one that sees the scene alone.
+    """Sketch of a cell whose arms a person leads; a cell without targets gives a `SceneSketch`.
 
     Raises:
-        InputError: as `sketch_cell`; or if there is no camera.
+        InputError: under the conditions of `sketch_cell`, or if the cell has no camera.
     """
     if not cell.sees_scene:
         return sketch_cell(cell)
@@ -126,15 +126,15 @@ def led_sketch(cell: Cell) -> Sketch:
 
 
 def seen_views(cell: Cell) -> list[View]:
-    """Each camera and target that it may see: those that do not hang on the same body."""
+    """Pairs of a camera and a target that it may see: all that are not mounted on the same body."""
     return [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
 
 
 def sketch_cell(cell: Cell) -> Sketch:
-    """The sketch of a cell: of its first camera, and the first target that does not hang on the same body.
+    """Sketch of the first camera of a cell and the first target that is not mounted on the same body.
 
     Raises:
-        InputError: if it has none, or a transform without a value; the message names it.
+        InputError: if there is no such pair, or a transform has no value; the message names it.
     """
     views = seen_views(cell)
     if not views and cell.sees_scene:

@@ -1,4 +1,4 @@
-"""Which marks to touch next, and how: one mark more, and touches by all arms that a task needs most."""
+"""Planning of touches: the position of one additional mark, and the most informative touches of all arms."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch
 
 NEXT_MARK = "next_mark"
-"""Name of a mark that is not there yet."""
+"""Name of the additional mark, which does not exist yet."""
 
 PLACES = 48
-"""Places of the next mark that are tried, far from one another and from what was touched."""
+"""Number of tried positions of the next mark, far from one another and from recorded touches."""
 
 ROTATIONS = 100
-"""Touches of each mark by each tip that are tried."""
+"""Number of tried touches of each mark by each tip."""
 
-_DRAWS, _REACHED = 40_000, 400  # places, and of these as many as are in reach of all arms, which may be few
-_AWAY_M = 0.6  # [m] of the next mark from the middle of what was touched
-_FARTHER = 1.05  # than any touch from the base: as far as an arm is known to reach
-_TURN_RAD = 1.6  # [rad] of a tip from a rotation that was recorded
-_COUNT = 12  # of touches by which places are compared if their number is to be found
+_DRAWS, _REACHED = 40_000, 400  # drawn positions, and the number kept of those in reach of all arms
+_AWAY_M = 0.6  # [m] largest distance of the next mark from the mean of the recorded touches
+_FARTHER = 1.05  # times the largest distance of a touch from the base: assumed reach of an arm
+_TURN_RAD = 1.6  # [rad] largest rotation of a tip from a recorded rotation
+_COUNT = 12  # number of touches for the comparison of positions if `count` is None
 
 
 def plan_touches(
@@ -47,18 +47,18 @@ def plan_touches(
     places: int = PLACES,
     rotations: int = ROTATIONS,
 ) -> Plan:
-    """The touches to record for a task, with the place of one mark more if that is better.
+    """Plan the touches to record for a task, with the position of one additional mark if it lowers the error.
 
     Args:
         cell: The cell.
-        recording: Touches that count, and show where the arms reach.
-        calibration: Of them; None if nothing is calibrated, and the cell's own guesses are taken.
-        points_m: (n, 3) the task in the reference's base [m].
-        tolerance_m: The error that 95 of 100 are to stay below [m].
-        count: How many touches; as many as the tolerance needs where None.
-        seed: Of the draws.
-        places: Of the next mark that are tried.
-        rotations: Of each tip at each mark that are tried.
+        recording: The recorded touches; they also show the reach of the arms.
+        calibration: Calibration of the recording; None to use the guesses of the cell.
+        points_m: (n, 3) task points in the reference's base [m].
+        tolerance_m: Largest accepted 95 % quantile of the error [m].
+        count: Number of touches; None for as many as the tolerance needs.
+        seed: Seed of the random draws.
+        places: Number of tried positions of the next mark.
+        rotations: Number of tried rotations of each tip at each mark.
 
     Raises:
         InputError: if no tip of the cell has touched anything, or a transform has no guess.
@@ -67,7 +67,7 @@ def plan_touches(
     known = sketches(cell, calibration)[0]
     touches = list(_touches(known, recording))
     if not touches:
-        raise InputError("a plan of touches begins at touches: import or capture some of each arm first")
+        raise InputError("a plan of touches needs recorded touches: import or capture some of each arm first")
     marks = [name for name, mark in cell.targets.items() if mark.target is not None and mark.target.kind == "mark"]
     offers = _offers(known, marks, touches, rotations, rng)
     choices = [_Choice(cell, offers, {})]
@@ -85,7 +85,7 @@ def plan_touches(
 
 
 class _Choice(NamedTuple):
-    """A cell with or without the next mark, touches to choose from, and where that mark is."""
+    """A cell with or without the next mark, the touches to choose from, and the mark's position, (3,) [m], by name."""
 
     cell: Cell
     offers: list[Offer]
@@ -93,7 +93,7 @@ class _Choice(NamedTuple):
 
 
 def _touches(sketch: Sketch, recording: Recording) -> Iterator[tuple[str, RobotState]]:
-    """Tips that touched, and where their robots were."""
+    """Tips of recorded touches, with the states of their robots."""
     tips = {name: camera.on for name, camera in sketch.cell.cameras.items() if camera.kind == "tip"}
     for sample in recording.samples:
         for seen in sample.observations:
@@ -105,7 +105,7 @@ def _touches(sketch: Sketch, recording: Recording) -> Iterator[tuple[str, RobotS
 def _places(
     sketch: Sketch, touches: Sequence[tuple[str, RobotState]], count: int, rng: np.random.Generator
 ) -> list[Array]:
-    """Places (3,) of a mark that all arms reach, far from one another and from what was touched."""
+    """Positions of a mark, (3,) each [m], in reach of all arms, far from one another and from recorded touches."""
     robots = {tip: sketch.cell.cameras[tip].on for tip, _ in touches}
     touched = np.array([sketch.body_pose(tip, {robots[tip]: state}).translation for tip, state in touches])
     drawn = touched.mean(0) + _AWAY_M * draw_in_ball(rng, _DRAWS)
@@ -122,7 +122,7 @@ def _places(
 
 
 def with_marks(cell: Cell, marks: Mapping[str, Array]) -> Cell:
-    """The cell with free marks about places, (3,) each [m]."""
+    """The cell with additional free marks at guessed positions, (3,) each [m]."""
     made = {
         name: CellTarget(name, WORLD, Unknown("free", SE3(np.eye(3), place)), tip_shape("mark"))
         for name, place in marks.items()
@@ -137,7 +137,7 @@ def _offers(
     count: int,
     rng: np.random.Generator,
 ) -> list[Offer]:
-    """Touches of each mark by each tip."""
+    """Draw touches of each mark by each tip."""
     recorded: dict[str, list[RobotState]] = {}
     for tip, state in touches:
         recorded.setdefault(tip, []).append(state)
@@ -150,7 +150,7 @@ def _offers(
 
 
 def _touch_states(sketch: Sketch, states: Sequence[RobotState], rng: np.random.Generator) -> list[RobotState]:
-    """States of a robot whose tip is at a mark, turned from those that were recorded."""
+    """Robot states with the tip at the mark, with rotations drawn near recorded ones."""
     tip, mark = sketch.view
     robot = sketch.camera.on
     turned = rotation_exp(_TURN_RAD * draw_in_ball(rng, len(states)))

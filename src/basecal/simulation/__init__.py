@@ -1,4 +1,4 @@
-"""Cells with known truth, and recordings of them."""
+"""Simulated cells with known truth, and their recordings."""
 
 from basecal.simulation.scenario import Scenario, SimulatedCell
 from basecal.simulation.testbed import simulate

@@ -1,6 +1,6 @@
-"""Robots given by joints: a made-up arm of six axes, how it truly stands, and joints that bring it to poses.
+"""Robots with joints: a fictitious arm with six axes, its true kinematics, and its inverse kinematics.
 
-The arm's numbers are made up: a shoulder, two links of 0.42 and 0.39 m, and a wrist whose axes do not meet.
+The fictitious arm has a shoulder, two links of 0.42 and 0.39 m, and a wrist whose axes do not intersect.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _JOINT_ROTATIONS_RAD = (
 )
 _MASSES_KG = (4.0, 8.0, 3.0, 1.5, 1.5, 0.8)
 _MASS_CENTRES_M = ((0, 0.02, 0), (-0.2, 0, 0.1), (-0.2, 0, 0.05), (0, -0.02, 0), (0, 0.02, 0), (0, 0, 0.05))
-_MIDDLE_RAD = (0.0, -1.2, 1.5, -1.8, 1.4, 0.0)  # bent elbow and wrist: no axes in line
+_MIDDLE_RAD = (0.0, -1.2, 1.5, -1.8, 1.4, 0.0)  # bent elbow and wrist: no aligned axes
 _REACH_RAD = (np.pi, 0.4, 0.4, 0.5, 0.5, np.pi)
 _INVERSE_STEPS = 25
 _LARGEST_STEP = 0.5  # [rad]
@@ -44,12 +44,12 @@ _REACH_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """A robot given by joints.
+    """A robot with joints.
 
     Attributes:
-        chain: Its kinematics as stated.
-        true: Its kinematics as they are.
-        home: (n,) joints [rad] at its home pose.
+        chain: Stated kinematics.
+        true: True kinematics.
+        home: (n,) joints at the home pose [rad].
     """
 
     chain: SerialChain
@@ -58,7 +58,7 @@ class Arm:
 
 
 def six_axis() -> SerialChain:
-    """The made-up arm."""
+    """Kinematic chain of the fictitious arm."""
     tip = SE3.from_rpy((0, 0, 0), (0, 0, 0.09))
     masses = Masses(np.array(_MASSES_KG), np.array(_MASS_CENTRES_M))
     return elbow_arm(_JOINT_ORIGINS_M, tip, np.full(6, 2 * np.pi), masses)
@@ -67,13 +67,13 @@ def six_axis() -> SerialChain:
 def elbow_arm(
     joint_origins_m: Sequence[tuple[float, float, float]], tip: SE3, limits_rad: Array, masses: Masses
 ) -> SerialChain:
-    """An arm of six axes with a shoulder, an elbow and a wrist, as Universal Robots' arms have them.
+    """Kinematic chain of an arm with six axes: shoulder, elbow and wrist, in the design of Universal Robots' arms.
 
     Args:
-        joint_origins_m: Of each joint in the frame of the one before [m].
-        tip: Of the flange in the frame of the last joint.
-        limits_rad: (6,) how far each joint turns either way.
-        masses: Of the links.
+        joint_origins_m: Origin of each joint in the frame of the previous joint [m].
+        tip: Pose of the flange in the frame of the last joint.
+        limits_rad: (6,) symmetric limits of the joints.
+        masses: Masses of the links.
     """
     places = zip(_JOINT_ROTATIONS_RAD, joint_origins_m, strict=True)
     origins = SE3.stack([SE3.from_rpy(turn, place) for turn, place in places])
@@ -82,9 +82,9 @@ def elbow_arm(
 
 
 def with_arms(scene: Scene, scenario: Scenario, rng: Generator) -> tuple[Scene, dict[str, Arm]]:
-    """The scene with its bases put where its homes are within the arms' reach, and the arms.
+    """Draw arms, and move the bases so that the arms reach the homes; the new scene, and the arms.
 
-    What stands on the world keeps its place before the robots, so that every view of the homes stays as it was.
+    Flanges, cameras and targets keep their relative poses, so that the views at the homes do not change.
 
     Raises:
         InputError: if a robot has several homes.
@@ -122,12 +122,12 @@ def _arm(scenario: Scenario, rng: Generator) -> Arm:
 
 
 def solve_joints(chain: SerialChain, base_from_flange: SE3, start: Array) -> tuple[Array, BoolArray]:
-    """Joints that bring the flange to poses, (m, n) [rad], and which of them do, (m,).
+    """Solve the inverse kinematics; joints, (m, n) [rad], and which of them reach their pose, (m,).
 
     Args:
-        chain: The arm.
-        base_from_flange: (m,) where to.
-        start: (n,) joints that bring it near, or (m, n), those of each pose.
+        chain: Kinematic chain of the arm.
+        base_from_flange: (m,) goals of the flange.
+        start: (n,) or (m, n) joints from which the iterations start.
     """
     q = np.array(np.broadcast_to(start, (len(base_from_flange), chain.n)))
     for _ in range(_INVERSE_STEPS):

@@ -1,4 +1,4 @@
-"""Random vectors, rotations, lenses and targets."""
+"""Random draws of vectors, rotations, lenses and targets."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ SIZE_PX = (1280, 720)
 
 
 def draw_in_ball(rng: Generator, n: int, radius: float) -> Array:
-    """Vectors uniform in a ball, (n, 3)."""
+    """Draw vectors uniformly in a ball, (n, 3)."""
     return radius * candidates.draw_in_ball(rng, n)
 
 
 def rotations(rng: Generator, n: int) -> Array:
-    """Rotations uniform over all, (n, 3, 3)."""
+    """Draw uniform random rotations, (n, 3, 3)."""
     q = rng.standard_normal((n, 4))
     return rotation_from_quaternion(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
 
 def tangents(rng: Generator, n: int, sigma: tuple[float, float]) -> Array:
-    """Normal tangents with sigmas (translation [m], rotation [rad]) per axis, (n, 6)."""
+    """Draw normal tangent vectors with sigmas (translation [m], rotation [rad]) per axis, (n, 6)."""
     noise: Array = rng.standard_normal((n, 6)) * np.repeat(sigma, 3)
     return noise
 
 
 def mount(rng: Generator, point: bool) -> SE3:
-    """A mount: within 0.1 m, turned anyhow, or not at all where it holds a mere `point`."""
+    """Draw a mount: translation within 0.1 m, and a random rotation; no rotation for a `point`."""
     rotation = np.eye(3) if point else rotations(rng, 1)[0]
     return SE3(rotation, draw_in_ball(rng, 1, 0.1)[0])
 
 
 def lens(rng: Generator, scenario: Scenario) -> Camera:
-    """The scenario's lens, or a usual one of its model."""
+    """The scenario's lens, or a random lens of its model."""
     if scenario.camera is not None:
         return scenario.camera
     model = model_lenses(scenario.lens)[0]
@@ -52,7 +52,7 @@ def lens(rng: Generator, scenario: Scenario) -> Camera:
 
 
 def shape(rng: Generator, scenario: Scenario) -> Target:
-    """The scenario's board, or one of the kind it sees."""
+    """The scenario's board, or a random target of its kind."""
     if scenario.board is not None:
         return scenario.board
     if scenario.target == "pose":

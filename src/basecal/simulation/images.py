@@ -1,4 +1,4 @@
-"""Images of a simulated cell: what its cameras would see, written beside the recording."""
+"""Rendered images of a simulated cell's recording."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ Step = Callable[[int, int], None]
 
 
 def render_recording(simulation: SimulatedCell, folder: Path, seed: int = 0, step: Step | None = None) -> Recording:
-    """Write an image for every view of a simulated cell; the recording then names images and holds no detections.
+    """Render an image for every view of a simulated cell; the recording with image paths instead of detections.
 
-    Lights get a second image with the light off, as `background`.
+    For LEDs, a second image with the LED off is written as `background`.
 
     Args:
-        simulation: The cell; its cameras need an image size, its targets a shape.
-        folder: The cell's folder; images go to `recording/images/<camera>/`.
-        seed: Of the images' noise.
-        step: Called with the number of samples done and of all.
+        simulation: The cell; its cameras need an image size, and its targets a shape.
+        folder: The cell's folder; images are written to `recording/images/<camera>/`.
+        seed: Seed of the image noise.
+        step: Receives the number of finished samples and the total number.
 
     Raises:
-        InputError: if a camera gives poses or 3-D points, which have no images.
+        InputError: if a camera observes poses or 3-D points, which have no images.
     """
     samples = simulation.recording.samples
     out = []
@@ -55,7 +55,7 @@ def _render_sample(
         target = simulation.cell.targets[observation.target].target
         camera = simulation.cameras[observation.camera]
         if target is None or camera.size_px is None:
-            raise InputError(f"{observation.camera} gives no images of {observation.target}: simulate pixels instead")
+            raise InputError(f"{observation.camera} has no images of {observation.target}: simulate pixels instead")
         seen = camera_from_target(simulation, observation.camera, observation.target, index)
         if not target.sheets:
             lit, points = LightSettings(), seen @ target.points
@@ -74,6 +74,6 @@ def _write(folder: Path, name: str, image: Any) -> str:
 
 
 def camera_from_target(simulation: SimulatedCell, camera: str, target: str, index: int) -> SE3:
-    """Where a target truly was in a camera at a sample, by the one equation."""
+    """True pose of a target in a camera at a sample."""
     robots = {name: RobotState(poses[index]) for name, poses in simulation.true_base_from_flange.items()}
     return Sketch(simulation.cell, simulation.truth, (camera, target)).camera_from_target(Sample(index, robots=robots))

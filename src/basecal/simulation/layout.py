@@ -1,4 +1,4 @@
-"""Carriers of cameras and targets, and pairs that see one another."""
+"""Carriers of cameras and targets, and pairs of a camera and a visible target."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ View = tuple[str, str]
 
 @dataclass(frozen=True)
 class Layout:
-    """The plan of a cell.
+    """The layout of a cell.
 
     Attributes:
-        robots: Their names, the reference first.
-        cameras: The robot that carries each, or `world`.
-        targets: Likewise.
-        groups: Pairs (camera, target) that are seen at once; one group is recorded after another.
-        records_all: Whether robots that carry nothing of a group are recorded with it, parked.
+        robots: Names of the robots, the reference first.
+        cameras: Carrier of each camera: a robot, or `world`.
+        targets: Carrier of each target: a robot, or `world`.
+        groups: Pairs (camera, target) that are observed in the same sample; groups are recorded one after another.
+        records_all: Whether the parked robots, which carry nothing of a group, are also recorded.
     """
 
     robots: tuple[str, ...]
@@ -31,17 +31,17 @@ class Layout:
     records_all: bool = True
 
     def carrier(self, name: str) -> str:
-        """The robot that carries a camera or target, or `world`."""
+        """Carrier of a camera or target: a robot, or `world`."""
         return self.cameras.get(name) or self.targets[name]
 
     def movers(self, group: tuple[View, ...]) -> tuple[str, ...]:
-        """Robots that carry something of a group: cameras' first, in the order of the views."""
+        """Robots that carry the cameras and targets of a group: those of cameras first, in the order of the views."""
         carriers = [self.cameras[camera] for camera, _ in group] + [self.targets[target] for _, target in group]
         return tuple(dict.fromkeys(carrier for carrier in carriers if carrier != WORLD))
 
 
 def make_layout(name: LayoutName, robots: int = 3) -> Layout:
-    """The plan of that name; `robots` counts those of a `chain`, a `ring` or a `grid`."""
+    """Layout of a given name; `robots` is the number of robots of a `chain`, a `ring` or a `grid`."""
     if name in ("chain", "ring", "grid"):
         return _many_robots(name, robots)
     wrist, both = (("wrist", "board"),), (("left_camera", "board"), ("right_camera", "board"))
@@ -57,13 +57,13 @@ def make_layout(name: LayoutName, robots: int = 3) -> Layout:
 
 
 def _many_robots(name: LayoutName, robots: int) -> Layout:
-    """Robots that each carry a camera if they see another, and a board if they are seen."""
+    """Layout in which robots carry a camera if they observe another robot, and a board if they are observed."""
     names = tuple(f"r{k + 1}" for k in range(robots))
     if name == "grid":
-        row = math.isqrt(robots)  # as near to a square as whole rows are, the last one shorter
+        row = math.isqrt(robots)  # length of the rows, as square as possible; the last row may be shorter
         seen = [(k, k + 1) for k in range(robots - 1) if (k + 1) % row] + [(k, k + row) for k in range(robots - row)]
     else:
-        steps = (1, 2) if name == "ring" and robots > 2 else (1,)  # of two robots the next but one is the robot itself
+        steps = (1, 2) if name == "ring" and robots > 2 else (1,)  # of two robots, the second next is the robot itself
         seen = [(k, (k + step) % robots) for k in range(robots) for step in steps]
     cameras = {f"camera{a + 1}": names[a] for a in sorted({a for a, _ in seen})}
     targets = {f"board{b + 1}": names[b] for b in sorted({b for _, b in seen})}

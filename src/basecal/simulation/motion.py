@@ -1,4 +1,4 @@
-"""Where the robots go: poses about a home, at which every target stays in view."""
+"""Motions of the robots: random poses about a home, with every target in view."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class Motion:
 
     Attributes:
         group: Number of the group.
-        recorded: By robot, (n,): what is recorded.
-        true: By robot, (n,): where it was.
-        joints: By robot given by joints, (n, joints): what is recorded [rad].
+        recorded: Recorded poses of the flange by robot, (n,).
+        true: True poses of the flange by robot, (n,).
+        joints: Recorded joints by robot with joints, (n, joints) [rad].
     """
 
     group: int
@@ -47,14 +47,14 @@ class Motion:
 
 
 def points_in_camera(scene: Scene, view: View, states: Mapping[str, SE3]) -> Array:
-    """Every point of the target of a view, (n, points, 3) [m], with the robots at `states`, (n,)."""
+    """Points of a view's target in the camera, (n, points, 3) [m], with the robots at `states`, (n,)."""
     seen = scene.camera_from_target(view, dict(states))
     moved: Array = seen[:, None] @ scene.shapes[view[1]].points
     return moved
 
 
 def seen_points(scene: Scene, scenario: Scenario, view: View, states: Mapping[str, SE3]) -> Mask:
-    """Which points of a view are seen, (n, points); a board only from its front, and not too flat."""
+    """Which points of a view are visible, (n, points); a board only from its front, and not at a grazing angle."""
     camera, target = view
     points = points_in_camera(scene, view, states)
     mask = points_in_image(scene.lenses[camera], points, _MARGIN_PX + 5 * scenario.pixel_px)
@@ -65,7 +65,7 @@ def seen_points(scene: Scene, scenario: Scenario, view: View, states: Mapping[st
 
 
 def _visibility_mask(scene: Scene, scenario: Scenario, group: int, states: States) -> Mask:
-    """Whether all views of a group see enough of their targets, (n,)."""
+    """Whether all views of a group show enough points of their targets, (n,)."""
     enough = np.ones(len(next(iter(states.values()))), dtype=bool)
     for view in scene.layout.groups[group]:
         seen = seen_points(scene, scenario, view, states)
@@ -75,7 +75,7 @@ def _visibility_mask(scene: Scene, scenario: Scenario, group: int, states: State
 
 
 def _draw_poses(scene: Scene, scenario: Scenario, group: int, robot: str, n: int, rng: Generator) -> SE3:
-    """Poses about the home, (n,): turned about the target, so that it stays in view, and shifted."""
+    """Draw poses about the home, (n,): rotated about the target, which keeps it in view, and translated."""
     turn = rotation_exp(draw.draw_in_ball(rng, n, scenario.spread_rad))
     target = scene.layout.groups[group][0][1]
     pivot: Array = scene.body_pose(target, scene.homes[group]) @ scene.shapes[target].points.mean(0)
@@ -88,10 +88,10 @@ def _draw_poses(scene: Scene, scenario: Scenario, group: int, robot: str, n: int
 def _draw(
     scene: Scene, scenario: Scenario, group: int, resting: States, n: int, rng: Generator, arms: Mapping[str, Arm]
 ) -> Motion:
-    """`n` samples with the robots of `resting` there, at one stop, and the group's others moving.
+    """Draw `n` samples; robots in `resting` stay at one stop, the other robots of the group move.
 
     Raises:
-        InputError: if hardly any pose sees the target.
+        InputError: if too few poses show the target.
     """
     robots = scene.homes[group]
     offset = {robot: SE3.exp(draw.tangents(rng, 1, scenario.robot_noise)) for robot in resting}
@@ -129,7 +129,7 @@ def _resting_states(scene: Scene, group: int, robots: tuple[str, ...]) -> States
 def _parts(
     scene: Scene, scenario: Scenario, group: int, n: int, rng: Generator, arms: Mapping[str, Arm]
 ) -> list[tuple[States, int]]:
-    """Which robots stand still where, and for how many samples, one part after another."""
+    """Consecutive parts of a motion: poses of resting robots, and number of samples."""
     movers = scene.layout.movers(scene.layout.groups[group])
     if not scenario.spread_rad and not scenario.position_m:
         return [(_resting_states(scene, group, movers), n)]
@@ -148,10 +148,10 @@ def _parts(
 
 
 def draw_motions(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> list[Motion]:
-    """All samples of a scenario: its groups share them evenly, one after another; a part with no sample is left out.
+    """Draw all samples of a scenario, divided evenly among its groups; parts without samples are omitted.
 
     Raises:
-        InputError: if the scenario's arms do not suit its layout, or hardly any pose sees the target.
+        InputError: if the scenario's arms do not suit its layout, or too few poses show the target.
     """
     parts = [
         (group, *part)

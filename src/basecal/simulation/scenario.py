@@ -1,4 +1,4 @@
-"""Scenarios to simulate, and the simulated cells."""
+"""Scenarios of simulations, and simulated cells."""
 
 from __future__ import annotations
 
@@ -32,53 +32,54 @@ _CHOICES = {
 
 @dataclass(frozen=True)
 class Scenario:
-    """A kind of cell and of recording; a seed makes one of it.
+    """Parameters of a cell and its recording; a seed selects one realisation.
 
     Sigmas in pairs are (translation [m], rotation [rad]), per axis.
 
     Attributes:
-        samples: How many instants.
-        target: What is seen: pixels of a board, of rigid points or of one light, or the target's pose, or 3-D points.
-        arms: Which robot moves. The eye carries the camera, the hand the target (with two cameras: the first and the
-            second robot). `halves`: the hand is still, then the eye. `stations`: the eye stops at a few places, the
+    Attributes:
+        samples: Number of samples.
+        target: Observations: pixels of a board, of rigid points or of one LED, or the target's pose, or 3-D points.
+        arms: Moving robots. The eye carries the camera, the hand the target (with two cameras: the first and the second
+            robot). `halves`: first the hand is at rest, then the eye. `stations`: the eye stops at a few places, the
             hand moves at each.
-        layout: One of these. `dual` (robots eye and hand), `eye_in_hand` and `eye_to_hand` (robot arm, camera or target
-            on world). `two_cameras` (robots left and right, board on world), `two_world_cameras` (robot arm holds the
-            board). `chain`: a ring of robots r1, r2, ..., in which each sees the target of the next, one pair after
-            another. `ring`: likewise, and each sees the next but one, which makes loops. `grid`: robots in rows, in
-            which each sees those to its right and below. In a sample of a `ring` or a `grid` only the pair's robots are
-            recorded.
-        robots: How many robots are in a `chain`, `ring` or `grid`.
-        stations: How many stations.
-        base: What the cell states of the bases.
-        camera_mount: What the cell states of the cameras' mounts.
-        target_mount: What the cell states of the targets' mounts.
-        intrinsics: What the cell states of the lenses.
+        layout: Layout of the cell. `dual` has robots eye and hand. `eye_in_hand` and `eye_to_hand` have a robot arm,
+            and the target or the camera on the world. `two_cameras` has robots left and right, and the board on the
+            world. In `two_world_cameras`, the robot arm holds the board. `chain` is a ring of robots r1, r2, ...; each
+            observes the target of the next, one pair after another. In a `ring`, each also observes the second next,
+            which closes loops. `grid` has robots in rows; each observes the robots to its right and below. Samples of a
+            `ring` or a `grid` contain only the robots of a pair.
+        robots: Number of robots in a `chain`, `ring` or `grid`.
+        stations: Number of stations.
+        base: Status of the bases in the cell.
+        camera_mount: Status of the cameras' mounts in the cell.
+        target_mount: Status of the targets' mounts in the cell.
+        intrinsics: Status of the lenses in the cell.
         base_prior: Sigmas of a base's prior.
         mount_prior: Sigmas of a mount's prior.
         intrinsics_prior: Sigmas of focal lengths [px], centre [px] and distortion coefficients of a lens's prior.
-        lens: The cameras' model, where `camera` is None.
-        camera: The true lens of every camera; drawn where None.
-        board: The target's shape; one of the kind requested where None. With `pose` it bounds what is in view.
+        lens: Lens model of the cameras if `camera` is None.
+        camera: True lens of every camera; None to draw it.
+        board: Shape of the target; None to draw it. With `pose`, it determines which poses are in view.
         pixel_px: True sigma of a pixel coordinate [px].
         correlated_px: True sigma of an error that all points of a view share, per coordinate [px].
-        state_pixel_noise: Whether the cell states both.
+        state_pixel_noise: Whether the cell states `pixel_px` and `correlated_px`.
         robot_noise: True sigmas of a recorded pose in flange axes, drawn once per robot and stop.
-        state_robot_noise: Whether the cell states them.
+        state_robot_noise: Whether the cell states `robot_noise`.
         pose_noise: True sigmas of an observed pose in the target's axes.
         point_m: True sigma of a coordinate of an observed 3-D point [m].
         state_observation_noise: Whether the recording states the sigmas of poses and 3-D points.
-        spread_rad: Flanges turn from their home by at most this angle, uniformly in the ball of rotation vectors.
-        position_m: Besides turning about the target, flanges shift by at most this, uniformly in a ball.
-        distance_m: Least and greatest distance of target and camera at the home poses.
-        partial: Whether views of a part of the target are kept, from 8 points on.
-        joints: Whether robots are arms of six axes that record joints; not for the layout `chain`.
+        spread_rad: Largest rotation of flanges from their home, uniform in the ball of rotation vectors.
+        position_m: Largest translation of flanges in addition to the rotation about the target, uniform in a ball.
+        distance_m: Smallest and largest distance of target and camera at the home poses.
+        partial: Whether views of a part of the target, with at least 8 points, are kept.
+        joints: Whether robots are arms with six axes that record joints; not for the layout `chain`.
         joint_offset_rad: Sigma of each joint's true offset [rad].
         link_error: True sigmas of the errors of each origin and the tip of an arm.
-        joint_offsets: What the cell states of the offsets; a prior has the true sigma.
-        link_parameters: What the cell states of the links; a prior has the true sigmas.
+        joint_offsets: Status of the joint offsets in the cell; a prior has the true sigma.
+        link_parameters: Status of the links in the cell; a prior has the true sigmas.
         compliance: Sigma of each joint's true compliance [rad/Nm].
-        deflection: What the cell states of the compliances; a prior has the true sigma.
+        deflection: Status of the compliances in the cell; a prior has the true sigma.
     """
 
     samples: int = 30
@@ -136,16 +137,16 @@ class Scenario:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedCell:
-    """A cell, what was recorded in it, and the truth.
+    """A cell, its recording, and the truth.
 
     Attributes:
-        cell: What a solver is given.
-        recording: What was seen, with noise.
-        truth: Every transform of `cell.transforms`, by name.
-        cameras: The true lenses, by name.
-        true_base_from_flange: (samples,) by robot: where it was, of which `recording` holds what it said. The truth
-            is `recorded @ SE3.exp(e)`, one `e` per robot and stop.
-        robots: The true kinematics of robots given by joints.
+        cell: The cell that a solver receives.
+        recording: The recording with noise.
+        truth: True value of every transform of `cell.transforms`, by name.
+        cameras: True lenses, by name.
+        true_base_from_flange: True poses of the flange by robot, (samples,). They are `recorded @ SE3.exp(e)` with one
+            error `e` per robot and stop.
+        robots: True kinematics of robots with joints.
     """
 
     cell: Cell

@@ -1,4 +1,4 @@
-"""The truth of a cell: where everything stands, and a home pose at which every camera looks at its target."""
+"""The true geometry of a cell, and home poses at which every camera sees its target."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _REACH_M = (0.25, 1.1)
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Where everything stands.
+    """True geometry of a cell.
 
     Attributes:
-        layout: The plan.
-        lenses: By camera.
-        shapes: By target.
+        layout: The layout.
+        lenses: Lenses by camera.
+        shapes: Shapes by target.
         bases: `world_from_base` by robot.
         mounts: `carrier_from_thing` by camera or target.
-        homes: By group: `base_from_flange` of its robots, at which its cameras look at its targets.
-        parked: `base_from_flange` of a robot while others are recorded.
+        homes: `base_from_flange` by robot for each group, at which its cameras see its targets.
+        parked: `base_from_flange` of each robot while other robots are recorded.
     """
 
     layout: Layout
@@ -42,31 +42,31 @@ class Scene:
     parked: dict[str, SE3]
 
     def body_pose(self, name: str, base_from_flange: dict[str, SE3]) -> SE3:
-        """Pose of a camera or target, (...), while the robots are at `base_from_flange`, (...)."""
+        """Pose of a camera or target in the world, (...), with the robots at `base_from_flange`, (...)."""
         carrier = self.layout.carrier(name)
         if carrier == WORLD:
             return self.mounts[name]
         return self.bases[carrier] @ base_from_flange[carrier] @ self.mounts[name]
 
     def camera_from_target(self, view: View, base_from_flange: dict[str, SE3]) -> SE3:
-        """Pose of the target in a camera, (...), while the robots are at `base_from_flange`, (...)."""
+        """Pose of a view's target in its camera, (...), with the robots at `base_from_flange`, (...)."""
         camera, target = view
         seen = self.body_pose(camera, base_from_flange).inverse() @ self.body_pose(target, base_from_flange)
         return seen
 
 
 def is_flat(target: Target) -> bool:
-    """Whether the target is a board: it can be seen from its front only."""
+    """Whether the target is a board, which is visible only from its front."""
     return len(target.points) > 1 and not np.any(target.points[:, 2])
 
 
 def front(target: Target) -> Array:
-    """Axes of a board's front as it is looked at, x right and y down, as columns in its own frame, (3, 3)."""
+    """Axes of a board's front in the target's frame, as columns, (3, 3): x right and y down for a viewer."""
     return target.sheets[0].target_from_sheet.rotation if target.sheets else np.eye(3)
 
 
 def _bases(rng: Generator, robots: tuple[str, ...]) -> dict[str, SE3]:
-    """Bases on a ring, neighbours 1 to 2 m apart, at any yaw and a moderate tilt; each fifth is turned anyhow."""
+    """Draw bases on a ring, neighbours 1 to 2 m apart, with any yaw and a moderate tilt; 20 % have any rotation."""
     n = len(robots)
     radius = rng.uniform(1.0, 2.0) / (2 * np.sin(np.pi / max(n, 2)))
     angle = rng.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(n) / n
@@ -81,7 +81,7 @@ def _bases(rng: Generator, robots: tuple[str, ...]) -> dict[str, SE3]:
 
 
 def _poses_in_reach(rng: Generator, n: int) -> SE3:
-    """Poses of a flange, (n,): above the base, 0.4 to 0.8 m from it, turned anyhow."""
+    """Draw poses of a flange, (n,): above the base, 0.4 to 0.8 m from it, with any rotation."""
     direction = rng.standard_normal((n, 3))
     direction[:, 2] = np.abs(direction[:, 2])
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -89,7 +89,7 @@ def _poses_in_reach(rng: Generator, n: int) -> SE3:
 
 
 def _views(rng: Generator, scenario: Scenario, target: Target, n: int) -> SE3:
-    """Poses `camera_from_target`, (n,), near the optical axis; a board shows its front."""
+    """Draw poses `camera_from_target`, (n,), near the optical axis; a board shows its front."""
     rotation = draw.rotations(rng, n)
     if is_flat(target):
         roll = rotation_exp(rng.uniform(-np.pi, np.pi, (n, 1)) * np.eye(3)[2])
@@ -100,14 +100,14 @@ def _views(rng: Generator, scenario: Scenario, target: Target, n: int) -> SE3:
 
 
 def as_point(pose: SE3, target: Target) -> SE3:
-    """The pose without rotation that leaves the target's only point where it is."""
+    """The pose without rotation that keeps the position of the target's only point."""
     return SE3(np.broadcast_to(np.eye(3), pose.rotation.shape).copy(), pose @ target.points[0] - target.points[0])
 
 
 def _place_body(
     name: str, world_from_thing: SE3, scene: Scene, flanges: dict[str, SE3], world_mounts: dict[str, SE3]
 ) -> None:
-    """Put a camera or target there: by its carrier's flange, or by its mount if that is on the world."""
+    """Set the pose of a camera or target: through its carrier's flange, or through its mount on the world."""
     carrier = scene.layout.carrier(name)
     target = scene.shapes.get(name)
     if carrier != WORLD:
@@ -121,13 +121,13 @@ def _place_body(
 def _place(
     group: tuple[View, ...], scene: Scene, scenario: Scenario, rng: Generator
 ) -> tuple[dict[str, SE3], dict[str, SE3]]:
-    """Candidates of `world_from_flange` of a group's robots, and of the mounts of what stands on the world."""
+    """Draw candidates of `world_from_flange` of a group's robots, and of mounts on the world."""
     first = scene.layout.movers(group)[0]
     flanges = {first: scene.bases[first] @ _poses_in_reach(rng, _CANDIDATE_COUNT)}
     fixed: dict[str, SE3] = {}
 
     def known_pose(name: str) -> SE3 | None:
-        """Where a camera or a target stands, if that is known yet."""
+        """Pose of a camera or a target in the world; None if it is not drawn yet."""
         carrier = scene.layout.carrier(name)
         return flanges[carrier] @ scene.mounts[name] if carrier in flanges else fixed.get(name)
 
@@ -144,7 +144,7 @@ def _place(
 def _homes(
     group: tuple[View, ...], scene: Scene, scenario: Scenario, rng: Generator
 ) -> tuple[dict[str, SE3], dict[str, SE3]]:
-    """The candidate of `_place` nearest to what the robots reach: `base_from_flange`, and mounts on the world."""
+    """The candidate of `_place` that is best within the robots' reach: `base_from_flange`, and mounts on the world."""
     flanges, fixed = _place(group, scene, scenario, rng)
     homes = {robot: scene.bases[robot].inverse() @ flanges[robot] for robot in flanges}
     away = np.stack([np.linalg.norm(home.translation, axis=-1) for home in homes.values()])
@@ -154,7 +154,7 @@ def _homes(
 
 
 def draw_scene(scenario: Scenario, layout: Layout, rng: Generator) -> Scene:
-    """A scene of that plan; the same for every noise and every status of the scenario."""
+    """Draw a scene of a layout; it does not depend on the noise and the statuses of the scenario."""
     shapes = {name: draw.shape(rng, scenario) for name in layout.targets}
     lenses = {name: draw.lens(rng, scenario) for name in layout.cameras}
     carried = {name: on for name, on in (*layout.cameras.items(), *layout.targets.items()) if on != WORLD}

@@ -1,4 +1,4 @@
-"""Recordings of the paper's method: a camera that stands still while a light is shifted along its axes."""
+"""Recordings of the paper's method: a camera at rest observes an LED that is shifted along its axes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PARALLEL_TOLERANCE = 1e-9
 
 
 def shift_directions(is_two_sided: bool) -> Array:
-    """Where the light goes at a station, in units of the shift, (4, 3) or (7, 3); the first is the origin."""
+    """Positions of the LED at a station in units of the shift, (4, 3) or (7, 3); the first is the origin."""
     return DIRECTIONS if is_two_sided else DIRECTIONS[:4]
 
 
@@ -39,17 +39,17 @@ def simulate_shifts(
     pixel_px: float = 0.0,
     seed: int = 0,
 ) -> SimulatedCell:
-    """A cell whose camera sees a light shifted along its own axes, at one station or several.
+    """Simulate a cell whose camera observes an LED shifted along its own axes, at one or several stations.
 
     Args:
-        eye_base_from_hand_base: The truth that is looked for.
-        eye_base_from_camera: Where the camera stood, (stations,).
-        hand_base_from_light: Where the light was before its shifts, (stations,).
+        eye_base_from_hand_base: The true pose between the bases.
+        eye_base_from_camera: Poses of the camera, (stations,).
+        hand_base_from_light: Poses of the LED before its shifts, (stations,).
         camera: The lens.
         shift_m: Length of the shifts [m].
-        is_two_sided: Whether the light goes to both sides along each axis.
+        is_two_sided: Whether the LED is shifted in both directions along each axis.
         pixel_px: Sigma of a pixel coordinate [px].
-        seed: Of the noise.
+        seed: Seed of the noise.
     """
     rng = np.random.default_rng(seed)
     samples, flanges = list[Sample](), list[tuple[SE3, SE3]]()

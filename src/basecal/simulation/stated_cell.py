@@ -1,4 +1,4 @@
-"""Statements of a simulated cell: statuses, and priors drawn about the truth."""
+"""The stated part of a simulated cell: statuses, and priors drawn about the truth."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from basecal.simulation.scene import Scene
 
 
 def _unknown(status: Status, truth: SE3, sigma: tuple[float, float], rng: Generator, point: bool = False) -> Unknown:
-    """The stated transform; the truth is `mean @ SE3.exp(xi)` with xi of `sigma`.
+    """Draw a stated transform; the truth is `mean @ SE3.exp(xi)`, and xi has the sigmas of `sigma`.
 
-    The mount of a mere point has no rotation, in its prior as in truth.
+    The mount of a point has no rotation, neither in the prior nor in the truth.
     """
     if status == "free":
         return Unknown("free")
@@ -82,7 +82,7 @@ def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) 
 
 
 def stated_cell(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> Cell:
-    """The cell as a solver is given it."""
+    """The cell that a solver receives."""
     reference, *others = scene.layout.robots
     states_robots = scenario.state_robot_noise and any(scenario.robot_noise)
     noise = np.repeat(scenario.robot_noise, 3) if states_robots else None
@@ -107,7 +107,7 @@ def stated_cell(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[
 
 
 def truth(scene: Scene, cell: Cell) -> dict[str, SE3]:
-    """Every transform of the cell, by name."""
+    """True transforms of the cell, by name."""
     named = {cell.base_name(robot): scene.bases[robot] for robot in scene.layout.robots[1:]}
     carried = (*scene.layout.cameras, *scene.layout.targets)
     return named | {cell.mount_name(name): scene.mounts[name] for name in carried}

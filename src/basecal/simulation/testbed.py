@@ -1,4 +1,4 @@
-"""A cell with known truth and a recording of it."""
+"""Simulation of a cell with known truth, and of its recording."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from basecal.simulation.stated_cell import stated_cell, truth
 
 
 def _concatenate_motions(motions: list[Motion], scene: Scene, is_recorded: bool) -> dict[str, SE3]:
-    """Poses of every robot in every sample, (samples,); parked while others are recorded."""
+    """Poses of every robot in every sample, (samples,); a robot is parked while others are recorded."""
     poses: dict[str, list[SE3]] = {robot: [] for robot in scene.layout.robots}
     for motion in motions:
         states = motion.recorded if is_recorded else motion.true
@@ -38,14 +38,14 @@ def _concatenate_motions(motions: list[Motion], scene: Scene, is_recorded: bool)
 
 
 def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
-    """A cell of the scenario's kind, a recording of it, and the truth.
+    """Simulate a cell of a scenario, its recording, and the truth.
 
-    One seed keeps its truth whatever the noise, the statuses, the motion and the number of samples. A robot that
-    is not of the pair being recorded is parked, and recorded without error.
+    The truth of a seed does not depend on the noise, the statuses, the motion and the number of samples. A robot
+    outside the recorded pair is parked, and recorded without error.
 
     Raises:
-        InputError: if the scenario's arms do not suit its layout, hardly any pose sees the target, or the seed is no
-            whole number >= 0.
+        InputError: if the scenario's arms do not suit its layout, too few poses show the target, or the seed is not an
+            integer >= 0.
     """
     check_type("scenario", scenario, Scenario)
     check_integer("seed", seed, 0)
@@ -100,7 +100,7 @@ def _points(
 
 
 def observe(motion: Motion, scene: Scene, scenario: Scenario, rng: Generator) -> list[tuple[Observation, ...]]:
-    """Observations in each sample of a motion."""
+    """Simulate the observations in each sample of a motion."""
     by_view: list[list[Observation]] = []
     for view in scene.layout.groups[motion.group]:
         if scenario.target == "pose":

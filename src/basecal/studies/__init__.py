@@ -1,1 +1,1 @@
-"""Studies that reproduce published figures and sweep what they depend on."""
+"""Simulation studies: reproduction of published results, and parameter sweeps."""

@@ -1,4 +1,4 @@
-"""The cells of a study: simulated by its settings, those of one number the same at all its points as far as they go."""
+"""The simulated cells of a study; cells of one number differ between points only by the points' settings."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from basecal.simulation.shifts import simulate_shifts
 from basecal.studies.paper_cell import paper_cell, paper_numbers
 
 SHIFTS = "shifts"
-"""The layout of the paper's method: a light that one robot shifts along its axes before a still camera."""
+"""The layout of the paper's method: one robot shifts an LED along its axes in front of a camera at rest."""
 
 PAPER = "paper"
-"""The paper's own cell of that layout."""
+"""The paper's own cell with the layout `SHIFTS`."""
 
 OF_SHIFTS = (SHIFTS, PAPER)
 
-_NEAR_SHARE, _FAR_SHARE = 0.8, 1.2  # of the distance at home poses: cells differ, and its mean is what is asked for
-_OFF_AXIS = 0.1  # of the distance: where the light is seen before its shifts, at most
-_BASES_M = 1.5  # between the bases of the paper's method, about as in its own cell
+_NEAR_SHARE, _FAR_SHARE = 0.8, 1.2  # range of distances at home poses relative to the setting, which is their mean
+_OFF_AXIS = 0.1  # largest offset of the unshifted LED from the optical axis, relative to its distance
+_BASES_M = 1.5  # between the bases in the layout `SHIFTS`, approximately as in the paper's cell
 
 Settings = Mapping[str, Any]
 
 
 def statuses(settings: Settings) -> dict[str, str]:
-    """Status of each transform in the cells of these settings, by name."""
+    """Status of each transform in the cells of a study's settings, by name."""
     if settings["layout"] in OF_SHIFTS:
         fixed = dict.fromkeys(("eye_flange_from_camera", "hand_flange_from_light"), "fixed")
         return {"eye_base_from_hand_base": "free", **fixed}
@@ -41,7 +41,7 @@ def statuses(settings: Settings) -> dict[str, str]:
     reference, *others = plan.robots
 
     def mounts(carriers: Mapping[str, str], status: str) -> dict[str, str]:
-        """Statuses of what is carried."""
+        """Statuses of mounts, by name."""
         ends = {name: f"{reference}_base" if on == WORLD else f"{on}_flange" for name, on in carriers.items()}
         return {f"{end}_from_{name}": status for name, end in ends.items()}
 
@@ -50,10 +50,10 @@ def statuses(settings: Settings) -> dict[str, str]:
 
 
 def simulate_cell(settings: Settings, seed: int) -> SimulatedCell:
-    """A cell of these settings, its recording and the truth.
+    """Simulate a cell with a study's settings, its recording, and the truth.
 
     Raises:
-        InputError: if the settings do not go together, or hardly any pose sees the target.
+        InputError: if the settings are inconsistent, or too few poses show the target.
     """
     if settings["layout"] not in OF_SHIFTS:
         return simulate(_scenario(settings), seed)
@@ -80,7 +80,7 @@ def _scenario(settings: Settings) -> Scenario:
 
 
 def _shift_station(settings: Settings, seed: int) -> SimulatedCell:
-    """One station of the paper's method, camera, light and bases standing anyhow."""
+    """Simulate one station of the paper's method with random camera, LED and base poses."""
     rng = np.random.default_rng(seed)
     drawn = lens(rng, Scenario(lens=settings["lens"]))
     camera = Camera("pinhole", drawn.parameters[:4], drawn.size_px)
@@ -95,7 +95,7 @@ def _shift_station(settings: Settings, seed: int) -> SimulatedCell:
 
 
 def _paper_station(settings: Settings) -> SimulatedCell:
-    """The paper's station; the printed base's rotation, which is rounded, made one."""
+    """Simulate the paper's station, with the rounded rotation of the printed base orthonormalised."""
     bed = paper_cell(paper_numbers())
     base = bed.eye_base_from_hand_base
     eye_base_from_hand_base = SE3(nearest_rotation(base.rotation), base.translation)

@@ -1,4 +1,4 @@
-"""A chunk of a study worked on, and the file that keeps what came out."""
+"""Computation of a chunk of a study, and the file of its results."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from basecal.studies.study import Chunk, Piece, Study
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Results of trials, (n,) each; NaN if there is no answer, or no covariance.
+    """Results of trials, (n,) each; NaN if there is no solution, or no covariance.
 
     Attributes:
-        point: Which point of the study.
-        trial: Number among the point's trials.
-        cell: On which cell.
-        error_mm: Length of the error's translation, in the axes of the transform's source [mm].
-        error_deg: Angle of the error [deg].
+        point: Index of the point in the study.
+        trial: Number of the trial within its point.
+        cell: Number of the cell.
+        error_mm: Norm of the translation error, in the axes of the transform's source [mm].
+        error_deg: Angle of the rotation error [deg].
         sigma_mm: Root of the summed predicted variances of the translation [mm].
-        sigma_deg: Likewise of the rotation [deg].
-        nees: Squared length of the error in predicted sigmas, over all its directions.
-        directions: How many these are; 0 without a covariance.
-        solved: Whether there is an answer.
-        time_s: Wall time of drawing and solving, shared evenly by what was solved side by side [s].
+        sigma_deg: Root of the summed predicted variances of the rotation [deg].
+        nees: Normalised estimation error squared, over all directions of the transform.
+        directions: Number of directions of the transform; 0 without a covariance.
+        solved: Whether there is a solution.
+        time_s: Wall time of drawing and solving, divided evenly among the trials of a batch [s].
     """
 
     point: IntArray
@@ -57,14 +57,14 @@ _KINDS = {"point": np.int64, "trial": np.int64, "cell": np.int64, "directions": 
 
 @dataclass(frozen=True, eq=False)
 class ChunkResult:
-    """The trials of a chunk, and why those without an answer have none."""
+    """The trials of a chunk, and the reasons of failed trials."""
 
     trials: Trials
     reasons: tuple[str, ...]
 
 
 def work_chunk(study: Study, chunk: Chunk) -> ChunkResult:
-    """Result of a chunk, the same for any worker at any time."""
+    """Compute a chunk; except for times, the result is the same for any worker."""
     parts, reasons, cells = [], dict[str, None](), dict[int, DrawnCell]()
     for piece in chunk.pieces:
         begin = time.perf_counter()
@@ -74,7 +74,7 @@ def work_chunk(study: Study, chunk: Chunk) -> ChunkResult:
             draws = draw(cells[piece.cell], chunk.point.settings, (study.seed, piece.cell, piece.block), piece.count)
             answers = SOLVERS[chunk.point.settings["solver"]].solve(draws)
             truth = draws.truth
-        except BasecalError as error:  # a cell that cannot be made is no answer, and says why
+        except BasecalError as error:  # a cell that cannot be simulated counts as failed trials
             answers, truth = no_answers(piece.count, str(error)), SE3.identity()
         took = (time.perf_counter() - begin) / piece.count
         parts.append(_judge_answers(chunk, piece, answers, truth, took))
@@ -85,7 +85,7 @@ def work_chunk(study: Study, chunk: Chunk) -> ChunkResult:
 
 
 def _judge_answers(chunk: Chunk, piece: Piece, answers: Answers, truth: SE3, took: float) -> Trials:
-    """How far answers are from the truth, in millimetres, degrees and their own sigmas."""
+    """Compare solutions with the truth, in millimetres, degrees and predicted sigmas."""
     n, covariance = piece.count, answers.covariance
     error = (answers.transform.inverse() @ truth).log()
     width = 0 if covariance is None else covariance.shape[-1]
@@ -116,12 +116,12 @@ def _judge_answers(chunk: Chunk, piece: Piece, answers: Answers, truth: SE3, too
 
 
 def chunk_path(folder: Path, chunk: Chunk) -> Path:
-    """The file of a chunk of the study in a folder."""
+    """Path of a chunk's file in the study's folder."""
     return folder / "chunks" / f"{chunk.index:06d}.npz"
 
 
 def pack_result(study: Study, result: ChunkResult) -> bytes:
-    """Content of a chunk's file."""
+    """Encode the result of a chunk as the content of its file."""
     stream = io.BytesIO()
     about = json.dumps({"study": study.identity, "reasons": result.reasons})
     columns = vars(result.trials) | {"solved": result.trials.solved.astype(np.uint8)}
@@ -130,16 +130,16 @@ def pack_result(study: Study, result: ChunkResult) -> bytes:
 
 
 def keep_chunk(folder: Path, chunk: Chunk, content: bytes) -> None:
-    """Write a chunk's file, whole or not at all.
+    """Write a chunk's file atomically.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the file cannot be written.
     """
     write_atomically(chunk_path(folder, chunk), content, base_folder=folder)
 
 
 def read_chunk(folder: Path, study: Study, chunk: Chunk) -> ChunkResult | None:
-    """Content of a chunk's file; None if there is none, or it is damaged or of another study."""
+    """Read a chunk's file; None if it is missing, damaged or from another study."""
     try:
         _, arrays = read_arrays(str(chunk_path(folder, chunk)))
         about = json.loads(arrays.pop("about").astype(np.uint8).tobytes())

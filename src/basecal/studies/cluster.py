@@ -1,4 +1,4 @@
-"""Calls made by the workers of a Dask cluster; all that goes wrong with it in words."""
+"""Function calls on the workers of a Dask cluster, with messages for its failures."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from typing import Any
 from basecal.errors import BasecalError, InputError, MissingExtra
 
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
-_LARGEST_KEPT = 2**25  # 32 MB: as far as malloc's own fitting goes
-_PATIENCE_S = 10  # until a scheduler answers that is there
+_LARGEST_KEPT = 2**25  # 32 MB: the upper limit of malloc's own adaptation
+_PATIENCE_S = 10  # timeout of the connection to a scheduler
 
 
 def called_on_cluster(address: str, calls: Sequence[partial[bytes]]) -> Iterator[tuple[int, bytes | str]]:
-    """Calls by their place in the sequence, as they are done, with their bytes; or why one kills whoever does it.
+    """Execute calls on a cluster; yield the index and the bytes of each finished call, or why it killed its workers.
 
     Args:
-        address: Of a Dask scheduler, such as tcp://10.0.0.1:8786.
-        calls: What is called.
+        address: Address of a Dask scheduler, such as tcp://10.0.0.1:8786.
+        calls: The calls.
 
     Raises:
         MissingExtra: if Dask is not installed.
-        InputError: if no scheduler answers, it goes away, or workers do not have this version of basecal.
+        InputError: if no scheduler answers, the scheduler ends, or workers have another version of basecal.
     """
     with _client(address) as client:
         place, suspects = {future: k for k, future in enumerate(client.map(_run_call, calls, pure=False))}, []
         for future in _dask().as_completed(list(place)):
-            found, k = _result(future, address), place.pop(future)  # popped: nobody holds what was handed on
+            found, k = _result(future, address), place.pop(future)  # popped: frees the memory of yielded results
             if isinstance(found, str):
                 suspects.append(k)
             else:
                 yield k, found
-        for k in suspects:  # what merely waited where another call killed its workers is done by itself
+        for k in suspects:  # a call that only waited while another call killed its worker succeeds alone
             yield k, _result(client.submit(_run_call, calls[k], pure=False), address)
 
 
@@ -50,11 +50,10 @@ def _run_call(call: partial[bytes]) -> bytes:
 
 @cache
 def _keep_memory() -> None:
-    """Let malloc keep the memory of freed arrays, as it does elsewhere.
+    """Let malloc keep the memory of freed arrays, as outside of Dask.
 
-    Dask has its workers return memory at once (MALLOC_TRIM_THRESHOLD_), which disables malloc's own adaptation of its
-    thresholds. Each array of some hundred kilobytes then takes new pages, and these take as long as the numbers in
-    them.
+    Dask makes its workers return memory at once (MALLOC_TRIM_THRESHOLD_), which disables malloc's own adaptation of its
+    thresholds. Each array of some hundred kilobytes then needs new pages, which take as long as the computation itself.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
@@ -66,22 +65,22 @@ def _result(future: Any, address: str) -> bytes | str:
     try:
         made: bytes = future.result()
     except _dask().KilledWorker:
-        return "the workers that did it were killed again and again: is there memory enough?"
+        return "its workers were killed repeatedly: is there enough memory?"
     except CancelledError:
         raise InputError(
-            f"the scheduler at {address} went away; what is done is kept: start the same command again"
+            f"the scheduler at {address} ended; finished results are kept: start the same command again"
         ) from None
     except ImportError as error:
         if isinstance(error, BasecalError):
             raise
-        raise InputError(f"a worker lacks what it needs ({error}): install the same packages there as here") from None
+        raise InputError(f"a worker lacks a package ({error}): install the same packages there as here") from None
     return made
 
 
 @contextmanager
 def _client(address: str) -> Iterator[Any]:
     dask = _dask()
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it is told here
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # relevant failures are reported here
     try:
         client = dask.Client(address, timeout=_PATIENCE_S)
     except (OSError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Columns as one file: Parquet where pyarrow is installed, else CSV."""
+"""Tables as files: Parquet if pyarrow is installed, else CSV."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from basecal.geometry import Array
 _NAME = "table"
 _QUANTILES = {"p05": 0.05, "median": 0.5, "p95": 0.95}
 Columns = Mapping[str, Any]
-"""By name a list, None if nothing is known, or an array, NaN likewise; all of one length."""
+"""Columns of equal length by name: a list with None, or an array with NaN, for missing values."""
 
 
 def quantiles(values: Sequence[float] | Array) -> dict[str, float]:
-    """Numbers below which 5, 50 and 95 % of some are."""
+    """The 5, 50 and 95 % quantiles of values."""
     return {name: float(np.quantile(values, share)) for name, share in _QUANTILES.items()}
 
 
 def write_columns(folder: Path, batches: Iterator[Columns]) -> Path:
-    """Path of the table written into a folder.
+    """Write a table into a folder; its path.
 
     Args:
-        folder: Where.
-        batches: Consecutive rows, all with the same columns; one at least.
+        folder: The folder.
+        batches: Consecutive rows, all with the same columns; at least one batch.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the file cannot be written.
     """
     parquet = importlib.util.find_spec("pyarrow") is not None
     path = folder / f"{_NAME}.{'parquet' if parquet else 'csv'}"
@@ -46,7 +46,7 @@ def write_columns(folder: Path, batches: Iterator[Columns]) -> Path:
 
 @contextmanager
 def _appearing(path: Path) -> Iterator[Path]:
-    """A name to write to, which is the file's at the end."""
+    """Context of a temporary file that replaces the file at the end."""
     part = temporary_path(path)
     try:
         with writing_errors(path):
@@ -72,7 +72,7 @@ def _write_parquet(batches: Iterator[Columns], part: Path) -> None:
 
 
 def _arrow(pa: Any, values: Any) -> Any:
-    """A column of Arrow, missing where there is no number."""
+    """A column of Arrow, with nulls for NaN."""
     if isinstance(values, list):
         return pa.array(values)
     return pa.array(values, mask=np.isnan(values) if values.dtype.kind == "f" else None)
@@ -91,7 +91,7 @@ def _write_csv(batches: Iterator[Columns], part: Path) -> None:
 
 
 def _plain(values: Any) -> list[Any]:
-    """A column's values, nothing if there is no number."""
+    """Values of a column for CSV, with empty strings for NaN."""
     if isinstance(values, list):
         return values
     return ["" if value != value else value for value in values.tolist()]

@@ -1,4 +1,4 @@
-"""Draws of all noise about one simulated cell, as one batch."""
+"""Random draws of all noise for one simulated cell, as one batch of trials."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from basecal.geometry import SE3, Array
 from basecal.simulation import SimulatedCell
 from basecal.studies.cells import Settings, simulate_cell
 
-_CELLS, _NOISE = 0, 1  # what a generator is for
+_CELLS, _NOISE = 0, 1  # purposes of random number generators
 
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Trials on one cell: what its robots recorded is the same in all, what they and the cameras did is not.
+    """Trials on one cell with the same recorded robot poses, but different robot errors and pixel noise.
 
     Attributes:
-        made: The cell, with a recording that is the shape of all.
-        problem: What is solved for, its views' pixels (trials, n, p, 2).
-        transform: Name of the transform that is judged.
-        count: How many trials.
-        own_starts: Whether each trial is to be solved from nothing.
+        made: The cell, with a recording that defines the visible points of all trials.
+        problem: The problem, with pixels of its views of shape (trials, n, p, 2).
+        transform: Name of the evaluated transform.
+        count: Number of trials.
+        own_starts: Whether each trial is solved without a warm start.
     """
 
     made: SimulatedCell
@@ -39,24 +39,28 @@ class Draws:
 
     @property
     def truth(self) -> SE3:
-        """Truth of the transform that is judged."""
+        """True value of the evaluated transform."""
         return self.made.truth[self.transform]
 
     def measurement(self) -> PixelMeasurement:
-        """The measurement of the first group's views, in all trials."""
+        """Pixel measurement of the first group's views, in all trials."""
         return group_pixels(self.problem.groups[0])
 
 
 def group_pixels(group: ViewGroup) -> PixelMeasurement:
-    """The measurement of a group, which in a study is of pixels."""
+    """Pixel measurement of a group of views.
+
+    Raises:
+        InputError: if the group has no pixels.
+    """
     if not isinstance(group.measurement, PixelMeasurement):
-        raise InputError(f"{group.camera} sees {group.target} not as pixels")
+        raise InputError(f"{group.camera} does not observe {group.target} as pixels")
     return group.measurement
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnCell:
-    """A cell of a study as it is built once, before noise is drawn."""
+    """A cell of a study, built once before noise is drawn."""
 
     made: SimulatedCell
     problem: Problem
@@ -64,10 +68,10 @@ class DrawnCell:
 
 
 def draw_cell(settings: Settings, seed: int, cell: int, transform: str | None) -> DrawnCell:
-    """A cell by its number; the noise that is in its own recording is in no draw.
+    """Simulate the cell of a number; draws do not contain the noise of its own recording.
 
     Raises:
-        InputError: if the settings do not go together, or hardly any pose sees the target.
+        InputError: if the settings are inconsistent, or too few poses show the target.
     """
     made = simulate_cell(
         settings, int(np.random.SeedSequence([seed, _CELLS, cell]).generate_state(1, np.uint64)[0] >> 1)
@@ -77,16 +81,16 @@ def draw_cell(settings: Settings, seed: int, cell: int, transform: str | None) -
 
 
 def draw(cell: DrawnCell, settings: Settings, seed: tuple[int, ...], count: int) -> Draws:
-    """Draws, so many; the first of them are equal whatever their number.
+    """Draw trials on a cell.
 
-    Where a robot's pose has an error the recorded poses stay, and the cameras see what is where the robots truly are.
-    What was in view is as in the cell's own recording.
+    Robot errors change the true poses, which the cameras observe; the recorded poses do not change. The visible points
+    are those of the cell's own recording.
 
     Args:
-        cell: What does not change.
+        cell: The cell.
         settings: Sizes of the noise, and faults.
-        seed: Of the noise.
-        count: How many.
+        seed: Seed of the noise.
+        count: Number of trials.
     """
     for_robots, *for_groups = np.random.SeedSequence((*seed[:1], _NOISE, *seed[1:])).spawn(1 + len(cell.problem.groups))
     errors = _robot_errors(cell.problem, settings, for_robots, count)
@@ -98,7 +102,7 @@ def draw(cell: DrawnCell, settings: Settings, seed: tuple[int, ...], count: int)
 
 
 def _robot_errors(problem: Problem, settings: Settings, seed: np.random.SeedSequence, count: int) -> dict[str, SE3]:
-    """Where each robot truly was as it recorded a pose, `recorded_from_true`, (count, stands); none without noise."""
+    """Draw each robot's pose errors `recorded_from_true`, (count, stops), by robot; empty without noise."""
     sigma = np.repeat([settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"]], 3)
     if not sigma.any():
         return {}
@@ -117,7 +121,7 @@ def _redraw_views(
     rng: np.random.Generator,
     count: int,
 ) -> ViewGroup:
-    """The group as each trial sees it."""
+    """The group of views with the pixels of each trial, (count, n, p, 2)."""
     measurement = group_pixels(group)
     exact = _exact_pixels(cell.made, group, errors, settings)
     shape = (count, *measurement.pixels.shape)
@@ -135,7 +139,7 @@ def _redraw_views(
 
 
 def _exact_pixels(simulation: SimulatedCell, group: ViewGroup, errors: Mapping[str, SE3], settings: Settings) -> Array:
-    """Pixels of the camera without noise, (n, p, 2), or (count, n, p, 2) if the robots have errors [px]."""
+    """Pixels without noise, (n, p, 2) [px], or (count, n, p, 2) if the robots have errors."""
     world_from_camera, world_from_target = (_place_flange(simulation, end, errors) for end in group.ends)
     camera_from_target = world_from_camera.inverse() @ world_from_target
     true_points = settings["board_scale"] * group_pixels(group).points_in_target
@@ -145,7 +149,7 @@ def _exact_pixels(simulation: SimulatedCell, group: ViewGroup, errors: Mapping[s
 
 
 def _place_flange(simulation: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:
-    """Pose in the world of what an end carries, (n,), or (count, n) if its robot has errors at its stands."""
+    """Pose in the world of the camera or target at an end, (n,), or (count, n) if its robot has errors."""
     world_from_flange = end.world_from_base(simulation.truth) @ end.base_from_flange
     errors_of_robot = errors.get(end.robot or "")
     error = SE3.identity() if errors_of_robot is None else errors_of_robot[:, end.stand]

@@ -1,7 +1,7 @@
-"""Jobs that do not depend on one another, done in this process, in processes of this machine or on a Dask cluster.
+"""Independent jobs, executed in this process, in processes of this machine or on a Dask cluster.
 
-What a job gives is bytes, a function of the job alone; whoever asked keeps them. Neither how many work nor their order
-nor their deaths change a byte. Moving work is left to `concurrent.futures` and to Dask.
+A job returns bytes that depend only on the job; the caller stores them. The number of workers, their order and their
+crashes do not change the result. `concurrent.futures` and Dask distribute the jobs.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from multiprocessing.connection import wait
 from basecal.errors import BasecalError
 from basecal.studies.cluster import called_on_cluster
 
-_DEATHS = 3  # of processes that did one job and no other: it is not chance
+_DEATHS = 3  # crashes of processes with only this job, after which the job counts as the cause
 Done = tuple["Job", bytes]
 Step = Callable[[int, int], None]
 
@@ -30,10 +30,10 @@ class Job:
     """A piece of work.
 
     Attributes:
-        number: Which it is.
-        size: Trials or cells in it, of which progress is reported.
-        call: What gives its bytes, anywhere.
-        killed: Its bytes where it kills whoever does it, from a text that says so; None if that ends everything.
+        number: Number of the job.
+        size: Number of trials or cells in the job, for reports of progress.
+        call: Function that computes the result, as bytes.
+        killed: Function from a message to the result if the job kills its worker; None to raise an error.
     """
 
     number: int
@@ -44,11 +44,11 @@ class Job:
 
 @dataclass(frozen=True)
 class WorkerPool:
-    """The workers.
+    """Workers that execute jobs.
 
     Attributes:
-        workers: Processes of this machine; with one, this one.
-        scheduler: Address of a Dask scheduler, whose workers do it instead.
+        workers: Number of processes on this machine; 1 for this process alone.
+        scheduler: Address of a Dask scheduler, whose workers are used instead.
     """
 
     workers: int = 1
@@ -58,17 +58,17 @@ class WorkerPool:
 def work_jobs(
     jobs: Sequence[Job], workers: WorkerPool, total: int, keep: Callable[[Job, bytes], None], step: Step | None
 ) -> None:
-    """Do jobs, keep what each gives, and report how much is done.
+    """Execute jobs, store their results, and report the progress.
 
     Args:
-        jobs: What is not done yet.
-        workers: Who works.
-        total: Size of all jobs, with those done before.
-        keep: Called with each job and its bytes.
-        step: Called with the size of what is done, and of all.
+        jobs: The remaining jobs.
+        workers: The workers.
+        total: Total size of all jobs, including those finished earlier.
+        keep: Receives each job and its result.
+        step: Receives the finished size and the total size.
 
     Raises:
-        BasecalError: as `done_jobs`.
+        BasecalError: under the conditions of `done_jobs`.
     """
     notify = step or (lambda done, total: None)
     done = total - sum(job.size for job in jobs)
@@ -80,10 +80,10 @@ def work_jobs(
 
 
 def done_jobs(jobs: Sequence[Job], workers: WorkerPool) -> Iterator[Done]:
-    """Jobs with their bytes, as they are done.
+    """Execute jobs; yield each job with its result when it is finished.
 
     Raises:
-        BasecalError: if a job kills whoever does it, and has no bytes for that; or the cluster cannot be reached.
+        BasecalError: if a job without `killed` kills its worker, or the cluster cannot be reached.
     """
     if workers.scheduler is not None:
         for place, content in called_on_cluster(workers.scheduler, [job.call for job in jobs]):
@@ -104,21 +104,21 @@ def _run_in_processes(jobs: Iterable[Job], workers: int) -> Iterator[Done]:
                     del left[job.number]
                     yield job, content
         except BrokenProcessPool:
-            # Jobs are begun in their order: one of the first that are left was at work in the process that died.
+            # Jobs start in their order: one of the first remaining jobs was running in the process that died.
             for job in list(left.values())[: workers + 1]:
                 del left[job.number]
                 yield job, _run_in_one_process(job)
 
 
 def _run_in_one_process(job: Job) -> bytes:
-    """A job's bytes by a process that does nothing else."""
+    """Execute a job in a process with no other jobs."""
     for _ in range(_DEATHS):
         try:
             with _pool(1) as pool:
                 return pool.submit(job.call).result()
         except BrokenProcessPool:
             continue
-    return _killed_bytes(job, f"the process that worked on it was killed {_DEATHS} times: is there memory enough?")
+    return _killed_bytes(job, f"the process that worked on it was killed {_DEATHS} times: is there enough memory?")
 
 
 def _killed_bytes(job: Job, cause: str) -> bytes:
@@ -128,14 +128,14 @@ def _killed_bytes(job: Job, cause: str) -> bytes:
 
 
 def _as_completed(waiting: dict[Future[bytes], Job]) -> Iterator[Done]:
-    """Jobs as they are done, their bytes held no longer than it takes to hand them on."""
+    """Yield finished jobs with their results, without keeping the results in memory."""
     for future in as_completed(list(waiting)):
         yield waiting.pop(future), future.result()
 
 
 @contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that end with this one; what they are at is not waited for where this ends early."""
+    """Context of a process pool that ends with this process; on an error, running jobs are not awaited."""
     pool = ProcessPoolExecutor(workers, get_context("spawn"), _watch_parent)
     try:
         yield pool
@@ -150,7 +150,7 @@ def _watch_parent() -> None:
 
 
 def _end_with_parent() -> None:
-    """End where the process that asks is gone: nobody would take what this one makes."""
+    """End this process when its parent process has ended."""
     parent = parent_process()
     if parent is not None:
         wait([parent.sentinel])

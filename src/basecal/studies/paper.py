@@ -1,8 +1,8 @@
-"""The paper's simulations beside ours: its tables, its noise, the order of orthonormalising, the length of the shifts.
+"""Comparison with the paper's simulations: tables, noise, order of orthonormalisation, and length of the shifts.
 
-Source: "Base Calibration for Dual Robot System", section 4. The noise is read as multiplicative and Gaussian on each
-image coordinate of the light about the principal point. Of the readings tried, only this one explains Table 1. Its
-size, its seed and the number of draws are stated in `paper.yaml`, a study like others.
+Source: "Base Calibration for Dual Robot System", section 4. The noise is interpreted as multiplicative and Gaussian on
+each image coordinate of the LED about the principal point. Of the tested interpretations, only this one explains
+Table 1. Its size, its seed and the number of draws are stated in `paper.yaml`, an ordinary study.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ SIGMA_PX = 0.1
 
 @cache
 def paper_study() -> Study:
-    """The study of the paper's noise, which any other way to run studies takes too."""
+    """The study of the paper's noise."""
     return study_from_text(files("basecal.studies").joinpath("paper.yaml").read_text("utf-8"), "paper.yaml")
 
 
 def study_paper(seed: int | None = None, draws: int | None = None, length_draws: int = LENGTH_DRAWS) -> dict[str, Any]:
-    """Everything the paper simulates, ours in the keys of its figures, with the paper's under `paper`.
+    """Repeat all simulations of the paper; our results have the paper's keys, and `paper` has the printed results.
 
     Args:
-        seed: Of the noise; as in the study where None.
-        draws: Of its noise; likewise.
-        length_draws: At each length of the shifts.
+        seed: Seed of the noise; None for that of the study.
+        draws: Number of draws of the noise; None for that of the study.
+        length_draws: Number of draws at each length of the shifts.
     """
     study = paper_study()
     seed, draws = study.seed if seed is None else seed, study.trials if draws is None else draws
@@ -54,7 +54,7 @@ def study_paper(seed: int | None = None, draws: int | None = None, length_draws:
     raw = SE3(found.raw_rotation, found.camera_from_light.translation.copy())
     base = base_of_station(bed.eye_base_from_camera, raw, bed.hand_base_from_light)
     printed = {k: printed_pose(numbers["table1_camera_from_led"][k]) for k in levels}
-    # The paper's Table 1 orthonormalised by its own iteration.
+    # The paper's Table 1, orthonormalised with the paper's iteration.
     table_2 = {k: SE3(orthonormalise(pose.rotation), pose.translation) for k, pose in printed.items()}
     table_3 = {k: base_of_station(bed.eye_base_from_camera, table_2[k], bed.hand_base_from_light) for k in levels}
     return {
@@ -74,7 +74,7 @@ def _entry(transform: SE3) -> dict[str, Any]:
 
 
 def _table_1(bed: Testbed, level: float, seed: int, draws: int, numbers: dict[str, Any], key: str) -> dict[str, Any]:
-    """Mean and spread of the estimates over draws of the noise, and where the paper's single draw lies in them."""
+    """Mean and standard deviation of estimates over draws of the noise, and the quantile of the paper's single draw."""
     exact = bed.image(bed.camera_from_light, bed.shift_m)
     noise = 1 + level * np.random.default_rng(seed).normal(size=(draws, *exact.shape))
     found = bed.closed_form(exact * noise, bed.shift_m)
@@ -82,7 +82,7 @@ def _table_1(bed: Testbed, level: float, seed: int, draws: int, numbers: dict[st
     printed = numbers["table1_camera_from_led"][key]
     off = np.concatenate([(np.array(printed["R"]) - found.raw_rotation.mean(0)).ravel(), printed["t"] - t.mean(0)])
     sd = np.concatenate([found.raw_rotation.std(0).ravel(), t.std(0)])
-    # The fraction of draws that are nearer to the truth than the paper's, once orthonormal.
+    # The fraction of draws that are nearer to the truth than the paper's orthonormalised draw.
     true = bed.camera_from_light
     turn = _angle(found.camera_from_light.rotation, true.rotation)
     shift = np.linalg.norm(found.camera_from_light.translation - true.translation, axis=-1)
@@ -107,7 +107,7 @@ def _angle(first: Array, second: Array) -> Array:
 
 
 def _orders(bed: Testbed, numbers: dict[str, Any], key: str) -> dict[str, float]:
-    """Orthonormalising before composing and after: the rotations are equal, the translations are not."""
+    """Compare orthonormalisation before and after composition: rotations are equal, translations are not."""
     t = np.array(numbers["table1_camera_from_led"][key]["t"])
     raw = np.array(numbers["table1_camera_from_led"][key]["R"])
     before = base_of_station(bed.eye_base_from_camera, SE3(nearest_rotation(raw), t), bed.hand_base_from_light)
@@ -121,7 +121,7 @@ def _orders(bed: Testbed, numbers: dict[str, Any], key: str) -> dict[str, float]
 
 
 def _length_errors(bed: Testbed, shift_m: float, seed: int, draws: int) -> dict[str, float]:
-    """Rms errors over draws of pixel noise at one length of the shifts, and the Cramer-Rao bound."""
+    """RMS errors over draws of pixel noise at one length of the shifts, and the Cramer-Rao bound."""
     rotation = nearest_rotation(bed.camera_from_light.rotation)
     true = SE3(rotation, bed.camera_from_light.translation.copy())
     image = bed.image(true, shift_m)

@@ -1,4 +1,4 @@
-"""The paper's simulated cell and the figures that it prints.
+"""The paper's simulated cell and its printed numbers.
 
 Source: "Base Calibration for Dual Robot System", section 4.
 """
@@ -22,11 +22,11 @@ class Testbed:
     """The paper's simulated cell.
 
     Attributes:
-        eye_base_from_camera: Where the camera stands.
-        hand_base_from_light: Where the light is before its shifts.
-        eye_base_from_hand_base: The printed base, whose rotation is a rounded one.
-        focal_px: (2,) fu and fv.
-        shift_m: Length of the shifts.
+        eye_base_from_camera: Pose of the camera.
+        hand_base_from_light: Pose of the LED before its shifts.
+        eye_base_from_hand_base: The printed base, whose rotation matrix is rounded.
+        focal_px: (2,) focal lengths fu and fv [px].
+        shift_m: Length of the shifts [m].
     """
 
     eye_base_from_camera: SE3
@@ -37,12 +37,12 @@ class Testbed:
 
     @property
     def camera_from_light(self) -> SE3:
-        """The printed truth, rounded rotation and all."""
+        """The printed true pose of the LED, with its rounded rotation matrix."""
         eye_base_from_light = self.eye_base_from_hand_base @ self.hand_base_from_light
         return self.eye_base_from_camera.inverse() @ eye_base_from_light
 
     def image(self, camera_from_light: SE3, shift_m: float) -> Array:
-        """Image coordinates about the principal point of the light, before and after its shifts, (4, 2) [px]."""
+        """Image coordinates of the LED about the principal point, before and after its shifts, (4, 2) [px]."""
         at = camera_from_light @ (shift_m * shift_directions(is_two_sided=False))
         image: Array = self.focal_px * at[:, :2] / at[:, 2:]
         return image
@@ -54,13 +54,13 @@ class Testbed:
 
 
 def paper_numbers() -> dict[str, Any]:
-    """The figures that the paper prints, and its slips."""
+    """The printed numbers of the paper, and its errata."""
     numbers: dict[str, Any] = json.loads(files("basecal.studies").joinpath("paper_numbers.json").read_text("utf-8"))
     return numbers
 
 
 def paper_cell(numbers: dict[str, Any]) -> Testbed:
-    """The paper's cell."""
+    """The paper's cell from its printed numbers."""
     t = numbers["testbed"]
     focal = np.array([t["focal_px"]["fu"], t["focal_px"]["fv"]])
     printed = printed_pose(t["eye_base_from_hand_base_true"])
@@ -70,5 +70,5 @@ def paper_cell(numbers: dict[str, Any]) -> Testbed:
 
 
 def printed_pose(entry: dict[str, Any]) -> SE3:
-    """A pose as its figures are printed: a rounded rotation is none quite."""
+    """A pose with the printed numbers, whose rounded rotation matrix is not exactly orthonormal."""
     return SE3.adopt(np.array(entry["R"], dtype=np.float64), np.array(entry["t"], dtype=np.float64))

@@ -1,6 +1,6 @@
-"""A study worked through, here or on a cluster; what is done is kept, and not done again.
+"""Execution of a study, locally or on a cluster; finished chunks are stored and not repeated.
 
-Chunks are the study's own, each is a function of the study alone, and its file is written whole or not at all.
+The study alone determines its chunks and their results. The file of a chunk is written atomically.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ _read_study = lru_cache(maxsize=2)(study_from_text)
 
 
 def run_study(study: Study, folder: Path, workers: WorkerPool, step: Step | None = None) -> None:
-    """Do what of a study is not done yet; its chunks stand in a folder then.
+    """Compute the missing chunks of a study, and store them in a folder.
 
     Args:
         study: The study.
-        folder: Where its chunks are, or will be.
-        workers: Who works.
-        step: Called with the trials done and all.
+        folder: The folder of the chunks.
+        workers: The workers.
+        step: Receives the number of finished trials and the total number.
 
     Raises:
-        InputError: if the folder holds another study, or cannot be written, or the cluster is not there.
-        BasecalError: if a chunk kills the processes that work on it.
+        InputError: if the folder has another study or cannot be written, or the cluster cannot be reached.
+        BasecalError: if a chunk kills its worker processes.
     """
     _claim(study, folder)
     total = sum(chunk.trials for chunk in study.chunks)
@@ -40,7 +40,7 @@ def run_study(study: Study, folder: Path, workers: WorkerPool, step: Step | None
 
 
 def _claim(study: Study, folder: Path) -> None:
-    """Have the study's file in its folder."""
+    """Write the study's file to its folder, and check that the folder has no other study or files."""
     path = folder / STUDY
     make_folder(folder)
     if path.exists():
@@ -53,6 +53,6 @@ def _claim(study: Study, folder: Path) -> None:
 
 
 def run_chunk(text: str, index: int) -> bytes:
-    """Result of a chunk of the study that a text describes, as its file keeps it."""
+    """Compute a chunk of the study in a YAML text; the content of the chunk's file."""
     study = _read_study(text, STUDY)
     return pack_result(study, work_chunk(study, study.chunks[index]))

@@ -1,4 +1,4 @@
-"""A study: axes whose values make points, each point trials on a few cells; cut into chunks that never change."""
+"""A study: a grid of points, each with trials on a few cells, and its fixed division into chunks."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from basecal.cell.targets.kind import TargetEntry
 from basecal.studies.solvers.registry import SOLVERS
 
 BLOCK = 256
-"""Trials of one cell that are drawn by one generator and solved side by side: more gain nothing, and take memory."""
+"""Trials of one cell with one generator, solved as one batch: a larger batch is not faster, but needs memory."""
 
-_MOST_CELLS = 20  # of a chunk, each of which has to be made and started on: some seconds in all
-_FORMAT = 2  # of what a chunk holds: counts up where the same study gives other numbers
+_MOST_CELLS = 20  # of a chunk: the preparation of that many cells takes some seconds
+_FORMAT = 2  # version of a chunk's content: incremented if the same study gives other numbers
 
 
 @dataclass(frozen=True)
 class Point:
-    """A value for each axis.
+    """A point of a study: one value for each axis.
 
     Attributes:
-        index: Which of the study's points.
-        at: Its value on each axis.
-        settings: Those and all that is held.
+        index: Index of the point in the study.
+        at: Value on each axis.
+        settings: The values on the axes, and the fixed settings.
     """
 
     index: int
@@ -36,19 +36,19 @@ class Point:
 
     @property
     def label(self) -> dict[str, str | float | int | bool]:
-        """Its value on each axis, as a word or a number."""
+        """Value on each axis, as a word or a number."""
         return {name: label(value) for name, value in self.at.items()}
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Trials of one cell of a point, at most `BLOCK`, drawn by one generator.
+    """At most `BLOCK` trials of one cell of a point, drawn by one generator.
 
     Attributes:
-        cell: Which cell.
-        block: Which generator of the cell.
-        first: Number of its first trial among the point's.
-        count: How many trials.
+        cell: Number of the cell.
+        block: Number of the generator within the cell.
+        first: Number of the first trial within the point.
+        count: Number of trials.
     """
 
     cell: int
@@ -59,12 +59,12 @@ class Piece:
 
 @dataclass(frozen=True)
 class Chunk:
-    """The unit of work of one process, kept in one file.
+    """The unit of work of one process, stored in one file.
 
     Attributes:
-        index: Which of the study's chunks.
+        index: Index of the chunk in the study.
         point: The point.
-        pieces: Its trials.
+        pieces: The trials.
     """
 
     index: int
@@ -73,7 +73,7 @@ class Chunk:
 
     @property
     def trials(self) -> int:
-        """How many."""
+        """Number of trials."""
         return sum(piece.count for piece in self.pieces)
 
 
@@ -82,15 +82,15 @@ class Study:
     """The varied and the fixed settings of a study, and its number of trials.
 
     Attributes:
-        title: Its name.
-        about: What it is for.
-        seed: Of everything drawn.
-        trials: Of each point.
-        cells: Over how many cells these are spread.
-        transform: Which transform is judged; the first that a cell is calibrated for where None.
-        held: Settings that all points have, those of axes by default.
-        axes: Values by name.
-        text: The file, as it is written.
+        title: Name of the study.
+        about: Purpose of the study.
+        seed: Seed of all random draws.
+        trials: Number of trials of each point.
+        cells: Number of cells on which the trials of a point are distributed.
+        transform: Name of the evaluated transform; None for the first requested one of a cell.
+        held: Fixed settings of all points; values of axes override them.
+        axes: Values of the axes, by name.
+        text: Text of the study's file.
     """
 
     title: str
@@ -105,13 +105,13 @@ class Study:
 
     @cached_property
     def points(self) -> tuple[Point, ...]:
-        """Every combination of the axes' values, those of the last axis next to one another."""
+        """All combinations of the axes' values; the last axis varies fastest."""
         at = [dict(zip(self.axes, values, strict=True)) for values in product(*self.axes.values())]
         return tuple(Point(index, each, {**self.held, **each}) for index, each in enumerate(at))
 
     @cached_property
     def chunks(self) -> tuple[Chunk, ...]:
-        """All trials; the same whoever works on them."""
+        """Division of all trials into chunks; it does not depend on the workers."""
         groups = [(point, pieces) for point in self.points for pieces in self._group_pieces(point)]
         return tuple(Chunk(index, point, pieces) for index, (point, pieces) in enumerate(groups))
 
@@ -128,7 +128,7 @@ class Study:
         yield tuple(group)
 
     def _pieces(self) -> Iterator[Piece]:
-        """The trials of a point, as evenly over the cells as they go."""
+        """The trials of a point, distributed evenly among the cells."""
         first = 0
         for cell in range(self.cells):
             own = self.trials // self.cells + (cell < self.trials % self.cells)
@@ -139,7 +139,7 @@ class Study:
 
     @cached_property
     def identity(self) -> str:
-        """A hash of all that decides the numbers; what it is called and what is said of it are no part."""
+        """Hash of all inputs that determine the results; title and description are not included."""
         said = [_FORMAT, self.seed, self.trials, self.cells, self.transform]
         axes = [(name, [_plain(value) for value in values]) for name, values in self.axes.items()]
         held = {name: _plain(value) for name, value in self.held.items() if name not in self.axes}

@@ -1,4 +1,4 @@
-"""A study's file: its shape, read with every mistake at once."""
+"""The file of a study: its schema, and a reader that reports all mistakes together."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _MOST_CELLS = 10_000
 _MOST_VALUES = 1000  # of an axis
 _MOST_POINTS = 100_000
 _MOST_IN_ALL = 100_000_000  # trials of all points: a table of some ten gigabytes
-_MOST_CELLS_IN_ALL = 1_000_000  # of all points, each of which is made anew: days
-_MOST_VIEWED = 20_000  # points of a trial: 256 trials side by side take some hundred megabytes
-_USUAL_POINTS = 36  # of the boards that are seen where none is given
-_LONGEST_TEXT = 10_000  # characters of what is said about a study
+_MOST_CELLS_IN_ALL = 1_000_000  # of all points; their simulation takes days
+_MOST_VIEWED = 20_000  # points of a trial: a batch of 256 trials takes some hundred megabytes
+_USUAL_POINTS = 36  # of the default boards
+_LONGEST_TEXT = 10_000  # characters of a title or description
 
 _Size = Annotated[float, Field(ge=0, le=LARGEST_VALUE)]
 _Share = Annotated[float, Field(ge=0, le=1)]
@@ -43,7 +43,7 @@ _Layout = Annotated[str, known_names("layout", (*get_args(LayoutName), *OF_SHIFT
 
 
 def _without_carrier(value: Any) -> Any:
-    """A target's entry, which `cell.yaml` would have stand on something."""
+    """Complete a target's entry with `on`, which `cell.yaml` requires and a study does not."""
     return {"on": "world", **value} if isinstance(value, dict) else value
 
 
@@ -85,7 +85,7 @@ class SettingsEntry(Entry):
 
 
 def _axis(field: FieldInfo) -> tuple[Any, Any]:
-    """A list of values of a field, or nothing."""
+    """Type and default of an axis: a list of values of a field, or None."""
     value = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
     return GenericAlias(list, (value,)) | None, Field(None, min_length=1, max_length=_MOST_VALUES)
 
@@ -93,14 +93,14 @@ def _axis(field: FieldInfo) -> tuple[Any, Any]:
 if TYPE_CHECKING:
 
     class AxesEntry(Entry):
-        """The same fields, each a list of values."""
+        """The fields of `SettingsEntry`, each a list of values."""
 else:
     _FIELDS = {name: _axis(field) for name, field in SettingsEntry.model_fields.items()}
     AxesEntry = create_model("AxesEntry", __base__=Entry, **_FIELDS)
 
 
 class StudyEntry(Entry):
-    """All of a study's file."""
+    """Schema of a study's file."""
 
     version: Literal["basecal/study/1"] = Field(alias="schema")
     title: Annotated[str, Field(max_length=_LONGEST_TEXT)] = ""
@@ -120,17 +120,21 @@ class StudyEntry(Entry):
 
 
 def read_study(path: str | Path) -> Study:
-    """The study that a file describes.
+    """Read a study from a file.
 
     Raises:
-        DatasetError: if it cannot be read as written; the message has a line for each mistake.
+        DatasetError: if the file is invalid; the message has a line for each mistake.
     """
     text = read_text(Path(path), "a study is a YAML file (docs/studies.md)")
     return study_from_text(text, str(path))
 
 
 def study_from_text(text: str, path: str) -> Study:
-    """As `read_study`, from what the file holds."""
+    """Read a study from the text of its file; `path` is for messages.
+
+    Raises:
+        DatasetError: if the text is invalid; the message has a line for each mistake.
+    """
     document = parse_yaml(text, path)
     lines = document.lines
     data = check_schema(document.data, SCHEMA, path, lines)
@@ -149,12 +153,14 @@ def _study(entry: StudyEntry, data: dict[str, Any], text: str, path: str, lines:
     for name, values in axes.items():
         count *= len(values)
         if name in (data.get("hold") or {}):
-            raise dataset_error(path, [Problem(("hold", name), "is an axis too: keep one of both")], lines)
+            raise dataset_error(path, [Problem(("hold", name), "is also an axis: keep only one")], lines)
     if count > _MOST_POINTS:
-        raise dataset_error(path, [Problem(("axes",), f"make {count} points, at most {_MOST_POINTS} do")], lines)
+        raise dataset_error(
+            path, [Problem(("axes",), f"make {count} points, at most {_MOST_POINTS} are allowed")], lines
+        )
     for field, each, most in (("trials", entry.trials, _MOST_IN_ALL), ("cells", entry.cells, _MOST_CELLS_IN_ALL)):
         if count * each > most:
-            message = f"{each} at each of {count} points make {count * each}, at most {most} do in all"
+            message = f"{each} at each of {count} points make {count * each}, at most {most} are allowed in all"
             raise dataset_error(path, [Problem((field,), message)], lines)
     held = {name: getattr(entry.hold, name) for name in SettingsEntry.model_fields}
     return Study(
@@ -171,9 +177,9 @@ def _study(entry: StudyEntry, data: dict[str, Any], text: str, path: str, lines:
 
 
 def _twice(study: Study) -> list[Problem]:
-    """Values that stand twice on an axis."""
+    """Problems about repeated values on an axis."""
     return [
-        Problem(("axes", name, k), "stands on this axis already: remove it")
+        Problem(("axes", name, k), "is on this axis already: remove it")
         for name, values in study.axes.items()
         for k, value in enumerate(values)
         if value in values[:k]
@@ -181,7 +187,7 @@ def _twice(study: Study) -> list[Problem]:
 
 
 def _unfit_boards(study: Study) -> list[Problem]:
-    """Boards without a kind, and with more points than so many samples of them can be held at once."""
+    """Problems about boards without a kind, and about samples with too many points for the memory."""
     found = []
     axis = "samples" in study.axes
     samples = max(study.axes["samples"] if axis else [study.held["samples"]])
@@ -192,13 +198,15 @@ def _unfit_boards(study: Study) -> list[Problem]:
             found.append(Problem(where, "needs `kind`, with the sizes of that kind"))
         points = _USUAL_POINTS if target is None else len(target.points)
         if samples * points > _MOST_VIEWED:
-            message = f"{samples} samples of {points} points make {samples * points}, at most {_MOST_VIEWED} do"
+            message = (
+                f"{samples} samples of {points} points make {samples * points}, at most {_MOST_VIEWED} are allowed"
+            )
             found.append(Problem(("axes" if axis else "hold", "samples"), message))
     return found
 
 
 def _unfit(study: Study, data: dict[str, Any]) -> list[tuple[Loc, str]]:
-    """Settings that contradict one another at some point of the study, each once, at the field to change."""
+    """Contradictory settings at any point of the study, each once: the location to change, and a message."""
     found: dict[str, Loc] = {}
     for point in study.points:
         for name, said in unfit(point, study.transform):
@@ -208,14 +216,14 @@ def _unfit(study: Study, data: dict[str, Any]) -> list[tuple[Loc, str]]:
 
 
 def unfit(point: Point, transform: str | None) -> list[tuple[str, str]]:
-    """Settings that contradict one another at a point: the field to change (none for `transform`), and words."""
+    """Contradictory settings at a point: the field to change ("" for `transform`), and a message."""
     s, found = point.settings, []
     if refusal := SOLVERS[s["solver"]].unfit(s):
         found.append(("solver", refusal))
     known = {name: status for name, status in statuses(s).items() if status != "fixed"}
     if not known:
-        found.append(("base", "nothing is left to solve for: every transform is fixed"))
+        found.append(("base", "nothing to solve for: every transform is fixed"))
     elif transform is not None and transform not in known:
         there = f"there are: {', '.join(known)}"
-        found.append(("", f"{shorten(transform)} is none that layout {s['layout']} solves for; {there}"))
+        found.append(("", f"{shorten(transform)} is not solved for in layout {s['layout']}; {there}"))
     return found

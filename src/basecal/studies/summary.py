@@ -18,12 +18,12 @@ from basecal.studies.study import Chunk, Point, Study, label
 
 SCHEMA = "basecal/study-result/1"
 COVERAGE = 0.95
-"""Of the ellipsoid that a covariance predicts, in which the truth should lie as often."""
-_ROWS = 100_000  # held at a time: some tens of megabytes
+"""Probability of the ellipsoids that a covariance predicts; the truth should lie inside this often."""
+_ROWS = 100_000  # rows of a batch: some tens of megabytes
 
 
 def summarise(study: Study, folder: Path) -> dict[str, Any]:
-    """The study's points with the quantities of each; what was not computed is null.
+    """Summarise the results of a study at each point; quantities that were not computed are None.
 
     Raises:
         InputError: if a chunk is missing.
@@ -72,7 +72,7 @@ def _point_summary(point: Point, trials: Trials, reasons: list[str]) -> dict[str
 
 
 def _spread(errors: Array) -> dict[str, float] | None:
-    """Quantiles and root mean square; nothing without answers."""
+    """Quantiles and root mean square of errors; None without solutions."""
     if not len(errors):
         return None
     return {**quantiles(errors), "rms": float(np.sqrt(np.mean(errors**2)))}
@@ -86,7 +86,7 @@ def results(study: Study, folder: Path) -> Iterator[tuple[Chunk, ChunkResult]]:
     """Results of each chunk, in the study's order.
 
     Raises:
-        InputError: if one is missing.
+        InputError: if a chunk is missing.
     """
     for chunk in study.chunks:
         result = read_chunk(folder, study, chunk)
@@ -96,16 +96,16 @@ def results(study: Study, folder: Path) -> Iterator[tuple[Chunk, ChunkResult]]:
 
 
 def write_table(study: Study, folder: Path) -> Path:
-    """Path of the table written into the study's folder: a row for each trial, the axes' values first.
+    """Write a table with a row for each trial into the study's folder, with the axes' values first; its path.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if a chunk is missing, or the file cannot be written.
     """
     return write_columns(folder, _batches(study, folder))
 
 
 def _batches(study: Study, folder: Path) -> Iterator[dict[str, Any]]:
-    """Columns of consecutive trials, each batch of some thousands."""
+    """Columns of consecutive trials, in batches of about `_ROWS` rows."""
     held: list[tuple[Chunk, ChunkResult]] = []
     for each in results(study, folder):
         held.append(each)

@@ -20,7 +20,7 @@ FOLDER = DriverCheck("folder", options={"path": "."}, is_camera=True)
 def test_promises_come_as_they_are_measured() -> None:
     """Out of the other process, equal to those of this one."""
     assert list(measured_promises(FOLDER)) == [
-        Promise("images come on demand", "a person or a program gives each", None)
+        Promise("images come on demand", "a person or a program provides each", None)
     ]
 
 

@@ -85,5 +85,5 @@ def test_three_are_enough_to_measure(monkeypatch, count):
     if count == 3:
         np.testing.assert_allclose(record_images(camera, 1.0).at_s, [0.1, 0.55, 1.0])
         return
-    with pytest.raises(DriverError, match="only 2 came in 1 s"):
+    with pytest.raises(DriverError, match="only 2 states or images came in 1 s"):
         record_images(camera, 1.0)

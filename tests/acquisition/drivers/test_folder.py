@@ -117,7 +117,7 @@ def test_a_first_file_that_stays_no_image_is_not_waited_for(folder, monkeypatch)
     for name in ("next.cr2", "next.txt"):
         (folder / "images" / name).write_text("x", encoding="utf-8")
     began = time.monotonic()
-    with pytest.raises(DriverError, match=r"next\.\w+ is not an image .*\. Have images saved whole, as PNG, JPEG"):
+    with pytest.raises(DriverError, match=r"next\.\w+ is not an image .*\. Save complete images, as PNG, JPEG"):
         source.image()
     assert time.monotonic() - began < 5.0
 

@@ -54,7 +54,7 @@ def test_a_robot_by_its_frames(ros2_cell):
 
 def test_what_is_not_sent_is_told_with_what_is(ros2_cell):
     """A topic that nobody sends, one of another type, frames that nothing joins."""
-    with pytest.raises(DriverError, match=r"eye: nobody sends /joints in domain \d+; there are: /joint_states, /rob"):
+    with pytest.raises(DriverError, match=r"eye: no publisher of /joints in domain \d+; there are: /joint_states, /r"):
         open_robot(ros2_cell.place("eye", topic="/joints", reconnect_s=0.0))
     with pytest.raises(DriverError, match="wrist: /tf is of tf2_msgs/msg/TFMessage, expected sensor_msgs/msg/Image"):
         open_camera(ros2_cell.place("wrist", topic="/tf"))
@@ -75,7 +75,7 @@ def test_joints_that_are_missing_are_named(ros2_cell):
     ("fault", "error"),
     [
         ("freeze on", r"eye: stale stamps: \d+ messages came on /joint_states"),
-        ("rate joints 0", "eye: nothing came on /joint_states for 1.2 s, though somebody offers it"),
+        ("rate joints 0", "eye: no message came on /joint_states for 1.2 s, although it has a pub"),
         pytest.param(
             "rate joints 4",
             "eye: only [34].* states in a second came for 5.* s, at least 10 are needed",

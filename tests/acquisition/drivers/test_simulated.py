@@ -40,7 +40,7 @@ def test_an_arm_goes_where_it_is_sent(place):
     np.testing.assert_array_equal(readings[-1].state.joints_rad, there)
     assert np.all(np.diff([reading.stamp_s for reading in readings]) > 0)
     arm.stop()
-    with pytest.raises(DriverError, match="joints, not to poses"):
+    with pytest.raises(DriverError, match="joints, not as poses"):
         arm.move(RobotState(SE3.identity()), 1.0)
     arm.close()
 
@@ -77,7 +77,7 @@ def test_what_else_answers_is_told(monkeypatch):
     """Whatever listens at the port: its answers are numbers and images, or an error that says so."""
     line = Impostor("token", None)
     for ask in (SimulatedRobot("eye", line).state, SimulatedCamera("wrist", line).image):
-        with pytest.raises(DriverError, match=r"is no simulated cell \(\w+"):
+        with pytest.raises(DriverError, match=r"is not a simulated cell \(\w+"):
             ask()
     monkeypatch.setattr(Impostor, "ask", lambda self, **request: {"stamp_s": 0.0, "png_base64": "abc"})
     with pytest.raises(DriverError, match="wrist: an image is not written as base64"):

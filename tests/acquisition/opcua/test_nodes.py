@@ -59,7 +59,7 @@ def test_one_of_several_devices_is_named():
     """Unnamed, unknown and absent devices are told with those that there are."""
     several = client(device("left", "A1"), device("right", "B1"))
     assert found(several, "eye", "right") == ["B1"]
-    with pytest.raises(DriverError, match="eye: `device` is not said; there are: left, right"):
+    with pytest.raises(DriverError, match="eye: `device` is not stated; there are: left, right"):
         found(several, "eye", None)
     with pytest.raises(DriverError, match="eye: no motion device 'middle'; there are: left, right"):
         found(several, "eye", "middle")
@@ -103,7 +103,7 @@ def test_units_are_those_that_are_said(node, stated, radians):
 
 def test_units_are_never_guessed():
     """Where nobody says them, and where two say different things, it is an error."""
-    with pytest.raises(DriverError, match="eye: A1 does not say its unit: say `unit: deg` or `unit: rad`"):
+    with pytest.raises(DriverError, match="eye: A1 does not state its unit: state `unit: deg` or `unit: rad`"):
         radians_per_unit(Node("A1"), "eye", None)
     with pytest.raises(DriverError, match="eye: the server says that joints are not in rad"):
         radians_per_unit(said(17476), "eye", "rad")

@@ -52,7 +52,7 @@ def test_no_permission(opcua_robot, monkeypatch):
 def test_a_password_is_not_sent_in_plain_text(opcua_robot, monkeypatch):
     """A server that takes no encrypted password gets none, unless the user allowed it on the command line."""
     monkeypatch.setenv("BASECAL_OPCUA_PASSWORD", "secret")
-    with pytest.raises(DriverError, match=r"without encryption only.*add --allow-plaintext"):
+    with pytest.raises(DriverError, match=r"only without encryption.*add --allow-plaintext"):
         session(opcua_robot.port, allow_plaintext=False, user="cell")
     read = session(opcua_robot.port, user="cell")
     assert len(read.read().numbers) == 6

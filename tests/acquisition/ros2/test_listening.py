@@ -35,5 +35,5 @@ def test_what_runs_is_surveyed_as_a_bag_is(ros2_cell):
 
 def test_nobody_there(ros2_cell):
     """In a domain in which nobody sends anything, a line says what to look at."""
-    with pytest.raises(DriverError, match=r"nobody sends joint states, tf or images in domain \d+\. Is ROS_DOMAIN_ID"):
+    with pytest.raises(DriverError, match=r"no publisher of joint states, tf or images in domain \d+\. Is ROS_DOMAIN"):
         listen_to_topics(NOBODY, 0.3)

@@ -54,10 +54,10 @@ def test_nothing_that_comes_is_told_with_its_reason(network):
     network.coming = [[1, 2]]
     with pytest.raises(DriverError, match="eye: stale stamps: 2 messages came on /text"):
         stream.newest(lambda each: None)
-    with pytest.raises(DriverError, match=r"eye: nothing came on /text .* though somebody offers it"):
+    with pytest.raises(DriverError, match=r"eye: no message came on /text .* although it has a publisher"):
         stream.newest(lambda each: each)
     network.offers.clear()
-    with pytest.raises(DriverError, match="eye: nobody sends /text any more"):
+    with pytest.raises(DriverError, match="eye: /text has no publisher any more"):
         stream.newest(lambda each: each)
 
 

@@ -88,9 +88,7 @@ def test_an_arm_that_is_held_up_is_reported(served):
     process._judge(time.monotonic() + 0.9 * HOLD_S)
     assert troubles(heard) == []
     process._judge(time.monotonic() + 1.1 * HOLD_S)
-    assert [why.partition(". Look")[0] for why in troubles(heard)] == [
-        "left: it stands still, but not where it was sent"
-    ]
+    assert [why.partition(". Look")[0] for why in troubles(heard)] == ["left: it is at rest, but not at its goal"]
 
 
 def test_states_that_come_late_count_while_it_moves(served):
@@ -110,7 +108,7 @@ def test_an_arm_beside_its_way_is_reported(served):
     read(process, HOME)
     process._ask(robot, "move", (GOAL, 1.0))
     read(process, RobotState(joints_rad=np.array([1.02, -0.02])))
-    with pytest.raises(DriverError, match=r"left: joint 2 is 5\.73 deg beyond its way\. Look for a person or"):
+    with pytest.raises(DriverError, match=r"left: joint 2 is 5\.73 deg beyond its path\. Look for a person or"):
         read(process, RobotState(joints_rad=np.array([0.5, -0.1])))
 
 
@@ -123,7 +121,7 @@ def test_an_arm_that_leaves_the_place_where_it_arrived_is_reported(served):
         read(process, GOAL)
     assert not process._is_moving
     read(process, RobotState(joints_rad=np.array([0.991, 1.009])))
-    with pytest.raises(DriverError, match=r"left: joint 1 is 0\.63 deg beyond its way"):
+    with pytest.raises(DriverError, match=r"left: joint 1 is 0\.63 deg beyond its path"):
         read(process, RobotState(joints_rad=np.array([0.989, 1.0])))
     process._ask(robot, "move", (HOME, 1.0))
     read(process, RobotState(joints_rad=np.array([0.5, 0.5])))

@@ -74,6 +74,6 @@ def test_a_reason_names_who_was_told():
     """The cause comes first, then who was told to stop and who was not, then what to do."""
     words = stop_report("right: its link is lost", ["left", "right"], ["right"])
     assert words == (
-        "right: its link is lost. left was told to stop. right did not confirm a stop: look at the arm. "
+        "right: its link is lost. left confirmed the stop. right did not confirm a stop: look at the arm. "
         "Find the cause, then start again; what was recorded is kept."
     )

@@ -48,7 +48,7 @@ def test_states_have_the_controllers_stamps(there):
         ("violation", "eye: the controller reports a violation. Release it"),
         ("fault", "eye: the controller reports a fault. Release it"),
         ("recovery", "eye: recovery mode. Release it"),
-        ("freeze on", r"eye: its stamps stand still at 10\d\d\.\d+ s"),
+        ("freeze on", r"eye: its stamps do not advance from 10\d\d\.\d+ s"),
         pytest.param(
             "slow 0.2",
             r"eye: only [4-7][.0-9]* states in a second came for \d\.\d s, at least 10 are needed",
@@ -107,7 +107,7 @@ def test_a_controller_that_is_gone():
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [(b"HTTP/1.1 400\r\n", "does not speak RTDE 2"), (b"", r"gives no answer\. Wait until the controller has started")],
+    [(b"HTTP/1.1 400\r\n", "does not speak RTDE 2"), (b"", r"does not answer\. Wait until the controller has started")],
 )
 def test_another_program_at_the_port(words, message):
     """Something that answers otherwise, or hangs up, is told apart from a controller."""

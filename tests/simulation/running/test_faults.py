@@ -35,7 +35,7 @@ def test_every_fault_can_be_switched_on():
         (["sag=much"], r"expected sag, sag=SIZE \[deg\]"),
         (["sag=-1"], "size above 0"),
         (["sag=nan"], "size above 0"),
-        (["sag=1@3"], "there from the start"),
+        (["sag=1@3"], "acts from the start"),
         (["base-bumped=1@-3"], "moves of 0 or more"),
         (["sag", "sag=1"], "given twice"),
     ],

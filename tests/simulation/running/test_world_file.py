@@ -103,7 +103,7 @@ def test_what_cannot_be_run(tmp_path):
     write_world(facing_arms(), tmp_path)
     path = tmp_path / "truth.yaml"
     path.write_text(path.read_text().replace("running:", "jogging:"))
-    with pytest.raises(DatasetError, match=r"truth\.yaml: running\.home_joints_rad: this cell was not made to run"):
+    with pytest.raises(DatasetError, match=r"truth\.yaml: running\.home_joints_rad: this cell has no data to run"):
         read_world(tmp_path)
     path.unlink()
     with pytest.raises(DatasetError, match="only simulated cells have a truth"):

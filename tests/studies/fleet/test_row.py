@@ -68,7 +68,7 @@ def test_a_refused_cell_has_its_finding(folder) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "said"), [(TypeError("odd"), "TypeError: odd"), (MemoryError(), "not memory enough")]
+    ("error", "said"), [(TypeError("odd"), "TypeError: odd"), (MemoryError(), "not enough memory")]
 )
 def test_a_fault_is_a_row(folder, monkeypatch, error, said) -> None:
     """Of ours with its traceback; of too little memory without."""
@@ -86,5 +86,5 @@ def test_a_fault_is_a_row(folder, monkeypatch, error, said) -> None:
 
 def test_a_cell_that_kills_is_a_row() -> None:
     """It says why."""
-    row = json.loads(killed_row("a", "is there memory enough?"))["row"]
-    assert (row["cell"], row["verdict"], row["said"]) == ("a", "failed", "is there memory enough?")
+    row = json.loads(killed_row("a", "is there enough memory?"))["row"]
+    assert (row["cell"], row["verdict"], row["said"]) == ("a", "failed", "is there enough memory?")

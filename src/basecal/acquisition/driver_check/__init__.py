@@ -1,1 +1,1 @@
-"""Measurements of a driver's promises."""
+"""Measurements that verify the promises of a driver."""

@@ -1,4 +1,4 @@
-"""A driver measured in a process of its own: what crashes or hangs a vendor's library ends that process alone."""
+"""Measurement of a driver in a separate process: a crash or hang of a vendor's library affects only that process."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from basecal.cell import Cell, CellCamera, Robot
 from basecal.cell.files import read_cell
 from basecal.errors import DriverError, InputError, UsageError, nearest
 
-_CUT_S = 20.0  # that a person has to cut a connection and to restore it
-_IMAGES_BYTES = 2**28  # as of a file so large: time of the processor, and memory for images
-_SILENCE_S = 60.0  # of a driver whose library waits for ever: it measures for five, and connects in less than ten
-_STOP_S = 1.0  # that an arm has to be stopped if a person interrupts
+_CUT_S = 20.0  # for a person to cut a connection and to restore it
+_IMAGES_BYTES = 2**28  # file size that determines the limits of processor time and memory, which images need
+_SILENCE_S = 60.0  # timeout for a hanging driver: it measures for 5 s, and connects in less than 10 s
+_STOP_S = 1.0  # for an arm to stop after an interrupt
 
 
 @dataclass(frozen=True)
 class DriverCheck:
-    """The checked driver: a robot or camera of a cell, or a driver by its name and options.
+    """Settings of a driver check: a robot or camera of a cell, or a driver's name and options.
 
     Attributes:
-        device: Folder of a cell, or the name of a driver.
-        name: The robot or camera of the cell.
-        options: Of a driver that is named.
-        is_camera: Whether the driver that is named is that of a camera.
-        go: Whether the arm is moved.
+        device: Folder of a cell, or name of a driver.
+        name: Name of the robot or camera in the cell.
+        options: Options of a driver without a cell.
+        is_camera: Whether a driver without a cell is for a camera.
+        go: Whether to move the arm.
         cut: Whether a person cuts the connection.
-        allow_plaintext: Whether passwords go without encryption.
+        allow_plaintext: Whether passwords may be sent without encryption.
     """
 
     device: str
@@ -53,7 +53,7 @@ class DriverCheck:
 
     @property
     def is_in_cell(self) -> bool:
-        """Whether the device is a cell's folder."""
+        """Whether `device` is a cell's folder."""
         return (Path(self.device) / "cell.yaml").is_file()
 
 
@@ -61,8 +61,8 @@ def check_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
     """The driver and place of the robot or camera to measure.
 
     Raises:
-        UsageError: if the cell has none of that name.
-        InputError: if there is no such cell, and no such driver.
+        UsageError: if the cell has no robot or camera of that name with a driver.
+        InputError: if neither a cell nor a driver of that name exists.
     """
     if not check.is_in_cell:
         return _opener_without_cell(check)
@@ -77,7 +77,7 @@ def check_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
 
 
 def _opener_without_cell(check: DriverCheck) -> tuple[DriverKind, Place]:
-    """A driver of which no cell says anything, in a cell of its own."""
+    """A driver without a cell, with a minimal cell for it."""
     kind, known = driver_kind(check.device), driver_names()
     if kind is None:
         hint = nearest(check.device, known)
@@ -90,11 +90,11 @@ def _opener_without_cell(check: DriverCheck) -> tuple[DriverKind, Place]:
 
 
 def measured_promises(check: DriverCheck) -> Iterator[Promise | str]:
-    """Promises as they are measured, and what a person is to do.
+    """Run the check in a separate process; promises as they are measured, and instructions for the user.
 
     Raises:
-        DriverError: if the driver does not answer, or ends its process.
-        InputError: if there is no such driver.
+        DriverError: if the driver does not answer, or its process ends.
+        InputError: if the driver does not exist.
     """
     words = [json.dumps(asdict(check))]
     try:
@@ -105,10 +105,10 @@ def measured_promises(check: DriverCheck) -> Iterator[Promise | str]:
 
 
 def read_frames(words: Sequence[str]) -> Iterator[Frame]:
-    """Frames of the box: each promise, and each thing to do.
+    """Run the check inside the separate process; a frame for each promise and each instruction.
 
     Raises:
-        BasecalError: as the driver does.
+        BasecalError: the error of the driver.
     """
     for each in _measure(DriverCheck(**json.loads(words[0]))):
         yield each if isinstance(each, str) else vars(each), b""

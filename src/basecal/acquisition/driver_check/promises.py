@@ -1,4 +1,4 @@
-"""Promises of a driver as lines of a table: what is promised, what was measured, and whether it holds."""
+"""Promises of a driver as rows of a table: the promise, the measurement, and the result."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _MEASURED_S = 5.0
 _PAUSE_S = 2.0
 _MOST_CLOCK_DRIFT = 0.01
 _MOVE_RAD, _SPEED_RAD_S = np.radians(3.0), np.radians(5.0)
-_STOPPED_S = 0.5  # after an order, or after a watchdog heard nothing more
-_GAP_S = 0.5  # without states, which counts as an outage
+_STOPPED_S = 0.5  # after a stop, or after the last heartbeat of a watchdog
+_GAP_S = 0.5  # time without states that counts as an outage
 _HEARTBEAT_S = 0.02
-_AT_REST_RAD = 2e-4  # by which an arm at rest moves in 0.1 s: 0.1 deg/s
+_AT_REST_RAD = 2e-4  # largest motion of an arm at rest in 0.1 s: 0.1 deg/s
 _REST_S = 0.1
 _START_TIMEOUT_S = 3.0
 _STOP_TIMEOUT_S = 5.0
@@ -44,7 +44,7 @@ Given = TypeVar("Given")
 
 @dataclass(frozen=True)
 class Promise:
-    """One promise: its words, what was measured, and whether it holds; None if it was not measured."""
+    """A promise in words, the measurement, and whether the promise holds; None if it was not measured."""
 
     promise: str
     measured: str
@@ -52,13 +52,13 @@ class Promise:
 
 
 def robot_promises(name: str, robot: Robot, guarantee: StopGuarantee, is_motion_allowed: bool) -> Iterator[Promise]:
-    """Measure the promises of a robot, which stands still at first.
+    """Measure the promises of a robot, which must be at rest at first.
 
     Raises:
-        DriverError: if it does not answer, or gives implausible states.
+        DriverError: if the robot does not answer, or its states are implausible.
     """
     if not robot.is_live:
-        yield Promise("states come on demand", "a person answers for each", None)
+        yield Promise("states come on demand", "a person types each", None)
         return
     arrivals, values = record_states(name, robot, _MEASURED_S)
     yield from _stream_promises(arrivals, LEAST_HZ)
@@ -73,7 +73,7 @@ def _stream_promises(arrivals: Arrivals, least_hz: float) -> Iterator[Promise]:
     yield Promise(f"no gap longer than {STALE_S:g} s", f"longest {gap_s:.3f} s", gap_s <= STALE_S)
     yield Promise(f"latency varies by less than {STALE_S:g} s", f"{lag_s:.3f} s", lag_s < STALE_S)
     yield Promise("stamps do not go back", f"{arrivals.steps_back} went back", arrivals.steps_back == 0)
-    yield Promise("stamps do not stand still", f"{arrivals.repeats} were repeated", arrivals.repeats == 0)
+    yield Promise("stamps advance", f"{arrivals.repeats} were repeated", arrivals.repeats == 0)
     drift = arrivals.drift
     yield Promise(
         f"clock within {_MOST_CLOCK_DRIFT:.0%} of this machine's", f"{drift:+.2%}", abs(drift) < _MOST_CLOCK_DRIFT
@@ -99,7 +99,7 @@ def _guarantee_promise(name: str, robot: Robot, guarantee: StopGuarantee, is_mot
         return Promise(words, "the arm finishes its move if this computer is silent", None)
     if guarantee == "watchdog" and isinstance(robot, HasWatchdog) and is_motion_allowed:
         stop = measure_stop(name, robot, _MOVE_RAD, _SPEED_RAD_S, "silence")
-        return Promise(words, f"stood {stop.time_s:.2f} s after the last heartbeat", stop.time_s <= _STOPPED_S)
+        return Promise(words, f"stopped {stop.time_s:.2f} s after the last heartbeat", stop.time_s <= _STOPPED_S)
     return Promise(words, "declared by the driver, not measured", None)
 
 
@@ -107,11 +107,11 @@ def reconnection_promise(name: str, robot: Robot, watch_s: float) -> Promise:
     """Watch states while a person cuts the connection and restores it.
 
     Raises:
-        DriverError: if states do not come again.
+        DriverError: if states do not resume.
     """
     arrivals, _ = record_states(name, robot, watch_s)
     gap_s = arrivals.longest_gap_s
-    words = "states go on after an outage"
+    words = "states resume after an outage"
     if gap_s < _GAP_S:
         return Promise(words, f"no outage was seen in {watch_s:g} s", None)
     return Promise(words, f"after {gap_s:.1f} s", True)
@@ -121,10 +121,10 @@ def camera_promises(camera: Camera) -> Iterator[Promise]:
     """Measure the promises of a camera.
 
     Raises:
-        DriverError: if no image comes.
+        DriverError: if no image arrives.
     """
     if not camera.is_live:
-        yield Promise("images come on demand", "a person or a program gives each", None)
+        yield Promise("images come on demand", "a person or a program provides each", None)
         return
     arrivals = record_images(camera, _MEASURED_S)
     yield from _stream_promises(arrivals, 1.0)
@@ -134,57 +134,57 @@ def camera_promises(camera: Camera) -> Iterator[Promise]:
 
 @dataclass(frozen=True, eq=False)
 class Arrivals:
-    """Arrivals of states or images: `at_s` (n,) by this machine's clock, `stamps_s` (n,) by their own."""
+    """Arrival times of states or images by this machine's clock, `at_s` (n,), and timestamps, `stamps_s` (n,) [s]."""
 
     at_s: Array
     stamps_s: Array
 
     @property
     def rate_hz(self) -> float:
-        """Items in a second."""
+        """Rate of states or images [Hz]."""
         return float((len(self.at_s) - 1) / (self.at_s[-1] - self.at_s[0]))
 
     @property
     def longest_gap_s(self) -> float:
-        """Longest time without a new one."""
+        """Longest time between arrivals [s]."""
         return float(np.diff(self.at_s).max())
 
     @property
     def lag_s(self) -> float:
-        """How much later than the fastest the latest came, after its own stamp."""
+        """Range of the latency from timestamp to arrival [s]."""
         lag_s = self.at_s - self.stamps_s
         return float(lag_s.max() - lag_s.min())
 
     @property
     def drift(self) -> float:
-        """Excess speed of the device's clock over this machine's, as a share."""
+        """Relative drift of the device's clock against this machine's clock."""
         at_s = self.at_s - self.at_s.mean()
         return float(at_s @ (self.stamps_s - self.stamps_s.mean()) / (at_s @ at_s) - 1)
 
     @property
     def repeats(self) -> int:
-        """How many stamps are equal to the one before."""
+        """Number of timestamps that equal the previous one."""
         return int(np.sum(np.diff(self.stamps_s) == 0))
 
     @property
     def steps_back(self) -> int:
-        """How many stamps are older than the one before."""
+        """Number of timestamps that are older than the previous one."""
         return int(np.sum(np.diff(self.stamps_s) < 0))
 
 
 @dataclass(frozen=True)
 class Stop:
-    """How an arm stopped: after `time_s`, and `distance_rad` of the leading joint, from the instant of the order."""
+    """Time and distance of an arm's stop, from the command: `time_s` [s], and `distance_rad` of the leading joint."""
 
     time_s: float
     distance_rad: float
 
 
 def record_states(name: str, robot: Robot, duration_s: float) -> tuple[Arrivals, Array]:
-    """Read states for a while: when they came, and their values, (n, k) [rad] or [m].
+    """Read states for a duration [s]; their arrivals, and their values, (n, k) [rad] or [m].
 
     Raises:
-        DriverError: if a state does not come or is implausible, or fewer than three come.
+        DriverError: if a state does not arrive or is implausible, or fewer than three arrive.
     """
     at_s, readings = _arrivals(robot.state, duration_s)
     for reading in readings:
@@ -194,10 +194,10 @@ def record_states(name: str, robot: Robot, duration_s: float) -> tuple[Arrivals,
 
 
 def record_images(camera: Camera, duration_s: float) -> Arrivals:
-    """Read images for a while.
+    """Read images for a duration [s]; their arrivals.
 
     Raises:
-        DriverError: if an image does not come, or fewer than three come.
+        DriverError: if an image does not arrive, or fewer than three arrive.
     """
     at_s, images = _arrivals(camera.image, duration_s)
     return Arrivals(at_s, np.array([image.stamp_s for image in images]))
@@ -211,15 +211,15 @@ def _arrivals(read: Callable[[], Given], duration_s: float) -> tuple[Array, list
         given.append(read())
         at_s.append(time.monotonic())
     if len(given) < 3:
-        raise DriverError(f"only {len(given)} came in {duration_s:g} s: too few to measure anything")
+        raise DriverError(f"only {len(given)} states or images came in {duration_s:g} s, at least 3 are needed")
     return np.array(at_s), given
 
 
 def stale_images(camera: Camera, period_s: float, pause_s: float) -> int:
-    """Count images that waited in a buffer during a pause in which nobody read: they come faster than exposures.
+    """Count images that were buffered during a pause without reads: they arrive faster than exposures.
 
     Raises:
-        DriverError: if an image does not come.
+        DriverError: if an image does not arrive.
     """
     time.sleep(pause_s)
     count, before_s = 0, time.monotonic()
@@ -232,17 +232,17 @@ def stale_images(camera: Camera, period_s: float, pause_s: float) -> int:
 
 
 def measure_stop(name: str, robot: Robot, distance_rad: float, speed_rad_s: float, order: str = "stop") -> Stop:
-    """Move the last joint, and measure how it stops when ordered to, or when the watchdog hears nothing more.
+    """Move the last joint, and measure its stop after a command, or after the last heartbeat to the watchdog.
 
     Args:
-        name: The robot's.
-        robot: One that moves, and gives joints.
-        distance_rad: How far the joint is sent; it is stopped on half the way.
-        speed_rad_s: How fast.
-        order: `stop`, or `silence` of the heartbeat.
+        name: Name of the robot.
+        robot: A robot that can be moved, and reports joints.
+        distance_rad: Length of the motion; it is stopped half way.
+        speed_rad_s: Speed of the motion.
+        order: `stop` for a command, or `silence` for missing heartbeats.
 
     Raises:
-        DriverError: if it gives poses, does not begin to move, or does not stop.
+        DriverError: if the robot reports poses, does not start to move, or does not stop.
     """
     assert isinstance(robot, Moves)
     begin = _joints(name, robot)
@@ -264,7 +264,7 @@ def _joints(name: str, robot: Robot) -> Array:
     reading: Reading = robot.state()
     check_reading(name, reading)
     if reading.state.joints_rad is None:
-        raise DriverError(f"{name}: it gives poses: a move of one joint needs a cell with its URDF")
+        raise DriverError(f"{name}: it reports poses: a move of one joint needs a cell with its URDF")
     return reading.state.joints_rad
 
 
@@ -272,11 +272,11 @@ def _wait(name: str, robot: Robot, is_there: Callable[[Array], bool], most_s: fl
     until_s = time.monotonic() + most_s
     while not is_there(_joints(name, robot)):
         if time.monotonic() > until_s:
-            raise DriverError(f"{name}: it did not go where it was sent within {most_s:g} s")
+            raise DriverError(f"{name}: it did not move as requested within {most_s:g} s")
 
 
 def _wait_for_rest(name: str, robot: Robot) -> tuple[float, Array]:
-    """Since when [s] the arm stands, and where."""
+    """Wait until the arm is at rest; the start of the rest [s], and the joints, (n,) [rad]."""
     since_s, at = time.monotonic(), _joints(name, robot)
     until_s = since_s + _STOP_TIMEOUT_S
     while time.monotonic() - since_s < _REST_S:
@@ -290,11 +290,11 @@ def _wait_for_rest(name: str, robot: Robot) -> tuple[float, Array]:
 
 @contextmanager
 def _kept_alive(robot: Robot) -> Iterator[Callable[[], None]]:
-    """Send the heartbeat of a watchdog, if there is one, until what it gives is called."""
+    """Context that sends heartbeats to a robot's watchdog, if any; the yielded function ends them."""
     ended = threading.Event()
 
     def kick() -> None:
-        """Send the heartbeat until it is no longer needed."""
+        """Send heartbeats until the context or the yielded function ends them."""
         with suppress(Exception):
             while isinstance(robot, HasWatchdog) and not ended.wait(_HEARTBEAT_S):
                 robot.keep_alive()

@@ -1,1 +1,1 @@
-"""Drivers: a file and a line in the registry for each; each has `open_robot`, `open_camera`, or both."""
+"""Drivers: each is a module with `open_robot`, `open_camera`, or both, and an entry in the registry."""

@@ -1,7 +1,7 @@
-"""Images that another program saves into a folder: whatever can save a file is a camera.
+"""Images that another program saves into a folder.
 
-A file counts when its name is new and begins with no dot, and it can be read whole; of several, the newest. The stamp
-is the time at which it was last written.
+A file counts if its name is new and does not begin with a dot, and the image is complete. The newest such file is used.
+The timestamp is the file's time of modification.
 """
 
 from __future__ import annotations
@@ -20,13 +20,19 @@ from basecal.errors import DriverError
 from basecal.fields.values import Entry, PathText
 from basecal.vision.image_file import grey_image, read_bytes
 
-_LOOK_S = 0.02  # between looks into the folder: short beside a motion, long for a disk
-_WRITING_S = 5.0  # that a program may pause while it writes an image
-_HALVES = 3  # newest files that are read: some of them may still be written
+_LOOK_S = 0.02  # polling period of the folder: short compared with a motion, long for a disk
+_WRITING_S = 5.0  # longest pause of a program while it writes an image
+_HALVES = 3  # number of newest files that are read: some may be incomplete
 
 
 class FolderOptions(Entry):
-    """`path` of the folder, from the cell's; `wait_s` for the next image; whether those `existing` count."""
+    """Options of a folder.
+
+    Attributes:
+        path: The folder, relative to the cell's folder.
+        wait_s: Timeout for the next image [s].
+        existing: Whether to use the files that exist at the start.
+    """
 
     path: PathText
     wait_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0
@@ -34,7 +40,7 @@ class FolderOptions(Entry):
 
 
 class FolderCamera:
-    """A folder into which images are saved."""
+    """A folder of images as a camera."""
 
     is_live = False
     is_stamped = True
@@ -46,12 +52,12 @@ class FolderCamera:
         self._unreadable_s: dict[tuple[int, Path], float] = {}
 
     def image(self) -> CameraImage:
-        """The newest image; of those that existed the oldest that was not given yet.
+        """Wait for the newest image; with the option `existing`, for the oldest image not returned yet.
 
-        One that is still being written is waited for.
+        Incomplete files are read again until they are complete.
 
         Raises:
-            DriverError: if none comes in time, or the first file that comes stays no image.
+            DriverError: if no image arrives before the timeout, or the first file does not become an image.
         """
         until, why = time.monotonic() + self.wait_s, ""
         while True:
@@ -70,28 +76,28 @@ class FolderCamera:
             time.sleep(_LOOK_S)
 
     def _check_first(self, written_ns: int, path: Path, problem: str) -> None:
-        """Wait for the end of a file that is being written, but not for that of files that never are images.
+        """Check that a file becomes a readable image in time, before the first image was returned.
 
         Raises:
-            DriverError: if no image came yet, and a file has not been written to for five seconds.
+            DriverError: if no image was returned yet, and an unreadable file has not changed for five seconds.
         """
         since_s = self._unreadable_s.setdefault((written_ns, path), time.monotonic())
         if not self._has_given and time.monotonic() - since_s > _WRITING_S:
-            raise DriverError(f"{path} {problem}. Have images saved whole, as PNG, JPEG or TIFF")
+            raise DriverError(f"{path} {problem}. Save complete images, as PNG, JPEG or TIFF")
 
     def _new_files(self) -> Iterator[tuple[int, Path]]:
-        """New files, with the times at which they were written [ns]."""
+        """New files, with their times of modification [ns]."""
         for path in self._folder.iterdir():
-            with suppress(FileNotFoundError):  # programs rename what they wrote
+            with suppress(FileNotFoundError):  # programs rename files after writing
                 if path.name not in self._seen and not path.name.startswith(".") and path.is_file():
                     yield path.stat().st_mtime_ns, path
 
     def close(self) -> None:
-        """Close: the driver holds nothing."""
+        """Do nothing: there is nothing to close."""
 
 
 def reaches(place: Place) -> str:
-    """The folder, if it is outside of the cell's.
+    """Description of the folder if it is outside the cell's folder; else empty.
 
     Raises:
         DatasetError: if an option is wrong.
@@ -100,13 +106,13 @@ def reaches(place: Place) -> str:
 
 
 def open_camera(place: Place) -> FolderCamera:
-    """The folder, whose images of before count only where the options say so.
+    """Open a folder as a camera.
 
     Raises:
-        DatasetError: if an option is wrong, or there is no such folder.
+        DatasetError: if an option is wrong, or the folder does not exist.
     """
     options = checked_options(place, FolderOptions)
     folder = place.folder / options.path
     if not folder.is_dir():
-        raise place.error(f"there is no folder {folder}; make it, and have images saved into it", "driver.path")
+        raise place.error(f"there is no folder {folder}: create it, and save images into it", "driver.path")
     return FolderCamera(folder, options.wait_s, options.existing)

@@ -1,6 +1,6 @@
-"""Robots whose controllers answer OPC UA (KUKA, ABB, FANUC, Yaskawa and others sell such servers), by asyncua.
+"""Robots with an OPC UA server (sold by KUKA, ABB, FANUC, Yaskawa and others), with asyncua.
 
-They are watched, and led by a person: the Robotics companion specification has no commands to move.
+A person leads these robots: the Robotics companion specification has no motion commands.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from basecal.geometry import Array
 
 
 class OpcuaRobot(ReconnectingRobot):
-    """A robot whose joints, or whose pose, are nodes of a server."""
+    """A robot whose joints or pose are nodes of a server."""
 
-    repeats_stamps = True  # many servers stamp a value when it changes
+    repeats_stamps = True  # many servers update a timestamp only when its value changes
 
     def __init__(self, name: str, options: OpcuaOptions, joints: int, allow_plaintext: bool) -> None:
         self._options, self._joints, self._allow_plaintext = options, joints, allow_plaintext
@@ -32,15 +32,15 @@ class OpcuaRobot(ReconnectingRobot):
         super().__init__(name, options.reconnect_s, options.rate_hz)
 
     def connect(self) -> None:
-        """Sign on.
+        """Open a session.
 
         Raises:
-            DriverError: if the server does not answer, refuses, or lacks the nodes.
+            DriverError: if the server does not answer, refuses the session, or lacks the nodes.
         """
         self._session = Session(self.name, self._options, self._find_nodes, self._allow_plaintext)
 
     def disconnect(self) -> None:
-        """Sign off."""
+        """Close the session."""
         self._session.close()
 
     def _find_nodes(self, client: Any) -> Sequence[Any]:
@@ -56,10 +56,10 @@ class OpcuaRobot(ReconnectingRobot):
         return nodes
 
     def read(self) -> Reading:
-        """Read all nodes, with the server's stamp of when the latest value was taken [s, UTC since 1970].
+        """Read all nodes; the timestamp is the newest of their source timestamps [s, UTC since 1970].
 
         Raises:
-            DriverError: if the server has no value of a node, or another count of numbers than the robot.
+            DriverError: if the server has no value of a node, or the number of values is wrong.
         """
         values = self._session.read()
         notation = None if self._options.notation is None else CONTROLLERS[self._options.notation]
@@ -74,7 +74,7 @@ class OpcuaRobot(ReconnectingRobot):
 
 
 def reaches(place: Place) -> str:
-    """The server, and who signs on.
+    """Description of the server and the login.
 
     Raises:
         DatasetError: if an option is wrong.
@@ -85,7 +85,7 @@ def reaches(place: Place) -> str:
 
 
 def secret(place: Place) -> Secret | None:
-    """The password, if a user signs on.
+    """The password; None without a login.
 
     Raises:
         DatasetError: if an option is wrong.
@@ -95,11 +95,11 @@ def secret(place: Place) -> Secret | None:
 
 
 def open_robot(place: Place) -> OpcuaRobot:
-    """A robot, with a session of its own.
+    """Open a robot with its own session.
 
     Raises:
-        DatasetError: if an option is wrong, or joints are read of a robot without URDF.
-        DriverError: if the server does not answer, refuses, or lacks the nodes.
+        DatasetError: if an option is wrong, or joints are read from a robot without a URDF.
+        DriverError: if the server does not answer, refuses the session, or lacks the nodes.
         MissingExtra: if asyncua is not installed.
     """
     options = checked_options(place, OpcuaOptions)

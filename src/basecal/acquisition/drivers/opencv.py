@@ -1,6 +1,6 @@
-"""Any camera or stream that OpenCV opens: a device's number, a file of a video, an address.
+"""Any camera or stream that OpenCV opens: a device number, a video file, or an address.
 
-The stamp is that of the kernel if the camera is one of V4L2, else this machine's monotonic clock when the image came.
+The timestamp is that of the kernel for V4L2 cameras, else the monotonic clock of this machine at the image's arrival.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from basecal.vision.stream import Stream, open_stream
 
 
 class OpencvOptions(Entry):
-    """`source`: the number of a device, a path from the cell's folder, or an address."""
+    """Option `source`: a device number, a path relative to the cell's folder, or an address."""
 
     source: Annotated[int, Field(ge=0)] | PathText = 0
 
 
 class OpencvCamera:
-    """A stream; a file of a video gives its next image when asked, and is not live."""
+    """A stream of OpenCV; a video file is not live, and returns its next image on request."""
 
     def __init__(self, name: str, stream: Stream, is_file: bool = False) -> None:
         self._name, self._stream = name, stream
@@ -36,7 +36,7 @@ class OpencvCamera:
         """The next image of the stream.
 
         Raises:
-            DriverError: if it has ended.
+            DriverError: if the stream has ended.
         """
         grey = self._stream.read()
         if grey is None:
@@ -49,7 +49,7 @@ class OpencvCamera:
 
 
 def reaches(place: Place) -> str:
-    """The device or the address, or a path that is outside of the cell's folder.
+    """Description of the device, the address, or the path if it is outside the cell's folder; else empty.
 
     Raises:
         DatasetError: if an option is wrong.
@@ -61,17 +61,17 @@ def reaches(place: Place) -> str:
 
 
 def _source(place: Place) -> int | str | Path:
-    """The number of a device, an address, or a path."""
+    """Device number, address, or path."""
     source = checked_options(place, OpencvOptions).source
     return source if isinstance(source, int) or "://" in source else place.folder / source
 
 
 def open_camera(place: Place) -> OpencvCamera:
-    """The stream, opened.
+    """Open the stream.
 
     Raises:
         DatasetError: if an option is wrong.
-        DriverError: if OpenCV cannot open it.
+        DriverError: if OpenCV cannot open the stream.
     """
     source = _source(place)
     stream = open_stream(source)

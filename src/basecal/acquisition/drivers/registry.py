@@ -1,6 +1,6 @@
-"""Every driver: a new one is a module, and its name here; other packages offer theirs as entry points.
+"""Registry of drivers: add a module and its name here for a new driver; other packages use entry points.
 
-A driver is loaded when a cell names it: an arm's process starts with what its own driver needs alone.
+A driver is loaded when a cell names it, so that an arm's process loads only its own driver.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from types import ModuleType
 from basecal.acquisition.driver import DriverKind
 
 GROUP = "basecal.drivers"
-"""The group of entry points in which other packages offer modules with `open_robot` or `open_camera`."""
+"""Group of entry points for drivers of other packages: modules with `open_robot` or `open_camera`."""
 
 
 DRIVERS = (
@@ -25,7 +25,7 @@ DRIVERS = (
     "opcua",
     "ros2",
 )
-"""The drivers of this package: modules of this folder."""
+"""Names of the drivers of this package: modules of this folder."""
 
 
 def driver_names() -> tuple[str, ...]:
@@ -34,7 +34,7 @@ def driver_names() -> tuple[str, ...]:
 
 
 def driver_kind(name: str) -> DriverKind | None:
-    """The driver of a name; None if nobody offers it."""
+    """Load a driver by name; None if it does not exist."""
     if name in DRIVERS:
         return offered_driver(import_module(f"basecal.acquisition.drivers.{name}"))
     for point in entry_points(group=GROUP, name=name):
@@ -44,7 +44,7 @@ def driver_kind(name: str) -> DriverKind | None:
 
 
 def offered_driver(module: ModuleType) -> DriverKind:
-    """The driver that a module offers; one of another package is trusted with what it declares alone."""
+    """The driver that a module provides, according to its declarations."""
     return DriverKind(
         getattr(module, "open_robot", None),
         getattr(module, "open_camera", None),

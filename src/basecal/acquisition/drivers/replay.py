@@ -1,7 +1,7 @@
-"""A recording that exists, gone through again: its robots go only where they have been.
+"""Replay of a recording: its robots move only to recorded samples.
 
-`move` goes to the sample that was recorded nearest; the cameras then give that sample's images, again and again. All
-robots and cameras of one recording share one place in it and one clock, which goes on with every reading.
+`move` selects the recorded sample nearest to the goal; the cameras then return that sample's images repeatedly. All
+robots and cameras of a recording share the selected sample and one clock, which advances with every read.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from basecal.errors import DriverError
 from basecal.fields.values import Entry, PathText
 from basecal.vision.image_file import grey_image, read_bytes
 
-_TICK_S = 0.01  # of the clock with each reading
+_TICK_S = 0.01  # advance of the clock with each read
 
 
 NEEDS_OWN_PROCESS = False
-"""Nothing is moved, and whoever replays is asked nothing twice."""
+"""A replay moves no real robot."""
 
 
 class ReplayOptions(Entry):
-    """`recording`: the folder of the cell that was recorded, from this cell's folder."""
+    """Option `recording`: folder of the recorded cell, relative to this cell's folder."""
 
     recording: PathText
 
 
 class Tape:
-    """A recording, and the sample at which it stands."""
+    """A recording and its selected sample."""
 
     def __init__(self, cell: Cell, recording: Recording) -> None:
         self.cell, self.samples = cell, recording.samples
@@ -46,25 +46,25 @@ class Tape:
         self._now_s = 0.0
 
     def tick(self) -> float:
-        """The time, later than ever before [s]."""
+        """Advance the clock; the new time [s]."""
         self._now_s += _TICK_S
         return self._now_s
 
     def go(self, robot: str, to: RobotState) -> None:
-        """Stand at the sample nearest to where all robots were last sent."""
+        """Select the sample nearest to the last goals of all robots."""
         self._wanted[robot] = to
         self.at = min(self.samples, key=self._distance)
 
     def stand(self, is_suitable: Callable[[Sample], bool], name: str) -> Sample:
-        """The sample at which the tape stands, the first one where nobody moved yet.
+        """The selected sample; before the first motion, the first suitable sample.
 
         Raises:
-            DriverError: if it lacks what is needed.
+            DriverError: if the sample is not suitable.
         """
         if self.at is None:
             self.at = next((sample for sample in self.samples if is_suitable(sample)), None)
         if self.at is None or not is_suitable(self.at):
-            raise DriverError(f"{name}: the recording has nothing of it in sample {self.at and self.at.sample}")
+            raise DriverError(f"{name}: the recording has no data of it in sample {self.at and self.at.sample}")
         return self.at
 
     def _distance(self, sample: Sample) -> float:
@@ -86,23 +86,23 @@ class ReplayRobot:
         self._name, self._tape = name, tape
 
     def state(self) -> Reading:
-        """Where it was at the sample at which the tape stands.
+        """State of the robot in the selected sample.
 
         Raises:
-            DriverError: if the sample has no state of it.
+            DriverError: if the sample has no state of the robot.
         """
         sample = self._tape.stand(lambda each: self._name in each.robots, self._name)
         return Reading(self._tape.tick(), replace(sample.robots[self._name]))
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
-        """Stand at the nearest sample; however slow it may be, at once."""
+        """Select the nearest sample, without delay at any speed."""
         self._tape.go(self._name, to)
 
     def stop(self) -> None:
-        """Stop: a replayed robot never moves."""
+        """Do nothing: a replayed robot moves without delay."""
 
     def close(self) -> None:
-        """Close: the driver holds nothing."""
+        """Do nothing: there is nothing to close."""
 
 
 class ReplayCamera:
@@ -115,14 +115,14 @@ class ReplayCamera:
         self._name, self._tape, self._lit = name, tape, True
 
     def light(self, on: bool) -> None:
-        """Give the images with the light on, or those without."""
+        """Select the images with the LED on, or those with the LED off."""
         self._lit = on
 
     def image(self) -> CameraImage:
-        """The image of the sample at which the tape stands.
+        """Image of the camera in the selected sample.
 
         Raises:
-            DriverError: if it has none, or it cannot be read.
+            DriverError: if the sample has no image, or the image is unreadable.
         """
         sample = self._tape.stand(lambda each: self._name in each.images, self._name)
         paths = sample.images if self._lit else sample.background
@@ -137,11 +137,11 @@ class ReplayCamera:
         return grey
 
     def close(self) -> None:
-        """Close: the driver holds nothing."""
+        """Do nothing: there is nothing to close."""
 
 
 def reaches(place: Place) -> str:
-    """The recording, if it is outside of the cell's folder.
+    """Description of the recording if it is outside the cell's folder; else empty.
 
     Raises:
         DatasetError: if an option is wrong.
@@ -150,7 +150,7 @@ def reaches(place: Place) -> str:
 
 
 def open_robot(place: Place) -> ReplayRobot:
-    """A robot of a recording.
+    """Open a robot of a recording.
 
     Raises:
         DatasetError: if an option is wrong, or the recording cannot be read or has no robot of this name.
@@ -159,7 +159,7 @@ def open_robot(place: Place) -> ReplayRobot:
 
 
 def open_camera(place: Place) -> ReplayCamera:
-    """A camera of a recording.
+    """Open a camera of a recording.
 
     Raises:
         DatasetError: if an option is wrong, or the recording cannot be read or has no camera of this name.

@@ -1,7 +1,7 @@
-"""Robots and cameras of a running ROS 2, over DDS, without an installation of ROS.
+"""Robots and cameras of a running ROS 2 system, over DDS, without an installation of ROS.
 
-A robot comes by joint states, by poses, or by two frames of tf; a camera by its images, raw or compressed. Robots are
-only watched: moving them is the business of their own drivers.
+A robot's state is read from joint states, poses, or two tf frames; a camera's images are raw or compressed. Robots are
+only read: their own drivers move them.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from basecal.exchange.bags.images import image_file
 from basecal.fields.values import Entry
 from basecal.vision.image_file import grey_image
 
-_QUEUE_SIZE = 1  # images that are kept: the newest
-_STOP_S = 3.0  # beyond `reconnect_s`, so that the driver says itself why nothing comes
+_QUEUE_SIZE = 1  # queued images
+_STOP_S = 3.0  # in addition to `reconnect_s`, so that the driver's error comes before the feed's timeout
 
 Name = Annotated[str, Field(min_length=1)]
 
 
 class Ros2Options(Entry):
-    """Options beside `kind: ros2`.
+    """Options of `kind: ros2`.
 
     Attributes:
-        topic: Of a robot's joint states or poses, or of a camera's images.
-        frames: Base and flange of a robot in tf, instead of a topic.
-        domain: Of DDS; where it is not stated, that of ROS_DOMAIN_ID, else 0.
-        reconnect_s: How long a topic is waited for, at the beginning and when nothing comes any more.
+        topic: Topic of a robot's joint states or poses, or of a camera's images.
+        frames: Base and flange frame of a robot in tf, instead of a topic.
+        domain: DDS domain ID; by default the value of ROS_DOMAIN_ID, else 0.
+        reconnect_s: Timeout for a topic to appear, and for messages to resume [s].
     """
 
     topic: Annotated[str, Field(pattern=r"^/[^\s]+$")] | None = None
@@ -45,7 +45,7 @@ class Ros2Options(Entry):
 
 
 class Ros2Robot:
-    """A robot that ROS 2 knows."""
+    """A robot whose state is published in ROS 2."""
 
     is_live = True
 
@@ -53,10 +53,10 @@ class Ros2Robot:
         self._name, self._states, self._waits = name, states, Waits(name)
 
     def state(self) -> Reading:
-        """Its next state, with the stamp of its driver [s].
+        """Return the robot's next state, with the timestamp of its ROS driver [s].
 
         Raises:
-            DriverError: if none comes, or they come too seldom.
+            DriverError: if no state arrives before the timeout, or the rate is too low.
         """
         began_s = time.monotonic()
         reading = self._states.next()
@@ -65,11 +65,11 @@ class Ros2Robot:
         return reading
 
     def close(self) -> None:
-        """Close: the driver holds nothing that the next one could not use as well."""
+        """Do nothing: the DDS participant is shared by all drivers of this process."""
 
 
 class Ros2Camera:
-    """A camera that ROS 2 knows; `wait_s` until its driver gives up."""
+    """A camera whose images are published in ROS 2; `wait_s` is the timeout of the driver [s]."""
 
     is_live = True
     is_stamped = True
@@ -82,10 +82,10 @@ class Ros2Camera:
         self._last_s = float("-inf")
 
     def image(self) -> CameraImage:
-        """Its next image, with the stamp of its driver [s].
+        """Return the camera's next image, with the timestamp of its ROS driver [s].
 
         Raises:
-            DriverError: if none comes, or it is of an encoding or size that is not read.
+            DriverError: if no image arrives before the timeout, or its encoding or size is not supported.
         """
         last_s = max(self._last_s, 0.0)
         message = self._stream.newest(
@@ -103,25 +103,25 @@ class Ros2Camera:
         return CameraImage(now_s, grey)
 
     def close(self) -> None:
-        """Close: the driver holds nothing that the next one could not use as well."""
+        """Do nothing: the DDS participant is shared by all drivers of this process."""
 
 
 def reaches(place: Place) -> str:
-    """The domain of DDS.
+    """Description of the DDS domain.
 
     Raises:
         DatasetError: if an option is wrong.
-        InputError: if ROS_DOMAIN_ID is no number of a domain.
+        InputError: if ROS_DOMAIN_ID is not a valid domain ID.
     """
     return domain_words(choose_domain(checked_options(place, Ros2Options).domain))
 
 
 def open_robot(place: Place) -> Ros2Robot:
-    """A robot by its topic, or by its frames.
+    """Open a robot from its topic, or from its tf frames.
 
     Raises:
         DatasetError: if an option is wrong.
-        DriverError: if nobody sends the topic.
+        DriverError: if the topic is not published.
         MissingExtra: if cyclonedds or rosbags is not installed.
     """
     options = checked_options(place, Ros2Options)
@@ -141,11 +141,11 @@ def open_robot(place: Place) -> Ros2Robot:
 
 
 def open_camera(place: Place) -> Ros2Camera:
-    """A camera by the topic of its images.
+    """Open a camera from the topic of its images.
 
     Raises:
         DatasetError: if an option is wrong.
-        DriverError: if nobody sends the topic.
+        DriverError: if the topic is not published.
         MissingExtra: if cyclonedds or rosbags is not installed.
     """
     options = checked_options(place, Ros2Options)

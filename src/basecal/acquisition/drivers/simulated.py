@@ -1,4 +1,4 @@
-"""The arms and cameras of a simulated cell that runs in a process of its own (`basecal simulate CELL --process`)."""
+"""The arms and cameras of a simulated cell that runs in a separate process (`basecal simulate CELL --process`)."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ _Answer = TypeVar("_Answer", bound=Entry)
 STOP_GUARANTEE: StopGuarantee = "watchdog"
 
 NEEDS_OWN_PROCESS = False
-"""A simulated arm hurts nobody, and its time may stand still while nobody asks."""
+"""Simulated arms need no supervision, and their time may stop between requests."""
 
 
 class SimulatedOptions(Entry):
-    """`port` and `token` of the process; where they are left out, those in the cell's folder."""
+    """Options `port` and `token` of the process; by default, the values stored in the cell's folder."""
 
     port: Annotated[int, Field(gt=0, lt=2**16)] | None = None
     token: str | None = None
 
 
 class _State(Entry):
-    """Its answer to a request of a state."""
+    """The reply with a state."""
 
     stamp_s: Number
     joints_rad: Annotated[list[Number], Field(min_length=1, max_length=MOST_JOINTS)]
@@ -54,16 +54,16 @@ class _Image(Entry):
 
 
 def _parse_answer(kind: type[_Answer], answer: dict[str, Any]) -> _Answer:
-    """An answer, whoever gave it: any program may listen at a port.
+    """Validate a reply, because any program may listen at the port.
 
     Raises:
-        DriverError: if it is none.
+        DriverError: if the reply is invalid.
     """
     try:
         return kind.model_validate(answer)
     except ValidationError as error:
         said = first_problem(error, kind)
-        raise DriverError(f"what answers at that port is no simulated cell ({said})") from None
+        raise DriverError(f"the program at that port is not a simulated cell ({said})") from None
 
 
 class SimulatedRobot:
@@ -75,7 +75,7 @@ class SimulatedRobot:
         self._name, self._cell = name, cell
 
     def state(self) -> Reading:
-        """Its next state.
+        """Return the robot's next state.
 
         Raises:
             DriverError: if the cell does not answer.
@@ -84,26 +84,26 @@ class SimulatedRobot:
         return Reading(answer.stamp_s, RobotState(joints_rad=np.array(answer.joints_rad)))
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
-        """Send it to joints.
+        """Start a motion to joints.
 
         Raises:
-            DriverError: if they are beyond its limits, or a pose is requested.
+            DriverError: if the joints are beyond their limits, or the goal is a pose.
         """
         if to.joints_rad is None:
-            raise DriverError(f"{self._name} goes to joints, not to poses of its flange")
+            raise DriverError(f"{self._name} accepts goals as joints, not as poses of its flange")
         self._cell.ask(do="move", robot=self._name, joints_rad=to.joints_rad.tolist(), speed_rad_s=speed_rad_s)
 
     def stop(self) -> None:
-        """Have it come to rest."""
+        """Stop the robot."""
         self._cell.ask(do="stop", robot=self._name)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._cell.close()
 
 
 class SimulatedCamera:
-    """A camera of a running cell, and the light it looks at."""
+    """A camera of a running cell, and the LED in its view."""
 
     is_live = True
     is_on_demand = True
@@ -112,7 +112,7 @@ class SimulatedCamera:
         self._name, self._cell = name, cell
 
     def image(self) -> CameraImage:
-        """Its next image.
+        """Return the camera's next image.
 
         Raises:
             DriverError: if the cell does not answer.
@@ -127,40 +127,40 @@ class SimulatedCamera:
         return CameraImage(answer.stamp_s, grey)
 
     def light(self, on: bool) -> None:
-        """Switch the light."""
+        """Switch the LED on or off."""
         self._cell.ask(do="light", on=on)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._cell.close()
 
 
 def reaches(place: Place) -> str:
-    """The port of this computer at which the cell listens.
+    """Description of the local port at which the cell listens.
 
     Raises:
         DatasetError: if an option is wrong.
-        DriverError: if no cell runs.
+        DriverError: if no simulated cell is running.
     """
     return place_words(_address(place))
 
 
 def open_robot(place: Place) -> SimulatedRobot:
-    """An arm, with a line to its cell.
+    """Connect to an arm of a running cell.
 
     Raises:
         DatasetError: if an option is wrong.
-        DriverError: if no cell runs.
+        DriverError: if no simulated cell is running.
     """
     return SimulatedRobot(place.name, _open_connection(place))
 
 
 def open_camera(place: Place) -> SimulatedCamera:
-    """A camera, with a line to its cell.
+    """Connect to a camera of a running cell.
 
     Raises:
         DatasetError: if an option is wrong.
-        DriverError: if no cell runs.
+        DriverError: if no simulated cell is running.
     """
     return SimulatedCamera(place.name, _open_connection(place))
 

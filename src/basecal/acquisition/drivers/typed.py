@@ -1,4 +1,4 @@
-"""Poses that a person types, or pastes from a pendant, in the notation of its maker."""
+"""Robot states that a person types or pastes from a pendant, in the notation of the robot's manufacturer."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.fields.values import LARGEST_VALUE, Entry, known_names
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-_JOINTS = {"joints_deg": np.radians(1.0), "joints_rad": 1.0}  # [rad] of what is typed
+_JOINTS = {"joints_deg": np.radians(1.0), "joints_rad": 1.0}  # [rad] per typed unit
 _NOTATIONS = (*CONTROLLERS, *_JOINTS)
 
 
 NEEDS_OWN_PROCESS = False
-"""A person is asked on the terminal."""
+"""The driver reads from the terminal."""
 
 
 class TypedOptions(Entry):
-    """`notation`: a controller, whose convention a pose is typed in, or `joints_deg` or `joints_rad`."""
+    """Option `notation`: the controller whose convention typed poses follow, or `joints_deg` or `joints_rad`."""
 
     notation: Annotated[str, known_names("notation", _NOTATIONS)] = "ur"
 
@@ -39,7 +39,7 @@ class TypedRobot:
         self._place, self._notation, self._source = place, notation, source
 
     def state(self) -> Reading:
-        """The typed state; an unreadable line is requested again, with the reason.
+        """Prompt for a state; an invalid line is reported and requested again.
 
         Raises:
             DriverError: if the input has ended.
@@ -75,16 +75,16 @@ class TypedRobot:
         return chain.joint_names
 
     def close(self) -> None:
-        """Close: the driver holds nothing."""
+        """Do nothing: there is nothing to close."""
 
 
 def reaches(place: Place) -> str:
-    """No place: a person is asked."""
+    """Empty: the driver accesses nothing outside the cell's folder."""
     return ""
 
 
 def open_robot(place: Place) -> TypedRobot:
-    """A robot whose poses are typed on the standard input.
+    """Open a robot whose states are typed on the standard input.
 
     Raises:
         DatasetError: if an option is wrong.

@@ -1,8 +1,8 @@
-"""Universal Robots' controllers, over RTDE by ur-rtde: states with the controller's stamps, moves, leading by hand.
+"""Universal Robots' controllers over RTDE with ur-rtde: states with the controller's timestamps, moves, freedrive.
 
-States need only port 30004. Moves and freedrive run a program on the controller, which is sent there when the first of
-them is requested. This needs remote control, the dashboard (29999) and the ports for programs. The controller's
-watchdog ends that program, and with it any motion, when this computer is silent for a third of a second.
+States need only port 30004. Moves and freedrive run a program on the controller, which is sent at the first request.
+This needs remote control, the dashboard (29999) and the ports for programs. The controller's watchdog ends the program,
+and with it any motion, if this computer is silent for a third of a second.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from basecal.exchange.controllers.registry import CONTROLLERS
 STOP_GUARANTEE: StopGuarantee = "watchdog"
 
 _JOINTS = 6
-_FASTEST_RAD_S = 3.14  # that ur-rtde takes for a joint
+_FASTEST_RAD_S = 3.14  # largest joint speed that ur-rtde accepts
 _BEYOND_LIMITS = "the goal is beyond the safety limits of the controller"
-_ENDED = 10  # states in a row that say that the program no longer runs, before it counts as stopped
+_ENDED = 10  # consecutive states without a running program after which it counts as stopped
 
 
 class UrWatched:
-    """A controller whose states are read; a person moves it, or another program."""
+    """A controller that is only read; a person or another program moves the arm."""
 
     is_live = True
 
@@ -33,24 +33,24 @@ class UrWatched:
 
     @property
     def is_connected(self) -> bool:
-        """Whether the connection that states come over stands."""
+        """Whether the connection for states is open."""
         return self._receiver.is_connected
 
     def state(self) -> Reading:
-        """Its next state, with the controller's stamp: seconds since it was switched on.
+        """Return the robot's next state, with the controller's timestamp [s since its start].
 
         Raises:
-            DriverError: if it is in any safety stop, or no state comes, though tried again.
+            DriverError: if the controller is in a safety stop, or no state arrives before the timeout.
         """
         return self._receiver.state()
 
     def close(self) -> None:
-        """Hang up; the arm stays where it is."""
+        """Close the connection, without a motion."""
         self._receiver.close()
 
 
 class _WithProgram(UrWatched):
-    """A controller that runs the program of ur-rtde, and stops the arm when this computer is silent."""
+    """A controller that runs the program of ur-rtde, and stops the arm if this computer is silent."""
 
     def __init__(self, name: str, receiver: Receiver, program: Program) -> None:
         super().__init__(receiver)
@@ -58,10 +58,10 @@ class _WithProgram(UrWatched):
         self._ended = 0
 
     def state(self) -> Reading:
-        """As `UrWatched.state`.
+        """Return the robot's next state, as `UrWatched.state` does.
 
         Raises:
-            DriverError: also if somebody stopped the program.
+            DriverError: also if the program on the controller was stopped.
         """
         was_asked = self._program.was_sent
         reading = self._receiver.state()
@@ -73,11 +73,11 @@ class _WithProgram(UrWatched):
         return reading
 
     def keep_alive(self) -> None:
-        """Keep the controller's watchdog awake."""
+        """Send a heartbeat to the controller's watchdog."""
         self._program.keep_alive()
 
     def close(self) -> None:
-        """End the program, and hang up."""
+        """End the program, and close the connection."""
         self._program.close()
         self._receiver.close()
 
@@ -87,17 +87,17 @@ class _WithProgram(UrWatched):
 
 
 class UrMoved(_WithProgram):
-    """A controller that is sent to places."""
+    """A controller whose arm is moved by program."""
 
     def __init__(self, name: str, receiver: Receiver, program: Program, acceleration_rad_s2: float) -> None:
         super().__init__(name, receiver, program)
         self._acceleration_rad_s2 = acceleration_rad_s2
 
     def goal_refusal(self, to: RobotState) -> str:
-        """Why the controller would not go there, in words; empty if it would.
+        """The controller's reason to refuse a goal; empty if it accepts the goal.
 
         Raises:
-            DriverError: if it cannot be asked.
+            DriverError: if the controller does not answer.
         """
         if to.joints_rad is not None:
             joints = to.joints_rad.tolist()
@@ -106,10 +106,10 @@ class UrMoved(_WithProgram):
         return "" if self._program.ask(lambda line: line.isPoseWithinSafetyLimits(pose)) else _BEYOND_LIMITS
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
-        """Begin to go there, the leading joint at this speed, or at the fastest that ur-rtde allows.
+        """Start a motion to a goal; the speed of the leading joint is limited to the maximum of ur-rtde.
 
         Raises:
-            DriverError: if it is beyond the safety limits, or the controller does not take it.
+            DriverError: if the goal is beyond the safety limits, or the controller does not accept the motion.
         """
         if why := self.goal_refusal(to):
             raise DriverError(f"{self._name}: {why}")
@@ -122,10 +122,10 @@ class UrMoved(_WithProgram):
             self._check(self._program.ask(lambda line: line.moveJ_IK(pose, *how)), "take the move")
 
     def stop(self) -> None:
-        """Stand still; where nothing was moved there is nothing to stop.
+        """Stop the arm; do nothing before the first motion.
 
         Raises:
-            DriverError: if the controller does not take it.
+            DriverError: if the controller does not accept the stop.
         """
         self._program.stop()
 
@@ -134,23 +134,23 @@ class UrLed(_WithProgram):
     """A controller whose arm a person leads."""
 
     def freedrive(self, on: bool) -> None:
-        """Let the arm be led, or hold it.
+        """Switch freedrive on or off.
 
         Raises:
-            DriverError: if the controller does not take it.
+            DriverError: if the controller does not accept the command.
         """
         is_taken = self._program.ask(lambda line: line.freedriveMode() if on else line.endFreedriveMode())
         self._check(is_taken, f"{'begin' if on else 'end'} freedrive")
 
 
 def _rotation_vector_pose(to: RobotState) -> list[float]:
-    """A pose as UR controllers take it."""
+    """A pose in the convention of UR controllers: position [m] and rotation vector [rad]."""
     assert to.base_from_flange is not None
     return [float(number) for number in CONTROLLERS["ur"].to_numbers(to.base_from_flange)]
 
 
 def reaches(place: Place) -> str:
-    """The controller.
+    """Description of the controller.
 
     Raises:
         DatasetError: if an option is wrong.
@@ -159,10 +159,10 @@ def reaches(place: Place) -> str:
 
 
 def open_robot(place: Place) -> UrWatched | UrMoved | UrLed:
-    """A controller; it gives joints where the cell has its URDF, else the pose of its tool centre point.
+    """Connect to a controller; states are joints if the cell has a URDF, else poses of the tool centre point.
 
     Raises:
-        DatasetError: if an option is wrong, or the URDF is not of a robot with six joints.
+        DatasetError: if an option is wrong, or the URDF does not have six joints.
         DriverError: if the controller does not answer.
         MissingExtra: if ur-rtde is not installed.
     """

@@ -1,1 +1,1 @@
-"""Images of live cameras: taken as they come, each with the time of its exposure."""
+"""Images of live cameras, read continuously, with their times of exposure."""

@@ -1,4 +1,4 @@
-"""Live cameras, read without pause by a thread each: the newest image is given, with the time of its exposure."""
+"""Live cameras, each read continuously by a thread: the newest image, with an estimate of its time of exposure."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from basecal.errors import DriverError
 from basecal.geometry import Array
 from basecal.vision.image_motion import Levels, reduce_image, shift_between
 
-_IMAGE_TIMEOUT_S = 10.0  # for an image, unless the driver states how long it waits
-_CLOSE_TIMEOUT_S = 2.0  # for a driver that does not come back
-_UNKNOWN_S, _UNKNOWN_IMAGES = 2.0, 12  # of latency until it is measured, whichever is longer
-_MOTION_COUNT = 3  # whose latencies count: it may grow, and shrink again
-_MOVES_PX = 0.1  # between an image and the next, of about 640 px
+_IMAGE_TIMEOUT_S = 10.0  # for an image, unless the driver defines `wait_s`
+_CLOSE_TIMEOUT_S = 2.0  # for the thread to end: a call of the driver may hang
+_UNKNOWN_S, _UNKNOWN_IMAGES = 2.0, 12  # assumed latency until it is measured, whichever is longer
+_MOTION_COUNT = 3  # last motions whose latencies count: the latency may vary
+_MOVES_PX = 0.1  # smallest motion between consecutive images, reduced to about 640 px
 _IMAGE_COLUMNS = 640
-_UNLIKE, _QUIET, _CHANGES = 3.0, 0.2, 300  # times the change in the quietest share of so many images
-_REMEMBERED_IMAGES = 2000  # whose arrival is remembered
-_STREAM, _STREAM_S = 4, 5.0  # so many images within such a time are a stream
-_WAITED, _USUAL, _WAITS = 0.5, 0.9, 50  # of the time that images usually take: so large a share of so many
-_LATE, _LATE_S = 3, 2.0  # so many images that are older, over such a time, tell of a clock that went back
-_LOOK_S = 1.5  # until a program that saves images without pause is told from a person
+_UNLIKE, _QUIET, _CHANGES = 3.0, 0.2, 300  # factor on this quantile of the last changes: above it, images differ
+_REMEMBERED_IMAGES = 2000  # number of stored arrivals
+_STREAM, _STREAM_S = 4, 5.0  # this many images within this time are a stream
+_WAITED, _USUAL, _WAITS = 0.5, 0.9, 50  # factor on this quantile of the last waits: below it, an image was buffered
+_LATE, _LATE_S = 3, 2.0  # this many older images over this time show that the clock went back
+_LOOK_S = 1.5  # time to distinguish a program that saves images continuously from a person
 
 
 class CameraFeed:
-    """A camera that is read without pause."""
+    """A camera that a thread reads continuously."""
 
     def __init__(self, name: str, camera: Camera, arms: ArmMotion) -> None:
         self._name, self._camera, self._arms = name, camera, arms
@@ -39,23 +39,23 @@ class CameraFeed:
         self._is_stamped = getattr(camera, "is_stamped", False)
         self._arrivals: deque[tuple[float, bool]] = deque(
             maxlen=_REMEMBERED_IMAGES
-        )  # and whether something moved since before
+        )  # time, and whether something moved since the previous image
         self._delays_s: deque[float] = deque(maxlen=_REMEMBERED_IMAGES)  # arrival less stamp
         self._waits_s: deque[float] = deque(maxlen=_WAITS)
-        self._changes: deque[float] = deque(maxlen=_CHANGES)  # of brightness from image to image
+        self._changes: deque[float] = deque(maxlen=_CHANGES)  # mean change of brightness between consecutive images
         self._last_s = -np.inf
-        self._late_s: list[float] = []  # arrivals of images since then that were older
+        self._late_s: list[float] = []  # arrivals of later images with older timestamps
         self._notes: list[str] = []
         self._newest: tuple[CameraImage, float] | None = None
-        self._light: bool | None = None  # that the thread shall switch: a driver serves one thread
-        self._latencies: dict[float, Latency] = {}  # by the begin of the motion they were measured on
+        self._light: bool | None = None  # requested state: only the thread calls the driver
+        self._latencies: dict[float, Latency] = {}  # by the start of the motion from which they were measured
         self._reported: Latency | None = None
         self._began_s, self._is_open = time.monotonic(), True
         self._run()
 
     @property
     def is_live(self) -> bool:
-        """Whether images come one after another, also where each is saved as a file."""
+        """Whether images arrive continuously, also as files that a program saves."""
         with self._changed:
             until_s = self._began_s + _LOOK_S - time.monotonic()
             if not self._camera.is_live and until_s > 0:
@@ -64,10 +64,10 @@ class CameraFeed:
         return self._camera.is_live or (len(recent) == _STREAM and time.monotonic() - recent[0][0] < _STREAM_S)
 
     def image(self) -> CameraImage:
-        """Wait for the newest image that was not given yet, with the earliest time at which it was exposed.
+        """Wait for the newest image that was not returned yet, with its earliest possible time of exposure.
 
         Raises:
-            DriverError: if the camera gives none any more, or is silent.
+            DriverError: if the camera fails, or no image arrives before the timeout.
         """
         self._wait(lambda: self._newest is not None)
         with self._changed:
@@ -79,7 +79,7 @@ class CameraFeed:
         return replace(image, exposed_s=exposed_s, note=note)
 
     def close(self) -> None:
-        """Let go of the camera; a driver that does not come back is left to the end of the process."""
+        """Close the camera; a driver that hangs stays open until the process ends."""
         self._is_open = False
         self._thread.join(_CLOSE_TIMEOUT_S)
         if not self._thread.is_alive():
@@ -91,7 +91,7 @@ class CameraFeed:
         self._thread.start()
 
     def _wait(self, is_done: Callable[[], bool]) -> None:
-        """Wait for the thread; it begins again if it ended while nobody waited."""
+        """Wait for the thread; restart it if it ended in the meantime."""
         if not self._thread.is_alive():
             self._run()
         wait_s = getattr(self._camera, "wait_s", _IMAGE_TIMEOUT_S)
@@ -117,7 +117,7 @@ class CameraFeed:
                 levels = reduce_image(image.grey[::every, ::every])
                 self._add(image, before is not None and self._has_moved(before, levels), now_s)
                 before = levels
-        except Exception as error:  # of whatever library: who waits for an image is told
+        except Exception as error:  # of any library: raised again in `_wait`
             with self._changed:
                 self._error = error
                 self._changed.notify_all()
@@ -126,17 +126,17 @@ class CameraFeed:
         if first.shape != second.shape:
             return True
         change = float(np.abs(second - first).mean())
-        if change > 0:  # some cameras give an image twice
+        if change > 0:  # some cameras repeat an image
             self._changes.append(change)
-        # Of an image that slides as a whole, and far, no block tells by how much.
+        # Block matching fails if the whole image shifts far.
         is_unlike = change > _UNLIKE * np.quantile(self._changes or [change], _QUIET)
         return bool(is_unlike) or shift_between(first, second) > _MOVES_PX
 
     def _is_outdated(self, image: CameraImage, waited_s: float) -> bool:
-        """Whether an image is older than one that came before, or came at once: then it lay in a buffer.
+        """Whether an image is older than an earlier one, or arrived without a wait and thus from a buffer.
 
         Raises:
-            DriverError: if images only come that are older.
+            DriverError: if all recent images are older.
         """
         self._waits_s.append(waited_s)
         if not self._is_stamped:
@@ -170,7 +170,7 @@ class CameraFeed:
             self._changed.notify_all()
 
     def _latency_s(self, arrivals: Array) -> float:
-        """The largest latency that images may have [s]."""
+        """Upper bound of the latency of images [s]."""
         if not self.is_live:
             return 0.0
         spans = self._arms.spans
@@ -193,13 +193,13 @@ class CameraFeed:
 
 
 class LightFeed(CameraFeed):
-    """The feed of a camera that switches the LED it looks at."""
+    """The feed of a camera that can switch the LED in its view."""
 
     def light(self, on: bool) -> None:
-        """Switch the light, between two images.
+        """Switch the LED between two images.
 
         Raises:
-            DriverError: if the camera is silent.
+            DriverError: if the camera fails, or no image arrives before the timeout.
         """
         with self._changed:
             self._light = on
@@ -207,12 +207,12 @@ class LightFeed(CameraFeed):
 
 
 def feed_camera(name: str, camera: Camera, arms: ArmMotion) -> Camera:
-    """A camera as a capture takes images from it: read without pause, unless it exposes each when asked.
+    """Wrap a camera in a feed, unless it exposes images on request.
 
     Args:
-        name: Of the camera.
-        camera: As its driver gives it.
-        arms: When arms move.
+        name: Name of the camera.
+        camera: The driver's camera.
+        arms: Times at which the arms move.
     """
     if getattr(camera, "is_on_demand", not camera.is_live):
         return camera

@@ -1,4 +1,4 @@
-"""How long after its exposure an image arrives: the lag between the arms' motion and that in the image."""
+"""Latency of images from exposure to arrival, estimated from the motion of the arms and the motion in the images."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from basecal.acquisition.driver import Reading
 from basecal.cell import RobotState
 from basecal.geometry import Array
 
-_LEAST_MOTION = 2e-3  # [rad, m] of any joint: an image shows it, and noise of encoders is smaller
+_LEAST_MOTION = 2e-3  # [rad, m] of any joint: visible in images, and larger than encoder noise
 _PAUSE_S = 0.3  # shorter pauses are part of one motion
 _LAGS_S = np.arange(0.0, 6.0, 0.005)
-_LEAST_IMAGES = 3  # that have to show the motion
-_STILL_IMAGES = 2  # after it
-_LEAST_OVERLAP = 0.5  # of the arms' motion and that in the image, over both: below, something else moved
+_LEAST_IMAGES = 3  # images that show the motion
+_STILL_IMAGES = 2  # still images after the motion
+_LEAST_OVERLAP = 0.5  # intersection over union of both motions, below which something else moved
 _CHANCE_FACTOR = 1.01  # images that may disagree by chance: one
 
 
 class ArmMotion:
-    """The motions of all arms of a rig; one thread notes states, threads of cameras read.
+    """The motions of all arms of a rig; one thread adds states, the threads of cameras read.
 
     Attributes:
-        spans: Begin and end of each motion since the last sample [s], by `time.monotonic()`.
+        spans: Start and end of each motion since the last sample [s], by `time.monotonic()`.
         show: Receives each state, with the robot's name.
     """
 
@@ -35,7 +35,7 @@ class ArmMotion:
         self._at: dict[str, Array] = {}
 
     def note(self, name: str, reading: Reading) -> None:
-        """Take account of a state that a robot, by its name, gave just now."""
+        """Add the newest state of a robot."""
         self.show(name, reading.state)
         now_s, here = time.monotonic(), reading.state.vector
         if np.abs(here - self._at.setdefault(name, here)).max() <= _LEAST_MOTION:
@@ -46,7 +46,7 @@ class ArmMotion:
         self.spans = (*(self.spans[:-1] if goes_on else self.spans), (begin_s, now_s))
 
     def forget(self) -> None:
-        """Begin anew: the motions until now have led to a sample."""
+        """Discard all motions, after a sample was taken."""
         self.spans = ()
 
 
@@ -62,20 +62,23 @@ class Latency:
 
 
 def estimate_latency(spans: Array, arrivals: Array) -> Latency | None:
-    """The latency at which motions of arms explain those in images; None if they do not, or still go on.
+    """Estimate the latency at which arm motions explain the motions in images.
 
-    Lags are tried, and those at which one image more or less would agree as well as at the best are possible. A slow
-    begin that only the joints show, or a swing at the end that only the image shows, makes it larger, never smaller.
+    The range contains all tested lags whose agreement is at most one image below the best. A slow start that only the
+    joints show, or a final swing that only the image shows, increases the latency and never decreases it.
 
     Args:
-        spans: (m, 2) when arms moved.
-        arrivals: (n, 2) when images arrived since the first motion began, and 1 for each that differs from the one
-            before, 0 for others.
+        spans: (m, 2) start and end of each arm motion [s].
+        arrivals: (n, 2) arrival time of each image [s] since the first motion; 1 if the image differs from the
+            previous one, else 0.
+
+    Returns:
+        None if arm motions do not explain those in images, or have not ended.
     """
     moves = arrivals[:, 1] > 0
     if moves.sum() < _LEAST_IMAGES or moves[-_STILL_IMAGES:].any():
         return None
-    moves[1:-1] |= moves[:-2] & moves[2:]  # some cameras give an image twice
+    moves[1:-1] |= moves[:-2] & moves[2:]  # some cameras repeat an image
     exposed = arrivals[:, :1, None] - _LAGS_S[:, None]
     expected = ((exposed >= spans[:, 0]) & (exposed <= spans[:, 1])).any(-1)
     either = np.maximum((expected | moves[:, None]).sum(0), 1)

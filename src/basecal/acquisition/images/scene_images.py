@@ -1,4 +1,4 @@
-"""Images of a scene as they are taken: whether each shows enough of it, and in which parts of the image."""
+"""Checks of images of a scene during a capture: number of features, and coverage of the image."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from basecal.cell import WORLD, Cell, Sample
 from basecal.errors import InputError
 from basecal.planning.sketch import Sketch
 
-_FEWEST_FEATURES = 100  # of an image: as many points as two cameras are to share
+_FEWEST_FEATURES = 100  # of an image: the required number of points that two cameras share
 
 
 class SceneImages:
-    """The features of the images of a scene, which `calibrate` then finds in `derived/`.
+    """Features of the images of a scene; they are stored in `derived/` for `calibrate`.
 
     Attributes:
-        cells: Where features were found so far, of `COVERAGE_GRID`.
+        cells: Cells of the image in which features were found so far, shape `COVERAGE_GRID`.
     """
 
     def __init__(self, cell: Cell, folder: Path) -> None:
@@ -32,7 +32,7 @@ class SceneImages:
         """Check that the poses of all arms that carry cameras are known.
 
         Raises:
-            InputError: if one has no driver.
+            InputError: if such an arm has no driver.
         """
         for name in cameras:
             on = self._cell.cameras[name].on
@@ -42,10 +42,10 @@ class SceneImages:
     def moved_cameras(
         self, cameras: Iterable[str], sketch: Sketch, sample: Sample, samples: Sequence[Sample]
     ) -> list[str]:
-        """Select the cameras whose arm is at a new place: an arm that stood still gives no second image.
+        """Cameras whose pose differs from all their poses in earlier samples.
 
         Raises:
-            Unfit: if there is none.
+            Unfit: if there are none.
         """
         carriers = {name: self._cell.cameras[name].on for name in cameras}
         seen = {
@@ -57,14 +57,14 @@ class SceneImages:
             for name, on in carriers.items()
         }
         if all(seen.values()):
-            raise Unfit(f"too like sample {next(iter(seen.values()))[0]}")
+            raise Unfit(f"too similar to sample {next(iter(seen.values()))[0]}")
         return [name for name, alike in seen.items() if not alike]
 
     def check(self, sample: Sample) -> None:
-        """Count the images of a sample.
+        """Check the images of a sample, and add them to the coverage.
 
         Raises:
-            Unfit: if one of them shows too little.
+            Unfit: if an image is unreadable or has too few features.
         """
         for camera, path in sample.images.items():
             read = read_features(self._cell, camera, sample, str(self._folder))

@@ -1,1 +1,1 @@
-"""Connections to controllers: whether they can be made, and how they are made again."""
+"""Connections to controllers that are re-established after a loss."""

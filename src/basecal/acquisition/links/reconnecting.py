@@ -1,4 +1,4 @@
-"""A base class for drivers of robots: the author writes one connection, and states go on when it is lost."""
+"""A base class for drivers of robots that re-establishes a lost connection."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from basecal.acquisition.freshness import STALE_S, Stale, Waits, wait_for_newer
 from basecal.errors import BasecalError, DriverError
 
 _RETRY_S = 0.2  # between two attempts to connect
-_CONNECT_S = 3.0  # a controller in the same building answers within milliseconds; one that boots, never
+_CONNECT_S = 3.0  # timeout: a controller in the same building answers within milliseconds, a booting one never
 
 
 class LostLink(DriverError):
-    """The connection is gone, and may be made again."""
+    """The connection is lost, and may be re-established."""
 
 
 class ReconnectingRobot(ABC):
-    """A robot whose connection is made again when it is lost.
+    """A robot whose connection is re-established after a loss.
 
-    A subclass writes `connect`, `read` and `disconnect` of one connection, which one thread calls, one after another.
-    Each has a deadline of its own, at most a second. `LostLink`, and any error that is none of basecal's, means that
-    the connection is gone; every other error of basecal ends the capture at once.
+    A subclass implements `connect`, `read` and `disconnect` of one connection; a single thread calls them. Each method
+    must have a timeout of at most one second. `LostLink`, and any error that is not a `BasecalError`, means that the
+    connection is lost. Every other `BasecalError` ends the capture at once.
 
     Attributes:
         is_connected: Whether there is a connection.
-        repeats_stamps: Whether a state that did not change keeps its stamp; set it in the subclass.
+        repeats_stamps: Whether an unchanged state keeps its timestamp; set it in the subclass.
     """
 
     is_live = True
@@ -40,9 +40,9 @@ class ReconnectingRobot(ABC):
         """Connect.
 
         Args:
-            name: The robot's, for errors.
-            reconnect_s: How long a connection that is lost is tried again [s].
-            rate_hz: How often `read` is called at most.
+            name: Name of the robot, for messages.
+            reconnect_s: Timeout for re-establishing a lost connection [s].
+            rate_hz: Highest rate of calls to `read` [Hz].
         """
         self.name, self._reconnect_s, self._period_s = name, reconnect_s, 1 / rate_hz
         self._waits, self._next_s, self._old = Waits(name), 0.0, 0
@@ -55,22 +55,22 @@ class ReconnectingRobot(ABC):
 
     @abstractmethod
     def connect(self) -> None:
-        """Make a connection."""
+        """Establish a connection."""
 
     @abstractmethod
     def read(self) -> Reading | None:
-        """Read the newest state; None if none has come yet."""
+        """Read the newest state; None if no state has arrived yet."""
 
     def disconnect(self) -> None:
-        """Give the connection up, whatever has become of it."""
+        """Release the connection, whether it is intact or lost."""
         return
 
     def state(self) -> Reading:
-        """Its next state, newer than the last one.
+        """Return the robot's next state, newer than the last one; reconnect if necessary.
 
         Raises:
-            DriverError: if none comes, though tried again; if its stamps stand still or go back; if states are
-                implausible, or come too seldom.
+            DriverError: if no state arrives before the timeout; if timestamps do not advance; if states are implausible
+                or their rate is too low.
         """
         began_s = time.monotonic()
         until_s = began_s + STALE_S + self._reconnect_s
@@ -87,10 +87,10 @@ class ReconnectingRobot(ABC):
         return reading
 
     def close(self) -> None:
-        """Give the connection up."""
+        """Close the connection."""
         if self.is_connected:
             self.is_connected = False
-            with suppress(Exception):  # it is given up, whatever it answers
+            with suppress(Exception):  # errors of a connection that is given up
                 self.disconnect()
 
     def _connect(self) -> None:
@@ -98,7 +98,7 @@ class ReconnectingRobot(ABC):
         self.is_connected = True
 
     def _reconnect(self) -> None:
-        """Connect if there is no connection; what refuses may be on its way up."""
+        """Connect if there is no connection; a refusal counts as a lost link, because the controller may be booting."""
         try:
             if not self.is_connected:
                 self._connect()
@@ -120,7 +120,7 @@ class ReconnectingRobot(ABC):
         return None
 
     def _lose(self, error: Exception, deadline_s: float) -> None:
-        """Give the connection up; raise the error if it is final or the time is over."""
+        """Close the connection; raise the error if it is final or the deadline [s] has passed."""
         if isinstance(error, BasecalError) and not isinstance(error, LostLink):
             raise error
         self.close()
@@ -154,16 +154,16 @@ def _domain_error(name: str, error: Exception, is_first: bool = False) -> Baseca
 
 
 def connect(name: str, host: str, port: int, device: str) -> socket.socket:
-    """A connection to a port, whose reads give up after three seconds.
+    """Open a TCP connection with a timeout of three seconds for the connection and for reads.
 
     Args:
-        name: The robot or camera.
-        host: Name or number of the other computer.
-        port: The port.
-        device: What should listen there, for the error.
+        name: Name of the robot or camera, for messages.
+        host: Host name or IP address.
+        port: TCP port.
+        device: Expected device, for messages.
 
     Raises:
-        DriverError: if there is no such host, it does not answer, or nothing listens.
+        DriverError: if the host is unknown or does not answer, or nothing listens at the port.
     """
     try:
         return socket.create_connection((host, port), timeout=_CONNECT_S)

@@ -1,1 +1,1 @@
-"""Robots that answer OPC UA: which nodes hold their joints or poses, and what is read of them."""
+"""Robots with an OPC UA server: nodes of their joints or poses, and the session that reads them."""

@@ -1,4 +1,4 @@
-"""The nodes that hold a robot's joints: those that a cell names, or those of the Robotics companion specification.
+"""The nodes of a robot's joints: named in the cell, or given by the Robotics companion specification.
 
 Source: OPC 40010-1, OPC UA for Robotics, 7.1 and 7.2: Objects/DeviceSet/<system>/MotionDevices/<device>/Axes/<axis>/
 ParameterSet/ActualPosition, each with its EngineeringUnits.
@@ -13,15 +13,15 @@ from typing import Any
 
 from basecal.errors import DriverError, list_names
 
-_RADIANS_OF_UNIT = {b"C81": 1.0, b"DD": math.radians(1)}  # codes of UN/ECE recommendation 20 for rad and deg
+_RADIANS_OF_UNIT = {b"C81": 1.0, b"DD": math.radians(1)}  # codes of rad and deg in UN/ECE recommendation 20
 _RADIANS_OF_WORD = {"rad": 1.0, "deg": math.radians(1)}
 
 
 def named_nodes(client: Any, name: str, paths: str | Sequence[str]) -> list[Any]:
-    """Nodes by their ids (`ns=2;s=Axis1`), or by browse names from the objects on (`DeviceSet/Robot/Axis1`).
+    """Nodes from their ids (`ns=2;s=Axis1`), or from browse paths below the objects (`DeviceSet/Robot/Axis1`).
 
     Raises:
-        DriverError: if there is none of a name; it says what there is instead.
+        DriverError: if a path does not exist; the message lists the existing names.
     """
     return [_node(client, name, path) for path in ([paths] if isinstance(paths, str) else paths)]
 
@@ -39,10 +39,10 @@ def _node(client: Any, name: str, path: str) -> Any:
 
 
 def axes_of_devices(client: Any, name: str, device: str | None) -> list[Any]:
-    """The positions of all axes of a motion device, by number where their names end in one.
+    """Position nodes of all axes of a motion device, sorted by number if all names end in a number.
 
     Raises:
-        DriverError: if the server has no such device, or several and none is named.
+        DriverError: if the server has no such device, or has several devices and no name is given.
     """
     systems = _children(_children(client.nodes.objects).get("DeviceSet"))
     devices = {
@@ -53,7 +53,7 @@ def axes_of_devices(client: Any, name: str, device: str | None) -> list[Any]:
     if device is None and len(devices) == 1:
         device = next(iter(devices))
     if device not in devices:
-        what = f"no motion device {device!r}" if device else "`device` is not said" if devices else "no motion device"
+        what = f"no motion device {device!r}" if device else "`device` is not stated" if devices else "no motion device"
         raise DriverError(
             f"{name}: {what}; there are: {list_names(sorted(devices))}. Name the device, or the nodes of its `joints`"
         )
@@ -65,15 +65,15 @@ def axes_of_devices(client: Any, name: str, device: str | None) -> list[Any]:
 
 
 def _children(node: Any) -> dict[str, Any]:
-    """Children of a node by browse names; empty if there is no node."""
+    """Children of a node by browse name; empty for None."""
     return {} if node is None else {each.read_browse_name().Name: each for each in node.get_children()}
 
 
 def radians_per_unit(node: Any, name: str, unit_name: str | None) -> float:
-    """How many radians one of a node's numbers is.
+    """Conversion factor from the unit of a joint's node to radians.
 
     Raises:
-        DriverError: if neither the node nor the cell says it, or they say different things.
+        DriverError: if neither the node nor the cell states the unit, or they differ.
     """
     said = None
     units = _children(node).get("EngineeringUnits")
@@ -88,5 +88,5 @@ def radians_per_unit(node: Any, name: str, unit_name: str | None) -> float:
     if unit_name is not None:
         return _RADIANS_OF_WORD[unit_name]
     if said is None:
-        raise DriverError(f"{name}: {node} does not say its unit: say `unit: deg` or `unit: rad` in cell.yaml")
+        raise DriverError(f"{name}: {node} does not state its unit: state `unit: deg` or `unit: rad` in cell.yaml")
     return said

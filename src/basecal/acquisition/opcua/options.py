@@ -1,4 +1,4 @@
-"""Options in `cell.yaml` of a robot that answers OPC UA."""
+"""Options in `cell.yaml` of a robot with an OPC UA server."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ Path = Annotated[str, Field(min_length=1)]
 
 
 class OpcuaOptions(Entry):
-    """Options beside `kind: opcua`; without nodes the axes of the Robotics companion specification are taken.
+    """Options of `kind: opcua`; without nodes, the axes of the Robotics companion specification are used.
 
     Attributes:
-        url: Of the server, as `opc.tcp://192.168.0.20:4840`.
-        device: Name of the motion device, where the server has several.
-        joints: Nodes of the joints in the order of the URDF, or one that holds them all.
-        unit: Of joints whose nodes do not say it.
-        pose: Nodes of the pose of the flange, or one that holds its numbers.
-        notation: The controller whose convention the pose's numbers follow.
-        user: Who signs on, where not everybody may.
-        password_in: Name of the environment variable that holds the password, one of ours.
-        rate_hz: How often the nodes are read.
-        reconnect_s: How long a connection that is lost is tried again.
+        url: Address of the server, such as `opc.tcp://192.168.0.20:4840`.
+        device: Name of the motion device, if the server has several.
+        joints: Nodes of the joints in the order of the URDF, or one node with all joints.
+        unit: Unit of joints whose nodes do not state it.
+        pose: Nodes of the flange's pose, or one node with all its numbers.
+        notation: Controller whose convention the pose's numbers follow.
+        user: User name, if the server requires a login.
+        password_in: Name of the environment variable with the password; it begins with `BASECAL_`.
+        rate_hz: Rate at which the nodes are read [Hz].
+        reconnect_s: Timeout for re-establishing a lost connection [s].
     """
 
     url: Annotated[str, Field(pattern=r"^opc\.tcp://[^/:@\s]+(:\d{1,5})?(/\S*)?$")]
@@ -50,11 +50,11 @@ class OpcuaOptions(Entry):
 
     @property
     def host(self) -> str:
-        """Name or number of the server."""
+        """Host name or IP address of the server."""
         return self.url.removeprefix("opc.tcp://").split("/")[0].split(":")[0]
 
     @property
     def port(self) -> int:
-        """The server's port; the one that is registered for OPC UA where the address has none."""
+        """The server's port; by default 4840, the registered port of OPC UA."""
         _, _, port = self.url.removeprefix("opc.tcp://").split("/")[0].partition(":")
         return int(port or 4840)

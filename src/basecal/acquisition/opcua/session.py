@@ -1,4 +1,4 @@
-"""A session with an OPC UA server: values of nodes with their stamps."""
+"""A session with an OPC UA server: values of nodes with their timestamps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.errors import DriverError, MissingExtra
 from basecal.geometry import Array
 
-_ANSWER_S = 4.0  # a server has for an answer; some sign on slowly
+_ANSWER_S = 4.0  # timeout of requests; the login to some servers is slow
 _LIBRARIES = ("asyncua", "asyncio")
 _GONE = ("Connection", "Session", "SecureChannel", "Timeout", "Shutdown", "ServerHalted")
 _REFUSED = ("UserAccessDenied", "IdentityToken", "SecurityPolicy", "SecurityMode", "SecurityChecks", "Unauthorized")
@@ -29,14 +29,14 @@ Given = TypeVar("Given")
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """Values that were read at once: `numbers` (k,), and the time at which the latest of them was taken [s]."""
+    """Values from one read: `numbers` (k,), and the newest of their timestamps [s]."""
 
     stamp_s: float
     numbers: Array
 
 
 class Session:
-    """Nodes of a server, read again and again until the session is lost."""
+    """A session that reads nodes of a server."""
 
     def __init__(
         self, name: str, options: OpcuaOptions, nodes: Callable[[Any], Sequence[Any]], allow_plaintext: bool = False
@@ -48,7 +48,7 @@ class Session:
             raise MissingExtra("opcua", "the driver 'opcua'") from None
         connect(self._name, options.host, options.port, "an OPC UA server").close()
         for library in _LIBRARIES:
-            logging.getLogger(library).addHandler(logging.NullHandler())  # else its tracebacks go to stderr
+            logging.getLogger(library).addHandler(logging.NullHandler())  # otherwise tracebacks go to stderr
         client = Client(options.url, timeout=_ANSWER_S)
         if options.user is not None:
             client.set_user(options.user)
@@ -64,11 +64,11 @@ class Session:
             raise
 
     def read(self) -> Values:
-        """Values now.
+        """Read the current values of the nodes.
 
         Raises:
-            LostLink: if the connection or the session is gone.
-            DriverError: if the server has none of a node.
+            LostLink: if the connection or the session is lost.
+            DriverError: if the server has no value of a node.
         """
         return self._values(_answer(self._name, lambda: self._client.read_attributes(self.nodes)))
 
@@ -82,22 +82,22 @@ class Session:
         return Values(max(known) if known else time.time(), numbers)
 
     def close(self) -> None:
-        """Sign off."""
-        with suppress(Exception):  # whatever it is, the session is given up
+        """Close the session."""
+        with suppress(Exception):  # errors of a session that is given up
             self._client.disconnect()
 
 
 def _forbid_plaintext(name: str, client: Any) -> None:
-    """Let a client give up before it sends a password that the server does not let it encrypt."""
+    """Make a client raise an error instead of sending a password without encryption."""
     from asyncua.crypto.security_policies import SecurityPolicyNone
 
     policy_of = client.server_policy
 
     def encrypting_policy(token_type: Any) -> Any:
-        """The policy by which the client encrypts what it signs on with."""
+        """The security policy with which the client encrypts the password."""
         policy = policy_of(token_type)
         if policy.SecurityPolicyUri in (None, "", SecurityPolicyNone.URI):
-            why = "the server takes the password without encryption only, and everybody in the network can read it"
+            why = "the server accepts the password only without encryption, and everybody in the network can read it"
             raise DriverError(f"{name}: {why}; to send it all the same, add --allow-plaintext")
         return policy
 
@@ -105,11 +105,11 @@ def _forbid_plaintext(name: str, client: Any) -> None:
 
 
 def _answer(name: str, ask: Callable[[], Given]) -> Given:
-    """The server's answer.
+    """Send a request; the server's reply.
 
     Raises:
-        LostLink: if the connection or the session is gone.
-        DriverError: if it does not allow it, or what is requested is not there.
+        LostLink: if the connection or the session is lost.
+        DriverError: if the server refuses the request, or the requested node does not exist.
     """
     from asyncua.ua.uaerrors import UaError
 
@@ -118,7 +118,9 @@ def _answer(name: str, ask: Callable[[], Given]) -> Given:
     except UaError as error:
         said = type(error).__name__ + (f", {' '.join(str(error).split())}" if str(error) else "")
         if any(word in said for word in _REFUSED):
-            why = "no permission: the server refuses this user or an unsigned connection; say `user` and `password_in`"
+            why = (
+                "no permission: the server refuses this user or an unsigned connection; state `user` and `password_in`"
+            )
             raise DriverError(f"{name}: {why} ({said})") from None
         kind = LostLink if any(word in said for word in _GONE) else DriverError
         raise kind(f"{name}: the server says {said}") from None

@@ -1,1 +1,1 @@
-"""ROS 2 without ROS: its types, their serialisation, and topics over DDS."""
+"""Communication with ROS 2 without an installation of ROS: message types, serialisation, and topics over DDS."""

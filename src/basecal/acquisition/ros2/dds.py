@@ -1,8 +1,8 @@
-"""Topics of ROS 2 over DDS, by cyclonedds: which there are, what comes on them, and what is sent.
+"""Topics of ROS 2 over DDS with cyclonedds: discovery, subscription and publication.
 
-ROS 2 writes the topic `/joint_states` as `rt/joint_states`, its type as `sensor_msgs::msg::dds_::JointState_`, and the
-hash of the type into the sender's user data. A reader asks for the reliability and the durability that is
-offered, so that whatever a driver chose, the two agree.
+ROS 2 maps the topic `/joint_states` to `rt/joint_states`, and its type to `sensor_msgs::msg::dds_::JointState_`. The
+type's hash is in the publisher's user data. A reader requests the offered reliability and durability, so that the QoS
+settings always match.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from typing import Any
 from basecal.acquisition.ros2.types import dds_name, decode, encode, kind_of_dds, message_fields, type_hash, typestore
 from basecal.errors import InputError, MissingExtra
 
-_TOPIC = "rt/"  # before the name of each topic of ROS 2
+_TOPIC = "rt/"  # prefix of topics of ROS 2
 _HASH = "typehash="
 LAST_DOMAIN = 232
-"""The last number of a domain: ports of DDS beyond it would be beyond 65535."""
+"""Largest domain ID: for larger ones, DDS ports would exceed 65535."""
 _MS = 1_000_000  # [ns]
-_LOOK_S = 0.05  # between looks at what was discovered
+_LOOK_S = 0.05  # polling period of discovery
 _AT_MOST = 2000  # messages taken at once
-_NUMBERS = 2**64  # of publishers, which one of two functions of cyclonedds gives with a sign
+_NUMBERS = 2**64  # range of publisher handles, one of which cyclonedds returns as a signed number
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A topic that somebody sends.
+    """A published topic.
 
     Attributes:
-        name: As ROS 2 has it: `/joint_states`.
-        kind: The type of its messages: `sensor_msgs/msg/JointState`.
-        is_reliable: Whether everybody who sends it sends again what was lost.
-        is_latched: Whether everybody who sends it gives the last messages to those who come later.
-        type_hash: Of the type, as it is sent; empty before ROS 2 Iron.
+        name: Name in ROS 2, such as `/joint_states`.
+        kind: Type of the messages, such as `sensor_msgs/msg/JointState`.
+        is_reliable: Whether all publishers offer reliable delivery.
+        is_latched: Whether all publishers offer transient-local durability.
+        type_hash: Hash of the type from the publisher; empty before ROS 2 Iron.
     """
 
     name: str
@@ -49,11 +49,11 @@ class Offer:
 
 @cache
 def participant(domain: int) -> Any:
-    """The participant of this process in a domain.
+    """The DDS participant of this process in a domain.
 
     Raises:
         MissingExtra: if cyclonedds is not installed.
-        InputError: if DDS finds no network that it may use.
+        InputError: if DDS finds no usable network.
     """
     typestore()
     try:
@@ -68,10 +68,10 @@ def participant(domain: int) -> Any:
 
 
 def choose_domain(domain: int | None) -> int:
-    """The domain that is stated, else that of the variable ROS_DOMAIN_ID, else 0.
+    """The stated domain ID, else the value of the variable ROS_DOMAIN_ID, else 0.
 
     Raises:
-        InputError: if the variable is no number of a domain.
+        InputError: if the variable is not a valid domain ID.
     """
     if domain is not None:
         return domain
@@ -82,12 +82,12 @@ def choose_domain(domain: int | None) -> int:
 
 
 def domain_words(domain: int) -> str:
-    """Description of the computers that a domain reaches."""
+    """Description of a domain for messages."""
     return f"ROS 2 in domain {domain}, by DDS on all networks of this computer"
 
 
 class Discovery:
-    """The topics that are sent in a domain."""
+    """Discovery of the published topics in a domain."""
 
     def __init__(self, domain: int) -> None:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
@@ -95,7 +95,7 @@ class Discovery:
         self._reader = BuiltinDataReader(participant(domain), BuiltinTopicDcpsPublication)
 
     def offers(self) -> dict[str, Offer]:
-        """Topics by name."""
+        """Published topics by name."""
         found: dict[str, Offer] = {}
         for endpoint in self._reader.read(_AT_MOST):
             offer = _offer(endpoint)
@@ -113,7 +113,7 @@ class Discovery:
         return found
 
     def wait_for(self, name: str, wait_s: float) -> Offer | None:
-        """The topic, once it is there; None if it never is [s]."""
+        """Wait for a topic; None if it is not published before the timeout [s]."""
         until = time.monotonic() + wait_s
         while (offer := self.offers().get(name)) is None and time.monotonic() < until:
             time.sleep(_LOOK_S)
@@ -139,7 +139,7 @@ def _offer(endpoint: Any) -> Offer | None:
 
 
 class Listener:
-    """The messages on a topic, whole, the newest last."""
+    """Subscriber of a topic."""
 
     def __init__(self, domain: int, offer: Offer, depth: int) -> None:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsParticipant
@@ -147,7 +147,7 @@ class Listener:
         from cyclonedds.sub import DataReader
 
         self._participants = BuiltinDataReader(participant(domain), BuiltinTopicDcpsParticipant)
-        message_fields(offer.kind)  # an error if nobody knows it
+        message_fields(offer.kind)  # raises an error for an unknown type
         self._kind = offer.kind
         qos = _qos(offer.is_reliable, offer.is_latched, depth)
         self._reader = DataReader(participant(domain), _topic(domain, offer.name, offer.kind), qos=qos)
@@ -155,15 +155,15 @@ class Listener:
         self._waiting.attach(ReadCondition(self._reader, ViewState.Any | SampleState.NotRead | InstanceState.Any))
 
     def messages(self, wait_s: float) -> list[Any]:
-        """Messages since the last call; waits for one if there are none.
+        """Messages since the last call, the newest last; waits up to a timeout [s] if there are none.
 
         Raises:
-            InputError: if one is not what its topic says.
+            InputError: if a message does not match the type of its topic.
         """
         return [message for _, message in self.receive(wait_s)]
 
     def receive(self, wait_s: float) -> list[tuple[int, Any]]:
-        """Messages since the last call, each with the number of its publisher."""
+        """Messages since the last call, each with the handle of its publisher."""
         taken = self._take()
         if not taken and wait_s > 0:
             self._waiting.wait(int(wait_s * 1000) * _MS)
@@ -171,7 +171,7 @@ class Listener:
         return [(each.sample_info.publication_handle, decode(self._kind, each)) for each in taken]
 
     def publishers(self) -> dict[int, str]:
-        """Publishers of the topic now by their numbers: the process and computer of each, or its GUID."""
+        """Current publishers of the topic, by handle: process and computer, or the GUID."""
         found: dict[int, str] = {}
         for number in self._reader.get_matched_publications():
             endpoint = self._reader.get_matched_publication_data(number)
@@ -184,7 +184,7 @@ class Listener:
 
 
 def _publisher_process(participants: Any, endpoint: Any) -> str:
-    """The process of a publisher, as CycloneDDS states its own; its GUID if it is of another DDS."""
+    """Process and computer of a publisher that uses CycloneDDS; the GUID of any other publisher."""
     for each in participants.read(_AT_MOST):
         if each.key == endpoint.participant_key:
             said = {policy.key: policy.value for policy in each.qos if hasattr(policy, "key")}
@@ -196,7 +196,7 @@ def _publisher_process(participants: Any, endpoint: Any) -> str:
 
 
 class Speaker:
-    """A writer of messages of this process on a topic."""
+    """Publisher of a topic."""
 
     def __init__(self, domain: int, name: str, kind: str, *, is_latched: bool, depth: int = 1) -> None:
         from cyclonedds.core import Policy, Qos
@@ -208,11 +208,11 @@ class Speaker:
         self._writer = DataWriter(participant(domain), self._topic, qos=_qos(True, is_latched, depth) + Qos(said))
 
     def send(self, message: Any) -> None:
-        """Send a message, its fields being attributes."""
+        """Send a message whose attributes are its fields."""
         self.send_bytes(encode(self._kind, message))
 
     def send_bytes(self, data: bytes) -> None:
-        """Send a message that is serialised already."""
+        """Send a serialised message."""
         self._writer.write(self._topic.data_type.of(data))
 
 
@@ -237,19 +237,19 @@ def _topic(domain: int, name: str, kind: str) -> Any:
 
 
 class _Bytes(bytes):
-    """A message as it came; cyclonedds hangs what it knows of it on it."""
+    """A serialised message; cyclonedds adds attributes with its metadata."""
 
 
 @cache
 def _bytes_type(kind: str) -> Any:
-    """A type of cyclonedds that has the name and the structure of a message, but whose values are its bytes.
+    """A type of cyclonedds with the name and the structure of a message, whose values are serialised bytes.
 
-    It would make a Python integer of every pixel.
+    The deserialisation of cyclonedds would create a Python integer for every pixel.
     """
     made = _struct(kind, {})
 
     def wrap(data: bytes) -> Any:
-        """A value that cyclonedds sends as these bytes."""
+        """A value that cyclonedds sends as the given bytes."""
         sample = made.__new__(made)
         sample.serialize = lambda **_: data
         return sample

@@ -1,4 +1,4 @@
-"""Messages of a ROS 2 domain, recorded for a while as a bag is: a cell is made of them likewise."""
+"""Recording of live ROS 2 topics as a bag, from which a cell is created in the same way as from a bag file."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _QUEUE_DEPTHS = {
     IMAGE: 1,
     COMPRESSED: 1,
     CAMERA_INFO: 1,
-}  # messages heard at once
-_KEPT_MESSAGES = 500  # messages of a topic: frames of tf come from several nodes
+}  # queued messages of each topic, by type
+_KEPT_MESSAGES = 500  # recorded messages of a topic: several nodes send tf frames
 _POLL_S = 0.02
 
 
 def listen_to_topics(domain: int, listen_s: float) -> Bag:
-    """Messages on all topics of a domain that concern robots and cameras, one image of each.
+    """Record the topics of robots and cameras in a domain for a duration [s], with one image per image topic.
 
     Raises:
-        DriverError: if nobody sends any.
+        DriverError: if there is no such topic.
     """
     discovery, listeners = Discovery(domain), dict[str, tuple[Offer, Listener]]()
     messages: dict[str, list[Any]] = {}
@@ -48,13 +48,13 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
         time.sleep(_POLL_S)
     if not listeners:
         raise DriverError(
-            f"nobody sends joint states, tf or images in domain {domain}. Is ROS_DOMAIN_ID the same there, and does "
+            f"no publisher of joint states, tf or images in domain {domain}. Is ROS_DOMAIN_ID the same there, and does "
             "the network let DDS pass?"
         )
     topics = {name: Topic(name, offer.kind, counts[name]) for name, (offer, _) in listeners.items()}
 
     def read(names: Iterable[str]) -> Iterator[Message]:
-        """Recorded messages of some topics, one topic after another."""
+        """Recorded messages of the named topics, one topic after another."""
         for name in names:
             yield from (Message(topics[name], 0.0, data) for data in messages.get(name, []))
 
@@ -62,7 +62,7 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
 
 
 def survey_live_topics(bag: Bag) -> Survey:
-    """Survey of the recorded messages; every frame of /tf counts as moving, though the arms may have stood still."""
+    """Survey of the recorded messages; every /tf frame counts as moving, since the arms may have been at rest."""
     survey = survey_bag(bag)
     hangs = {name: hang._replace(is_fixed=not hang.is_timed) for name, hang in survey.tree.hangs.items()}
     return replace(survey, tree=Tree(hangs))

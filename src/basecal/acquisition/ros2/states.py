@@ -1,4 +1,4 @@
-"""Where a robot is, by joint states, by poses, or by frames of tf."""
+"""Robot states from joint states, poses, or tf frames."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from basecal.errors import BasecalError, DriverError, list_names
 from basecal.exchange.bags.bag import JOINTS, POSE, TF
 from basecal.exchange.bags.frames import Hang, Tree, compose_path, pose_from_values, pose_values, transform_values
 
-_QUEUE_DEPTH = 50  # messages of states that are kept: a tenth of a second of the fastest
-_FRAMES_QUEUE_DEPTH = 200  # of tf: all publishers together
-_STAMP_TOLERANCE_S = 5e-3  # by which stamps of frames of one way may differ: those of one publisher are equal
+_QUEUE_DEPTH = 50  # queued messages of states: a tenth of a second at the highest rate
+_FRAMES_QUEUE_DEPTH = 200  # queued messages of tf, from all publishers
+_STAMP_TOLERANCE_S = 5e-3  # between timestamps of the frames of a chain: one publisher sends equal timestamps
 
 
 class StatesByTopic:
-    """A robot whose joints, or whose pose, comes on a topic."""
+    """A robot whose joints or pose are published on a topic."""
 
     def __init__(self, name: str, domain: int, topic: str, joints: Sequence[str], wait_s: float) -> None:
         self._name, self._joints, self._last_s = name, list(joints), float("-inf")
@@ -30,10 +30,10 @@ class StatesByTopic:
         self._names: set[str] = set()
 
     def next(self) -> Reading:
-        """The next state, with the stamp of its header.
+        """The next state, with the timestamp of its header.
 
         Raises:
-            DriverError: if there is none.
+            DriverError: if no new state arrives before the timeout.
         """
         try:
             return self._stream.newest(self._reading, self._is_mine)
@@ -47,7 +47,7 @@ class StatesByTopic:
             raise error
 
     def _is_mine(self, message: Any) -> bool:
-        """Whether a message is of this robot; others may share its topic with a gripper, or a second arm."""
+        """Whether a message is about this robot; a gripper or a second arm may share the topic."""
         return self._stream.kind == POSE or set(self._joints) <= set(message.name)
 
     def _reading(self, message: Any) -> Reading | None:
@@ -66,7 +66,7 @@ class StatesByTopic:
         return Reading(now_s, state)
 
     def _joint_state(self, message: Any) -> RobotState | None:
-        """The joints of a message; None if it is of other joints, or only of some."""
+        """The robot's joints in a message; None if any joint is missing."""
         at = dict(zip(message.name, message.position, strict=False))
         if not all(joint in at for joint in self._joints):
             return None
@@ -74,7 +74,7 @@ class StatesByTopic:
 
 
 class StatesByFrames:
-    """A robot whose flange is a frame of tf."""
+    """A robot whose flange is a tf frame."""
 
     def __init__(self, name: str, domain: int, base: str, flange: str, wait_s: float) -> None:
         self._name, self._base, self._flange = name, base, flange
@@ -84,14 +84,14 @@ class StatesByFrames:
         self._moving = Stream(name, domain, "/tf", (TF,), _FRAMES_QUEUE_DEPTH, wait_s)
         try:
             self._still = [Stream(name, domain, "/tf_static", (TF,), _FRAMES_QUEUE_DEPTH, 0.5)]
-        except DriverError:  # a robot without fixed frames has none
+        except DriverError:  # a robot without fixed frames has no such topic
             self._still = []
 
     def next(self) -> Reading:
-        """The next state, once all frames on the way have one stamp.
+        """The next state, when all frames between base and flange have the same timestamp.
 
         Raises:
-            DriverError: if nothing joins the frames, or their stamps stand still.
+            DriverError: if the frames are not connected, or their timestamps do not advance.
         """
         try:
             return self._moving.newest(self._reading)
@@ -112,7 +112,7 @@ class StatesByFrames:
         self._take(message, is_fixed=False)
         try:
             way = self._tree().way(self._base, self._flange)
-        except BasecalError:  # not all frames have come yet
+        except BasecalError:  # not all frames have arrived yet
             return None
         stamps = [self._stamps[step.child] for step in way if not self._hangs[step.child].is_fixed]
         if not stamps or max(stamps) - min(stamps) > _STAMP_TOLERANCE_S or min(stamps) <= self._last_s:

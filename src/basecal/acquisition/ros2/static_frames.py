@@ -1,4 +1,4 @@
-"""Transforms of a calibration on `/tf_static`, sent as ROS 2's own publisher of static transforms does."""
+"""Publication of calibrated transforms on `/tf_static`, in the same way as `static_transform_publisher` of ROS 2."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _NANOSECONDS = 10**9  # in a second
 
 
 def send_static(domain: int, transforms: Iterable[tuple[str, str, SE3]]) -> Speaker:
-    """Send transforms; whoever comes later gets them too, for as long as what is returned is kept.
+    """Publish static transforms; later subscribers receive them as long as the returned publisher exists.
 
     Args:
-        domain: Of DDS.
-        transforms: Name of the parent, name of the child, `parent_from_child`.
+        domain: DDS domain ID.
+        transforms: Name of the parent frame, name of the child frame, and `parent_from_child`.
     """
     speaker = Speaker(domain, STATIC_TOPIC, TF, is_latched=True)
     now_ns = time.time_ns()

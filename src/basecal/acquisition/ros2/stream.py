@@ -1,4 +1,4 @@
-"""A topic that is followed: its messages from now on, each newer than those before by its own stamp."""
+"""Stream of the messages of a topic, each newer than the previous one by its timestamp."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def stamp_s(header: Any) -> float:
 
 
 class Stream:
-    """A topic in a domain.
+    """Stream of a topic in a domain.
 
     Attributes:
-        kind: The type of its messages.
+        kind: Type of the messages.
     """
 
     def __init__(self, name: str, domain: int, topic: str, kinds: Sequence[str], depth: int, wait_s: float) -> None:
@@ -35,7 +35,7 @@ class Stream:
         if offer is None:
             known = list_names(sorted(self._discovery.offers()))
             raise DriverError(
-                f"{name}: nobody sends {topic} in domain {domain}; there are: {known}. "
+                f"{name}: no publisher of {topic} in domain {domain}; there are: {known}. "
                 f"Is ROS_DOMAIN_ID the same there, and does the network let DDS pass?"
             )
         if offer.kind not in kinds:
@@ -49,18 +49,18 @@ class Stream:
         self._publishers: set[int] = set()
 
     def messages(self, wait_s: float = 0.0) -> list[Any]:
-        """Messages since the last call, the oldest first; waits for so long [s] if there are none."""
+        """Messages since the last call, the oldest first; waits up to a timeout [s] if there are none."""
         return self._listener.messages(wait_s)
 
     def newest(self, read: Callable[[Any], Given | None], is_mine: Callable[[Any], bool] | None = None) -> Given:
-        """Result of `read` for the newest message for which it has one, once there is one; it is given them all.
+        """Wait for a message with a result of `read`; the result of the newest such message.
 
         Args:
-            read: What makes something of a message.
-            is_mine: Whether a message is one that a single publisher may send; None if every publisher may.
+            read: Converts a message, or returns None to skip it; called for every message.
+            is_mine: Whether only a single publisher may send a message; None to allow several publishers.
 
         Raises:
-            DriverError: if none comes, what comes is always old, or two publishers send it.
+            DriverError: if no usable message arrives before the timeout, or two publishers send such messages.
         """
         until_s, came = time.monotonic() + STALE_S + self._wait_s, 0
         while True:
@@ -75,10 +75,10 @@ class Stream:
                 raise DriverError(f"{self._name}: {self._silence_reason(came)}")
 
     def _check_publishers(self, publishers: set[int]) -> None:
-        """Refuse a second publisher; one that ended, and was started again, is no second one.
+        """Check that there is only one publisher; a publisher that ended and was restarted counts once.
 
         Raises:
-            DriverError: if there are two.
+            DriverError: if there are several publishers.
         """
         self._publishers |= publishers
         if len(self._publishers) < 2:
@@ -100,5 +100,5 @@ class Stream:
                 f"the last one taken. Look at `ros2 topic echo {self._topic}`"
             )
         if self._topic not in self._discovery.offers():
-            return f"nobody sends {self._topic} any more: is its node still running, and the network plugged in?"
-        return f"nothing came on {self._topic} {waited}, though somebody offers it: is what it stems from switched on?"
+            return f"{self._topic} has no publisher any more: is its node still running, and the network plugged in?"
+        return f"no message came on {self._topic} {waited}, although it has a publisher: is its source switched on?"

@@ -1,4 +1,4 @@
-"""Types of ROS 2's messages: their fields, names in DDS, hashes and bytes, by rosbags."""
+"""Message types of ROS 2 with rosbags: fields, names in DDS, hashes and serialisation."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from basecal.errors import InputError, MissingExtra
 
 @cache
 def typestore() -> Any:
-    """The definitions of ROS 2.
+    """Message definitions of ROS 2 Jazzy.
 
     Raises:
-        MissingExtra: if they are not installed.
+        MissingExtra: if rosbags is not installed.
     """
     try:
         from rosbags.typesys import Stores, get_typestore
@@ -23,10 +23,10 @@ def typestore() -> Any:
 
 
 def message_fields(kind: str) -> tuple[tuple[str, Any], ...]:
-    """Names and kinds of the fields of a message such as `sensor_msgs/msg/JointState`, as rosbags has them.
+    """Names and kinds of the fields of a message such as `sensor_msgs/msg/JointState`, in the format of rosbags.
 
     Raises:
-        InputError: if no such type is known.
+        InputError: if the type is unknown.
     """
     if kind not in typestore().fielddefs:
         raise InputError(f"no definition of the message {kind!r} is known")
@@ -35,10 +35,10 @@ def message_fields(kind: str) -> tuple[tuple[str, Any], ...]:
 
 
 def decode(kind: str, data: bytes) -> Any:
-    """A message of plain CDR with its fields as attributes; primitives in sequences and arrays are NumPy's.
+    """Decode a message from plain CDR; its attributes are the fields, with NumPy arrays for sequences of primitives.
 
     Raises:
-        InputError: if the bytes end too early, or are of another serialisation.
+        InputError: if the bytes end too early, or use another serialisation.
     """
     from rosbags.serde import SerdeError
 
@@ -47,27 +47,27 @@ def decode(kind: str, data: bytes) -> Any:
     try:
         return typestore().deserialize_cdr(memoryview(data), kind)
     except (SerdeError, ValueError):
-        raise InputError("a message ends too early: its type is not the one that it is sent as") from None
+        raise InputError("a message ends too early: it does not match its type") from None
 
 
 def encode(kind: str, message: Any) -> bytes:
-    """A message as bytes of plain CDR; sequences of primitives are NumPy's."""
+    """Encode a message as plain CDR; sequences of primitives are NumPy arrays."""
     return bytes(typestore().serialize_cdr(message, kind))
 
 
 def dds_name(kind: str) -> str:
-    """A type's name on the wire: `sensor_msgs::msg::dds_::JointState_`."""
+    """Name of a message type in DDS, such as `sensor_msgs::msg::dds_::JointState_`."""
     package, _, name = kind.partition("/msg/")
     return f"{package}::msg::dds_::{name}_"
 
 
 def kind_of_dds(name: str) -> str | None:
-    """The type of a name on the wire; None if it is none of ROS 2's messages."""
+    """Message type of a name in DDS; None if the name is not a ROS 2 message type."""
     package, _, rest = name.partition("::msg::dds_::")
     return f"{package}/msg/{rest[:-1]}" if rest.endswith("_") else None
 
 
 @cache
 def type_hash(kind: str) -> str:
-    """The identifier of a type in ROS 2: `RIHS01_` and a SHA-256 of its definition."""
+    """Type hash in ROS 2: `RIHS01_` and the SHA-256 of the type's definition."""
     return str(typestore().hash_rihs01(kind))

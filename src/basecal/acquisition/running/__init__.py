@@ -1,1 +1,1 @@
-"""The running check of a capture: an estimate after each sample, and samples that disagree with it."""
+"""The running check of a capture: an estimate after each sample, and a test of the next sample against it."""

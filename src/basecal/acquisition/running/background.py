@@ -1,4 +1,4 @@
-"""The running check in a thread of its own: the capture goes on while samples are checked."""
+"""The running check in a separate thread: the capture continues while samples are checked."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Checked:
     """Results of the check since the last query.
 
     Attributes:
-        sigma: Of the requested transform, 3-D norms [m] and [rad]; None while a direction is open.
+        sigma: 3-D norms of the requested transform's sigmas [m] and [rad]; None if unobservable.
         doubts: Disagreements that were not reported before.
     """
 
@@ -30,7 +30,7 @@ class Checked:
 
 
 class BackgroundCheck:
-    """Checks samples one after another in a thread, which no end of the program waits for."""
+    """Check of samples one after another in a daemon thread."""
 
     def __init__(self, cell: Cell) -> None:
         self._check = RunningCheck(cell)
@@ -50,13 +50,13 @@ class BackgroundCheck:
         self._waiting.put(None)
 
     def add(self, sample: Sample) -> None:
-        """Have a sample checked."""
+        """Queue a sample for the check."""
         future: Future[Checked] = Future()
         self._running.append(future)
         self._waiting.put((sample, future))
 
     def collect(self, waits: bool = False) -> Checked:
-        """The results so far; of all samples if it `waits`."""
+        """The results so far, after a short timeout; of all queued samples if `waits` is True."""
         doubts: list[Doubt] = []
         until = monotonic() + _PATIENCE_S
         while self._running:
@@ -70,7 +70,7 @@ class BackgroundCheck:
         return Checked(self._sigma, tuple(doubts))
 
     def _work(self) -> None:
-        """Check samples as they come, until none comes any more."""
+        """Check queued samples until the queue is closed."""
         while (wanted := self._waiting.get()) is not None:
             sample, future = wanted
             if not future.set_running_or_notify_cancel():
@@ -79,5 +79,5 @@ class BackgroundCheck:
                 doubts = self._check.add(sample)
                 estimate = self._check.estimate
                 future.set_result(Checked(None if estimate is None else estimate.sigma, doubts))
-            except Exception as error:  # whoever asks for the result is told
+            except Exception as error:  # raised again in `collect`
                 future.set_exception(error)

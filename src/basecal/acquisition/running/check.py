@@ -1,8 +1,8 @@
-"""The running check: each sample against what the samples before it predict.
+"""The running check: comparison of each sample with the prediction from earlier samples.
 
-A sample that disagrees is held back until the next one. If that one agrees, the image of the first belongs to another
-pose. If both disagree equally, something moved. Causes that last for the whole recording, such as a joint offset, are
-those of the systematic errors. They are reported if two checks in a row find them.
+A sample that disagrees is held back until the next sample. If the next sample agrees, the image of the first one
+belongs to another pose. If one shift explains both samples, something moved. Systematic errors of the whole recording,
+such as a joint offset, are reported if two consecutive checks find them.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from basecal.cell import Cell, Recording, Sample
 from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import describe_effect
 
-_WINDOW_SAMPLES = 3  # samples that are compared together, to see what is too small to see in one
-_EXPLAINED = 1e-3  # chance of what a cause leaves, above which it explains the samples
+_WINDOW_SAMPLES = 3  # samples that are tested together, for effects too small for one sample
+_EXPLAINED = 1e-3  # p-value of the remaining residuals above which a cause explains the samples
 _REPORTED = {"base-moved", "robot-model", "length-scale"}
-_MOST_CAUSES = 3  # causes that are named where several explain the samples equally
+_MOST_CAUSES = 3  # largest number of reported causes if several explain the samples equally
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """A disagreement between a sample and those before it.
+    """A disagreement between a sample and earlier samples.
 
     Attributes:
         sample: Number of the first sample that disagrees.
-        message: What disagrees, why, and what to do.
-        is_lasting: Whether it affects the samples that follow, too.
-        repeats: Whether the sample is worth taking again at the same place.
+        message: The disagreement, its cause, and what to do.
+        is_lasting: Whether the cause also affects the following samples.
+        repeats: Whether to take the sample again at the same place.
     """
 
     sample: int
@@ -44,10 +44,10 @@ class Doubt:
 
 
 class RunningCheck:
-    """The samples of a capture, and what is estimated from them.
+    """Sequential check of the samples of a capture.
 
     Attributes:
-        estimate: From the samples that agree; None before there are enough.
+        estimate: Estimate from the samples that agree; None before there are enough.
     """
 
     def __init__(self, cell: Cell) -> None:
@@ -60,7 +60,7 @@ class RunningCheck:
         self._reported: set[tuple[str, ...]] = set()
 
     def add(self, sample: Sample) -> tuple[Doubt, ...]:
-        """Count a sample, and report what disagrees."""
+        """Add a sample; the new disagreements."""
         doubts = self._compare(sample) if sample.observations else ()
         if not self._pending:
             self._preceding_records.append(self.estimate)
@@ -69,7 +69,7 @@ class RunningCheck:
         return doubts
 
     def _compare(self, sample: Sample) -> tuple[Doubt, ...]:
-        """Whether a sample agrees with the estimate before it; it joins the samples that agree, or is held back."""
+        """Test a sample against the estimate before it; add it to the agreeing samples, or hold it back."""
         alone = self._test(self.estimate, [sample])
         if alone is None or alone.chance > CONFIRMED:
             odd, self._pending = self._pending, []
@@ -81,7 +81,7 @@ class RunningCheck:
         return self._judge_pending(alone)
 
     def _judge_pending(self, disagreement: Disagreement) -> tuple[Doubt, ...]:
-        """The shared cause of several disagreeing samples in a row."""
+        """Test whether one shift explains all samples held back; else the earlier ones are odd samples."""
         held, self._pending = self._pending, []
         both = self._test(self.estimate, held)
         if both is None or both.chance_left < _EXPLAINED:
@@ -91,7 +91,7 @@ class RunningCheck:
         return self._report_move(held[0].sample, both)
 
     def _window(self) -> tuple[Doubt, ...]:
-        """Whether the last samples together disagree with the estimate before them."""
+        """Test the last samples together against the estimate before them."""
         if len(self._preceding_records) < _WINDOW_SAMPLES:
             return ()
         recent = self._agreeing[-_WINDOW_SAMPLES:]
@@ -104,7 +104,7 @@ class RunningCheck:
         return self._report_new(("moved",), Doubt(sample, cause_of_shifts(shift.causes, sample), is_lasting=True))
 
     def _systematic(self) -> tuple[Doubt, ...]:
-        """The systematic error that this check and the one before it found."""
+        """The systematic error that both this check and the previous one found."""
         error = None if self.estimate is None else self.estimate.error
         before, self._suspected = self._suspected, _name(error)
         cause = None if error is None or not error.is_certain else cause_of_error(error)
@@ -127,12 +127,12 @@ class RunningCheck:
 
 
 def _name(error: FoundEffect | None) -> tuple[str, ...]:
-    """Kind of finding and what has it: effects of one arm take turns while few samples distinguish them."""
+    """Kind of a systematic error and its object; effects of one arm alternate while samples are too few."""
     return () if error is None else (describe_effect(error).code, error.about)
 
 
 def _first(sample: Sample, single: Disagreement) -> Doubt:
-    """A sample that disagrees, before another shows why."""
+    """The doubt about a sample that disagrees, before the next sample shows the cause."""
     message = (
         f"Sample {sample.sample} disagrees with the samples before it (chance {single.chance:.1g}). Its image and "
         f"its pose do not belong together, or {cause_of_shifts(single.causes, sample.sample)}"
@@ -141,17 +141,17 @@ def _first(sample: Sample, single: Disagreement) -> Doubt:
 
 
 def _odd_sample(sample: Sample) -> Doubt:
-    """A sample whose successors agree with its predecessors."""
+    """The doubt about a sample that disagrees while its predecessors and successors agree."""
     message = f"The image of sample {sample.sample} does not belong to its pose. Check the stamps of its camera."
     return Doubt(sample.sample, message, is_lasting=False)
 
 
 def cause_of_shifts(causes: Sequence[Shift], sample: int) -> str:
-    """The event at a sample, and the remedy.
+    """Message about a shift at a sample, and the remedy.
 
     Args:
-        causes: What explains the samples, the likeliest first.
-        sample: Number of the first sample that has it.
+        causes: Shifts that explain the samples, the likeliest first.
+        sample: Number of the first affected sample.
     """
     named = list(dict.fromkeys(_describe_shift(each, sample) for each in causes))[:_MOST_CAUSES]
     return f"{', or '.join(named)}. Check what was bumped, loosened or exchanged, and capture again."
@@ -171,6 +171,6 @@ def _describe_shift(cause: Shift, sample: int) -> str:
 
 
 def cause_of_error(error: FoundEffect) -> str | None:
-    """The shared error of samples that noise does not explain, and the remedy; None if the report judges it."""
+    """Message about a systematic error, and the remedy; None for errors that only the final report judges."""
     words = describe_effect(replace(error, about=error.about.rpartition("_from_")[2]))
     return f"{words.what} {words.do[0]}" if words.code in _REPORTED else None

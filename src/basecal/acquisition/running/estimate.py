@@ -1,4 +1,4 @@
-"""The estimate of a cell from the samples taken so far, with the covariance that the report would have."""
+"""The estimate of a cell from the samples so far, with the covariance that the report would state."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from basecal.estimation.settings import STATED, Settings
 from basecal.estimation.solve import Solution, integrate_solution, solve_at_mode, solve_problem
 
 MIN_SAMPLES = 4
-"""Samples from which on the cell is estimated."""
+"""Smallest number of samples for an estimate."""
 
-_OPEN = 0.3  # [m, rad] of a sigma: above, a direction has not been seen
+_OPEN = 0.3  # [m, rad] sigma above which a direction counts as unobservable
 _ESTIMATED = Settings(robot_noise="estimated")
 
 
 @dataclass(frozen=True, eq=False)
 class RunningEstimate:
-    """A cell as the samples so far determine it.
+    """Estimate of a cell from the samples so far.
 
     Attributes:
         solution: Transforms and noise.
-        calibration: The same, to predict new samples by.
-        error: The likeliest systematic error of all samples; None where there is none.
-        sigma: Of the requested transform, 3-D norms [m] and [rad] as in the report; None while a direction is open.
+        calibration: The solution as a calibration, for predictions of new samples.
+        error: The likeliest systematic error of all samples; None if there is none.
+        sigma: 3-D norms of the requested transform's sigmas [m] and [rad], as in the report; None if unobservable.
     """
 
     solution: Solution
@@ -50,12 +50,12 @@ class RunningEstimate:
 def running_estimate(
     cell: Cell, samples: Sequence[Sample], previous: RunningEstimate | None = None
 ) -> RunningEstimate | None:
-    """The estimate of a cell from its samples.
+    """Estimate a cell from its samples.
 
     Args:
         cell: The cell.
-        samples: What was taken.
-        previous: The estimate of nearly the same samples, to start from.
+        samples: The samples so far.
+        previous: Estimate from nearly the same samples, for a warm start.
 
     Returns:
         None if the samples are too few, or the solve fails.
@@ -79,7 +79,7 @@ def running_estimate(
 def _noise_mode(
     cell: Cell, problem: Problem, previous: RunningEstimate | None
 ) -> tuple[Solution, NoiseEstimate | None]:
-    """The optimum with the most likely noise, and the noise that was near it."""
+    """Solution at the most likely noise, and the previous noise estimate if the warm start succeeded."""
     if previous is not None and _structure(previous.solution.problem) == _structure(problem):
         start, noise = without_errors(problem, previous.solution.state), previous.solution.noise
         found = solve_at_mode(problem, start, _ESTIMATED, guess=noise)

@@ -1,1 +1,1 @@
-"""Arms in processes of their own, and the process that stops them all at once."""
+"""Arms in separate processes, and the process that stops them together."""

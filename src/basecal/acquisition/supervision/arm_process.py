@@ -1,8 +1,8 @@
-"""The process of one arm: its driver, and threads that read it, keep its watchdog awake, and stop it.
+"""The process of one arm: its driver, and threads that read states, send heartbeats to its watchdog, and stop it.
 
-A call of a vendor's library may block for ever. Each of four threads makes calls of its own kind: states, requests,
-the heartbeat of the controller's watchdog, and a stop. The main thread calls no driver: it hears the supervisor, and
-judges whether the arm still moves.
+A call of a vendor's library may block forever. Therefore four threads make separate calls: states, requests, the
+heartbeat of the controller's watchdog, and a stop. The main thread never calls the driver: it receives the supervisor's
+frames, and monitors the arm's motion.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ from basecal.errors import BasecalError, DriverError
 from basecal.geometry import Array
 
 _HEARTBEAT_S = 0.02  # between heartbeats to the controller: a watchdog of 6 Hz may miss seven
-_SETTLED_STATES = 10  # states at the goal, after which an arm no longer counts as moving
-_CHANGED_RAD_M = 1e-4  # by which an arm moves that is on its way: in two seconds, even the slowest
-_MEMORY_BYTES = 2**30  # that a driver may take: a damaged packet can ask for any length
+_SETTLED_STATES = 10  # consecutive states at the goal after which an arm no longer counts as moving
+_CHANGED_RAD_M = 1e-4  # smallest change of a moving arm: even the slowest one exceeds it in two seconds
+_MEMORY_BYTES = 2**30  # limit of a driver's memory: a damaged packet can request any length
 _CAPABILITIES = {"moves": Moves, "freedrives": Freedrives, "checks_goals": ChecksGoals}
 
 
 class ArmProcess:
-    """An arm, served until the supervisor closes it or ends."""
+    """Server of one arm, until the supervisor closes the arm or ends."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -75,12 +75,12 @@ class ArmProcess:
         self._read_s = self._changed_s = self._supervisor_s = self._beat_s = now
         self._values: Array | None = None
         self._way: tuple[Array | None, Array | None] = None, None
-        self._aim = threading.Lock()  # of goal and way: an arrival must not end a motion that begins meanwhile
+        self._aim = threading.Lock()  # for goal and path: an arrival must not end a motion that starts at the same time
         self._must_stop = self._is_over = False
         self._patience_s = REST_SILENCE_LIMIT_S + RECONNECT_S
 
     def run(self) -> None:
-        """Obey the supervisor until it closes this arm; stop the arm if the supervisor ends or hangs."""
+        """Execute the supervisor's commands until it closes this arm; stop the arm if the supervisor ends or hangs."""
         while not self._is_over:
             select.select([self._channel.read_fd], [], [], TICK_S)
             try:
@@ -112,7 +112,7 @@ class ArmProcess:
             self._report(f"{self._name}: its connection was closed while it moved")
         if self._goal is not None and now_s - self._changed_s > HOLD_S:
             self._report(
-                f"{self._name}: it stands still, but not where it was sent. Look for an obstacle, a paused program "
+                f"{self._name}: it is at rest, but not at its goal. Look for an obstacle, a paused program "
                 f"or a speed slider at zero"
             )
         if self._robot.is_live and now_s - self._read_s > self._patience_s:
@@ -122,11 +122,11 @@ class ArmProcess:
 
     @property
     def _is_moving(self) -> bool:
-        """Whether the arm was sent or let go, and is not known to stand where it was sent."""
+        """Whether the arm has a goal that it has not reached, or is in freedrive."""
         return self._goal is not None or self._is_led
 
     def _report(self, reason: str) -> None:
-        """Have all arms stopped, this one first."""
+        """Report trouble to the supervisor, which stops all arms, and stop this arm."""
         self._channel.send(Kind.TROUBLE, reason.encode())
         self._stop()
 
@@ -161,10 +161,10 @@ class ArmProcess:
             self._report(_error_text(self._name, error))
 
     def _check_lag(self, reading: Reading) -> None:
-        """A link that delays shows where the arm was; its stamps fall behind this machine's clock.
+        """Check the delay of a state: on a slow link, timestamps fall behind this machine's clock.
 
         Raises:
-            DriverError: if the arm moves, and the state is late.
+            DriverError: if the state is late while the arm moves.
         """
         lag_s = self._read_s - reading.stamp_s
         self._least_lag_s = min(self._least_lag_s, lag_s)
@@ -188,10 +188,10 @@ class ArmProcess:
                 self._way = self._way[1], self._way[1]
 
     def _check_way(self, values: Array) -> None:
-        """Only the way straight in joints was checked: an arm elsewhere may hit something, or its states are wrong.
+        """Check that the joints are on the path, because only the path straight in joint space is free of collision.
 
         Raises:
-            DriverError: if a joint is not between its start and its goal, or left the place where it arrived.
+            DriverError: if a joint is not between its start and its goal, or left the goal after arrival.
         """
         start, end = self._way
         if start is None or end is None or not start.shape == values.shape == end.shape:
@@ -200,7 +200,7 @@ class ArmProcess:
         if found := joint_off_way(values, start, end, limit_rad):
             joint, beyond_deg = found[0] + 1, float(f"{np.degrees(found[1]):.3g}")
             raise DriverError(
-                f"{self._name}: joint {joint} is {beyond_deg:g} deg beyond its way. Look for a "
+                f"{self._name}: joint {joint} is {beyond_deg:g} deg beyond its path. Look for a "
                 f"person or a program that moves the arm, or a controller that sends wrong states"
             )
 
@@ -225,7 +225,7 @@ class ArmProcess:
         return getattr(robot, method)(*arguments)
 
     def _kick(self, robot: HasWatchdog) -> None:
-        """Keep the watchdog awake as long as the supervisor runs and states come."""
+        """Send heartbeats to the watchdog as long as the supervisor runs and states arrive."""
         try:
             while not self._is_over:
                 now = time.monotonic()
@@ -241,7 +241,7 @@ class ArmProcess:
             _start_thread(self._stop_robot)
 
     def _stop_robot(self) -> None:
-        """Stop the arm, and confirm it only if the driver did: else the supervisor ends this process."""
+        """Stop the arm, and confirm the stop if the driver succeeds; else the supervisor kills this process."""
         robot = self._robot
         with suppress(Exception):
             if isinstance(robot, Moves):
@@ -251,7 +251,7 @@ class ArmProcess:
             self._channel.send(Kind.STOPPED)
 
     def _end(self) -> None:
-        """Stop an arm that moves, close the driver, and end, however long that takes."""
+        """Stop the arm if it moves, close the driver, and exit; each step has a timeout."""
         if self._is_over:
             return
         self._is_over = True
@@ -294,10 +294,10 @@ def _start_thread(do: Callable[..., object], *arguments: object) -> threading.Th
 
 
 def _as_data(name: str, error: BaseException) -> tuple[type[BaseException], str, dict[str, Any]]:
-    """An error as another process can raise it again."""
+    """Type, message and attributes of an error, for another process that raises it again."""
     if not isinstance(error, BasecalError):
         error = driver_failure(name, error)
-    elif type(error).__module__ != BasecalError.__module__:  # of a kind that only the driver knows
+    elif type(error).__module__ != BasecalError.__module__:  # a type that only the driver defines
         error = DriverError(str(error))
     return type(error), str(error), vars(error)
 
@@ -312,7 +312,7 @@ def _error_text(name: str, error: BaseException) -> str:
 
 
 def main() -> None:
-    """Serve the arm that the first frame names; what libraries print goes to the standard error."""
+    """Serve the arm named in the first frame; output of libraries is redirected to the standard error."""
     out = os.dup(1)
     os.dup2(2, 1)
     sys.stdin = open(os.devnull, encoding="utf-8")  # noqa: SIM115

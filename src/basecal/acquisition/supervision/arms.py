@@ -1,4 +1,4 @@
-"""Arms that run in processes of their own, as the capture sees them: proxies, and what their supervisor reports."""
+"""Proxies of arms whose drivers run in separate processes, and the connection to their supervisor."""
 
 from __future__ import annotations
 
@@ -29,11 +29,9 @@ from basecal.cell import RobotState
 from basecal.errors import DriverError
 
 _SUPERVISOR_MODULE = "basecal.acquisition.supervision.supervisor"
-_OPEN_TIMEOUT_S = (
-    60.0  # that a driver may take to connect: it imports libraries, and drivers have deadlines of their own
-)
-_ANSWER_TIMEOUT_S = 15.0  # that a request may take: the first one of a UR sends a program
-_POLL_S = 0.1  # between looks at whether all arms were stopped
+_OPEN_TIMEOUT_S = 60.0  # for a driver to connect: it imports libraries, and drivers have their own timeouts
+_ANSWER_TIMEOUT_S = 15.0  # for a request: the first one to a UR sends a program
+_POLL_S = 0.1  # polling period of the flag that all arms were stopped
 
 
 class Arms:
@@ -43,8 +41,8 @@ class Arms:
         """Start the supervisor and one process for each arm.
 
         Args:
-            places: Place of each arm, by its name.
-            signals_fd: Read end of a pipe into which the system writes numbers of signals.
+            places: Place of each arm, by name.
+            signals_fd: Read end of the pipe into which the system writes signal numbers.
         """
         self._names = list(places)
         self._changed = threading.Condition()
@@ -54,14 +52,14 @@ class Arms:
         self._requests = 0
         self._reason = ""
         self._is_ending = False
-        self._untold: list[str] = []  # arms that confirmed no stop, of which nobody was told
+        self._untold: list[str] = []  # arms that did not confirm a stop, not reported yet
         command = [sys.executable, "-m", _SUPERVISOR_MODULE, str(signals_fd), *self._names]
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pass_fds=(signals_fd,),
-            start_new_session=True,  # a terminal's Ctrl-C reaches the capture alone
+            start_new_session=True,  # a terminal's Ctrl-C reaches only the capture
             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )
         assert self._process.stdin is not None
@@ -74,18 +72,18 @@ class Arms:
 
     @property
     def interruption(self) -> str:
-        """The reason to interrupt the main thread: why all arms were stopped; empty if it knows, or they were not."""
+        """The reason why all arms were stopped; empty if they were not, or the main thread is ending anyway."""
         return "" if self._is_ending else self._reason
 
     def stop_interrupting(self) -> None:
-        """Interrupt the main thread no more: it is on its way to close the arms."""
+        """Disable interruptions of the main thread, which is about to close the arms."""
         self._is_ending = True
 
     def open_arms(self) -> dict[str, Robot]:
-        """Proxies of all arms, by name, once every driver has opened its own.
+        """Wait until all drivers have opened their arms; proxies of the arms, by name.
 
         Raises:
-            BasecalError: what the first driver that did not open raised.
+            BasecalError: the error of the first driver that failed to open.
         """
         with self._changed:
             self._wait(lambda: len(self._opened) == len(self._names), _OPEN_TIMEOUT_S, "a driver did not open")
@@ -95,7 +93,7 @@ class Arms:
         return {name: _proxy(self, number, self._opened[number]) for number, name in enumerate(self._names)}
 
     def newer(self, arm: int, count: int) -> tuple[int, Reading]:
-        """The latest state of an arm, once there is one after the first `count`, and how many there were.
+        """Wait until an arm has sent more than `count` states; their number, and the latest state.
 
         Raises:
             DriverError: if all arms were stopped.
@@ -109,11 +107,11 @@ class Arms:
                 self._changed.wait(_POLL_S)
 
     def ask(self, arm: int, method: str, *arguments: Any, most_s: float = _ANSWER_TIMEOUT_S) -> Any:
-        """Result of a method of an arm's driver, which may take so long [s].
+        """Call a method of an arm's driver, with a timeout [s]; its result.
 
         Raises:
-            DriverError: if all arms were stopped, or it does not answer.
-            BasecalError: what the driver raised.
+            DriverError: if all arms were stopped, or the driver does not answer.
+            BasecalError: the error that the driver raised.
         """
         with self._changed:
             self._check()
@@ -129,10 +127,10 @@ class Arms:
         return result
 
     def stop(self, arm: int, reason: str) -> None:
-        """Stop all arms now, and wait until they confirmed it or their time is over; nothing is sent to them after.
+        """Stop all arms, and wait for their confirmation or a timeout; later requests are not forwarded to them.
 
         Raises:
-            DriverError: if this arm did not confirm it, unless the reason of an earlier stop says so.
+            DriverError: if this arm did not confirm the stop, unless an earlier error reported that.
         """
         self._is_ending = True
         self._channel.send(Kind.STOP, reason.encode())
@@ -142,14 +140,11 @@ class Arms:
             raise DriverError(f"{self._names[arm]} did not confirm a stop: look at the arm")
 
     def request_stop(self, reason: str) -> None:
-        """Have the supervisor stop all arms; the capture ends with the reason, as after a stop of the supervisor's own.
-
-        Any thread may call this.
-        """
+        """Request a stop of all arms from the supervisor, which also ends the capture with the reason; thread-safe."""
         self._channel.send(Kind.STOP, reason.encode())
 
     def close(self) -> None:
-        """End the processes of all arms; kill what does not end in time."""
+        """End the processes of all arms; kill the supervisor if it does not end before a timeout."""
         self._is_ending = True
         self._channel.send(Kind.CLOSE)
         try:
@@ -174,7 +169,7 @@ class Arms:
             raise DriverError(self._reason)
 
     def _listen(self) -> None:
-        """Take what the supervisor sends until it ends, and report to it that this process runs."""
+        """Receive frames of the supervisor until it ends, and send heartbeats to it."""
         beat_s = time.monotonic()
         heard_s = beat_s + START_S
         while True:
@@ -200,7 +195,7 @@ class Arms:
     def _note(self, frame: Frame) -> None:
         if frame.kind == Kind.EVENT:
             said = json.loads(frame.payload)
-            self._is_ending = self._is_ending or said["by_signal"]  # which the main thread gets itself
+            self._is_ending = self._is_ending or said["by_signal"]  # the main thread receives the signal itself
             self._end(said["reason"], said["unconfirmed"])
         elif frame.kind != Kind.ALIVE:
             found = pickle.loads(frame.payload)
@@ -215,7 +210,7 @@ class Arms:
                 self._changed.notify_all()
 
     def _end(self, reason: str, names: list[str]) -> None:
-        """Note why arms were stopped, and have the main thread leave whatever it waits for."""
+        """Store the reason why arms were stopped, and interrupt the main thread."""
         if self._reason:
             return
         with self._changed:
@@ -227,31 +222,31 @@ class Arms:
 
 
 def stop_report(reason: str, names: list[str], missing_arms: list[str]) -> str:
-    """Why all arms were stopped, which of them confirmed it, and what to do."""
+    """Message with the reason of a stop, the arms that confirmed it, and what to do."""
     told = [name for name in names if name not in missing_arms]
     words = [f"{reason.rstrip('.')}."]
-    words += [f"{' and '.join(told)} {'were' if len(told) > 1 else 'was'} told to stop."] if told else []
+    words += [f"{' and '.join(told)} confirmed the stop."] if told else []
     words += [f"{' and '.join(missing_arms)} did not confirm a stop: look at the arm."] if missing_arms else []
     words += ["Find the cause, then start again; what was recorded is kept."]
     return " ".join(words)
 
 
 def _error(kind: type[BaseException], words: str, attributes: dict[str, Any]) -> BaseException:
-    """An error of a driver, raised again with its words and attributes."""
+    """Restore a driver's error from its type, message and attributes."""
     error = kind.__new__(kind, words)
     vars(error).update(attributes)
     return error
 
 
 class RemoteRobot:
-    """A robot whose driver runs in a process of its own."""
+    """Proxy of a robot whose driver runs in a separate process."""
 
     def __init__(self, arms: Arms, number: int, is_live: bool) -> None:
         self._arms, self._number, self.is_live = arms, number, is_live
         self._count = 0
 
     def state(self) -> Reading:
-        """Its latest state, once there is one newer than the last one given.
+        """Wait for a state newer than the last returned one.
 
         Raises:
             DriverError: if all arms were stopped.
@@ -263,28 +258,28 @@ class RemoteRobot:
         return reading
 
     def close(self) -> None:
-        """Do nothing: all arms are closed at once."""
+        """Do nothing: the supervisor closes all arms together."""
 
 
 class _Moved(RemoteRobot):
     def move(self, to: RobotState, speed_rad_s: float) -> None:
-        """Begin to go there."""
+        """Start a motion to a goal."""
         self._arms.ask(self._number, "move", to, speed_rad_s)
 
     def stop(self) -> None:
-        """Stop this arm, and with it all others."""
+        """Stop this arm and all others."""
         self._arms.stop(self._number, "an arm was ordered to stop")
 
 
 class _Led(RemoteRobot):
     def freedrive(self, on: bool) -> None:
-        """Let the arm be led, or hold it."""
+        """Switch freedrive on or off."""
         self._arms.ask(self._number, "freedrive", on)
 
 
 class _Checked(RemoteRobot):
     def goal_refusal(self, to: RobotState) -> str:
-        """Why its controller would not go there; empty if it would."""
+        """The controller's reason to refuse a goal; empty if it accepts the goal."""
         return str(self._arms.ask(self._number, "goal_refusal", to))
 
 
@@ -292,7 +287,7 @@ _CAPABILITIES = {"moves": _Moved, "freedrives": _Led, "checks_goals": _Checked}
 
 
 def _proxy(arms: Arms, number: int, capabilities: dict[str, bool]) -> Robot:
-    """A proxy with the faces that the robot has, and no other."""
+    """A proxy that implements exactly the protocols of the robot."""
     faces = tuple(face for name, face in _CAPABILITIES.items() if capabilities[name])
     robot: Robot = type("Remote", (*faces, RemoteRobot), {})(arms, number, capabilities["is_live"])
     return robot

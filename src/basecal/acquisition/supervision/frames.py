@@ -11,28 +11,28 @@ from typing import NamedTuple
 
 _HEADER = struct.Struct(">BBI")  # kind, number of the arm, length of the payload
 _CHUNK_BYTES = 2**16
-_FULL_BUFFER_BYTES = 2**22  # of frames that the other side does not read: it hangs
+_FULL_BUFFER_BYTES = 2**22  # unsent bytes above which the other process counts as hung
 
 
 class Kind(IntEnum):
     """The kind of a frame."""
 
-    ALIVE = 0  # the sender runs; from an arm: one byte, whether it moves
-    OPEN = 1  # to an arm: what it is, pickled
-    OPENED = 2  # from an arm: its faces, pickled
-    FAILED = 3  # from an arm: the error that opening ended with, pickled
+    ALIVE = 0  # heartbeat; from an arm: one byte, whether it moves
+    OPEN = 1  # to an arm: its place and the module search path, pickled
+    OPENED = 2  # from an arm: its protocols, pickled
+    FAILED = 3  # from an arm: the error of a failed opening, pickled
     REQUEST = 4  # to an arm: number, method and arguments, pickled
     ANSWER = 5  # from an arm: number, result and error, pickled
     READING = 6  # from an arm: a state, pickled
-    TROUBLE = 7  # from an arm: why all arms must stop, as text
-    STOP = 8  # to the supervisor: why, as text; to an arm: stop now
-    STOPPED = 9  # from an arm: its controller took the stop
-    CLOSE = 10  # end
-    EVENT = 11  # from the supervisor: why all arms were stopped, and which did not confirm it, as JSON
+    TROUBLE = 7  # from an arm: the reason why all arms must stop, as text
+    STOP = 8  # to the supervisor: the reason, as text; to an arm: no payload
+    STOPPED = 9  # from an arm: its controller accepted the stop
+    CLOSE = 10  # end the process
+    EVENT = 11  # from the supervisor: the reason of a stop, and the arms that did not confirm it, as JSON
 
 
 class Frame(NamedTuple):
-    """One message; `arm` is the number of the arm it is from or for."""
+    """One message; `arm` is the number of the arm that sends or receives it."""
 
     kind: int
     arm: int
@@ -40,7 +40,7 @@ class Frame(NamedTuple):
 
 
 class Channel:
-    """Both directions of a link to another process; any thread may send, one thread receives."""
+    """Bidirectional link to another process; any thread may send, one thread receives."""
 
     def __init__(self, read_fd: int, write_fd: int) -> None:
         self.read_fd, self._write_fd = read_fd, write_fd
@@ -51,13 +51,13 @@ class Channel:
             os.set_blocking(fd, False)
 
     def send(self, kind: Kind, payload: bytes = b"", arm: int = 0) -> None:
-        """Send a frame, or keep it until the other side reads; nothing if it has ended."""
+        """Send a frame, or buffer it until the other process reads; a broken link discards it."""
         with self._lock:
             self._unsent += _HEADER.pack(kind, arm, len(payload)) + payload
             self._flush()
 
     def flush(self) -> None:
-        """Send what could not be sent before."""
+        """Send buffered frames."""
         with self._lock:
             self._flush()
 
@@ -74,7 +74,7 @@ class Channel:
         """Return the frames that have arrived.
 
         Raises:
-            EOFError: if the other side has ended.
+            EOFError: if the other process has ended.
         """
         try:
             while part := os.read(self.read_fd, _CHUNK_BYTES):
@@ -99,7 +99,7 @@ class Channel:
         return frames
 
     def close(self) -> None:
-        """Close both directions; a thread that sends meanwhile must not reach what opens by the same number next."""
+        """Close both directions; later sends do nothing, since another file may reuse the descriptor."""
         with self._lock:
             self.is_broken = True
             for fd in {self.read_fd, self._write_fd}:

@@ -1,40 +1,40 @@
-"""Times within which processes of a capture answer one another, in seconds."""
+"""Periods and timeouts of the processes of a capture, in seconds."""
 
 TICK_S = 0.01
-"""How often each process looks at all others."""
+"""Period at which each process checks all others."""
 
 HEARTBEAT_S = 0.05
-"""How often each process says that it runs."""
+"""Period of each process's heartbeat."""
 
 SILENCE_LIMIT_S = 0.4
-"""Without a heartbeat for so long while any arm moves, a process of an arm, or the supervisor, counts as hung."""
+"""Time without a heartbeat after which an arm's process or the supervisor counts as hung while any arm moves."""
 
 REST_HANG_LIMIT_S = 10.0
-"""The same while all arms stand: a library may hold Python's lock while it connects."""
+"""Time without a heartbeat after which an arm's process counts as hung at rest: connecting may hold Python's lock."""
 
 PARENT_SILENCE_LIMIT_S = 1.0
-"""The same of the capture itself while an arm moves; it computes, and its heartbeat may be late."""
+"""Time without a heartbeat after which the capture counts as hung while an arm moves: its computations delay it."""
 
 START_S = 10.0
-"""How much longer the supervisor may be silent at first: a busy machine takes its time to start a process."""
+"""Additional time for the supervisor's first heartbeat: starting a process takes long on a busy machine."""
 
 STALE_S = 0.45
-"""Without a new state for so long while any arm moves, a link counts as lost."""
+"""Time without a new state after which a link counts as lost while any arm moves."""
 
 RECONNECT_S = 10.0
-"""How long a driver may try a lost link again while all arms stand, unless its option `reconnect_s` says otherwise."""
+"""Default of a driver's option `reconnect_s`: time for reconnecting a lost link while all arms are at rest."""
 
 REST_SILENCE_LIMIT_S = 2.0
-"""How long a link may be silent beyond that."""
+"""Additional time without a state, after `reconnect_s`, before a link counts as lost at rest."""
 
 HOLD_S = 2.0
-"""An arm that stands still for so long away from its goal is held up by something that nobody reported."""
+"""Time at rest away from the goal after which an arm counts as blocked."""
 
 STOP_S = 0.3
-"""How long an arm has to confirm a stop; then its process is killed, and its watchdog stops it."""
+"""Timeout of an arm's confirmation of a stop; then its process is killed, and the watchdog stops the arm."""
 
 CLOSE_S = 0.9
-"""How long an arm's driver has to close."""
+"""Timeout for an arm's driver to close."""
 
 FORCED_END_S = 1.2
-"""How long the capture may go on after a second Ctrl-C; then it is killed."""
+"""Timeout for the capture to end after a second Ctrl-C; then it is killed."""

@@ -1,4 +1,4 @@
-"""Signals during a capture: the system informs the supervisor at once, and the main thread leaves what it waits for."""
+"""Signals during a capture: the system notifies the supervisor at once, and the main thread is interrupted."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _ENDING_SIGNALS = (signal.SIGTERM, signal.SIGHUP)
 
 @contextmanager
 def routed_signals(reason: Callable[[], str]) -> Iterator[int]:
-    """Give the read end of a pipe into which the system writes the number of each signal, whatever Python does.
+    """Context of the read end of a pipe into which the system writes signal numbers, even while Python is blocked.
 
-    In the main thread SIGTERM and SIGHUP become `KeyboardInterrupt`, as SIGINT is, and `interrupt_main_thread` raises
-    a `DriverError` there; other threads leave the process's signals alone.
+    In the main thread, SIGTERM and SIGHUP raise `KeyboardInterrupt` like SIGINT, and `interrupt_main_thread` raises a
+    `DriverError`. If another thread enters the context, the signal handlers of the process do not change.
 
     Args:
-        reason: Why the main thread is interrupted, in words; empty if it is not to be.
+        reason: Returns the message of that error; empty if the main thread is not to be interrupted.
     """
     read_fd, write_fd = os.pipe()
     os.set_blocking(write_fd, False)
@@ -48,7 +48,7 @@ def routed_signals(reason: Callable[[], str]) -> Iterator[int]:
 
 
 def interrupt_main_thread() -> None:
-    """Have the main thread raise what `routed_signals` was given, if it is routed."""
+    """Make the main thread raise the error of `routed_signals`; do nothing outside that context."""
     main = threading.main_thread().ident
     if main is not None and signal.getsignal(_INTERRUPT) not in (signal.SIG_DFL, signal.SIG_IGN, None):
         signal.pthread_kill(main, _INTERRUPT)

@@ -1,9 +1,9 @@
-"""The supervisor: a process that starts one process for each arm, and stops all arms at once.
+"""The supervisor: a process that starts one process for each arm, and stops all arms together.
 
-It imports nothing but the standard library and computes nothing, so that nothing delays it. It stops all arms when one
-of them reports trouble, hangs or ends, and when the capture ends or hangs while an arm moves. It also does at SIGINT,
-SIGTERM and SIGHUP of the capture, whose numbers the system itself writes into a pipe. After that no request reaches an
-arm.
+The supervisor imports only the standard library and computes nothing, so that nothing delays it. It stops all arms if
+one of them reports trouble, hangs or ends, and if the capture ends or hangs while an arm moves. It also stops them on
+SIGINT, SIGTERM and SIGHUP of the capture; the system writes the signal numbers into a pipe. After a stop, no request is
+forwarded to an arm.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class _Arm:
 
     @classmethod
     def start(cls, number: int, name: str) -> _Arm:
-        """An arm whose process has just begun, without a link yet."""
+        """Start the process of an arm."""
         process = subprocess.Popen(
             _ARM_COMMAND,
             stdin=subprocess.PIPE,
@@ -68,7 +68,7 @@ class _Arm:
 
 
 class Supervisor:
-    """All arms of a capture, and the capture that owns them."""
+    """Supervisor of all arms of a capture, and of the capture itself."""
 
     def __init__(self, parent: Channel, signals_fd: int, names: list[str]) -> None:
         self._parent, self._signals_fd, self._parent_pid = parent, signals_fd, os.getppid()
@@ -85,7 +85,7 @@ class Supervisor:
             self._ready.register(fd, selectors.EVENT_READ)
 
     def run(self) -> None:
-        """Go on until all arms are closed."""
+        """Supervise until all arms are closed."""
         while self._closed_s is None or not all(arm.is_gone for arm in self._arms):
             self._ready.select(TICK_S)
             self._hear_signals()
@@ -95,7 +95,7 @@ class Supervisor:
             self._judge(time.monotonic())
 
     def stop(self, reason: str) -> None:
-        """Stop all arms now; the first reason is the one that counts."""
+        """Stop all arms; only the first call's reason is reported."""
         if self._stopped_s is not None:
             return
         self._stopped_s, self._reason = time.monotonic(), reason
@@ -103,7 +103,7 @@ class Supervisor:
             arm.channel.send(Kind.STOP)
 
     def close(self) -> None:
-        """Have all arms end."""
+        """Close all arms."""
         if self._closed_s is None:
             self._closed_s = time.monotonic()
             for arm in self._arms:
@@ -153,7 +153,7 @@ class Supervisor:
                 self.stop(f"{arm.name}: the process of its driver ended ({how})")
 
     def _drop(self, arm: _Arm) -> None:
-        """Kill the process of an arm, whatever it does; the watchdog of its controller stops the arm."""
+        """Kill the process of an arm; the watchdog of its controller stops the arm."""
         if not arm.is_gone:
             arm.is_gone = True
             self._ready.unregister(arm.channel.read_fd)
@@ -196,7 +196,7 @@ class Supervisor:
         self._end(now_s)
 
     def _report(self, now_s: float) -> None:
-        """Report to the capture why arms were stopped, once all confirmed it or their time is over."""
+        """Report a stop to the capture, once all arms confirmed it or the timeout is over."""
         if self._stopped_s is None or self._is_reported:
             return
         waiting = [arm for arm in self._arms if not (arm.has_stopped or arm.is_gone)]
@@ -223,7 +223,7 @@ class Supervisor:
 
 
 def main() -> None:
-    """Supervise the arms whose names are on the command line, after the descriptor that signals are written to."""
+    """Supervise arms; the command line has the file descriptor of the signal pipe, and the names of the arms."""
     for number in _ENDING_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     signals_fd = int(sys.argv[1])

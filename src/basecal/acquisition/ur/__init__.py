@@ -1,1 +1,1 @@
-"""A UR controller over its network: states it sends, and the program it runs for moves."""
+"""Network interface of a UR controller: its states, and its program for moves."""

@@ -10,14 +10,14 @@ from basecal.fields.values import Entry
 
 
 class UrOptions(Entry):
-    """Options beside `kind: ur`.
+    """Options of `kind: ur`.
 
     Attributes:
-        host: Name or number of the controller in the network.
-        motion: Whether it is sent (`move`), led with the arm in freedrive (`freedrive`), or only watched (`watch`).
-        rate_hz: How often states come.
-        acceleration_rad_s2: Of the leading joint of a move.
-        reconnect_s: How long a connection that is lost is tried again.
+        host: Host name or IP address of the controller.
+        motion: Whether the arm is moved by program (`move`), led in freedrive (`freedrive`), or only read (`watch`).
+        rate_hz: Rate of states [Hz].
+        acceleration_rad_s2: Acceleration of the leading joint of a move.
+        reconnect_s: Timeout for re-establishing a lost connection [s].
     """
 
     host: Annotated[str, Field(min_length=1)]

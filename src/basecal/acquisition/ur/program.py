@@ -1,4 +1,4 @@
-"""The program of ur-rtde, which runs on a UR controller while it is moved or led, and its watchdog."""
+"""The program of ur-rtde that runs on a UR controller during motions and freedrive, and its watchdog."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from basecal.errors import DriverError, error_words
 _DASHBOARD_PORT = 29999
 _PORT_PHRASES = {_DASHBOARD_PORT: "the dashboard of a UR", 30003: "a UR that takes programs"}
 _WATCHDOG_HZ = 6.0  # URSim stops a program after about two periods of silence: a third of a second
-_BUSY_TIMEOUT_S = 0.1  # that another call may hold the line while a stop waits
-_STOP_RAD_S2 = 2.0  # of each joint when it is told to stop: from 30 deg/s it takes a quarter of a second
-_DASHBOARD_TIMEOUT_S = 0.2  # that the dashboard may take to take a line
+_BUSY_TIMEOUT_S = 0.1  # for a stop to wait until another call releases the connection
+_STOP_RAD_S2 = 2.0  # deceleration of each joint in a stop: from 30 deg/s it takes a quarter of a second
+_DASHBOARD_TIMEOUT_S = 0.2  # for the dashboard to accept a command
 
 Given = TypeVar("Given")
 
 
 class Program:
-    """The program; it is sent once, when it is first requested to do something, and never again after it ended."""
+    """The program on the controller; it is sent at the first request, and not again after it ended."""
 
     def __init__(self, name: str, options: UrOptions) -> None:
         self._name, self._options = name, options
@@ -32,17 +32,17 @@ class Program:
 
     @property
     def was_sent(self) -> bool:
-        """Whether it was ever sent."""
+        """Whether the program was sent."""
         return self._line is not None
 
     def ask(self, question: Callable[[Any], Given]) -> Given:
-        """The controller's answer.
+        """Call ur-rtde's `RTDEControlInterface`, and start the program if necessary.
 
         Args:
-            question: A question to ur-rtde's `RTDEControlInterface`.
+            question: Function of the interface; its result is returned.
 
         Raises:
-            DriverError: if it cannot be started, or was stopped.
+            DriverError: if the program cannot be started, or was stopped.
         """
         with self._lock:
             try:
@@ -72,10 +72,10 @@ class Program:
         return line
 
     def keep_alive(self) -> None:
-        """Keep the watchdog awake; a call that is under way does so, too.
+        """Send a heartbeat to the watchdog, unless another call is in progress, which also counts as one.
 
         Raises:
-            DriverError: if the controller no longer listens.
+            DriverError: if the connection to the controller is lost.
         """
         if self._line is not None and self._lock.acquire(blocking=False):
             try:
@@ -86,10 +86,10 @@ class Program:
                 self._lock.release()
 
     def stop(self) -> None:
-        """Decelerate all joints; if another call holds the line, stop the program by the dashboard.
+        """Decelerate all joints; if another call blocks the connection, stop the program through the dashboard.
 
         Raises:
-            DriverError: if neither was taken.
+            DriverError: if the stop fails.
         """
         if not self.was_sent:
             return
@@ -112,7 +112,7 @@ class Program:
             raise DriverError(f"{self._name}: its dashboard did not take the stop ({error})") from None
 
     def close(self) -> None:
-        """End it on the controller, and hang up."""
+        """End the program on the controller, and close the connection."""
         if self._line is not None:
             with suppress(RuntimeError), self._lock:
                 self._line.stopScript()

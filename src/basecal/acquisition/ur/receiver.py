@@ -1,4 +1,4 @@
-"""States of a UR controller with its own stamps, over RTDE; a connection that is lost is made again."""
+"""States of a UR controller with its own timestamps, over RTDE; a lost connection is re-established."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from basecal.errors import DriverError, MissingExtra, error_words
 from basecal.exchange.controllers.registry import CONTROLLERS
 
 _RTDE_PORT = 30004
-_VERSION_REQUEST = struct.pack(">HBH", 5, 86, 2)  # asks for the second version of the protocol: size, kind "V", version
+_VERSION_REQUEST = struct.pack(">HBH", 5, 86, 2)  # requests version 2 of the protocol: size, kind "V", version
 _ACCEPT_REPLY = struct.pack(">HBB", 4, 86, 1)
 _VARIABLES = ["timestamp", "actual_q", "actual_TCP_pose", "robot_status_bits", "safety_status_bits"]
 _RETRY_S = 0.2  # between two attempts to connect
@@ -34,30 +34,30 @@ _SAFETY_STOPS = {
     3: "recovery mode",
     10: "stopped for safety",
 }
-"""Bits of `safety_status_bits` with which an arm must not be moved, the most telling first; 0 is normal, 1 reduced.
+"""Bits of `safety_status_bits` that forbid motion, the most specific first; bit 0 is normal mode, 1 reduced mode.
 
 Source: Universal Robots, Real-Time Data Exchange Guide.
 """
 
-_SAFEGUARD_BITS = (4, 10)  # bits of a safeguard stop, as of an enabling device that is let go in manual mode
+_SAFEGUARD_BITS = (4, 10)  # bits of a safeguard stop, such as a released enabling device in manual mode
 
 
 class Receiver:
-    """The packets of a controller."""
+    """Receiver of a controller's states."""
 
     def __init__(self, name: str, options: UrOptions, gives_joints: bool) -> None:
         self._name, self._options, self._gives_joints = name, options, gives_joints
-        # A person who leads an arm by its pendant lets go of the enabling device whenever it stands.
+        # A person who jogs an arm with the pendant releases the enabling device whenever the arm is at rest.
         self._tolerated = _SAFEGUARD_BITS if options.motion == "watch" else ()
         self._waits = Waits(name)
         self._line = _open_receiver(name, options)
         self._last_s = -1.0
 
     def state(self) -> Reading:
-        """The next state, with the controller's stamp: seconds since it was switched on.
+        """Return the next state, with the controller's timestamp [s since its start]; reconnect if necessary.
 
         Raises:
-            DriverError: if it is in any safety stop, or no state comes, though tried again.
+            DriverError: if the controller is in a safety stop, or no state arrives before the timeout.
         """
         began_s = time.monotonic()
         until_s, is_new = began_s + STALE_S + self._options.reconnect_s, False
@@ -67,7 +67,7 @@ class Receiver:
             except Stale:
                 if is_new and time.monotonic() > until_s:
                     raise DriverError(
-                        f"{self._name}: its stamps stand still at {self._last_s:.3f} s: the controller sends old "
+                        f"{self._name}: its stamps do not advance from {self._last_s:.3f} s: the controller sends old "
                         f"states; restart it"
                     ) from None
                 self._reconnect(until_s)
@@ -80,7 +80,7 @@ class Receiver:
         stamp_s = self._line.getTimestamp()
         values = self._line.getActualQ() if self._gives_joints else self._line.getActualTCPPose()
         if stamp_s == self._last_s or stamp_s != self._line.getTimestamp():
-            return None  # the same as before, or another state came while this one was read
+            return None  # no new state, or a new state arrived during the read
         self._check_safety()
         self._last_s = stamp_s
         numbers = np.array(values)
@@ -89,12 +89,12 @@ class Receiver:
 
     @property
     def is_connected(self) -> bool:
-        """Whether the connection stands; false as soon as the controller, or something between, closes it."""
+        """Whether the connection is open; False as soon as the controller or the network closes it."""
         return bool(self._line.isConnected())
 
     @property
     def is_program_running(self) -> bool:
-        """Whether the last state says that a program runs on the controller."""
+        """Whether a program runs on the controller according to the last state."""
         return bool(self._line.getRobotStatus() & _PROGRAM_BIT)
 
     def _check_safety(self) -> None:
@@ -104,10 +104,10 @@ class Receiver:
                 raise DriverError(f"{self._name}: {words}. Release it at the pendant.")
 
     def _reconnect(self, deadline_s: float) -> None:
-        """A new connection.
+        """Re-establish the connection.
 
         Raises:
-            DriverError: if none can be made until then [s].
+            DriverError: if the connection fails until the deadline [s].
         """
         self._waits.forget()
         self.close()
@@ -121,7 +121,7 @@ class Receiver:
             time.sleep(_RETRY_S)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         with suppress(RuntimeError):
             self._line.disconnect()
 
@@ -139,7 +139,7 @@ def _open_receiver(name: str, options: UrOptions) -> Any:
 
 
 def _check_protocol(name: str, host: str) -> None:
-    """Ask for the version first: where another program listens, ur-rtde would wait for ever."""
+    """Check the protocol version before ur-rtde connects, which would wait forever for another program."""
     with connect(name, host, _RTDE_PORT, "a UR controller") as line:
         try:
             line.sendall(_VERSION_REQUEST)
@@ -148,6 +148,6 @@ def _check_protocol(name: str, host: str) -> None:
             answer = b""
     where = f"{name}: what listens at {host}:{_RTDE_PORT}"
     if not answer:
-        raise DriverError(f"{where} gives no answer. Wait until the controller has started, or restart it")
+        raise DriverError(f"{where} does not answer. Wait until the controller has started, or restart it")
     if answer != _ACCEPT_REPLY:
         raise DriverError(f"{where} does not speak RTDE 2; expected a UR, PolyScope 3.3 or later")

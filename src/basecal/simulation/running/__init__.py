@@ -1,1 +1,1 @@
-"""A simulated cell that runs: arms that move in time, images when they are requested, faults by switch."""
+"""A simulated cell in continuous operation: arms that move in time, images on request, and optional faults."""

@@ -1,4 +1,4 @@
-"""An arm in time: where it is sent, where its joints say they are, and where its flange truly is."""
+"""A moving arm: its commanded joints, its encoder readings, and the true pose of its flange."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from basecal.geometry import SE3, Array
 from basecal.kinematics import SerialChain
 from basecal.simulation.running.faults import Faults
 
-_FASTEST_RAD_S = np.pi  # a UR5e's joints
-_ACCELERATION_RAD_S2 = 8.0  # of a brisk move
-_PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 5.7735  # of a quintic from rest to rest, over its mean speed and its square
+_FASTEST_RAD_S = np.pi  # joint speed of a UR5e
+_ACCELERATION_RAD_S2 = 8.0  # of a fast move
+_PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 5.7735  # of a quintic from rest to rest of unit length and duration
 _STOPPING_S = 0.15
-_REPEATABILITY_RAD = 3e-5  # of each joint at each stop: 0.03 mm at the flange of such an arm
+_REPEATABILITY_RAD = 3e-5  # of each joint at each stop: 0.03 mm at the flange
 _RING_S = 0.5
-_RING_HZ = 9.0  # of an arm stretched out
+_RING_HZ = 9.0  # natural frequency of an extended arm
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +28,13 @@ class Leg:
     """A movement from rest to rest.
 
     Attributes:
-        begin_s: When it begins.
-        lasts_s: How long it takes.
-        start: (n,) joints where it begins [rad].
-        goal: (n,) where it ends.
-        side_before: (n,) on which side of its play each joint rests before, -1 or 1.
-        error_before: (n,) by how much each stood elsewhere than it was sent [rad].
-        error: (n,) likewise after it.
+        begin_s: Start time [s].
+        lasts_s: Duration [s].
+        start: (n,) joints at the start [rad].
+        goal: (n,) joints at the end [rad].
+        side_before: (n,) side of the backlash on which each joint rests before the movement, -1 or 1.
+        error_before: (n,) positioning errors of the joints before the movement [rad].
+        error: (n,) positioning errors of the joints after the movement [rad].
     """
 
     begin_s: float
@@ -47,27 +47,27 @@ class Leg:
 
     @property
     def side(self) -> Array:
-        """Side of its play at which each joint comes to rest; one that does not move stays where it is."""
+        """Side of the backlash on which each joint comes to rest, (n,); unchanged for a joint that does not move."""
         moved = self.goal - self.start
         return np.where(np.abs(moved) > 1e-9, np.sign(moved), self.side_before)
 
     def rest(self, share: float) -> tuple[Array, Array]:
-        """Side of its play of each joint, and by how much it stands elsewhere, with so much of the way done."""
+        """Side of the backlash and positioning error [rad] of each joint, (n,), after a share of the movement."""
         ends = (self.side_before, self.side), (self.error_before, self.error)
         side, error = (before + share * (after - before) for before, after in ends)
         return side, error
 
     def share(self, now_s: float) -> float:
-        """How much of the way is done, 0 to 1: a quintic, whose speed and acceleration begin and end with zero."""
+        """Completed share of the movement, 0 to 1: a quintic with zero speed and acceleration at both ends."""
         done = float(np.clip((now_s - self.begin_s) / self.lasts_s, 0.0, 1.0)) if self.lasts_s > 0 else 1.0
         return done**3 * (10 - 15 * done + 6 * done**2)
 
 
 class RunningArm:
-    """An arm that can be sent somewhere.
+    """A simulated arm that can be moved.
 
     Attributes:
-        moves: How often it was sent.
+        moves: Number of moves so far.
     """
 
     def __init__(self, name: str, kinematics: Kinematics, home: Array, faults: Faults, seed: int) -> None:
@@ -77,10 +77,10 @@ class RunningArm:
         self._leg = Leg(0.0, 0.0, home, home, np.ones(len(home)), np.zeros(len(home)), self._error(home))
 
     def move(self, joints: Array, speed_rad_s: float, now_s: float) -> None:
-        """Set off for some joints, from wherever it is.
+        """Start a movement from the current joints to a goal, (n,) [rad].
 
         Raises:
-            InputError: if they are beyond its limits, or not as many as it has.
+            InputError: if the goal is beyond the limits, or has the wrong number of joints.
         """
         chain = self._kinematics.chain
         if joints.shape != (chain.n,) or not np.all((joints >= chain.lower) & (joints <= chain.upper)):
@@ -96,7 +96,7 @@ class RunningArm:
         self.moves += 1
 
     def stop(self, now_s: float) -> None:
-        """Come to rest a little further along the way."""
+        """Decelerate to rest on the current path."""
         if now_s < self._leg.begin_s + self._leg.lasts_s:
             self._start_motion(self.commanded_joints(now_s + 0.5 * _STOPPING_S), _STOPPING_S, now_s)
 
@@ -107,21 +107,21 @@ class RunningArm:
 
     @property
     def goal(self) -> Array:
-        """Where it was sent, (n,) [rad]."""
+        """Goal of the current movement, (n,) [rad]."""
         return self._leg.goal
 
     @property
     def arrives_s(self) -> float:
-        """Time of its arrival."""
+        """Time at which the current movement ends [s]."""
         return self._leg.begin_s + self._leg.lasts_s
 
     def commanded_joints(self, now_s: float) -> Array:
-        """Where its controller wants the joints, (n,) [rad]."""
+        """Joints commanded by the controller, (n,) [rad]."""
         leg = self._leg
         return leg.start + leg.share(now_s) * (leg.goal - leg.start)
 
     def reported_joints(self, now_s: float) -> Array:
-        """Encoder readings, (n,) [rad]; their noise depends on the number of queries since the arm set off."""
+        """Encoder readings, (n,) [rad]; their noise depends on the number of queries since the movement started."""
         self._readings += 1
         noise = self._faults.size("encoder-noise")
         goal = self.commanded_joints(now_s)
@@ -133,11 +133,11 @@ class RunningArm:
         return self._kinematics.chain
 
     def base_from_flange(self, now_s: float) -> SE3:
-        """Where its flange truly is."""
+        """True pose of the flange in the base."""
         return self._kinematics.forward(self._true_joints(now_s)[None])[0]
 
     def joint_frames(self, now_s: float) -> SE3:
-        """`base_from_joint` of each joint, as near as what is drawn needs it: links as stated."""
+        """`base_from_joint` of each joint for rendering, with the stated links."""
         return self.chain.joint_frames(self._true_joints(now_s))
 
     def _true_joints(self, now_s: float) -> Array:
@@ -147,7 +147,7 @@ class RunningArm:
         return self.commanded_joints(now_s) + play + error + self._ring(now_s) + self._stray(share)
 
     def _ring(self, now_s: float) -> Array:
-        """Swing of the joints after they arrive: less and less, and none after half a second."""
+        """Ringing of the joints after arrival, (n,) [rad]: it decays to zero in half a second."""
         since = now_s - self._leg.begin_s - self._leg.lasts_s
         size = self._faults.size("ringing")
         if not size or not 0 < since < _RING_S or not self._leg.lasts_s:
@@ -156,7 +156,7 @@ class RunningArm:
         return np.full_like(self._leg.goal, swing)
 
     def _stray(self, share: float) -> Array:
-        """How far joints are off their way, most in the middle of a move."""
+        """Following errors of the joints, (n,) [rad], largest in the middle of a movement."""
         size = self._faults.size("following-error") * 4 * share * (1 - share)
         return size * self._render(self._leg.goal, -1) if size else np.zeros_like(self._leg.goal)
 
@@ -164,12 +164,12 @@ class RunningArm:
         return _REPEATABILITY_RAD * self._render(joints, 0)
 
     def _render(self, joints: Array, number: int) -> Array:
-        """Normal numbers, one a joint, that are the same whenever the arm is sent to the same place."""
+        """Normal random numbers, one per joint, that depend only on the goal and a number."""
         where = np.round(joints, 9) + 0.0
         return seeded_generator(self._seed, self._name, number, where.tolist()).standard_normal(len(joints))
 
 
 def seeded_generator(*words: Any) -> np.random.Generator:
-    """Random numbers that are the same for the same words."""
+    """A random number generator whose seed is a hash of the arguments."""
     hashed = hashlib.sha256(repr(words).encode()).digest()
     return np.random.default_rng(np.frombuffer(hashed, dtype=np.uint32))

@@ -1,4 +1,4 @@
-"""Faults of a running cell, and how they are switched on."""
+"""Faults of a running cell, and their command-line syntax."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from basecal.errors import InputError, nearest
 
 _PUSHED_EFFECT = "turned by 1 mrad a mm"
 _SIMULATOR_FAULTS = (
-    SimulatedFault("backlash", "deg", DEGREE, 0.1, "play of each joint: it stops on the side it comes from"),
+    SimulatedFault("backlash", "deg", DEGREE, 0.1, "backlash of each joint: it stops on the side from which it comes"),
     SimulatedFault("encoder-noise", "deg", DEGREE, 0.02, "noise of each state of each joint, one sigma"),
-    SimulatedFault("ringing", "mrad", MILLI, 2.0, "joints swing by so much for half a second after they arrive"),
-    SimulatedFault("late-trigger", "s", SECOND, 0.1, "images are taken so much later than their stamps say"),
-    SimulatedFault("dropped-frames", "share", ONE, 0.2, "images that never come; the next one does"),
+    SimulatedFault(
+        "ringing", "mrad", MILLI, 2.0, "amplitude of joint oscillations in the first half second after arrival"
+    ),
+    SimulatedFault("late-trigger", "s", SECOND, 0.1, "delay of the exposure after the stamp of the image"),
+    SimulatedFault("dropped-frames", "share", ONE, 0.2, "share of images that are lost"),
     SimulatedFault("base-bumped", "mm", MILLI, 5.0, f"the second base is pushed, and {_PUSHED_EFFECT}", True),
     SimulatedFault(
         "board-remounted", "mm", MILLI, 5.0, f"the target is taken off and put back, {_PUSHED_EFFECT}", True
     ),
-    SimulatedFault(
-        "reflection", "share", ONE, 0.4, "a glossy tray shows the light again, with this share of its brightness"
-    ),
+    SimulatedFault("reflection", "share", ONE, 0.4, "a glossy tray reflects the LED with this share of its brightness"),
 )
 _EFFECT_FAULTS = (effect.fault for effect in EFFECTS.values() if effect.fault is not None)
 FAULTS = {fault.name: fault for fault in (*_EFFECT_FAULTS, *_SIMULATOR_FAULTS)}
-"""What can be switched on: the effects' faults, and those of the simulator alone."""
-_SUDDEN_DELAY_MOVES = 12  # moves of the arm: about half of a usual recording
+"""Available faults by name: those of the effects, and those of the simulator."""
+_SUDDEN_DELAY_MOVES = 12  # moves of the arm before a sudden fault: about half of a usual recording
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that is switched on: its name, its size in SI, and after how many moves it comes; 0 is from the start."""
+    """An active fault: its name, its size in SI units, and the number of moves before it occurs; 0 from the start."""
 
     name: str
     size: float
@@ -47,19 +47,19 @@ class Faults:
     faults: tuple[Fault, ...] = ()
 
     def size(self, name: str) -> float:
-        """Size of a fault in SI, 0 if it is off."""
+        """Size of a fault in SI units, 0 if it is off."""
         return sum(fault.size for fault in self.faults if fault.name == name)
 
     def delay_moves(self, name: str) -> int:
-        """Number of moves after which a fault comes."""
+        """Number of moves before a fault occurs."""
         return next((fault.after_moves for fault in self.faults if fault.name == name), 0)
 
 
 def read_faults(texts: Sequence[str]) -> Faults:
-    """Faults as they are switched on: `NAME`, `NAME=SIZE` or `NAME=SIZE@MOVES`, the size in the unit of its kind.
+    """Parse faults of the form `NAME`, `NAME=SIZE` or `NAME=SIZE@MOVES`, with the size in the unit of the fault.
 
     Raises:
-        InputError: if a name is not known, a size no positive number, or one is given twice.
+        InputError: if a name is unknown, a size is not a positive number, or a fault is given twice.
     """
     faults = tuple(_fault(each) for each in texts)
     names = [fault.name for fault in faults]
@@ -83,5 +83,5 @@ def _fault(texts: str) -> Fault:
     if not (0 < size < math.inf) or moves < 0:
         raise InputError(f"{texts!r}: expected a size above 0 [{kind.unit}], and moves of 0 or more")
     if moves and not kind.is_sudden:
-        raise InputError(f"{texts!r}: {name} is there from the start; leave @{moves} away")
+        raise InputError(f"{texts!r}: {name} acts from the start; omit @{moves}")
     return Fault(name, size * kind.scale, moves)

@@ -1,6 +1,6 @@
-"""Images of a running cell's camera: drawn without a GPU, blurred while something moves, with noise.
+"""Images of a running cell's camera: rendered without a GPU, with motion blur and noise.
 
-Where MuJoCo draws, arms, table and clutter stand around the target, hide it, and are lit; else it stands alone.
+With MuJoCo, images show illuminated arms, table and clutter, which may occlude the target; without it, only the target.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from basecal.vision.draw.light import LightSettings, expose_light, light_levels
 from basecal.vision.draw.motion_blur import blur_motion
 from basecal.vision.draw.render import RenderSettings, background, checked_size, expose, radiance
 
-_CLUTTER_LEVELS = 6.0  # levels of structure in what stands behind
+_CLUTTER_LEVELS = 6.0  # amplitude of the background's texture, in grey levels
 _BOARD_SETTINGS = RenderSettings(texture=_CLUTTER_LEVELS)
 _LIGHT_SETTINGS = LightSettings(texture=_CLUTTER_LEVELS / 2)
-_DIM_SHARE = 0.08  # of the levels of what stands around, in an exposure short enough for a light
+_DIM_SHARE = 0.08  # brightness of the surroundings in an exposure that is short enough for an LED
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The scene before a camera at an instant.
+    """The scene in front of a camera at one time.
 
     Attributes:
-        shape: Of the target.
-        camera_from_target: Where it is.
-        reflected: (m, 3) where its points are seen again [m]; none if nothing shines.
-        scene: Where arms and camera are in the world; None if only the target is drawn.
+        shape: Shape of the target.
+        camera_from_target: Pose of the target.
+        reflected: (m, 3) mirror images of the target's points in the camera [m]; m is 0 without a reflection.
+        scene: Poses of arms and camera in the world; None if only the target is rendered.
     """
 
     shape: Target
@@ -43,7 +43,7 @@ class Seen:
 
 
 class CameraView:
-    """The images of one camera; the last one drawn without noise is kept, since arms mostly stand still."""
+    """The images of one camera; the last image without noise is cached, since arms are mostly at rest."""
 
     def __init__(self, lens: Camera, reflection: float, surroundings: Surroundings | None = None) -> None:
         self._lens, self._reflection, self._surroundings = lens, reflection, surroundings
@@ -54,14 +54,14 @@ class CameraView:
     def image(
         self, scene_at: Callable[[float], Seen], start_s: float, lasts_s: float, is_lit: bool, seed: int
     ) -> Image:
-        """An image, (h, w).
+        """Render an image, (h, w).
 
         Args:
-            scene_at: What is before the camera at a time [s].
-            start_s: When the shutter opens.
-            lasts_s: How long it stays open.
-            is_lit: Whether the light is on.
-            seed: Of the noise.
+            scene_at: Returns the scene at a time [s].
+            start_s: Start of the exposure [s].
+            lasts_s: Duration of the exposure [s].
+            is_lit: Whether the LED is on.
+            seed: Seed of the noise.
         """
         middle = scene_at(start_s + 0.5 * lasts_s)
         way = self._centre(scene_at(start_s + lasts_s)) - self._centre(scene_at(start_s))
@@ -73,12 +73,12 @@ class CameraView:
         )
 
     def close(self) -> None:
-        """Let go of what draws."""
+        """Close the renderer."""
         if self._surroundings is not None:
             self._surroundings.close()
 
     def _centre(self, scene: Seen) -> Array:
-        """Where the target's middle is in the image, (2,) [px]."""
+        """Image of the target's centre, (2,) [px]."""
         return self._lens.project((scene.camera_from_target @ scene.shape.points).mean(0))
 
     def _levels(self, scene: Seen, is_lit: bool) -> Array:
@@ -120,7 +120,7 @@ class CameraView:
         return self._plain
 
     def _visible_points(self, scene: Seen) -> tuple[BoolArray, BoolArray]:
-        """Which points of a light nothing hides, directly and again."""
+        """Which LEDs are visible, and which of their mirror images are."""
         if self._surroundings is None or scene.scene is None:
             return np.ones(len(scene.shape.points), dtype=bool), np.ones(len(scene.reflected), dtype=bool)
         points = scene.scene.world_from_target @ scene.shape.points
@@ -129,7 +129,7 @@ class CameraView:
 
 
 def _is_equal(scene: Seen, other_scene: Seen) -> bool:
-    """Whether two are the same to the last bit: what is drawn then follows from where things are, and nothing else."""
+    """Whether two scenes are exactly equal, so that the cached image depends only on the poses."""
     if scene.scene is not None:
         return scene.scene == other_scene.scene
     return np.array_equal(scene.camera_from_target.matrix, other_scene.camera_from_target.matrix)

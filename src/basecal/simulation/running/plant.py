@@ -1,4 +1,4 @@
-"""A cell that runs: its arms, its cameras and its light at every instant."""
+"""A running cell: its arms, cameras and LED at any time."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from basecal.simulation.surroundings.drawing import Scene, Surroundings
 from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detection import Image
 
-_STATE_PERIOD_S = 1 / 125  # between the states an arm gives
-_FRAME_PERIOD_S = 1 / 30  # between the images a camera gives
+_STATE_PERIOD_S = 1 / 125  # between states of an arm
+_FRAME_PERIOD_S = 1 / 30  # between images of a camera
 _EXPOSURE_S = 0.008
-_TRAY_DEPTH_M = 0.12  # from where a light begins down to what shows it again
+_TRAY_DEPTH_M = 0.12  # depth of the reflecting tray below the LED's initial position
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """An image (h, w), with the stamp that the camera gives it [s]."""
+    """An image, (h, w), with the camera's timestamp [s]."""
 
     stamp_s: float
     image: Image
 
 
 class Plant:
-    """A running cell; it is asked by one at a time.
+    """A running cell; not thread-safe.
 
-    With `surroundings` MuJoCo draws what stands around the target.
+    With `surroundings`, MuJoCo renders the surroundings of the target.
     """
 
     def __init__(self, world: World, clock: Clock, surroundings: bool = False) -> None:
@@ -55,17 +55,17 @@ class Plant:
         self._shots = 0
 
     def state(self, robot: str) -> tuple[float, Array]:
-        """The next state of an arm: its stamp [s] and what its encoders say [rad]."""
+        """The next state of an arm: its timestamp [s] and its encoder readings, (n,) [rad]."""
         arm, now = self._arm(robot), self._clock.wait(_STATE_PERIOD_S)
         return now, arm.reported_joints(now)
 
     def move(self, robot: str, joints: Array, speed_rad_s: float) -> None:
-        """Send an arm somewhere."""
+        """Start a movement of an arm to joints, (n,) [rad]."""
         self._arm(robot).move(joints, speed_rad_s, self._clock.time_s())
         self._shots = 0
 
     def stop(self, robot: str) -> None:
-        """Have an arm come to rest."""
+        """Stop an arm."""
         self._arm(robot).stop(self._clock.time_s())
 
     @property
@@ -75,28 +75,28 @@ class Plant:
 
     @property
     def is_real_time(self) -> bool:
-        """Whether time goes on while nobody waits."""
+        """Whether time advances between requests."""
         return self._clock.speed > 0
 
     def wait(self, seconds: float) -> None:
-        """Let time go on."""
+        """Wait for a time of the cell [s]."""
         self._clock.wait(seconds)
 
     @property
     def arrived_s(self) -> float:
-        """Time at which the last arm arrives."""
+        """Time at which all arms have arrived [s]."""
         return max(arm.arrives_s for arm in self._arms.values())
 
     def camera_scene(self, camera: str) -> Seen:
-        """The scene before a camera now."""
+        """The current scene in front of a camera."""
         return self._camera_scene(camera, self._clock.time_s())
 
     def light(self, is_on: bool) -> None:
-        """Switch the light."""
+        """Switch the LED on or off."""
         self._lit = is_on
 
     def shot(self, camera: str) -> Shot:
-        """The next image of a camera, after those that were lost."""
+        """The next image of a camera that is not dropped."""
         if camera not in self._views:
             raise InputError(f"no camera {camera!r}; there are: {', '.join(self._views)}")
         faults, now = self._world.faults, self._clock.wait(_FRAME_PERIOD_S)
@@ -111,12 +111,12 @@ class Plant:
         return Shot(now + 0.5 * _EXPOSURE_S + faults.size("clock-offset"), image)
 
     def close(self) -> None:
-        """Let go of what draws."""
+        """Close the renderers."""
         for view in self._views.values():
             view.close()
 
     def _render(self, camera: str, stream: int) -> np.random.Generator:
-        """Random numbers of an image, the same for the same one since the arms were sent to the same place."""
+        """Random numbers of an image; they depend only on the arms' goals and the number of images since a move."""
         goals = [arm.goal.round(9).tolist() for arm in self._arms.values()]
         return seeded_generator(self._world.seed, camera, goals, self._shots, stream)
 
@@ -126,7 +126,7 @@ class Plant:
         return self._arms[robot]
 
     def _camera_scene(self, camera: str, now_s: float) -> Seen:
-        """The scene before a camera."""
+        """The scene in front of a camera at a time [s]."""
         on, target, shape = self._world.cell.cameras[camera].on, self._target(camera), self._shape(camera)
         world_from_camera = self._pose_in_world(camera, on, now_s)
         world_from_target = self._pose_in_world(target.name, target.on, now_s)
@@ -138,13 +138,13 @@ class Plant:
         return Seen(shape, camera_from_world @ world_from_target, camera_from_world @ below, scene)
 
     def _tray(self, camera: str) -> Array:
-        """The middle of what shows a light again: under where it begins, in the world."""
+        """Centre of the reflecting tray in the world, (3,) [m], below the LED's initial position."""
         target = self._target(camera)
         world_from_target = self._pose_in_world(target.name, target.on, 0.0)
         return np.asarray(world_from_target @ self._shape(camera).points[0] - [0.0, 0.0, _TRAY_DEPTH_M])
 
     def _mirror_points(self, camera: str, world_from_camera: SE3, points: Array) -> Array:
-        """Where points, (n, 3), are seen again, in the world; none if nothing shines, or either is below it."""
+        """Mirror images of points in the world, (m, 3) [m]; only if the point and the camera are above the tray."""
         if camera not in self._trays:
             return np.zeros((0, 3))
         height = self._trays[camera][2]
@@ -152,7 +152,7 @@ class Plant:
         return np.asarray(above * [1, 1, -1] + [0, 0, 2 * height])
 
     def _target(self, camera: str) -> CellTarget:
-        """The target of a camera: the first that does not hang on the same body."""
+        """The target of a camera: the first that is not mounted on the same body."""
         cell = self._world.cell
         on = cell.cameras[camera].on
         found = next((each for each in cell.targets.values() if each.on != on), None)
@@ -178,7 +178,7 @@ class Plant:
         return (base, *(frames[joint] for joint in range(len(frames))))
 
     def _pose_in_world(self, name: str, carrier: str, now_s: float) -> SE3:
-        """Where a camera or a target is in the world, whose z is up; mounts on flanges give way to gravity."""
+        """Pose of a camera or a target in the world, whose z axis points up; gravity bends mounts on flanges."""
         world_from_carrier = self._carrier(carrier, now_s)
         if carrier == WORLD:
             return world_from_carrier @ self._mount(name, carrier)
@@ -186,14 +186,14 @@ class Plant:
         return world_from_carrier @ moved @ self._mount(name, carrier)
 
     def _carrier(self, carrier: str, now_s: float) -> SE3:
-        """Where a flange is in the world, or the world itself."""
+        """Pose of a robot's flange in the world; the identity for the world."""
         if carrier == WORLD:
             return SE3.identity()
         base_from_flange = self._arms[carrier].base_from_flange(now_s)
         return base_from_flange if carrier == self._world.cell.reference else self._base(carrier) @ base_from_flange
 
     def _base(self, robot: str) -> SE3:
-        """Where an arm stands in the world."""
+        """Pose of an arm's base in the world."""
         if robot == self._world.cell.reference:
             return SE3.identity()
         return self._world.transform(self._world.cell.base_name(robot), self._is_pushed("base-bumped", robot))
@@ -206,13 +206,13 @@ class Plant:
 
 
 class Clock:
-    """Seconds since the cell began to run.
+    """Clock of a running cell, in seconds since its start.
 
-    With a `speed` of 0 time advances only while somebody waits, by exactly as much. The behaviour of a cell then
-    depends on its requests alone, not on the load of the machine.
+    With a `speed` of 0, time advances only in calls of `wait`, exactly by the requested time. The behaviour of a cell
+    then depends only on its requests, not on the load of the machine.
 
     Attributes:
-        speed: Seconds of the cell in a second on the wall.
+        speed: Seconds of the cell per second of real time.
     """
 
     def __init__(self, speed: float = 1.0) -> None:
@@ -220,11 +220,11 @@ class Clock:
         self._began, self._spent = time.monotonic(), 0.0
 
     def time_s(self) -> float:
-        """The time [s]."""
+        """The current time [s]."""
         return self._spent if self.speed == 0 else (time.monotonic() - self._began) * self.speed
 
     def wait(self, seconds: float) -> float:
-        """The time after so many seconds of the cell."""
+        """Wait for a time of the cell [s]; the time afterwards [s]."""
         if self.speed == 0:
             self._spent += seconds
         else:

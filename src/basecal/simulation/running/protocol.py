@@ -1,4 +1,4 @@
-"""The protocol of a running cell: one JSON object a line, and one for an answer; docs/capture.md describes it."""
+"""The protocol of a running cell: one JSON object per line as request and as reply; see docs/capture.md."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ HOST = "127.0.0.1"
 """The only address a running cell listens on."""
 
 ADDRESS_FILE = Path("derived", "simulated.json")
-"""Where a cell's folder says how to reach the cell that runs; only its owner may read it."""
+"""File in the cell's folder with the address of the running cell; only its owner may read it."""
 
 LONGEST_LINE = 2**24
-"""Bytes: 16 MB, of which an image of two megapixels takes a quarter."""
+"""Largest line in bytes: 16 MB, a quarter of which an image of two megapixels needs."""
 
 MOST_JOINTS = 100
-"""Of an arm, which bounds what is asked and answered."""
+"""Largest number of joints of an arm in requests and replies."""
 
-_IMAGE_TIMEOUT_S = 60.0  # for an image that is drawn on a busy machine
-_ANSWER_TIMEOUT_S = 10.0  # for any other answer, and to connect
-_LEAST_TIMEOUT_S = 1e-3  # a socket without any would wait for ever
-_RECEIVED_BYTES = 2**16  # at once
+_IMAGE_TIMEOUT_S = 60.0  # for an image that is rendered on a busy machine
+_ANSWER_TIMEOUT_S = 10.0  # for any other reply, and for the connection
+_LEAST_TIMEOUT_S = 1e-3  # a timeout of zero would make the socket non-blocking
+_RECEIVED_BYTES = 2**16  # per call
 _TOKEN_BYTES = 24
 _LARGEST_ADDRESS = 2**16  # bytes
 
 
 class Address(Entry):
-    """How a running cell is reached, and which process it is."""
+    """Port, token and process id of a running cell."""
 
     port: int = Field(gt=0, lt=2**16)
     token: str
@@ -49,20 +49,20 @@ class Address(Entry):
 
 
 def new_token() -> str:
-    """Words that nobody guesses."""
+    """A new random token."""
     return secrets.token_urlsafe(_TOKEN_BYTES)
 
 
 def place_words(address: Address) -> str:
-    """The place behind an address, in words."""
+    """Description of an address."""
     return f"a simulated cell at {HOST}:{address.port}"
 
 
 def write_address(folder: Path, address: Address) -> Path:
-    """Path of the file that says how to reach a running cell; no command asks before it does.
+    """Write the address file of a running cell, and allow its use without a prompt; the path of the file.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the file cannot be written.
     """
     write_private(folder / ADDRESS_FILE, json.dumps(address.model_dump()) + "\n", base_folder=folder)
     allow(folder, [place_words(address)])
@@ -70,16 +70,16 @@ def write_address(folder: Path, address: Address) -> Path:
 
 
 def remove_address(folder: Path, address: Address) -> None:
-    """Remove the file of a cell that runs no more."""
+    """Remove the address file of a cell that has ended."""
     (folder / ADDRESS_FILE).unlink(missing_ok=True)
     withdraw(folder, place_words(address))
 
 
 def read_address(folder: Path) -> Address:
-    """How the running cell of a folder is reached.
+    """Read the address of the running cell of a folder.
 
     Raises:
-        DriverError: if none runs there, as far as the folder says.
+        DriverError: if the folder has no valid address file.
     """
     path = folder / ADDRESS_FILE
     try:
@@ -89,15 +89,15 @@ def read_address(folder: Path) -> Address:
 
 
 def encode(message: Mapping[str, Any]) -> bytes:
-    """A message as a line."""
+    """Encode a message as a line."""
     return json.dumps(message, allow_nan=False).encode() + b"\n"
 
 
 def decode(line: bytes) -> dict[str, Any]:
-    """A line as a message.
+    """Decode a message from a line.
 
     Raises:
-        InputError: if it is not one whole JSON object.
+        InputError: if the line is not one complete JSON object.
     """
     if not line.endswith(b"\n"):
         raise InputError("a line was cut off, or is too long")
@@ -112,16 +112,16 @@ def decode(line: bytes) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Connection:
-    """A line to a running cell."""
+    """A connection to a running cell."""
 
     token: str
     line: socket.socket
 
     def ask(self, **request: Any) -> dict[str, Any]:
-        """The answer to a request, without its `ok`.
+        """Send a request; the reply without its `ok`.
 
         Raises:
-            DriverError: if the cell refuses, or does not answer any more.
+            DriverError: if the cell refuses the request, or does not answer.
         """
         wait_s = _IMAGE_TIMEOUT_S if request.get("do") == "image" else _ANSWER_TIMEOUT_S
         try:
@@ -133,10 +133,10 @@ class Connection:
         return answer
 
     def _exchange_lines(self, request: bytes, deadline_s: float) -> bytes:
-        """The line that answers a line; what came until the deadline [s], or until the other end hung up, if none did.
+        """Send a line and return the reply; an incomplete reply if the connection closes or the reply is too long.
 
         Raises:
-            OSError: if the line is broken.
+            OSError: if the connection is broken, or a read takes longer than until the deadline [s].
         """
         answer = bytearray()
         self.line.settimeout(_ANSWER_TIMEOUT_S)
@@ -150,16 +150,16 @@ class Connection:
         return bytes(answer)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         with suppress(OSError):
             self.line.close()
 
 
 def connect(address: Address) -> Connection:
-    """A line to a running cell.
+    """Connect to a running cell.
 
     Raises:
-        DriverError: if nothing listens there.
+        DriverError: if nothing listens at the address.
     """
     try:
         line = socket.create_connection((HOST, address.port), timeout=_ANSWER_TIMEOUT_S)

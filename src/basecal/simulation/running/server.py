@@ -1,4 +1,4 @@
-"""A running cell on a port of this machine: answers one line with one line, to whoever has the token."""
+"""Server of a running cell on a local port: it answers each line with a line if the request has the token."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from basecal.vision.image_file import png_bytes
 
 REQUESTS = ("state", "move", "stop", "image", "light")
 _LONGEST_REQUEST = 2**16  # bytes: a request has a few joints
-_SILENCE_LIMIT_S = 0.3  # without a request, arms of a cell whose time goes on by itself come to rest
+_SILENCE_LIMIT_S = 0.3  # time without a request after which the arms of a real-time cell stop
 
 
 class Request(Entry):
@@ -38,7 +38,7 @@ class Request(Entry):
 
 
 def _act(plant: Plant, request: Request) -> dict[str, Any]:
-    """Do what is requested; the answer beside `ok`."""
+    """Execute a request; the reply without `ok`."""
     match request.do:
         case "state":
             stamp_s, joints = plant.state(request.robot)
@@ -56,12 +56,12 @@ def _act(plant: Plant, request: Request) -> dict[str, Any]:
 
 
 class CellServer(socketserver.ThreadingTCPServer):
-    """A running cell that listens on loopback.
+    """Server of a running cell on the loopback interface.
 
     Attributes:
         plant: The cell.
-        token: What every request has to say.
-        port: Where it listens.
+        token: Token that every request must contain.
+        port: TCP port of the server.
     """
 
     daemon_threads = True
@@ -80,27 +80,27 @@ class CellServer(socketserver.ThreadingTCPServer):
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """TCP port of the server."""
         return int(self.server_address[1])
 
     def refuse_requests(self) -> None:
-        """Answer nobody any more, once the present request is done: a process that ends while it draws is aborted."""
+        """Wait for the current request, and block all later ones: the process aborts if it ends while it renders."""
         self._one_at_a_time.acquire()
 
     def stop(self) -> None:
-        """Have all arms come to rest."""
+        """Stop all arms."""
         with self._one_at_a_time:
             for robot in self.plant.robots:
                 self.plant.stop(robot)
 
     def service_actions(self) -> None:
-        """Have all arms come to rest if no request came for a while, as the watchdog of a controller does."""
+        """Stop all arms if no request arrives before a timeout, like the watchdog of a controller."""
         is_busy = self._one_at_a_time.locked()
         if self.plant.is_real_time and not is_busy and time.monotonic() - self._asked_s > _SILENCE_LIMIT_S:
             self.stop()
 
     def answer(self, line: bytes) -> dict[str, Any]:
-        """The answer to a line, whatever it holds."""
+        """The reply to a line; an error reply for an invalid request."""
         try:
             request = self._check_request(decode(line))
             self._asked_s = time.monotonic()
@@ -113,7 +113,7 @@ class CellServer(socketserver.ThreadingTCPServer):
         token = message.get("token")
         said = token.encode("utf-8", "surrogatepass") if isinstance(token, str) else b""
         if not hmac.compare_digest(said, self.token.encode()):
-            raise InputError("the token is missing or wrong; it stands in derived/simulated.json of the cell")
+            raise InputError("the token is missing or wrong; it is in derived/simulated.json of the cell")
         try:
             return Request.model_validate(message)
         except ValidationError as error:
@@ -125,8 +125,8 @@ class _Handler(socketserver.StreamRequestHandler):
     disable_nagle_algorithm = True
 
     def handle(self) -> None:
-        """Answer a connection line by line, until it ends or a line is longer than any request; then arms rest."""
-        with suppress(OSError), ExitStack() as ending:  # whoever asked was cut off
+        """Answer a connection line by line until it ends or a line is too long; then stop all arms."""
+        with suppress(OSError), ExitStack() as ending:  # the client disconnected
             ending.callback(self.server.stop)
             while line := self.rfile.readline(_LONGEST_REQUEST):
                 answer = encode(self.server.answer(line))

@@ -1,6 +1,6 @@
-"""Two arms that face each other across a table, the camera on one looking at the target on the other.
+"""Two arms that face each other across a table: one carries the camera, the other the target.
 
-The cell states what a person would know before a calibration: a lens, and bases and mounts by a tape measure.
+The cell states what is known before a calibration: a lens, and bases and mounts measured with a tape measure.
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ from basecal.simulation.running.world import World, faulty_world
 from basecal.simulation.scene import front
 
 _BASE_DISTANCE_M = 1.7  # between the bases
-_DISTANCE_M = 0.65  # of camera and target to begin with
+_DISTANCE_M = 0.65  # between camera and target at the home poses
 _REACHED_POSE = SE3(
     np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), np.array([0.45, 0.0, 0.5])
-)  # a flange that looks ahead
+)  # a flange that points forward
 _FLANGE_FROM_CAMERA = SE3(np.eye(3), np.array([0.0, -0.07, 0.05]))
-_PLATE_OFFSET_M = 0.06  # a target's plate stands so far before the flange
+_PLATE_OFFSET_M = 0.06  # from the flange to a target's plate
 _LENS = Camera("pinhole", np.array([1012.0, 1009.0, 634.0, 366.0, -0.11, 0.07, 0.0004, -0.0003, 0.0]), (1280, 720))
-_TRUTH_SIGMA = (0.03, 0.08)  # [m, rad] by which cells of this kind differ
-_GUESS_SIGMA = (0.02, 0.05)  # [m, rad] of a tape measure and an eye
+_TRUTH_SIGMA = (0.03, 0.08)  # [m, rad] variation of cells of this kind
+_GUESS_SIGMA = (0.02, 0.05)  # [m, rad] error of measurements by tape and eye
 _START_COUNT = 64
-_TARGET_NAMES = {True: "light", False: "board"}  # by whether it is one point
+_TARGET_NAMES = {True: "light", False: "board"}  # whether the target is one point
 
 
 def two_arms(target: TargetKindName = "charuco", seed: int = 0, faults: Faults | None = None) -> World:
-    """A cell of two UR5e, with its truth and what is wrong with it.
+    """Create a cell of two UR5e, with its truth and its faults.
 
     Args:
-        target: What the second arm carries.
-        seed: Another number makes another cell.
-        faults: What is wrong; nothing if None.
+        target: Kind of the target on the second arm.
+        seed: Seed of the cell.
+        faults: Faults of the cell; None for no faults.
 
     Raises:
-        InputError: if the arms do not reach.
+        InputError: if the arms do not reach their home poses.
     """
     rng = np.random.default_rng([seed, 5])
     shape = TARGETS[target].usual(np.random.default_rng(0))
@@ -84,7 +84,7 @@ def _draw_pose(rng: draw.Generator, sigma: tuple[float, float]) -> SE3:
 
 
 def _plate(shape: Target, rng: draw.Generator) -> SE3:
-    """The mount of a target: its middle before the flange, its front turned away from it; of a point no turn."""
+    """Mount of a target: centred in front of the flange and facing away from it; a point has no rotation."""
     ahead = np.array([0.0, 0.0, _PLATE_OFFSET_M]) + draw.draw_in_ball(rng, 1, 0.02)[0]
     if shape.is_point:
         return SE3(np.eye(3), ahead - shape.points[0])
@@ -93,32 +93,32 @@ def _plate(shape: Target, rng: draw.Generator) -> SE3:
 
 
 def _front_rotation(shape: Target, a_from_sheet: Array) -> Array:
-    """The rotation of a target whose front, x right and y down as it is looked at, stands at `a_from_sheet`."""
+    """Rotation of a target in a frame a, from the rotation of its front (x right, y down for a viewer), (3, 3)."""
     return a_from_sheet @ front(shape).T
 
 
 def _camera_from_target(shape: Target) -> SE3:
-    """Where a target is to begin with: straight ahead, upright."""
+    """Pose of the target in the camera at the home poses: on the optical axis, upright."""
     rotation = np.diag([-1.0, 1.0, -1.0]) if shape.is_point else _front_rotation(shape, np.eye(3))
     return SE3(rotation, np.array([0.0, 0.0, _DISTANCE_M]) - rotation @ shape.points.mean(0))
 
 
 def _joints(chain: SerialChain, base_from_flange: SE3) -> Array:
-    """Joints that bring the flange there, of all that were found those farthest from where axes line up.
+    """Joints that reach a flange pose, (n,) [rad]; of several solutions, the farthest from singularities.
 
     Raises:
-        InputError: if none does.
+        InputError: if no solution is found.
     """
     starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (_START_COUNT, chain.n))
     joints, reached = solve_joints(chain, base_from_flange.repeat(_START_COUNT), starts)
     near = reached & np.all(np.abs(joints) < np.pi, axis=-1)
     if not near.any():
-        raise InputError("an arm does not reach where it has to begin; choose another seed")
+        raise InputError("an arm does not reach its home pose; choose another seed")
     dexterity = np.abs(np.linalg.det(chain.jacobian(joints[near])))
     return np.asarray(joints[near][int(dexterity.argmax())])
 
 
 def _stated_unknown(name: str, true: SE3, rng: draw.Generator, is_light: bool) -> Unknown:
-    """Statements of the cell: a guess; with an LED, as the paper has it, mounts as they are."""
+    """Stated transform of the cell: a guess; with an LED, as in the paper, mounts are known."""
     guess = true @ _draw_pose(rng, _GUESS_SIGMA)
     return Unknown("fixed", true) if is_light and "_flange_from_" in name else Unknown("free", guess)

@@ -1,4 +1,4 @@
-"""The UR5e as its maker describes it.
+"""Kinematics and masses of the UR5e, as published by the manufacturer.
 
 Source: Universal Robots, "DH parameters for calculations of kinematics and dynamics" (UR5e); masses and centres of
 Universal_Robots_ROS2_Description, config/ur5e/physical_parameters.yaml.
@@ -29,6 +29,6 @@ _JOINT_LIMITS_RAD = np.array([2 * np.pi, 2 * np.pi, np.pi, 2 * np.pi, 2 * np.pi,
 
 @cache
 def ur5e() -> SerialChain:
-    """Its chain from `base_link` to `tool0`."""
+    """Kinematic chain of the UR5e from `base_link` to `tool0`."""
     masses = Masses(np.array(_MASSES_KG), np.array(_MASS_CENTRES_M))
     return elbow_arm(_JOINT_ORIGINS_M, SE3.identity(), _JOINT_LIMITS_RAD, masses)

@@ -1,4 +1,4 @@
-"""The truth of a running cell: the place of everything, the build of the arms, and faults."""
+"""The truth of a running cell: its transforms, the kinematics of the arms, and faults."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Array, Camera
 from basecal.simulation.running.faults import Faults
 
-_TURN_PER_METRE = 1.0  # [rad/m] of what is pushed: a milliradian a millimetre
+_TURN_PER_METRE = 1.0  # [rad/m] rotation of a pushed body per translation: 1 mrad/mm
 _FAULTS = {name: effect.fault for name, effect in EFFECTS.items() if effect.fault is not None}
 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A cell as it is.
+    """True state of a cell.
 
     Attributes:
-        cell: As it is stated.
-        truth: Every transform of the cell, before anything is pushed.
-        lenses: By camera.
-        robots: Kinematics as they are, by robot.
-        home: Joints at which the arms begin [rad], by robot.
-        faults: What is wrong.
-        pushed: What `truth` is multiplied with on the right once it was pushed, by name of the transform.
-        seed: Of all noise.
+        cell: The stated cell.
+        truth: True transforms of the cell, before any body is pushed.
+        lenses: True lenses, by camera.
+        robots: True kinematics, by robot.
+        home: Initial joints of the arms, (n,) [rad], by robot.
+        faults: Faults of the cell.
+        pushed: Motions by which `truth` is multiplied on the right after a push, by name of the transform.
+        seed: Seed of all noise.
     """
 
     cell: Cell
@@ -43,25 +43,25 @@ class World:
     seed: int = 0
 
     def transform(self, name: str, is_pushed: bool) -> SE3:
-        """A transform before or after it was pushed."""
+        """A true transform before or after a push."""
         return self.truth[name] @ self.pushed[name] if is_pushed and name in self.pushed else self.truth[name]
 
     def moved_by_gravity(self, down_in_flange: Array) -> SE3:
-        """Motion of a flange's load by gravity, whose direction in the flange is (3,)."""
+        """Motion of a flange's load by gravity, from the direction of gravity in the flange, (3,)."""
         faults = _FAULTS.values()
         moves = (fault.move_mount(self.faults.size(fault.name), down_in_flange) for fault in faults if fault.move_mount)
         return SE3.exp(sum(moves, np.zeros(6)))
 
 
 def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array], faults: Faults, seed: int) -> World:
-    """A cell with its faults drawn; the same for the same seed.
+    """Draw the faults of a cell.
 
     Args:
-        cell: As it is stated; its robots have chains, its cameras lenses.
-        truth: Every transform.
-        home: Where the arms begin [rad], by robot.
-        faults: What is wrong.
-        seed: Of what is drawn, and of all noise.
+        cell: The stated cell, whose robots have chains and whose cameras have lenses.
+        truth: True transforms.
+        home: Initial joints of the arms, (n,) [rad], by robot.
+        faults: Faults of the cell.
+        seed: Seed of the draws, and of all noise.
     """
     rng = np.random.default_rng([seed, 7])
     robots = {}
@@ -83,7 +83,7 @@ def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array]
 
 
 def _true_lens(stated_lens: Camera, faults: Faults) -> Camera:
-    """A lens with its faults."""
+    """The true lens: the stated lens with its faults."""
     lens = stated_lens
     for fault in _FAULTS.values():
         if fault.draw_lens is not None and faults.size(fault.name):
@@ -92,7 +92,7 @@ def _true_lens(stated_lens: Camera, faults: Faults) -> Camera:
 
 
 def _parameters(robot: str, joints: int, faults: Faults, seed: int) -> dict[str, Array]:
-    """The values of each parameter of a robot that has a fault; each effect draws numbers of its own."""
+    """True values of a robot's faulty parameters; each effect has its own random numbers."""
     values = {}
     for name, fault in _FAULTS.items():
         if fault.draw is not None and faults.size(fault.name):

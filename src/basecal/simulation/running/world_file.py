@@ -1,4 +1,4 @@
-"""A running cell in its folder: `cell.yaml` as stated, and in `truth.yaml` all that is so."""
+"""Files of a running cell: the stated cell in `cell.yaml`, and the truth in `truth.yaml`."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from basecal.simulation.running.world import World, faulty_world
 
 
 class RunningEntry(Entry):
-    """Entry of `truth.yaml` for a cell that can run: where its arms begin, and the seed of all noise."""
+    """Entry of `truth.yaml` for a cell that can run: initial joints of the arms, and the seed of all noise."""
 
     home_joints_rad: dict[str, Annotated[list[Number], Field(min_length=1)]]
     seed: int = 0
 
 
 def write_world(world: World, folder: Path) -> None:
-    """Write a cell that can run: `cell.yaml`, the arms' URDF, `truth.yaml`.
+    """Write a cell that can run: `cell.yaml`, the arms' URDF files, and `truth.yaml`.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if a file cannot be written.
     """
     write_urdfs(world.cell, folder)
     write_world_truth(world, folder)
@@ -40,10 +40,10 @@ def write_world(world: World, folder: Path) -> None:
 
 
 def write_urdfs(cell: Cell, folder: Path) -> None:
-    """Write the URDF of each robot of a cell that has joints.
+    """Write the URDF of each robot with joints.
 
     Raises:
-        InputError: if one cannot be written.
+        InputError: if a file cannot be written.
     """
     for robot in cell.robots.values():
         if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
@@ -52,7 +52,7 @@ def write_urdfs(cell: Cell, folder: Path) -> None:
 
 
 def write_world_truth(world: World, folder: Path) -> None:
-    """Write `truth.yaml` with the cell's transforms, its arms' parameters, and what is wrong with it."""
+    """Write `truth.yaml` with the cell's true transforms, its arms' parameters, and its faults."""
     faults = [
         {"name": each.name, "size": each.size / FAULTS[each.name].scale, "unit": FAULTS[each.name].unit}
         | ({"after_moves": each.after_moves} if FAULTS[each.name].is_sudden else {})
@@ -73,22 +73,22 @@ def write_world_truth(world: World, folder: Path) -> None:
 
 
 def read_world(folder: Path, faults: Faults | None = None) -> World:
-    """The cell of a folder with faults, ready to run.
+    """Read the cell of a folder, and draw its faults.
 
     Raises:
-        DatasetError: if the cell or its truth cannot be read, or lacks what is needed to run it.
+        DatasetError: if the cell or its truth cannot be read, or lacks required data.
     """
     cell, truth = read_cell(folder), read_truth(folder)
     path = str(folder / FILE)
     said = read_truth_extra(folder).get("running")
     if said is None:
-        message = "this cell was not made to run. Give a folder that does not exist yet, or state where its arms begin"
+        message = "this cell has no data to run. Give a new folder, or state the initial joints of its arms"
         raise DatasetError(path, message, field="running.home_joints_rad")
     running = check_entry(RunningEntry, said, path, place=("running",))
     home = {name: np.array(joints) for name, joints in running.home_joints_rad.items()}
     missing = [name for name in cell.transforms if name not in truth]
     if missing:
-        raise DatasetError(path, f"says nothing of {missing[0]}, which the cell has", field="transforms")
+        raise DatasetError(path, f"lacks {missing[0]}, which the cell has", field="transforms")
     _check_drawable(cell, home, folder)
     return faulty_world(cell, truth, home, faults or Faults(), running.seed)
 

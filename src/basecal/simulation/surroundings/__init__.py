@@ -1,1 +1,1 @@
-"""Surroundings of a target, drawn by MuJoCo: arms, table, clutter, and what they hide."""
+"""Surroundings of a target, rendered with MuJoCo: arms, table, clutter, and their occlusions."""

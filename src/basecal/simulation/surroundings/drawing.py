@@ -1,8 +1,8 @@
-"""Drawing of arms, table, clutter and a target's paper by MuJoCo, through the camera's lens.
+"""Rendering of arms, table, clutter and a target's paper with MuJoCo, through the camera's lens.
 
-MuJoCo puts nothing anywhere alone: it is reported where each piece is. Its images are those of a camera without
-distortion, whose pixels are then looked up where the lens has them. A target's print is not in them: MuJoCo's edges are
-off by a tenth of a pixel, those of `vision.draw` by a thousandth. It gives the light on the paper, and what hides it.
+All poses are set from outside; MuJoCo simulates no motion. It renders an image without distortion, which is resampled
+for the lens. The image has no print of the target: edges of MuJoCo have an error of 0.1 px, those of `vision.draw`
+0.001 px. It provides the brightness of the paper, and occlusions.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from basecal.geometry.rotation import quaternion_from_rotation
 from basecal.simulation.surroundings.model import TRAY, Stage, body_names, mjcf
 from basecal.vision.draw.backdrop import Backdrop, Flat, undistorted_camera
 
-_OWN_BODY_M = 0.02  # before a light: what is nearer to it is its own body
-_RAY_LIFT_M = np.array([0.0, 0.0, 1e-3])  # [m] off the tray, so that a ray does not start in it
+_OWN_BODY_M = 0.02  # distance to an LED below which a hit is its own body
+_RAY_LIFT_M = np.array([0.0, 0.0, 1e-3])  # [m] above the tray, so that a ray does not start in it
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Where everything is at an instant.
+    """Poses of all bodies at one time.
 
     Attributes:
-        world_from_camera: Of the camera.
-        world_from_target: Of the target.
-        world_from_links: Of each arm its base and the frames of its joints, by robot, in the order of the stage.
+        world_from_camera: Pose of the camera.
+        world_from_target: Pose of the target.
+        world_from_links: Poses of each arm's base and joint frames, by robot, in the order of the stage.
     """
 
     world_from_camera: SE3
@@ -39,18 +39,18 @@ class Scene:
     world_from_links: Mapping[str, tuple[SE3, ...]]
 
     def __eq__(self, other: object) -> bool:
-        """Whether everything is at the same place, to the last bit."""
+        """Whether all poses are exactly equal."""
         return isinstance(other, Scene) and np.array_equal(self.poses.matrix, other.poses.matrix)
 
     @property
     def poses(self) -> SE3:
-        """Poses of all bodies of a stage, in its order, and of the camera."""
+        """Poses of all bodies in the order of the stage, and of the camera."""
         links = [frame for frames in self.world_from_links.values() for frame in frames]
         return SE3.stack([*links, self.world_from_target, self.world_from_camera])
 
 
 class Surroundings:
-    """The drawing of a stage by one camera, all in one thread, since OpenGL knows no others."""
+    """Renderer of a stage for one camera, in a single thread, which OpenGL requires."""
 
     def __init__(self, stage: Stage, lens: Camera) -> None:
         self._flat: Flat = undistorted_camera(lens)
@@ -70,19 +70,19 @@ class Surroundings:
         self._places = np.array([int(body.mocapid[0]) for body in bodies])
 
     def backdrop(self, scene: Scene) -> Backdrop:
-        """The image without what is printed on the target."""
+        """The image without the target's print."""
         return self._thread.submit(self._render, scene).result()
 
     def is_visible(self, scene: Scene, points_in_world: Array) -> BoolArray:
-        """Whether nothing stands between the camera and points, (n, 3) [m], (n,)."""
+        """Whether points, (n, 3) [m], are not occluded in the camera, (n,)."""
         return self._thread.submit(self._visible_mask, scene, points_in_world).result()
 
     def is_mirrored(self, scene: Scene, points: Array) -> BoolArray:
-        """Whether the camera sees points again in the tray, (n,), that seem to be at `points`, (n, 3) [m]."""
+        """Whether the camera sees mirror images at `points`, (n, 3) [m], in the tray, (n,)."""
         return self._thread.submit(self._mirrored_mask, scene, points).result()
 
     def close(self) -> None:
-        """Let go of the library that draws."""
+        """Close the renderer and its thread."""
         self._thread.submit(self._renderer.close).result()
         self._thread.shutdown()
 
@@ -117,7 +117,7 @@ class Surroundings:
         return hit < 0 or away > float(np.linalg.norm(end - start)) - _OWN_BODY_M
 
     def _cast_ray(self, start: Array, direction: Array) -> tuple[int, float]:
-        """The first geometry on a way, -1 where there is none, and how far it is [m]."""
+        """Id of the first geometry on a ray, -1 if there is none, and its distance [m]."""
         geometry = np.full(1, -1, dtype=np.int32)
         way = direction - start
         away = self._mujoco.mj_ray(self._model, self._data, start, way / np.linalg.norm(way), None, True, -1, geometry)

@@ -1,4 +1,4 @@
-"""Whether MuJoCo can draw on this machine, and what would let it."""
+"""Check whether MuJoCo can render on this machine, and how to enable it."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from ctypes.util import find_library
 from importlib.util import find_spec
 
 APT_LINE = "apt-get install libegl1 libgl1"
-"""What brings a library to draw with to Debian and Ubuntu, without a screen or a graphics card."""
+"""Command that installs a rendering library on Debian and Ubuntu, for machines without a screen or graphics card."""
 
-_BACKEND_VARIABLE = "MUJOCO_GL"  # by which MuJoCo is told what to draw with, before it is imported
-_LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # those that need no screen, the faster first
+_BACKEND_VARIABLE = "MUJOCO_GL"  # selects the rendering backend; MuJoCo reads it when it is imported
+_LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # backends without a screen, the fastest first
 
 
 def missing_graphics() -> str | None:
-    """Why MuJoCo draws nothing here, and what to do; None if it can.
+    """The reason why MuJoCo cannot render here, and what to do; None if it can.
 
-    What it is to draw with is chosen, where nobody has: of Linux what needs no screen.
+    On Linux, a backend without a screen is selected if the variable MUJOCO_GL is not set.
     """
     if find_spec("mujoco") is None:
         return "MuJoCo is not installed: pip install 'basecal[sim]'"
     if sys.platform == "linux" and _BACKEND_VARIABLE not in os.environ:
         there = [name for name, library in _LIBRARIES.items() if find_library(library) is not None]
         if not there:
-            return f"no library to draw with (EGL or OSMesa): {APT_LINE}"
+            return f"no rendering library (EGL or OSMesa): {APT_LINE}"
         os.environ[_BACKEND_VARIABLE] = there[0]
     return _try_rendering()
 
 
 def _try_rendering() -> str | None:
-    """Why a first tiny image fails; None if it is drawn."""
+    """Render a small test image; the reason if this fails, else None."""
     try:
         import mujoco
 
@@ -39,7 +39,7 @@ def _try_rendering() -> str | None:
         renderer.update_scene(mujoco.MjData(model))
         renderer.render()
         renderer.close()
-    except Exception as error:  # of OpenGL's bindings: AttributeError, ImportError, RuntimeError and their own
+    except Exception as error:  # bindings of OpenGL raise AttributeError, ImportError, RuntimeError and others
         first = str(error).splitlines()[0] if str(error) else ""
         return f"MuJoCo cannot draw ({type(error).__name__}: {first}): {APT_LINE}"
     return None

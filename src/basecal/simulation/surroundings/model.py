@@ -1,7 +1,7 @@
-"""A cell as MuJoCo draws it: every rigid piece a body that is put where it is, nothing that MuJoCo would move.
+"""MuJoCo model of a cell: every rigid part is a body whose pose is set from outside.
 
-Everything is grey except the paper of targets, which has no blue. The pixels that show the paper are therefore known by
-their colour, in the same image as its brightness.
+Everything is grey except the paper of targets, which has no blue. The colour therefore identifies the pixels of the
+paper in the same image that shows its brightness.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ TABLE_M = -0.1
 """Height of the table in the world."""
 
 TRAY = "tray"
-"""The geometry of what shows a light again."""
+"""Name of the geometry that reflects an LED."""
 
 _FLOOR_M = -0.85
-_TABLE_MARGIN_M = 1.3  # of the table past the bases
+_TABLE_MARGIN_M = 1.3  # from the bases to the edge of the table
 _THICK_M, _THIN_M = 0.055, 0.04  # radii of an arm's first and last links
-_HOUSING_FACTOR = 1.2  # of a joint, over its link
-_PLATE_M = 0.004  # thickness of what a target is printed on
-_LAMP_M = 0.004  # radius of a light's body
-_STEM_M = 0.05  # of what a target is held by
-_TRAY_M = (0.25, 0.25, 0.003)  # half of its sides
+_HOUSING_FACTOR = 1.2  # radius of a joint's housing relative to its link
+_PLATE_M = 0.004  # thickness of a target's plate
+_LAMP_M = 0.004  # radius of an LED's body
+_STEM_M = 0.05  # length of a target's holder
+_TRAY_M = (0.25, 0.25, 0.003)  # half sizes
 _CLUTTER_COUNT = 16
-_CLUTTER_DISTANCE_M = (0.45, 1.1)  # of clutter, from the line between the bases: where no arm goes
+_CLUTTER_DISTANCE_M = (0.45, 1.1)  # of clutter from the line between the bases: out of the arms' way
 _CLUTTER_SIZE_M = (0.03, 0.12)
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """The things of a cell.
+    """Objects of a cell that are rendered.
 
     Attributes:
-        chains: By robot.
-        bases: Where each stands in the world, (3,) [m].
-        target: What is looked at.
-        seed: Of the clutter.
-        tray: The middle of what shows a light again, (3,) [m]; None if nothing does.
+        chains: Kinematic chains by robot.
+        bases: Positions of the bases in the world by robot, (3,) [m].
+        target: The target.
+        seed: Seed of the clutter.
+        tray: Centre of the reflecting tray, (3,) [m]; None without a tray.
     """
 
     chains: Mapping[str, SerialChain]
@@ -54,12 +54,12 @@ class Stage:
 
 
 def body_names(stage: Stage) -> list[str]:
-    """Names of all bodies that are put somewhere: of each arm its base, then one a joint; the target."""
+    """Names of all bodies whose poses are set: the base and each joint of each arm, then the target."""
     return [*(f"{robot}/{k}" for robot, chain in stage.chains.items() for k in range(chain.n + 1)), "target"]
 
 
 def mjcf(stage: Stage, size_px: tuple[int, int], fovy_deg: float) -> str:
-    """The model as MuJoCo reads it, with a camera `eye`, whose images have a size and a field of view."""
+    """The model in MuJoCo's XML format, with a camera `eye` of a given image size and field of view."""
     width, height = size_px
     arms = "".join(_arm(robot, chain) for robot, chain in stage.chains.items())
     return f"""
@@ -104,7 +104,7 @@ def _table(stage: Stage) -> str:
 
 
 def _clutter(stage: Stage) -> str:
-    """Boxes, cans and balls on the table, where no arm goes."""
+    """Boxes, cylinders and spheres on the table, out of the arms' way."""
     rng = np.random.default_rng([stage.seed, 23])
     places = np.array([*stage.bases.values(), np.zeros(3)])
     along = places.max(0)[0] + 0.8
@@ -123,7 +123,7 @@ def _clutter(stage: Stage) -> str:
 
 
 def _arm(robot: str, chain: SerialChain) -> str:
-    """A body for its base and one for each joint's frame: the link to the next, and the housing of the joint."""
+    """Bodies of an arm's base and of each joint frame, with the link to the next joint and the joint's housing."""
     bodies = []
     for k in range(chain.n + 1):
         radius = _THICK_M + (_THIN_M - _THICK_M) * k / chain.n
@@ -137,14 +137,14 @@ def _arm(robot: str, chain: SerialChain) -> str:
 
 
 def _rod(start: Array, end: Array, radius: float, material: str, kind: str = "capsule") -> str:
-    """A rod between two points; a ball where they are one."""
+    """A rod between two points; a sphere if they coincide."""
     if np.linalg.norm(end - start) < 1e-4:
         return f'<geom type="sphere" pos="{_text(start)}" size="{radius}" material="{material}"/>'
     return f'<geom type="{kind}" fromto="{_text([*start, *end])}" size="{radius}" material="{material}"/>'
 
 
 def _target(target: Target) -> str:
-    """Plates whose front is the paper, each with a stem behind it; of a light its body."""
+    """Plates with the paper on their front and a stem on their back; for LEDs, their bodies."""
     if not target.sheets:
         return "".join(
             f'<geom type="sphere" pos="{_text(point)}" size="{_LAMP_M}" material="joint"/>' for point in target.points

@@ -1,1 +1,1 @@
-"""A folder of cells calibrated, one after another or side by side: a row for each, whatever is wrong with it."""
+"""Calibration of a folder of cells, sequentially or in parallel: a row for each cell, also if it fails."""

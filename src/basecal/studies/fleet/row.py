@@ -1,4 +1,4 @@
-"""The row of a cell of a fleet, with its calibration and its page if there is one."""
+"""The row of a cell of a fleet, with its calibration and its report page."""
 
 from __future__ import annotations
 
@@ -20,38 +20,38 @@ from basecal.cell.results.versions import used_versions
 from basecal.errors import BasecalError, printable
 
 VERDICTS = ("good", "doubtful", "refused", "unreadable", "failed")
-"""Of a row: those of a calibration; then files that cannot be read as written, and faults of this program."""
+"""Verdicts of a row: those of a calibration; `unreadable` for invalid files, and `failed` for faults of the program."""
 
 PageMaker = Callable[[Cell, Recording, Calibration, str], str]
-"""Makes the page of a calibration, under a title; workers import it."""
+"""Function that creates the report page of a calibration, with a title; workers import it."""
 
 _WORST_FIRST = {"error": 0, "warning": 1, "info": 2}
 
 
 @dataclass(frozen=True)
 class Row:
-    """A cell of a fleet; None if there is no number.
+    """Results of one cell of a fleet; None for missing values.
 
     Attributes:
-        cell: Its path in the fleet's folder.
+        cell: Path of the cell in the fleet's folder.
         verdict: One of `VERDICTS`.
-        findings: Codes of its errors and warnings, the worst first.
-        said: The worst of them in words, or why there is no calibration.
-        samples: How many its recording has.
-        transform: Which transform of those requested the following is: the first that was found.
-        x_m: Its position [m]; y_m, z_m likewise.
-        y_m: See x_m.
-        z_m: See x_m.
-        qx: Its rotation as a quaternion, scalar last; qy, qz, qw likewise.
-        qy: See qx.
-        qz: See qx.
-        qw: See qx.
-        sigma_mm: Root of the summed variances of its translation [mm].
-        sigma_deg: Likewise of its rotation [deg].
-        rms_px: Of the residuals of a coordinate [px].
-        held_out_mm: Rms distance by which held-out samples are missed [mm].
-        held_out_deg: Likewise the angle [deg].
-        time_s: Wall time of reading, detecting and calibrating [s].
+        findings: Codes of errors and warnings, the worst first.
+        said: Message of the worst finding, or the reason why there is no calibration.
+        samples: Number of samples in the recording.
+        transform: Name of the first requested transform that was calibrated; the next fields describe it.
+        x_m: Position x [m].
+        y_m: Position y [m].
+        z_m: Position z [m].
+        qx: Quaternion x of the rotation.
+        qy: Quaternion y of the rotation.
+        qz: Quaternion z of the rotation.
+        qw: Quaternion w (scalar part) of the rotation.
+        sigma_mm: Root of the summed variances of the translation [mm].
+        sigma_deg: Root of the summed variances of the rotation [deg].
+        rms_px: RMS residual of a pixel coordinate [px].
+        held_out_mm: RMS translation error of held-out samples [mm].
+        held_out_deg: RMS rotation error of held-out samples [deg].
+        time_s: Wall time of reading, detection and calibration [s].
     """
 
     cell: str
@@ -79,12 +79,12 @@ COLUMNS = tuple(f.name for f in fields(Row))
 
 
 def calibrate_row(folder: str, cell: str, make_page: PageMaker | None = None) -> bytes:
-    """The row of a cell, its calibration, its page, and the traceback of a fault of this program, as JSON.
+    """Calibrate a cell; its row, calibration, page, and the traceback of a fault of the program, as JSON.
 
     Args:
-        folder: Of the fleet.
-        cell: The cell's path in it.
-        make_page: What makes the page; none is made where None.
+        folder: The fleet's folder.
+        cell: Path of the cell in the fleet's folder.
+        make_page: Creates the report page; None for no page.
     """
     begin, row, calibration, page, fault = time.perf_counter(), Row(cell, "failed"), None, "", ""
     try:
@@ -92,8 +92,8 @@ def calibrate_row(folder: str, cell: str, make_page: PageMaker | None = None) ->
     except BasecalError as error:
         row = Row(cell, "unreadable", said=_one_line(error).replace(f"{Path(folder, cell)}/", ""))
     except MemoryError:
-        row = Row(cell, "failed", said="there is not memory enough for it")
-    except Exception as error:  # one cell's fault ends no other's calibration
+        row = Row(cell, "failed", said="there is not enough memory for it")
+    except Exception as error:  # a fault in one cell must not end the others
         fault = printable(traceback.format_exc())
         row = Row(cell, "failed", said=_one_line(f"a fault of basecal itself ({type(error).__name__}: {error})"))
     took = asdict(row) | {"time_s": time.perf_counter() - begin}
@@ -101,7 +101,7 @@ def calibrate_row(folder: str, cell: str, make_page: PageMaker | None = None) ->
 
 
 def killed_row(cell: str, cause: str) -> bytes:
-    """The row of a cell that kills its worker, as `calibrate_row`."""
+    """The row of a cell that kills its worker, in the format of `calibrate_row`."""
     return _pack_row(asdict(Row(cell, "failed", said=cause)), None, "", "")
 
 
@@ -146,7 +146,7 @@ def _row(name: str, cell: Cell, recording: Recording, calibration: Calibration) 
 
 
 def _transform_columns(name: str, calibration: Calibration) -> dict[str, Any]:
-    """The columns of a transform."""
+    """The columns of a row that describe a transform."""
     estimate = calibration.transforms[name]
     variances = np.diagonal(estimate.covariance)
     place = dict(zip(("x_m", "y_m", "z_m"), map(float, estimate.mean.translation), strict=True))

@@ -1,7 +1,7 @@
-"""Calibrate a fleet, here or on a cluster; cells that have not changed since are not calibrated again.
+"""Calibration of a fleet, locally or on a cluster; unchanged cells are not calibrated again.
 
-Nothing is written among the cells except what `basecal detect` keeps there. Rows and calibrations are in a folder of
-their own, each whole or not at all.
+In the folders of the cells, only the results of `basecal detect` are written. Rows and calibrations are written
+atomically to a separate folder.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ ROW, CALIBRATION, PAGE, FAULT = "row.json", "calibration.json", "report.html", "
 FLEET = "fleet.json"
 SCHEMA = "basecal/fleet/1"
 _CELLS = "cells"
-_LARGEST_BYTES = 2**20  # of a row: it has some hundred
-_MADE = frozenset({"derived", "runs"})  # what programs make of a cell, in its own folder
-_MARKS = frozenset({"cell.yaml", "recording"})  # a folder that has one of them is meant to be a cell
+_LARGEST_BYTES = 2**20  # of a row, which usually has some hundred bytes
+_MADE = frozenset({"derived", "runs"})  # generated files in the cell's folder
+_MARKS = frozenset({"cell.yaml", "recording"})  # a folder with one of these names counts as a cell
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """The cells of a folder, and where what comes of them is kept.
+    """The cells of a folder, and the folder of their results.
 
     Attributes:
-        folder: With the cells in it.
-        cells: Their paths in it.
-        output: Where rows and calibrations stand.
+        folder: Folder with the cells.
+        cells: Paths of the cells in the folder.
+        output: Folder of the rows and calibrations.
     """
 
     folder: Path
@@ -46,15 +46,15 @@ class Fleet:
     output: Path
 
     def file(self, cell: str, name: str) -> Path:
-        """A file that is kept of a cell."""
+        """Path of a result file of a cell."""
         return self.output / _CELLS / cell / name
 
     def fingerprint(self, cell: str) -> str:
-        """A hash that shows whether a cell, or this program, has changed."""
+        """Hash that changes with the files of a cell, and with the version of basecal."""
         return fingerprint(self.folder / cell, version("basecal"))
 
     def row(self, cell: str, fingerprint: str | None = None) -> Mapping[str, Any] | None:
-        """The row that is kept of a cell; None if there is none, or of another fingerprint than `fingerprint`."""
+        """The stored row of a cell; None if it is missing, or has another fingerprint than a given one."""
         try:
             kept = json.loads(read_bounded(self.file(cell, ROW), _LARGEST_BYTES))
         except (DatasetError, ValueError, RecursionError):
@@ -64,10 +64,10 @@ class Fleet:
         return kept if tuple(kept) == COLUMNS else None
 
     def keep(self, cell: str, fingerprint: str, content: bytes) -> None:
-        """Keep what `calibrate_row` gave of a cell of that fingerprint; the row last, which says that all is there.
+        """Store the result of `calibrate_row`; the row is written last, since it marks the result as complete.
 
         Raises:
-            InputError: if it cannot be written.
+            InputError: if a file cannot be written.
         """
         found = json.loads(content)
         files = {CALIBRATION: _as_text(found["calibration"]), PAGE: found["page"], FAULT: found["fault"]}
@@ -85,10 +85,10 @@ def _as_text(data: Any) -> str:
 
 
 def make_fleet(folder: Path, output: Path) -> Fleet:
-    """The cells of a folder, with a folder made for what comes of them.
+    """Find the cells of a folder, and create the folder of their results.
 
     Raises:
-        InputError: if there is no cell, or that folder is of something else, or among the cells.
+        InputError: if there is no cell, or the results' folder has other files or is among the cells.
     """
     cells = find_cells(folder)
     if output.resolve().is_relative_to(folder.resolve()):
@@ -102,16 +102,16 @@ def make_fleet(folder: Path, output: Path) -> Fleet:
 
 
 def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None, make_page: PageMaker | None = None) -> None:
-    """Calibrate each cell that has changed since it was, or never was; its row stands in the output folder then.
+    """Calibrate all new and changed cells, and store their rows in the output folder.
 
     Args:
         fleet: The cells.
-        workers: Who works; workers of a cluster see the folder of the cells under the same path.
-        step: Called with the cells done and all.
-        make_page: What makes the page of a cell; none is made where None.
+        workers: The workers; those of a cluster need the folder of the cells under the same path.
+        step: Receives the number of finished cells and the total number.
+        make_page: Creates the report page of a cell; None for no pages.
 
     Raises:
-        InputError: if something cannot be written, or the cluster is not there.
+        InputError: if a file cannot be written, or the cluster cannot be reached.
     """
     now = {cell: fleet.fingerprint(cell) for cell in fleet.cells}
     left = [cell for cell, of in now.items() if fleet.row(cell, of) is None]
@@ -122,7 +122,7 @@ def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None, make_
     ]
 
     def keep(job: Job, content: bytes) -> None:
-        """Keep what was made of a cell."""
+        """Store the result of a cell."""
         cell = left[job.number]
         fleet.keep(cell, now[cell], content)
 
@@ -130,10 +130,10 @@ def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None, make_
 
 
 def find_cells(folder: Path) -> tuple[str, ...]:
-    """Paths of the cells below a folder, at any depth, in their order; links are not followed.
+    """Sorted paths of the cells below a folder, at any depth; symbolic links are not followed.
 
     Raises:
-        InputError: if there is none, or the folder cannot be read.
+        InputError: if there is no cell, or a folder cannot be read.
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is no folder: give the one whose cells are to be calibrated")
@@ -162,11 +162,11 @@ def _entries(folder: Path) -> list[os.DirEntry[str]]:
 
 
 def fingerprint(cell: Path, versions: str) -> str:
-    """A hash of names, sizes and times of all files of a cell but those made of it, and of a text.
+    """Hash of names, sizes and times of all files of a cell except generated ones, and of a text.
 
     Args:
         cell: The cell's folder.
-        versions: What else the answer depends on.
+        versions: Text with the versions that the result depends on.
     """
     digest = hashlib.sha256(versions.encode())
     for name, size, changed in _files(cell, Path(), _MADE):
@@ -175,7 +175,7 @@ def fingerprint(cell: Path, versions: str) -> str:
 
 
 def _files(cell: Path, subfolder: Path, left_out: frozenset[str]) -> Iterator[tuple[str, int, int]]:
-    """Path, size and time of change [ns] of each file."""
+    """Path, size [bytes] and time of modification [ns] of each file."""
     for entry in _entries(cell / subfolder):
         if entry.name in left_out:
             continue

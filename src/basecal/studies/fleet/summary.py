@@ -24,7 +24,7 @@ def fleet_rows(fleet: Fleet) -> list[Row]:
     """The rows of all cells, in the fleet's order.
 
     Raises:
-        InputError: if one is missing.
+        InputError: if a row is missing.
     """
     found = []
     for cell in fleet.cells:
@@ -36,10 +36,10 @@ def fleet_rows(fleet: Fleet) -> list[Row]:
 
 
 def write_fleet_table(rows: Sequence[Row], folder: Path) -> Path:
-    """Path of the table written into a folder: a row for each cell.
+    """Write a table with a row for each cell into a folder; its path.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the file cannot be written.
     """
     columns: dict[str, Any] = {name: [row[name] for row in rows] for name in COLUMNS}
     for name in columns.keys() - _LISTS:
@@ -48,7 +48,7 @@ def write_fleet_table(rows: Sequence[Row], folder: Path) -> Path:
 
 
 def summarise_fleet(fleet: Fleet, rows: Sequence[Row]) -> dict[str, Any]:
-    """Verdicts, findings and spreads of a fleet, as plain data."""
+    """Counts of verdicts and findings, and quantiles of numbers of a fleet, as plain data."""
     verdicts = Counter(row["verdict"] for row in rows)
     return {
         "schema": SCHEMA,
@@ -61,6 +61,6 @@ def summarise_fleet(fleet: Fleet, rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _spread(values: Iterable[float | None]) -> dict[str, float] | None:
-    """Quantiles and the largest of what is known; nothing if nothing is."""
+    """Quantiles and maximum of the known values; None if there are none."""
     known = [value for value in values if value is not None]
     return {**quantiles(known), "largest": max(known)} if known else None

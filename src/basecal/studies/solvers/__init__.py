@@ -1,1 +1,1 @@
-"""Solvers of a study, a file for each."""
+"""Solvers of a study, one module each."""

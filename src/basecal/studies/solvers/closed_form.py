@@ -1,4 +1,4 @@
-"""The paper's closed form, of all trials at once; it gives no covariance."""
+"""The paper's closed form, for all trials as one batch; without a covariance."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from basecal.studies.solvers.solver import Answers, Solver
 
 
 def unfit(settings: Settings) -> str | None:
-    """Why it cannot solve what these settings make; None if it can."""
+    """The reason why the solver does not support settings; None if it does."""
     if settings["layout"] not in OF_SHIFTS:
-        return f"closed_form needs layout {' or '.join(OF_SHIFTS)}: a light shifted before a still camera"
+        return f"closed_form needs layout {' or '.join(OF_SHIFTS)}: an LED shifted in front of a camera at rest"
     return None
 
 
 def solve(draws: Draws) -> Answers:
-    """The base by eqs. (7)-(10) from what each trial saw of the light before and after its shifts."""
+    """Compute the base by eqs. (7)-(10) from the LED's pixels before and after its shifts, in each trial."""
     group = draws.problem.groups[0]
     lens = draws.made.cameras[group.camera]
     image = draws.measurement().pixels[..., 0, :] - lens.center

@@ -1,6 +1,6 @@
-"""Our own solver: the first trial from nothing, the others side by side from where it ends.
+"""The solver of basecal: the first trial without a guess, the others as one batch started at its solution.
 
-A trial that from there ends where its residuals cannot be noise, or nowhere, is solved from nothing as well.
+A trial that does not converge from there, or whose residuals are too large for noise, is solved alone without a guess.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from basecal.geometry import SE3, BoolArray
 from basecal.studies.draws import Draws, group_pixels
 from basecal.studies.solvers.solver import Answers, Solver, no_answers
 
-_PLAUSIBLE_SIGMAS = 4.0  # root of a trial's cost over the median's: noise does not reach it, another optimum does
+_PLAUSIBLE_SIGMAS = 4.0  # root of a trial's cost relative to the median: larger at another optimum, not by noise
 
 
 def solve(draws: Draws) -> Answers:
-    """All trials."""
+    """Solve all trials."""
     if draws.own_starts:
         return _solve_trials(draws)
     try:
@@ -29,11 +29,11 @@ def solve(draws: Draws) -> Answers:
         return no_answers(draws.count, str(error))
     if draws.transform in first.observability.unobservable:
         return no_answers(draws.count, f"{draws.transform} is not observable")
-    if first.observability.unobservable:  # the batch inverts the information of everything
+    if first.observability.unobservable:  # the batch inverts the whole information matrix
         return _solve_trials(draws)
     try:
         found = solve_batch(draws.problem, first.state.spread(draws.problem, draws.count))
-    except np.linalg.LinAlgError:  # the information of one of them
+    except np.linalg.LinAlgError:  # the information matrix of one trial is singular
         return _solve_trials(draws)
     where = draws.problem.columns[draws.transform]
     together = Answers(found.state.transforms[draws.transform], found.covariance[:, where, where], found.converged)
@@ -43,7 +43,7 @@ def solve(draws: Draws) -> Answers:
 
 
 def _solve_trials(draws: Draws) -> Answers:
-    """All trials, each alone."""
+    """Solve all trials separately."""
     where = draws.problem.columns[draws.transform]
     width = where.stop - where.start
     nothing = no_answers(draws.count, "")
@@ -52,7 +52,7 @@ def _solve_trials(draws: Draws) -> Answers:
 
 
 def _complete_answers(draws: Draws, solution: Answers, again: BoolArray) -> Answers:
-    """The answers found, those of `again` solved alone."""
+    """The answers of a batch, with the trials in the mask `again`, (b,), solved separately."""
     rotation, translation = solution.transform.rotation.copy(), solution.transform.translation.copy()
     assert solution.covariance is not None
     covariance, solved = solution.covariance.copy(), solution.solved.copy()
@@ -71,7 +71,7 @@ def _complete_answers(draws: Draws, solution: Answers, again: BoolArray) -> Answ
 
 
 def _solve_trial(draws: Draws, trial: int) -> Solution:
-    """A trial solved alone, from nothing."""
+    """Solve one trial without a guess."""
     groups = [
         replace(group, measurement=replace(group_pixels(group), pixels=group_pixels(group).pixels[trial]))
         for group in draws.problem.groups

@@ -1,4 +1,4 @@
-"""OpenCV: each view's pose by `solvePnP`, then `calibrateRobotWorldHandEye`; it gives no covariance."""
+"""OpenCV: each view's pose by `solvePnP`, then `calibrateRobotWorldHandEye`; without a covariance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.vision.robot_world import RobotWorld, camera_from_target, robot_wor
 
 
 def unfit(settings: Settings) -> str | None:
-    """Why it cannot solve what these settings make; None if it can."""
+    """The reason why the solver does not support settings; None if it does."""
     alone = settings["layout"] in ("eye_in_hand", "eye_to_hand")
     if not alone and not (settings["layout"] == "dual" and settings["camera_mount"] == "fixed"):
         return "opencv has two unknowns: layout eye_in_hand or eye_to_hand, or dual with camera_mount fixed"
@@ -22,7 +22,7 @@ def unfit(settings: Settings) -> str | None:
 
 
 def solve(draws: Draws) -> Answers:
-    """Each trial alone."""
+    """Solve all trials, one after another."""
     found = [_solve_trial(draws, pixels) for pixels in draws.measurement().pixels]
     solved = np.array([each is not None for each in found])
     transforms = SE3.stack([SE3.identity() if each is None else each for each in found])
@@ -30,7 +30,7 @@ def solve(draws: Draws) -> Answers:
 
 
 def _solve_trial(draws: Draws, pixels: Array) -> SE3 | None:
-    """The transform that is judged, from the pixels of a trial, (n, p, 2)."""
+    """The evaluated transform from the pixels of a trial, (n, p, 2); None if OpenCV finds no solution."""
     group, measurement = draws.problem.groups[0], draws.measurement()
     lens, points = draws.made.cameras[group.camera], measurement.points_in_target
     views = [camera_from_target(lens, points, *of) for of in zip(pixels, measurement.seen, strict=True)]
@@ -48,7 +48,7 @@ def _solve_trial(draws: Draws, pixels: Array) -> SE3 | None:
 
 
 def _judged_transform(draws: Draws, solution: RobotWorld | None, of_camera: bool) -> SE3 | None:
-    """The one of the two unknowns that is judged; the first is the camera's mount turned about, or the base."""
+    """Select the evaluated transform of the two unknowns; the first is the camera's inverse mount, or the base."""
     group = draws.problem.groups[0]
     if solution is None:
         return None

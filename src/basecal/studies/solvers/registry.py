@@ -1,4 +1,4 @@
-"""Every solver of studies: a new one is a module, and a line here."""
+"""Registry of solvers of studies: add a module and an entry here for a new solver."""
 
 from __future__ import annotations
 
@@ -12,4 +12,4 @@ SOLVERS: Mapping[str, Solver] = {
     "closed_form": closed_form.SOLVER,
     "opencv": opencv.SOLVER,
 }
-"""By their names in the file of a study."""
+"""Solvers by their names in the file of a study."""

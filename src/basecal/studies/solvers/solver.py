@@ -1,4 +1,4 @@
-"""The class of a solver: its module in this folder ends in a `SOLVER` of this class."""
+"""The interface of a solver: its module in this folder defines `SOLVER`, an instance of `Solver`."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from basecal.studies.draws import Draws
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """The answer of a solver to each trial.
+    """Solutions of trials.
 
     Attributes:
-        transform: (b,) the transform that is judged.
-        covariance: (b, 6, 6) or (b, 3, 3) of a single point's mount [m, rad]; None if the solver gives none.
-        solved: (b,) whether there is an answer.
-        reason: Why there is none, where there is none.
+        transform: (b,) the evaluated transform.
+        covariance: (b, 6, 6), or (b, 3, 3) for the mount of a single point [m, rad]; None if the solver has none.
+        solved: (b,) whether there is a solution.
+        reason: Reason of failed trials; empty if all trials are solved.
     """
 
     transform: SE3
@@ -34,9 +34,9 @@ class Solver:
     """A solver of a study.
 
     Attributes:
-        solve: All trials.
-        unfit: Why it cannot solve what settings make; None if it can.
-        blocks: Blocks of trials that a chunk has: as many as make writing it worth the while.
+        solve: Solves all trials.
+        unfit: Returns the reason why the solver does not support settings; None if it does.
+        blocks: Blocks of trials in a chunk: more for a fast solver, so that writing a file takes a small share.
     """
 
     solve: Callable[[Draws], Answers]
@@ -45,5 +45,5 @@ class Solver:
 
 
 def no_answers(count: int, reason: str) -> Answers:
-    """No answer to any of so many trials."""
+    """Answers of `count` failed trials."""
     return Answers(SE3.identity((count,)), None, np.zeros(count, dtype=bool), reason)
