@@ -223,9 +223,9 @@ class Arms:
 
 def stop_report(reason: str, names: list[str], missing_arms: list[str]) -> str:
     """Message with the reason of a stop, the arms that confirmed it, and what to do."""
-    told = [name for name in names if name not in missing_arms]
+    confirmed = [name for name in names if name not in missing_arms]
     words = [f"{reason.rstrip('.')}."]
-    words += [f"{' and '.join(told)} confirmed the stop."] if told else []
+    words += [f"{' and '.join(confirmed)} confirmed the stop."] if confirmed else []
     words += [f"{' and '.join(missing_arms)} did not confirm a stop: look at the arm."] if missing_arms else []
     words += ["Find the cause, then start again; what was recorded is kept."]
     return " ".join(words)
