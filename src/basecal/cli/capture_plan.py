@@ -192,7 +192,7 @@ def _ways(plan_check: PlanCheck) -> str:
     gaps = sorted((gap for way in plan_check.ways for gap in way.gaps), key=lambda gap: -gap.gap_m)
     least = {(gap.robot, gap.other): f"{1e3 * gap.gap_m:.0f} mm between {gap.robot} and {gap.other}" for gap in gaps}
     known = ", ".join(least.values())
-    return f"least clearance on the ways: {known}; nothing else is checked" if known else "the ways are not checked"
+    return f"least clearance of motions: {known}; nothing else is checked" if known else "the motions are not checked"
 
 
 def say_ways(plan_check: PlanCheck) -> None:

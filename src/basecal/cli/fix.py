@@ -68,7 +68,7 @@ def _say_no_cure(cell: Cell, calibration: Calibration, folder: Path) -> int:
     grave = [finding for finding in calibration.findings if finding.severity != "info"]
     if grave:
         say(f"no fix is known: {grave[0].message}")
-        say_next(f"do what is said above, then {calibrate_command(cell, calibration, quote_path(folder))}")
+        say_next(f"follow the advice above, then {calibrate_command(cell, calibration, quote_path(folder))}")
         return 1
     say(f"nothing to fix: {headline(cell, calibration)}")
     say_next(next_command(cell, calibration, folder))
@@ -99,5 +99,5 @@ def _chosen_cure(cures: tuple[Cure, ...], choose: int | None) -> Cure:
         raise UsageError(f"--choose {choose}: there are fixes 1 to {len(cures)}")
     if choose is None and cures[0].is_choice:
         equal = [f"--choose {n}" for n, cure in enumerate(cures, start=1) if cure.finding is cures[0].finding]
-        raise UsageError(f"these fit the data equally: look which is true, and add {' or '.join(equal)}")
+        raise UsageError(f"these fit the data equally: check which is true, and add {' or '.join(equal)}")
     return cures[(choose or 1) - 1]

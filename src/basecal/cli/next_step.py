@@ -26,7 +26,7 @@ def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
     fix = f"basecal fix {place}, or " if any(is_fixable(cell, each) for each in calibration.findings) else ""
     if word == "FAIL":
         return f"{fix}{missed_step(cell, calibration, place)}"
-    return f"{fix}do what is said above, then {calibrate_command(cell, calibration, place)}"
+    return f"{fix}follow the advice above, then {calibrate_command(cell, calibration, place)}"
 
 
 def capture_command(cell: Cell, folder: Path) -> str:
@@ -110,7 +110,7 @@ def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = F
     if missing := _missing_robot(cell, recording):
         robot, numbers = missing
         still = _states_command(cell, place, robot, importer, still=True)
-        return f"next, where {robot} stood in sample {numbers[0]} to {numbers[-1]}: {still}"
+        return f"next, the states of {robot} in samples {numbers[0]} to {numbers[-1]}: {still}"
     if not seen:
         camera = next(iter(cell.cameras))
         dropped = folder / "recording" / "images" / camera

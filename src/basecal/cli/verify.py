@@ -86,9 +86,9 @@ def verify(
 
 def _next_command(cell: Cell, folder: Path, has_moved: bool | None) -> str:
     if has_moved and has_drivers(cell):
-        return f"look what was bumped or loosened, then record again: {capture_command(cell, folder)}"
+        return f"check what was bumped or loosened, then record again: {capture_command(cell, folder)}"
     if has_moved:
-        return "look what was bumped or loosened, record again, and import that into a new folder"
+        return "check what was bumped or loosened, record again, and import that into a new folder"
     return f"all verifications so far: basecal verify {quote_path(folder)} --history"
 
 
