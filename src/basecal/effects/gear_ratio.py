@@ -93,7 +93,7 @@ EFFECT = Effect(
     candidates=candidates,
     words=words,
     fault=SimulatedFault(
-        "gear-ratio", "%", _PERCENT, 0.5, "each joint turns more than it says, one sigma", draw=draw_by_joint
+        "gear-ratio", "%", _PERCENT, 0.5, "each joint rotates more than recorded, one sigma", draw=draw_by_joint
     ),
     absent={
         "size": "industrial gears have a ratio of integers; hobby servos differ by percents, which a prior states",

@@ -72,9 +72,9 @@ def unobserved_reason(case: Unobserved) -> str:
         reasons.append("the samples hardly move the others alone")
     why = f"{case.joints}: {', '.join(reasons)}"
     if case.by_prior:
-        rest = f"the sigmas of {case.base} and of the mounts contain what they leave open"
+        rest = f"the sigmas of {case.base} and of the mounts contain the remaining uncertainty"
         return f"offsets known from their prior alone: {why}; {rest}"
-    rest = f"{case.base} and the mounts make up for them, and their sigmas contain the usual size"
+    rest = f"{case.base} and the mounts compensate them, and their sigmas contain the usual size"
     return f"offsets that are unobservable and fixed at zero as a gauge: {why}; {rest}"
 
 
