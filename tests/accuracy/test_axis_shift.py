@@ -245,7 +245,7 @@ def test_the_page_shows_both_methods(shifted):
     calibration = calibrate(shifted.cell, shifted.recording)
     beside = compare_closed_form(shifted.cell, shifted.recording, calibration)
     html = page(shifted.cell, shifted.recording, calibration, FitDetails(closed_form=beside))
-    part = html.split("Two methods beside each other")[1].split("</section>")[0]
+    part = html.split("Comparison of two methods")[1].split("</section>")[0]
     assert part.count("<tr><td>") + part.count('<tr class="chosen"><td>') == 2 + STATIONS
     assert part.count('class="chosen"') == 1
     for estimate in (beside.other, beside.estimate):

@@ -84,7 +84,7 @@ def test_it_is_written_read_and_said():
     again = calibration_from_dict(calibration_to_dict(found))
     assert again.noise == found.noise
     said = "\n".join(noise_sentences(again))
-    assert "times what its detector claims" in said
+    assert "times the sigma stated by its detector" in said
     assert "error of robot eye that is smooth over 0.7 m: 0.10 mm, 0.20 mrad" in said
 
 

@@ -74,7 +74,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         (["--pattern", "pose"], "no pattern 'pose' (did you mean 'poses'?)"),
         (["--pattern", "none.jsonl"], "or a file"),
         (["--plan", "none.jsonl"], "or a file"),
-        (["--plan", "plan.jsonl", "--pattern", "shifts"], "give one of them"),
+        (["--plan", "plan.jsonl", "--pattern", "shifts"], "give only one of them"),
         (["--speed-limit-deg-s", "0"], "speed-limit-deg-s"),
         (["--freedrive", "--go"], "--freedrive moves no arm: leave --go out"),
         (["--port", "5000"], "give --web"),
@@ -82,7 +82,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         (["--tolerance", "1mm"], "give either --task-point"),
         (
             ["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--plan", "x.jsonl", "--pattern", "shifts"],
-            "give one of",
+            "give only one of",
         ),
         (["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--pattern", "x.jsonl"], "files of --pattern"),
         (["--task-point", "0.5 0 0.3", "--pattern", "shifts", "--freedrive"], "leave --freedrive out"),

@@ -83,7 +83,7 @@ def test_dry_run_prints_each_way_and_moves_nothing(tmp_path: Path, capsys: pytes
         joint, tool = map(float, line.split()[2:4])
         assert (tool, joint < 5) == (20.0, True)
         assert re.search(r" hand \d{3}$", line)  # mm
-        assert re.search(r"least clearance on the ways: \d{3} mm between eye and hand; nothing else is checked", told)
+        assert re.search(r"least clearance of motions: \d{3} mm between eye and hand; nothing else is checked", told)
         assert "nothing has moved: add --go" in told
         assert main([*words, "--go"]) == 2
         assert "--dry-run moves nothing" in capsys.readouterr().err

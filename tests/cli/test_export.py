@@ -193,7 +193,7 @@ def test_what_is_doubtful_says_so_and_what_is_refused_is_kept(
         (["--to", "sdf"], "no 'sdf'"),
         (["--to", "ur", "--robot", "hand"], "--to ur takes --transform, not --robot"),
         (["--to", "urdf", "--transform", "x"], "--to urdf takes --robot, not --transform"),
-        (["--robot", "hand"], "without --to only --transform is taken"),
+        (["--robot", "hand"], "without --to only --transform is accepted"),
     ],
 )
 def test_wrong_usage_is_said(words: list[str], said: str, solved: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -35,7 +35,7 @@ def test_equal_fixes_need_a_choice(capsys: pytest.CaptureFixture[str]) -> None:
     """Of cures that fit equally none is applied unasked; one that is alone is."""
     finding = Finding("robot-pose-inverted", "error", ("hand",), "Inverted, or carried otherwise.")
     equal = tuple(Cure(finding, words, Change(cell={("x",): 1}), is_choice=True) for words in ("One.", "Other."))
-    with pytest.raises(UsageError, match="equally: look which is true, and add --choose 1 or --choose 2"):
+    with pytest.raises(UsageError, match="equally: check which is true, and add --choose 1 or --choose 2"):
         chosen_cure(equal, None)
     shown = capsys.readouterr().out.splitlines()
     assert shown == ["1. One. [robot-pose-inverted]", "2. Other. [robot-pose-inverted]"]

@@ -45,7 +45,7 @@ def test_an_arm_that_stood_still(tmp_path: Path) -> None:
         replace(each, sample=each.sample + 3, robots={"eye": each.robots["eye"]}) for each in MADE.recording.samples
     ]
     told = step(tmp_path, recording=Recording((*MADE.recording.samples, *later)))
-    assert told.startswith("next, where hand stood in sample 3 to 5: basecal import poses ")
+    assert told.startswith("next, the states of hand in samples 3 to 5: basecal import poses ")
     assert told.endswith(" --robot hand FILE --format FORMAT --still")
 
 
@@ -77,7 +77,7 @@ def test_another_arm_comes_by_the_importer_of_the_first(importer: str, urdf: str
     later = [replace(each, sample=each.sample + 3) for each in without_eye.samples]
     told = next_step(cell, Recording((*MADE.recording.samples, *later)), Path("mycell"), importer=importer)
     still = "" if importer == "lerobot" else " --still"
-    assert told == f"next, where eye stood in sample 3 to 5: basecal import {command}{still}"
+    assert told == f"next, the states of eye in samples 3 to 5: basecal import {command}{still}"
 
 
 def test_images_that_were_dropped_in_are_seen(tmp_path: Path) -> None:
@@ -127,14 +127,14 @@ def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[
             ),
             "basecal plan cell --tolerance 0.5mm --task-box 0 0 0 1 0 0 -o plan.jsonl",
         ),
-        (Calibration("refused"), "do what is said above, then basecal calibrate cell"),
+        (Calibration("refused"), "follow the advice above, then basecal calibrate cell"),
         (
             Calibration("refused", settings={"method": "scene", "tolerance_m": 3e-4}),
-            "do what is said above, then basecal calibrate cell --scene --tolerance 0.3mm",
+            "follow the advice above, then basecal calibrate cell --scene --tolerance 0.3mm",
         ),
         (
             Calibration("doubtful", findings=(OFFER,), settings={"joins_scene": True}),
-            "basecal fix cell, or do what is said above, then basecal calibrate cell --scene also",
+            "basecal fix cell, or follow the advice above, then basecal calibrate cell --scene also",
         ),
         (
             Calibration(

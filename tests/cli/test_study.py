@@ -102,7 +102,7 @@ def test_cells_are_calibrated(
     [
         ([], "give the file of a study, or --cells"),
         (["x.yaml", "--cells", "x"], "one of them"),
-        (["x.yaml", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"], "give one of them"),
+        (["x.yaml", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"], "give only one of them"),
     ],
 )
 def test_options_that_do_not_go_together(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -61,7 +61,7 @@ def arguments(words):
     [
         ("import poses c a.csv --robot r --session day2", "more words than expected: 'day2'; --session takes no value"),
         ("import poses c --session day2 a.csv", "more words than expected: 'a.csv'; --session takes no value"),
-        ("import poses c a.csv --session=day2", "--session takes no value: leave 'day2' away"),
+        ("import poses c a.csv --session=day2", "--session takes no value: leave 'day2' out"),
         ("calibrate c --json --verbose no", "more words than expected: 'no'; --verbose takes no value"),
         ("fix c d", "more words than expected: 'd'"),
     ],

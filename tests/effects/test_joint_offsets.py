@@ -74,7 +74,7 @@ def test_why_an_offset_is_not_seen():
     )
     assert ends.endswith(
         "joints 1 (a) and 4 (d): the first joint moves the arm as its base does, the last one as the mounts on its "
-        "flange do; the sigmas of eye_base and of the mounts contain what they leave open"
+        "flange do; the sigmas of eye_base and of the mounts contain the remaining uncertainty"
     )
     middle = of.unobserved_reason(Unobserved("joint 2 (b)", (1,), 4, "eye_base", False))
     assert "fixed at zero as a gauge: joint 2 (b): the samples hardly move the others alone;" in middle

@@ -65,7 +65,7 @@ def test_points_of_a_body_are_off_by_a_share_of_its_size(size):
 
 
 @pytest.mark.parametrize(("sigmas", "severity", "why"), [
-    (0.3, None, ""), (1.0, "info", "contains the shape"), (4.0, "warning", "more than printed boards are"),
+    (0.3, None, ""), (1.0, "info", "contains the shape"), (4.0, "warning", "more than the usual bow of printed boards"),
 ])  # fmt: skip
 def test_a_bow_that_matters_is_told(sigmas, severity, why):
     """Above a tenth of a millimetre; a warning if it is more than that of printed boards."""
@@ -73,7 +73,7 @@ def test_a_bow_that_matters_is_told(sigmas, severity, why):
     if severity is None:
         assert found is None
         return
-    assert found.what == f"board is not flat: its points are up to {0.28 * sigmas:.2g} mm off their plane."
+    assert found.what == f"board is not flat: its points are up to {0.28 * sigmas:.2g} mm from their plane."
     assert (found.severity, why in found.why) == (severity, True)
 
 
@@ -84,5 +84,5 @@ def test_points_of_a_body_that_are_off_are_told(sigmas, severity):
     shape = sigmas * np.linalg.qr(unit_shifts(points).reshape(36, 36))[0][:, 0] * np.sqrt(30)
     found = words("body", points, shape)
     far_mm = 1e3 * point_shifts_m(points, shape).max()
-    assert found.what == f"Points of body are up to {far_mm:.2g} mm from where they are stated."
+    assert found.what == f"Points of body are up to {far_mm:.2g} mm from their stated positions."
     assert found.severity == severity

@@ -56,7 +56,7 @@ def test_sessions_of_unequal_length(
     assert main(shlex.split(first)[1:]) == 0
     assert main(shlex.split(second)[1:]) == 0
     told = capsys.readouterr().out
-    assert "completed the 38 samples, 21 of them new, of mycell: next, where right stood in sample 0 to 16: " in told
+    assert "completed the 38 samples, 21 of them new, of mycell: next, the states of right in samples 0 to 16: " in told
     assert told.rstrip().endswith("basecal import poses mycell --robot right FILE --format FORMAT --still")
     samples = read_recording(tmp_path / "mycell").samples
     assert [sorted(sample.robots) for sample in samples] == [["left"]] * 17 + [["right"]] * 21

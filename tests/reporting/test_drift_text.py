@@ -50,7 +50,7 @@ def test_nothing_moved_names_nothing() -> None:
     assert (data["frame"], data["shift_mm"]) == (None, None)
     text = verification_text(still)
     assert text.splitlines()[0] == "NOT MOVED: 2 samples agree with the calibration"
-    assert "sample 41 is off alone and was left out" in text
+    assert "sample 41 disagrees with the others and was left out" in text
 
 
 def test_what_cannot_be_told_says_what_to_do() -> None:

@@ -200,7 +200,7 @@ def test_an_error_that_is_not_known_is_above_nothing(made: tuple[Cell, Recording
     settings = {**calibration.settings, "tolerance_m": 1e-4}
     html = page(cell, recording, replace(calibration, settings=settings, tolerance=Tolerance(1e-4, None, False)))
     first = html[html.index('<ol class="findings">') :].split("</li>")[0]
-    assert "Not everything requested is known: no error can be expected." in first
+    assert "A requested transform is unknown, so that no error can be predicted." in first
     assert "above the tolerance" not in html
     assert "basecal plan" not in html
 

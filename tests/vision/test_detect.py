@@ -192,7 +192,7 @@ def test_progress_and_folder(tmp_path: Path) -> None:
     steps: list[tuple[int, int]] = []
     detect(CELL, replace(told, folder=str(tmp_path)), progress=lambda done, of: steps.append((done, of)))
     assert steps == [(1, 3), (2, 3), (3, 3)]
-    with pytest.raises(InputError, match="where the images are"):
+    with pytest.raises(InputError, match="folder of the images is unknown"):
         detect(CELL, told)
 
 

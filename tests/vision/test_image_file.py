@@ -178,7 +178,7 @@ def test_scans_without_number() -> None:
     start, end = data.rfind(b"\xff\xc4"), data.rfind(b"\xff\xd9")
     assert isinstance(grey_image(data, None), np.ndarray)
     many = data[:end] + data[start:end] * 95 + data[end:]
-    assert grey_image(many, None) == "has 101 scans, expected at most 100: store it anew"
+    assert grey_image(many, None) == "has 101 scans, expected at most 100: store it again"
 
 
 def test_pixels_of_too_many_bytes() -> None:
@@ -232,13 +232,13 @@ def test_as_the_sensor_gave_it(orientation: int) -> None:
     assert is_turned(data) == (orientation != 1)
 
 
-TO_DO = "give these, or size_px and the lens of the images that there are"
+TO_DO = "use these images, or state size_px and the lens of the recorded images"
 
 
 @pytest.mark.parametrize(
     ("size_px", "cause"),
     [
-        ((48, 64), ": width and height look swapped, of it and of its lens; pixels count as the sensor gave them"),
+        ((48, 64), ": width and height look swapped between image and lens; pixels count as the sensor gave them"),
         (
             (128, 96),
             f": the lens seems to be of images scaled by 2; {TO_DO}",

@@ -1,4 +1,4 @@
-"""The command line: a table of verbs, each in a small file that is loaded when it is requested."""
+"""The command line: a table of verbs, each in a module that is imported on demand."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from basecal.errors import BasecalError, DatasetError, describe_fault
 _VERBS = {
     "new": "Write a working cell.yaml to fill in, and an empty recording.",
     "target": "Print a target at true scale, with a ruler to check the print.",
-    "simulate": "Make a cell and a recording whose truth is known, or run such a cell.",
+    "simulate": "Simulate a cell and a recording with known truth, or run such a cell.",
     "demo": "Run two simulated arms, capture, calibrate, and compare with the truth.",
-    "capture": "Make a recording: send the arms, wait until all is still, look, and note.",
+    "capture": "Record samples: move the arms, wait until they are at rest, and take images.",
     "detect": "Find the targets in the images of a recording.",
-    "plan": "Say which samples to record, and how many, so that a task point is known well enough.",
+    "plan": "Plan which samples to record, and how many, to reach a tolerance at a task point.",
     "calibrate": "Estimate the requested transforms, with their covariance.",
-    "fix": "Fix what the latest calibration named, in the files of the cell, and calibrate again.",
-    "verify": "Check by one or a few new samples whether a cell is unchanged.",
+    "fix": "Fix faults that the latest calibration found in the files of the cell, and calibrate again.",
+    "verify": "Check with one or a few new samples whether a cell is unchanged.",
     "compare": "Report whether two runs or more agree, and what differs between them.",
     "report": "Print the latest calibration in plain text, and write its page.",
-    "view": "Look through the runs of a cell on a local page.",
-    "export": "Write what a calibration found the way another program says it.",
-    "completion": "Print what makes a shell complete verbs and options, or the manual page.",
-    "merge": "Make one cell of several that were recorded apart, such as each arm with the other still.",
+    "view": "Show the runs of a cell on a local page.",
+    "export": "Write the results of a calibration in the format of another program.",
+    "completion": "Print the completion script of a shell, or the manual page.",
+    "merge": "Merge cells that were recorded separately, such as each arm with the other at rest.",
 }
-"""Each a function of a module of its name, and the first sentence of its help: none is loaded to list them."""
-_END_CHARACTERS = 1000  # of a message at each of its ends, if it is longer than both
-_IMPORT = "Make a cell and its recording from other programs' files, or complete what is there."
+"""Verbs, with the first sentence of their help, so that no module is imported to list them."""
+_END_CHARACTERS = 1000  # kept at both ends of a longer message
+_IMPORT = "Make a cell and its recording from other programs' files, or add to existing ones."
 _HELP = """Estimate the poses of robot bases relative to each other, with covariance,
 from camera views of targets.
 
@@ -46,10 +46,10 @@ Exit codes of a result: 0 good or tolerance met; 1 doubtful; 4 refused;
 
 
 def build_app(words: Sequence[str] = ()) -> App:
-    """The command line: every verb with its help.
+    """Build the command line with all verbs and their help.
 
     Args:
-        words: What it will be asked; where they name a verb, none is imported but that.
+        words: The command's arguments; if they name a verb, only that verb is imported.
     """
     app = App(
         name="basecal",
@@ -83,12 +83,12 @@ def _version() -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and give its exit code; what went wrong is one line on stderr.
+    """Run one command and return its exit code; an error is one line on stderr.
 
     Args:
-        arguments: The words after `basecal`; those of this process where None.
+        arguments: The arguments after `basecal`; those of this process if None.
     """
-    # The matrices are small: more threads only wait for one another. NumPy reads this when it is first imported.
+    # Matrices are small: more threads only wait for one another. NumPy reads this at its first import.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if arguments is None:
         _own_process()
@@ -101,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _report_failure(describe_misuse(error), 2)
     except BasecalError as error:
         return _report_failure(error, error.exit_code)
-    except BrokenPipeError:  # whoever read the answer has had enough
+    except BrokenPipeError:  # the reader of the output has closed it
         _drop_unwritten()
         return 141
     except OSError as error:
@@ -115,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _drop_unwritten() -> None:
-    """Let what the output cannot take go nowhere: Python would try again as it ends, and say so in its own words."""
+    """Discard output that cannot be written; otherwise Python tries again at exit and prints its own error."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -124,10 +124,10 @@ def _drop_unwritten() -> None:
 
 
 def _own_process() -> None:
-    """Let this program's words, and no others, reach the streams of a process of its own.
+    """Set up the standard streams of a process of its own, so that only this program's messages reach them.
 
-    A stream that is closed leaves its number to the next file that is opened, into which libraries then would write.
-    While an image is decoded, what libraries write to the error stream is caught by its number: words have another.
+    The descriptor of a closed stream is reused by the next opened file, into which libraries would then write. While an
+    image is decoded, descriptor 2 is redirected to catch messages of libraries; `sys.stderr` gets another descriptor.
     """
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
@@ -142,12 +142,12 @@ def _own_process() -> None:
 
 
 def _report_failure(error: object, code: int) -> int:
-    """The code; what went wrong is said on one line, which names the file once."""
+    """Print an error as one line that names the file once, and return the exit code."""
     text = str(error)
     if isinstance(error, DatasetError):
         text = text.replace(f"\n{error.path}:", "; line ")
     line = " ".join(text.split())
-    if len(line) > 2 * _END_CHARACTERS:  # what is quoted of the input, or of the command line, may have any length
+    if len(line) > 2 * _END_CHARACTERS:  # quotations of input or of the command line may have any length
         line = f"{line[:_END_CHARACTERS]} ... {line[-_END_CHARACTERS:]}"
     if sys.stderr is not None:
         say(f"basecal: error: {line}", sys.stderr)

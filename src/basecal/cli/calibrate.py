@@ -42,11 +42,11 @@ def calibrate(
 ) -> int:
     """Estimate the requested transforms, with their covariance.
 
-    Reads CELL/cell.yaml and CELL/recording/samples.jsonl, writes the answer
-    and its report, as text and as a page to look at, to CELL/runs. Prints the
-    verdict, what was requested with its sigma, the cross-validation error and
-    what to do; all else with --verbose. Ends with 0 if the answer is good
-    or the tolerance met, 1 if doubtful, 4 if refused, 5 if it is missed.
+    Reads CELL/cell.yaml and CELL/recording/samples.jsonl. Writes the result
+    and its report, as text and as a page, to CELL/runs. Prints the verdict, the
+    requested transforms with their sigma, the cross-validation error and what
+    to do; with --verbose the whole report. Exit code: 0 if the result is good or
+    the tolerance met, 1 if doubtful, 4 if refused, 5 if the tolerance is missed.
 
     For example:
 
@@ -65,22 +65,22 @@ def calibrate(
 
     Args:
         cell: Folder of the cell.
-        method: axis-shift is the closed form for an LED shifted before a still camera.
-        start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
-        scene: Calibrate from the static scene that cameras on the robots see, without a target. With `--scene also` it
-            takes part beside targets, if held-out views are then predicted better.
-        task_point: Where the work is done, x y z [m] in the reference robot's base. The error there is reported by
-            source, and the axis-shift method fits best there.
-        task_box: Two opposite corners of where it is done, instead of a point. The error is reported for its middle.
-            The box is also calibrated separately, with a report whether that predicts held-out samples in it better.
-        station_choice: With a task point, its nearest station, or all of them weighted by distance.
-        certify: Prove that no other answer fits better, or report why that cannot be proven.
-        against: Print how well OpenCV's methods predict held-out views, beside ours.
-        robot_noise: Whether noise of robots that state none is estimated, or these robots are assumed exact.
-        tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected.
+        method: axis-shift is the closed form for an LED shifted in front of a fixed camera.
+        start: Initial values of the solver: a closed form, a search, the cell's guesses, or the axis-shift method.
+        scene: Calibrate from the static scene that cameras on the robots see, without a target. With `--scene also` the
+            scene is used in addition to targets, if held-out views are then predicted better.
+        task_point: Task position x y z [m] in the reference robot's base. The error there is reported by source, and
+            the axis-shift method fits best there.
+        task_box: Task volume, by two opposite corners, instead of a point. The error is reported for its middle. The
+            box is also calibrated separately, with a report whether that predicts held-out samples in it better.
+        station_choice: With a task point, use the nearest station, or all stations weighted by distance.
+        certify: Prove that no other solution fits better, or report why that cannot be proven.
+        against: Compare the prediction of held-out views with OpenCV's methods.
+        robot_noise: Estimate unstated noise of robots, or assume robots without stated noise exact.
+        tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors must be expected.
         opens_page: Show the page in a browser.
-        json: Print calibration.json instead of words, and the verdict on the tolerance.
-        verbose: Print all of the report, and on stderr how long each stage took.
+        json: Print calibration.json instead of text, with the verdict on the tolerance.
+        verbose: Print the whole report, and on stderr the run time of each stage.
     """
     from basecal.cell.files import calibration_to_dict, read_cell
     from basecal.estimation.settings import Settings
@@ -109,7 +109,7 @@ def calibrate(
 def say_all(
     result: CalibratedFolder, cell: Cell, folder: Path, verbose: bool = False, opens_page: bool = False
 ) -> None:
-    """Print a calibration, where its page is, and what to do next."""
+    """Print a calibration, the path of its page, and the next step."""
     from basecal.cell.files import read_recording
 
     show(cell, name_cell(result.calibration, folder), verbose)
@@ -132,10 +132,10 @@ class CalibratedFolder:
 
 
 def _method_in_use(method: str, scene: bool | str) -> str:
-    """The method, or `scene`.
+    """Name of the method in use, `scene` for a calibration from the scene alone.
 
     Raises:
-        UsageError: if a scene cannot take part in the method.
+        UsageError: if the method cannot use a scene.
     """
     if scene == "also" and method == "axis-shift":
         raise UsageError("--scene also has no effect on --method axis-shift: leave one of them out")
@@ -143,10 +143,10 @@ def _method_in_use(method: str, scene: bool | str) -> str:
 
 
 def _refuse_unused_options(method: str, start: str, task_point: object, task_box: object, station_choice: str) -> None:
-    """Refuse what the method makes no use of, rather than let somebody believe it did.
+    """Refuse options that have no effect on the method.
 
     Raises:
-        UsageError: naming the option and what it goes with.
+        UsageError: if there is such an option; the message names it and its method.
     """
     if method == "scene" and start != "closed":
         raise UsageError(f"--start {start} has no effect on --scene, which needs no initial guess: leave it out")
@@ -171,7 +171,7 @@ def calibrate_folder(
     verbose: bool = False,
     needed_m: float | None = None,
 ) -> CalibratedFolder:
-    """The calibration of the recording of a cell's folder, and the folder of its run, which is written."""
+    """Calibrate the recording of a cell's folder and write the run."""
     from dataclasses import replace
 
     from basecal.accuracy.calibrate import calibrate as calibrated
@@ -192,7 +192,7 @@ def calibrate_folder(
         calibration = calibrated(cell, recording, replace(settings or Settings(), stages=stages))
         asked = calibration.settings if needed_m is None else {**calibration.settings, "tolerance_m": needed_m}
         calibration = replace(calibration, settings=asked, inputs=inputs, versions=used_versions())
-        stored = calibration_from_dict(calibration_to_dict(calibration))  # what `report` will find, to the last digit
+        stored = calibration_from_dict(calibration_to_dict(calibration))  # with the same digits as `report` reads
         with stages.stage("report"):
             recording = synchronous(cell, recording, stored)
             shown = with_kept_scene(cell, recording, stored, calibration.scene)
@@ -208,7 +208,7 @@ def calibrate_folder(
 
 
 def recalibrate_folder(folder: Path, cell: Cell, calibration: Calibration) -> CalibratedFolder:
-    """The calibration of a cell's folder by the settings and the tolerance of an earlier one."""
+    """Calibrate a cell's folder with the settings and the tolerance of an earlier calibration."""
     from basecal.estimation.settings import Settings
 
     asked = calibration.settings
@@ -216,7 +216,7 @@ def recalibrate_folder(folder: Path, cell: Cell, calibration: Calibration) -> Ca
 
 
 def show(cell: Cell, calibration: Calibration, verbose: bool = False) -> None:
-    """Print a calibration: what matters, or the whole report."""
+    """Print the summary of a calibration, or the whole report."""
     from basecal.reporting.statement.verdict import COLOURS, verdict_word
     from basecal.reporting.summary import summary
     from basecal.reporting.text import text_report
@@ -225,7 +225,7 @@ def show(cell: Cell, calibration: Calibration, verbose: bool = False) -> None:
 
 
 def exit_code(calibration: Calibration) -> int:
-    """4 if it is refused, 5 if a tolerance is missed, 1 if it is doubtful, else 0."""
+    """Exit code of a calibration: 4 if refused, 5 if a tolerance is missed, 1 if doubtful, else 0."""
     from basecal.reporting.statement.verdict import verdict_word
 
     return _EXIT_CODES.get(verdict_word(calibration), 0)

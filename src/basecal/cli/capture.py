@@ -21,9 +21,9 @@ from basecal.errors import UsageError
 from basecal.fields.typed_length import length_m
 from basecal.planning.patterns import PATTERNS
 
-_PLANS = 20  # that are tried for a task until one is not refused
+_PLANS = 20  # largest number of plans that are tried for a task until one is accepted
 _SHIFTS = "shifts"
-_FASTEST_M_S = 2.0  # of any point of an arm
+_FASTEST_M_S = 2.0  # largest speed limit of any point of an arm
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Moving:
-    """How arms may move.
+    """Limits of the motion of arms.
 
     Attributes:
-        speed_limit_deg_s: The fastest that any joint may turn.
-        tool_speed_limit: The fastest that any point of an arm, or of what it carries, may move.
-        accept_no_watchdog: Move also arms that finish their move if this program or the network fails.
-        touch: Move none: a person leads tips, and each line that is typed is a touch; no camera is needed.
+        speed_limit_deg_s: Largest speed of any joint.
+        tool_speed_limit: Largest speed of any point of an arm or of its load.
+        accept_no_watchdog: Also move arms that do not stop if this program or the network fails.
+        touch: Move no arm: a person guides tips to marks, and each typed line is a touch; no camera is needed.
     """
 
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=180))] = 30.0
@@ -56,7 +56,7 @@ class Moving:
 
     @property
     def limits(self) -> SpeedLimits:
-        """The limits, as a plan is checked with them.
+        """The speed limits for the check of a plan.
 
         Raises:
             UsageError: if a speed has no unit, or is above 2 m/s.
@@ -94,33 +94,32 @@ def capture(
     port: Port = 0,
     json: bool = False,
 ) -> int:
-    """Make a recording: send the arms, wait until all is still, look, and note.
+    """Record samples: move the arms, wait until they are at rest, and take images.
 
     The drivers of robots and cameras are stated in cell.yaml
-    (docs/data_format.md); what they connect to is asked once. Begin with the
-    target in the image. Without --go nothing moves: it prints what it would do.
-    Ctrl-C stops the arms. A capture that was cut off goes on where it was when it
-    is started again. One that is finished records nothing again; --more records
-    other samples beside those that are there.
+    (docs/data_format.md); their connections are confirmed once. Begin with the
+    target in the image. Without --go nothing moves: the plan is printed. Ctrl-C
+    stops the arms. The same command continues an interrupted capture. It
+    does not repeat a finished capture; --more records additional samples.
 
-    With --tolerance and --task-point it plans while it captures. The plan is made
-    anew after each sample, from all that was taken, until 95 % of errors at the
-    task are below the tolerance. What could not be taken is not tried again. With
-    --pattern shifts and a task, the stations are those that lower the error there
-    the most. They are planned once: as many as a tolerance needs, or --samples.
+    With --tolerance and --task-point the plan is updated after each sample, until
+    95 % of errors at the task are expected below the tolerance. Samples that
+    failed are not tried again. With --pattern shifts and a task, the stations are
+    those that reduce the error there the most. They are planned once: as many as
+    the tolerance needs, or --samples.
 
-    With --freedrive no arm is sent anywhere: you lead them. Held still for
-    0.8 s at a new place, or at the space bar, a sample is taken; q ends.
-    A cell with `target: scene` is captured so; images that show too little
-    of the scene are refused at once.
-    With --touch you lead tips to marks, and type which mark it is.
+    With --freedrive a person guides the arms by hand. A sample is taken when they
+    are at rest at a new pose for 0.8 s, or at the space bar; q ends the capture.
+    Use it for a cell with `target: scene`; images that show too little of the
+    scene are refused at once.
+    With --touch a person guides tips to marks and types the name of each mark.
 
-    From the fourth sample on each is compared with those before it. One that
-    disagrees is reported, and taken once more at the same place. A disagreement
-    that lasts, such as a base that moved, ends the command with 1.
+    From the fourth sample on, each sample is compared with the previous ones. If
+    it disagrees, this is reported and the sample is repeated. With a lasting
+    disagreement, such as after a base moved, the exit code is 1.
 
-    Ends with 0 if every sample was taken, or the tolerance is reached; with 5 if
-    the tolerance is missed, else with 1.
+    Exit code: 0 if every sample was taken or the tolerance is reached, 5 if the
+    tolerance is missed, else 1.
 
     For example:
 
@@ -135,25 +134,25 @@ def capture(
 
     Args:
         cell: Folder of the cell.
-        pattern: poses (all around), shifts (the paper's), or a file with lines of samples whose robots are gone to.
-        plan: File of samples to go to, as `basecal plan -o` writes it; the same as --pattern FILE. With --tolerance
-            its samples are offered beside others.
-        task_point: Where the work is done, x y z [m] in the reference robot's base.
-        task_box: Two opposite corners of where it is done, instead of a point.
-        tolerance: Length with its unit, such as 0.2mm, below which 95 % of position errors there shall be.
-        samples: How many, 25 where it is left out; shifts are rounded up to whole stations of seven. With --tolerance
-            the most that are taken, 60 where it is left out.
+        pattern: poses (varied poses), shifts (the paper's), or a file of samples with the robot states to record at.
+        plan: File of samples to record, from `basecal plan -o`; the same as --pattern FILE. With --tolerance its
+            samples are candidates in addition to others.
+        task_point: Task position x y z [m] in the reference robot's base.
+        task_box: Task volume, by two opposite corners, instead of a point.
+        tolerance: Length with its unit, such as 0.2mm, below which 95 % of position errors at the task must be.
+        samples: Number of samples, 25 by default; shifts are rounded up to whole stations of seven. With --tolerance
+            the largest number, 60 by default.
         go: Move the arms.
-        freedrive: Take samples where a person leads the arms to.
-        dry_run: Check the whole plan as --go does, ask the controllers, and print each way; nothing moves.
-        more: Record other samples after a plan that is finished.
-        moving: How arms may move.
-        connecting: What the cell may reach.
-        seed: Another number makes another plan.
-        stop_on_disagreement: Wait for the check of each sample, and end the capture at a disagreement that lasts.
-        web: Show the capture as a page as well, on this machine alone, with a button that stops all arms.
-        port: Where the page is served; 0 takes a free one.
-        json: Print what was captured as JSON.
+        freedrive: Take samples while a person guides the arms by hand.
+        dry_run: Check the whole plan as --go does, ask the controllers, and print each motion; nothing moves.
+        more: Record additional samples after a finished plan.
+        moving: Limits of the motion of arms.
+        connecting: Connections that the cell may make.
+        seed: Seed of the plan.
+        stop_on_disagreement: Wait for the check of each sample, and end the capture at a lasting disagreement.
+        web: Also show the capture as a page, on this machine only, with a button that stops all arms.
+        port: Port of the page; 0 selects a free one.
+        json: Print the captured samples as JSON.
     """
     if moving.touch:
         return capture_touches(cell, connecting, json, has_others=go or dry_run or freedrive or web)
@@ -187,11 +186,11 @@ def _check_capture(
     dry_run: bool,
     quiet: bool,
 ) -> Sequence[Sample]:
-    """The plan, checked as a whole before anything moves, and printed; one for a task without the samples refused.
+    """Check and print the whole plan before anything moves; a plan for a task is repeated without refused samples.
 
     Raises:
-        UsageError: if arms are to move that nothing stops, and the person does not accept that.
-        InputError: if any sample or way of it is refused, or no camera can be read.
+        UsageError: if arms without a watchdog are to move, and the user does not accept that.
+        InputError: if a sample or a motion is refused, or no camera can be read.
     """
     from basecal.acquisition.rig import check_cameras, check_guarantees
 
@@ -226,37 +225,37 @@ def _checked_task(
     web: bool,
     port: int,
 ) -> Task | None:
-    """The task, if options go together.
+    """Check the combination of options and return the task; None if there is none.
 
     Raises:
-        UsageError: if they do not.
+        UsageError: if options exclude each other.
     """
     task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
     if task is not None and (freedrive or pattern not in PATTERNS):
-        raise UsageError("a task says where arms are sent: leave --freedrive out, and files of --pattern")
+        raise UsageError("a task determines where arms move: leave --freedrive out, and files of --pattern")
     if plan is not None and pattern != "poses":
-        raise UsageError("--plan and --pattern both say where to go: give one of them")
+        raise UsageError("--plan and --pattern both determine the samples: give only one of them")
     if dry_run and (go or freedrive):
         raise UsageError("--dry-run moves nothing: leave --go and --freedrive out")
     if freedrive and go:
         raise UsageError("--freedrive moves no arm: leave --go out")
     if port and not web:
-        raise UsageError("--port says where the page of --web is served: give --web, or leave it out")
+        raise UsageError("--port is the port of the page of --web: give --web, or leave --port out")
     return task
 
 
 def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float) -> Iterator[Step]:
-    """Results of each sample of a pattern, while a cell is captured."""
+    """Capture a pattern in a cell and yield the result of each sample."""
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.rig import open_rig
     from basecal.cell.files import read_cell
     from basecal.planning.plan_check import SpeedLimits
     from basecal.planning.sketch import sketch_cell
 
-    sketch = sketch_cell(read_cell(folder))  # not of an earlier run: the same places each time
+    sketch = sketch_cell(read_cell(folder))  # not of an earlier run, so that samples are the same each time
     with open_rig(sketch.cell, folder) as rig:
         plan = _store_plan(folder, sketch, *capture_plan(rig, sketch, folder, pattern, samples, seed=0))
-        limits = SpeedLimits(radians(speed_deg_s), inf)  # a simulated arm hurts nobody
+        limits = SpeedLimits(radians(speed_deg_s), inf)  # simulated arms need no limit of the tool's speed
         yield from captured(_taker(rig, sketch, folder, limits, None), plan)
 
 
@@ -268,7 +267,7 @@ def _take_samples(
     view: CaptureView,
     stops: bool = False,
 ) -> list[Step]:
-    """Results of each sample of a plan, or of those that a person leads the arms to; called when it is done."""
+    """Take the samples of a plan, or at poses to which a person guides the arms, and return their results."""
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.capture import capture_led
 
@@ -292,7 +291,7 @@ def _store_plan(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bo
 def _taker(
     rig: Rig, sketch: Sketch, folder: Path, limits: SpeedLimits, view: CaptureView | None, waits_for_check: bool = False
 ) -> Taker:
-    """A taker of samples; without a view nothing is reported."""
+    """A taker of samples; nothing is reported if `view` is None."""
     from basecal.acquisition.images.scene_images import SceneImages
     from basecal.acquisition.taking import CaptureSettings, Taker
     from basecal.planning.sketch import SceneSketch
@@ -313,7 +312,7 @@ def _finish_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:
 
 
 def _abandoned_steps(steps: Sequence[Step]) -> list[Step]:
-    """Steps of samples that were not taken, and not at a later attempt either."""
+    """Steps of samples that were not taken at any attempt."""
     taken = {step.sample for step in steps if not step.why_not}
     return [step for step in steps if step.sample not in taken]
 
@@ -323,7 +322,7 @@ def _lasting_doubts(steps: Sequence[Step]) -> list[str]:
 
 
 def _outcome(steps: Sequence[Step], replanner: Replanner | None, command: str) -> End:
-    """The verdict of a capture, why, and what to type next."""
+    """The verdict of a capture, its reason, and the next command."""
     from basecal.acquisition.watching import End
 
     doubts, missing = _lasting_doubts(steps), _abandoned_steps(steps)

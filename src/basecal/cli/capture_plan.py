@@ -1,4 +1,4 @@
-"""The plan of a capture: made or read, checked as a whole, and shown, before anything moves."""
+"""The plan of a capture: generated or read, checked as a whole, and printed, before anything moves."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from basecal.planning.sketch import Sketch
 
 _CELL = "cell.yaml"
-SAMPLES = 25  # where nobody says how many
-_SHOWN_SAMPLES = 20  # refusals, each a line
+SAMPLES = 25  # default number
+_SHOWN_SAMPLES = 20  # printed refusals, one per line
 
 
 def known_sketch(folder: Path, is_led: bool = False) -> Sketch:
-    """The sketch of a cell as its latest run has it, if nothing speaks against that run; else as the cell is stated.
+    """The sketch of a cell from its latest run if that can be trusted, otherwise from its statement.
 
     Args:
-        folder: The cell's.
-        is_led: Whether a person leads the arms, so that the scene alone may be seen.
+        folder: The cell's folder.
+        is_led: Whether a person guides the arms, so that a target need not be visible in a cell with a scene.
     """
     from basecal.cell.files import read_cell
     from basecal.planning.prospects import calibrated_sketch
@@ -43,7 +43,7 @@ def known_sketch(folder: Path, is_led: bool = False) -> Sketch:
 
 
 def _trusted_calibration(folder: Path, cell: Cell) -> Calibration | None:
-    """The latest run if arms may be sent by it: of this `cell.yaml`, good, and not found to have moved since."""
+    """The latest run if arms may move by it; None if it is outdated, not good, or verification found a change."""
     from basecal.cell.files import input_hashes, latest_run, read_calibration, read_verifications
 
     run = latest_run(folder)
@@ -94,10 +94,10 @@ def capture_plan(
 
 
 def _finished_count(folder: Path, sketch: Sketch, count: int, is_continued: bool) -> int:
-    """How many samples a finished capture has recorded; 0 if there is none. Other places need another seed.
+    """Number of recorded samples of a finished capture, 0 if there is none, which changes the seed of further ones.
 
     Raises:
-        UsageError: if the plan is finished, and nobody asks for more samples.
+        UsageError: if the plan is finished and no further samples are requested.
     """
     from basecal.acquisition.capture import finished_count
 
@@ -113,14 +113,14 @@ def _finished_count(folder: Path, sketch: Sketch, count: int, is_continued: bool
 def checked_plan(
     rig: Rig, sketch: Sketch, plan: Sequence[Sample], limits: SpeedLimits, asks_controllers: bool
 ) -> PlanCheck:
-    """Every sample and way of a plan, checked; robots that nobody sends are left out.
+    """Check every sample and motion of a plan; robots that the program does not move are left out.
 
     Args:
         rig: The robots.
         sketch: The cell.
-        plan: Where they are to go.
-        limits: How fast.
-        asks_controllers: Whether controllers are asked, too: some run a program for that.
+        plan: The samples with the robots' goals.
+        limits: Speed limits.
+        asks_controllers: Whether to ask the controllers as well, some of which run a program for that.
     """
     from basecal.acquisition.rig import goal_checks, movers
     from basecal.planning.plan_check import check_plan
@@ -131,10 +131,10 @@ def checked_plan(
 
 
 def refuse(plan_check: PlanCheck, samples: int) -> None:
-    """Print why a plan is not gone to.
+    """Print why samples of a plan are refused.
 
     Raises:
-        InputError: if it is not.
+        InputError: if any sample is refused.
     """
     for refusal in plan_check.refusals[:_SHOWN_SAMPLES]:
         say(str(refusal), sys.stderr)
@@ -152,7 +152,7 @@ def say_plan(
     go: bool,
     replanner: Replanner | None,
 ) -> None:
-    """Print what a capture would do, or is about to do."""
+    """Print what a capture will do, or would do with --go."""
     from basecal.acquisition.rig import movers
     from basecal.planning.clearance import robot_capsules
 
@@ -162,7 +162,7 @@ def say_plan(
     moving = list(movers(rig))
     led = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
     camera, target = sketch.view
-    begun = "" if is_new else "goes on with what was begun: "
+    begun = "" if is_new else "continues the interrupted plan: "
     say(
         f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move{_speeds(plan_check)}, "
         f"with {target} in view of {camera} at every stop; {_ways(plan_check)}"
@@ -173,7 +173,7 @@ def say_plan(
     if replanner is not None:
         say(replanner.words())
     if led:
-        say(f"{' and '.join(led)} will be led by hand: wherever all stand still anew, a sample is taken")
+        say(f"{' and '.join(led)} will be guided by hand: a sample is taken when all are at rest at a new pose")
     if not go and not rig.cameras:
         say("nothing has moved: no camera has a `driver`. Add it to cell.yaml before --go")
     elif not go:
@@ -188,15 +188,15 @@ def _speeds(plan_check: PlanCheck) -> str:
 
 
 def _ways(plan_check: PlanCheck) -> str:
-    """How near robots come to one another and to boxes, in words."""
+    """Text with the least clearances between robots and of robots from boxes."""
     gaps = sorted((gap for way in plan_check.ways for gap in way.gaps), key=lambda gap: -gap.gap_m)
     least = {(gap.robot, gap.other): f"{1e3 * gap.gap_m:.0f} mm between {gap.robot} and {gap.other}" for gap in gaps}
     known = ", ".join(least.values())
-    return f"least clearance on the ways: {known}; nothing else is checked" if known else "the ways are not checked"
+    return f"least clearance of motions: {known}; nothing else is checked" if known else "the motions are not checked"
 
 
 def say_ways(plan_check: PlanCheck) -> None:
-    """Print how each robot would go to each sample, how near it comes to others, and what is refused."""
+    """Print each robot's motion to each sample with its speeds and clearances, and which samples are refused."""
     why = {refusal.sample for refusal in plan_check.refusals}
     say("sample  robot       joint deg/s  tool mm/s  clearance mm")
     for way in plan_check.ways:

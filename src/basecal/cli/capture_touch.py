@@ -1,4 +1,4 @@
-"""`basecal capture --touch`: a person leads tips to marks."""
+"""`basecal capture --touch`: a person guides tips to marks."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from basecal.errors import UsageError
 
 
 def capture_touches(cell: Path, connecting: Connecting, json: bool, has_others: bool = False) -> int:
-    """Note touches until the person ends; the exit code.
+    """Record touches until the person ends, and return the exit code.
 
     Raises:
-        UsageError: if `has_others`, options that say how samples are taken otherwise.
+        UsageError: if `has_others`, options for other ways to take samples.
     """
     from basecal.acquisition.led_touches import take_touches
     from basecal.cell.files import read_cell
 
     if has_others:
-        raise UsageError("--touch takes touches alone: leave --go, --dry-run, --freedrive and --web out")
+        raise UsageError("--touch only records touches: leave --go, --dry-run, --freedrive and --web out")
     described, taken = read_cell(cell), list[int]()
     with allowed_rig(described, cell, connecting) as rig:
         for sample in take_touches(rig, described, cell, sys.stdin.readline, lambda words: say(words, sys.stderr)):

@@ -1,4 +1,4 @@
-"""Views of a running capture: lines, or a view if somebody watches a terminal; a page if requested."""
+"""Views of a running capture: lines of text, a live view on a terminal, and a page if requested."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from basecal.acquisition.watching import Watch
     from basecal.cell import Cell
 
-_A_SECOND = 4  # how often the view is drawn
+_A_SECOND = 4  # updates of the live view
 
 
 @dataclass(frozen=True, eq=False)
 class CaptureView:
-    """Reports of a capture, and the answers of a person.
+    """Output of a capture, and key presses of the user.
 
     Attributes:
-        watch: What is shown.
-        key: The key that was pressed since it was last asked.
-        has_lines: Whether each sample is a line: where nobody watches a view of it.
+        watch: The state to show.
+        key: Function that returns the key pressed since the last call.
+        has_lines: Whether each sample is printed as a line, if there is no live view.
     """
 
     watch: Watch
@@ -36,13 +36,13 @@ class CaptureView:
     has_lines: bool
 
     def report(self, words: str) -> None:
-        """Report what a person should know."""
+        """Report a message to the user."""
         self.watch.report(words)
         if self.has_lines:
             say(words)
 
     def note(self, step: Step, place: int) -> None:
-        """Report what has become of a sample."""
+        """Report the result of a sample."""
         self.watch.note(step)
         if self.has_lines:
             say_step(step, place)
@@ -53,16 +53,16 @@ def capture_view(rig: Rig, cell: Cell, folder: Path, web: bool, port: int, quiet
     """A context that shows a capture.
 
     Args:
-        rig: The robots and cameras; where one of them asks on the terminal, that is left to it.
-        cell: What is captured.
-        folder: Where it is recorded.
-        web: Whether as a page.
-        port: Where that is served; 0 takes a free one.
-        quiet: Whether standard output belongs to a program.
+        rig: The robots and cameras; if one of them asks on the terminal, there is no live view.
+        cell: The cell that is captured.
+        folder: The cell's folder.
+        web: Whether to serve a page.
+        port: Port of the page; 0 selects a free one.
+        quiet: Whether standard output is reserved for JSON.
 
     Raises:
-        InputError: if the port is taken.
-        KeyboardInterrupt: if the person interrupts; it says what is kept.
+        InputError: if the port is in use.
+        KeyboardInterrupt: if the user interrupts; the message says what is kept.
     """
     from basecal.acquisition.watching import End, Watch
 
@@ -100,14 +100,14 @@ def capture_view(rig: Rig, cell: Cell, folder: Path, web: bool, port: int, quiet
 
 
 def _kept_words(folder: Path) -> str:
-    """How many samples the recording has, whose lines are written once each is whole."""
+    """Text with the number of samples in the recording; each line is written when its sample is complete."""
     path = folder / "recording" / "samples.jsonl"
     count = len(path.read_bytes().splitlines()) if path.is_file() else 0
     return "1 sample is kept" if count == 1 else f"{count} samples are kept"
 
 
 def say_step(step: Step, place: int) -> None:
-    """Print what has become of a sample."""
+    """Print the result of a sample."""
     from basecal.reporting.statement.verdict import error_text
 
     sigma = "" if step.sigma is None else f"; base known to {error_text(*step.sigma)} (1 sigma, 3-D norm)"
@@ -120,7 +120,7 @@ def say_step(step: Step, place: int) -> None:
 
 @contextmanager
 def pressed_keys() -> Iterator[Callable[[], str]]:
-    """A reader of the key that was pressed since the last call; always empty if no person is at a terminal."""
+    """A context with a function that returns the key pressed since the last call; empty without a terminal."""
     stream = sys.stdin
     if stream is None or not stream.isatty() or sys.platform == "win32":
         yield lambda: ""

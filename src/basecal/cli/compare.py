@@ -13,13 +13,12 @@ from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
 def compare(*runs: Path, json: bool = False) -> int:
     """Report whether two runs or more agree, and what differs between them.
 
-    Every run is compared with the first: how far apart its transforms are, in mm
-    and in sigmas. Input files and settings that have changed are listed. A cell's
-    folder represents its latest run. Errors of two runs count as independent;
-    those of the same samples differ by less.
+    Every run is compared with the first: differences of transforms are printed in
+    mm and in sigmas. Changed input files and settings are listed. A cell's folder
+    represents its latest run. Errors of two runs are assumed independent; runs of
+    the same samples differ by less.
 
-    Ends with 0 if all agree within what their covariances explain, else
-    with 1.
+    Exit code: 0 if all agree within their covariances, else 1.
 
     For example:
 
@@ -28,14 +27,14 @@ def compare(*runs: Path, json: bool = False) -> int:
 
     Args:
         runs: Folders of runs or of cells, two or more.
-        json: Print one JSON object instead of words.
+        json: Print one JSON object instead of text.
     """
     from basecal.accuracy.compare import compare as compared
     from basecal.cell.files import read_calibration
     from basecal.reporting.drift_text import comparison_dict, comparison_text
 
     if len(runs) < 2:
-        raise CycloptsError(msg="say two runs or more: basecal compare RUN RUN")
+        raise CycloptsError(msg="give two or more runs: basecal compare RUN RUN")
     names = [str(run) for run in runs]
     first, *others = [read_calibration(find_run(run)) for run in runs]
     found = [compared(first, other) for other in others]

@@ -1,4 +1,4 @@
-"""`basecal completion`: completions of shells, and the manual page, from the same source as `--help`."""
+"""`basecal completion`: completion scripts of shells, and the manual page, from the same source as `--help`."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Literal
 
 from basecal.cli.terminal import say
 
-_WIDE = 10_000  # characters of a line: what wraps it is `man`
+_WIDE = 10_000  # characters of a line, which `man` wraps
 _HEADING = re.compile(r"(Usage|Arguments|Parameters|Commands):( .*)?$")
 _ENTRY = re.compile(r"  (\S.*?): (.*)")
 _BUILT_IN = ("--help", "-h", "--version")
 
 
 def manual() -> str:
-    """The page in the language of `man`, a section for each verb."""
+    """The manual page in roff, with a section for each verb."""
     from basecal.cli import build_app
 
     lines = [
@@ -34,7 +34,7 @@ def manual() -> str:
 
 
 def _help_text(words: Sequence[str]) -> str:
-    """The text of `--help`, each paragraph and each option on a line."""
+    """The text of `--help`, with each paragraph and each option on one line."""
     from rich.console import Console
 
     from basecal.cli import build_app
@@ -46,7 +46,7 @@ def _help_text(words: Sequence[str]) -> str:
 
 
 def _body(text: str) -> Iterator[str]:
-    """Lines of help as requests of `man`: headings, options with what they do, examples as they are typed."""
+    """Lines of help as roff requests: headings, options with their help, and examples without wrapping."""
     is_list = False
     for line in text.splitlines():
         heading, entry = _HEADING.match(line), _ENTRY.match(line)
@@ -70,9 +70,9 @@ def _escape(text: str) -> str:
 
 
 def completion(kind: Literal["bash", "zsh", "fish", "man"], /) -> int:
-    """Print what makes a shell complete verbs and options, or the manual page.
+    """Print the completion script of a shell, or the manual page.
 
-    Both are made from the same source as `--help`, and know every verb and
+    Both are generated from the same source as `--help`, with every verb and
     option of this version. A wheel of `make dist` installs them.
 
     For example:
@@ -83,14 +83,14 @@ def completion(kind: Literal["bash", "zsh", "fish", "man"], /) -> int:
         basecal completion man > ~/.local/share/man/man1/basecal.1
 
     Args:
-        kind: For which shell, or man.
+        kind: The shell, or man for the manual page.
     """
     say(script(kind))
     return 0
 
 
 def script(kind: Literal["bash", "zsh", "fish", "man"]) -> str:
-    """The completion of a shell, or the manual page."""
+    """The completion script of a shell, or the manual page."""
     from basecal.cli import build_app
     from basecal.cli.completion import manual
 

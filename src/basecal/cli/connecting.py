@@ -1,4 +1,4 @@
-"""Connections that a command is about to make: stated, and asked once for each cell and place."""
+"""Connections of a command: printed, and confirmed once for each cell and address."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Connecting:
-    """Places that a cell may reach outside its folder.
+    """Permissions for connections of a cell.
 
     Attributes:
-        yes: Connect to what the cell names without a question.
-        allow_plaintext: Send passwords also to servers that take them without encryption only.
+        yes: Connect to the addresses in the cell without a question.
+        allow_plaintext: Also send passwords to servers that accept them only without encryption.
     """
 
     yes: bool = False
@@ -36,17 +36,17 @@ class Connecting:
 
 
 ASKING = Connecting()
-"""What holds if nothing is said on the command line."""
+"""Default permissions of the command line."""
 
 
 @contextmanager
 def allowed_rig(cell: Cell, folder: Path, connecting: Connecting) -> Iterator[Rig]:
-    """The rig of a cell, after it was requested; see `open_rig`. No other process opens it meanwhile.
+    """The rig of a cell, opened after confirmation, see `open_rig`, and locked against other processes.
 
     Raises:
         InputError: if another process captures the cell.
         DatasetError: if a driver is not known, or an option is wrong.
-        UsageError: if nobody allows what it reaches, or a password is missing.
+        UsageError: if the connections are not allowed, or a password is missing.
     """
     from basecal.acquisition.rig import open_rig
     from basecal.cell.format.locking import locked_folder
@@ -57,11 +57,11 @@ def allowed_rig(cell: Cell, folder: Path, connecting: Connecting) -> Iterator[Ri
 
 
 def allow_drivers(cell: Cell, folder: Path, connecting: Connecting, name: str | None = None) -> None:
-    """Ask for what the drivers of a cell, or that of one robot or camera, reach, and for the passwords they need.
+    """Ask for permission for the connections of a cell's drivers, or of one driver, and for their passwords.
 
     Raises:
         DatasetError: if a driver is not known, or an option is wrong.
-        UsageError: if nobody allows it, or a password is missing.
+        UsageError: if a connection is not allowed, or a password is missing.
     """
     from basecal.acquisition.reaching import missing_secrets, reachable_places
     from basecal.acquisition.rig import openers
@@ -75,7 +75,7 @@ def allow_drivers(cell: Cell, folder: Path, connecting: Connecting, name: str | 
 
 
 def allow_places(folder: Path, places: Sequence[str], yes: bool) -> None:
-    """Say what is connected to, and ask if the user did not allow it before.
+    """Print new connections, and ask for permission unless the user allowed them before.
 
     Raises:
         UsageError: if the user refuses, or cannot be asked.

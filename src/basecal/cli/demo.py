@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 _MARK = ".made-by-basecal-demo"
 _BASE = "eye_base_from_hand_base"
-_SAMPLES = {"poses": 25, "shifts": 35}  # by pattern; of shifts five stations of seven
-_SPEED_DEG_S = 120.0  # as fast as simulated arms go without a person near them
+_SAMPLES = {"poses": 25, "shifts": 35}  # by pattern; shifts are five stations of seven
+_SPEED_DEG_S = 120.0  # speed of simulated arms, without a person near them
 _FILES = ("cell.yaml", "truth.yaml", *(f"recording/{name}.jsonl" for name in ("samples", "plan", "given_up")))
 _FOLDERS = ("recording/images", "derived", "runs")
-_LIMIT = 16.8  # of chi-square with six degrees of freedom: passed once in 100
+_LIMIT = 16.8  # 99 % limit of chi-square with six degrees of freedom
 _UNIT = {"t": (1e3, "mm"), "r": (57.29577951308232, "deg")}
 
 
@@ -36,12 +36,11 @@ def demo(
 ) -> int:
     """Run two simulated arms, capture, calibrate, and compare with the truth.
 
-    Two UR5e, a camera and a board run as a process of their own. The arms are
-    sent to 25 places, images are taken when all is still, and the board is found
-    in them. Mounts and base are unknown. With --led it is the paper's sequence:
-    from stations an LED is shifted along its axes before a still camera, seen on
-    and off. Its closed form and maximum likelihood are both compared with the
-    truth.
+    Two UR5e, a camera and a board run as a separate process. The arms move to 25
+    poses, images are taken at rest, and the board is detected. Mounts and base
+    are unknown. With --led the demo follows the paper. At several stations an LED
+    is shifted along its axes in front of a fixed camera, with images on and off.
+    The closed form and maximum likelihood are both compared with the truth.
 
     For example:
 
@@ -50,8 +49,8 @@ def demo(
         basecal demo elsewhere --json
 
     Args:
-        folder: Where to write the cell; one that an earlier demo made is written anew.
-        led: Shift an LED as the paper does, instead of looking at a board.
+        folder: Folder of the new cell; the cell of an earlier demo is overwritten.
+        led: Shift an LED as in the paper, instead of moving a board.
         opens_page: Show the page in a browser.
         json: Print calibration and true error as JSON.
     """
@@ -93,11 +92,11 @@ def _capture(folder: Path, pattern: str, quiet: bool) -> None:
 
 
 def _prepare(folder: Path) -> None:
-    """Make the folder, or clear what an earlier demo wrote there; anything else is left alone.
+    """Make the folder, or delete the files of an earlier demo in it; other files are kept.
 
     Raises:
-        DatasetError: if the folder leads outside by a link.
-        InputError: if it holds a cell that no demo made.
+        DatasetError: if a link leads out of the folder.
+        InputError: if the folder has a cell that is not from a demo.
     """
     from basecal.cell.format.paths import own_file
 
@@ -112,10 +111,10 @@ def _prepare(folder: Path) -> None:
 
 
 def true_error(estimate: PoseEstimate, truth: SE3) -> dict[str, Any]:
-    """How far an estimate is from the truth, in its own axes and in its own sigmas.
+    """Error of an estimate in its own axes, and its chi-square.
 
-    `squared_sigmas` is the error's squared length in sigmas over all six directions: 6 on average where the
-    covariance is right.
+    `squared_sigmas` is the squared Mahalanobis length of the error over all six degrees of freedom: 6 on average if the
+    covariance is correct.
     """
     import numpy as np
 

@@ -19,11 +19,11 @@ Pair = tuple[str, str]  # a camera and a target
 def detect(cell: Path, /, *, json: bool = False) -> int:
     """Find the targets in the images of a recording.
 
-    What is found is kept in CELL/derived and taken by `basecal calibrate`,
-    which detects if needed. Images without a target and
-    images that cannot be used are listed.
+    Detections are cached in CELL/derived and used by `basecal calibrate`, which
+    detects targets if needed. Images without a target and images that cannot be
+    used are listed.
 
-    Ends with 0 if every image was searched and shows what it should, else with 1.
+    Exit code: 0 if there are no findings and every camera has a lens, else 1.
 
     For example:
 
@@ -32,7 +32,7 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
 
     Args:
         cell: Folder of the cell.
-        json: Print what was found as JSON, pixels and their sigmas among it.
+        json: Print the detections as JSON, with pixels and their sigmas.
     """
     from basecal.cell.files import finding_to_dict, read_cell, sample_to_dict
 
@@ -49,7 +49,7 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
 
 
 def detected_recording(folder: Path, cell: Cell) -> Recording:
-    """The recording of a cell's folder with what is detected in its images; a bar shows how far the detection is."""
+    """The recording of a cell's folder with detections in its images; a progress bar is shown."""
     from basecal.accuracy.input_screening.units import needs_search
     from basecal.cell.files import read_recording
 

@@ -28,15 +28,15 @@ def driver_check(
     connecting: Connecting = ASKING,
     json: bool = False,
 ) -> int:
-    """Measure what the driver of a robot or camera promises.
+    """Measure whether the driver of a robot or camera does what it promises.
 
     Give a cell's folder and the robot or camera, or the name of a driver and
-    its options. The arm stands still meanwhile: it measures rate, latency,
-    stamps and noise. With --go the last joint turns by 3 deg at 5 deg/s. It is
-    stopped on the way, by an order and by the silence of a watchdog's heartbeat.
-    Keep clear of the arm, with a hand on the emergency stop.
+    its options. With the arm at rest, rate, latency, stamps and noise are
+    measured. With --go the last joint rotates by 3 deg at 5 deg/s. It is stopped
+    during the motion, by a command and by loss of the watchdog's heartbeat. Keep
+    clear of the arm, with a hand on the emergency stop.
 
-    Ends with 0 if every promise that was measured holds, else with 1.
+    Exit code: 0 if every measured promise holds, else 1.
 
     For example:
 
@@ -48,11 +48,11 @@ def driver_check(
     Args:
         device: Folder of a cell, or the name of a driver.
         name: The robot or camera of the cell.
-        option: An option of the driver, as KEY=VALUE; several times for several.
-        camera: The driver named is that of a camera.
-        go: Move the arm a little and measure how it stops.
-        cut: Ask for the connection to be cut and restored, and measure the outage.
-        connecting: What the cell may reach.
+        option: An option of the driver, as KEY=VALUE; may be given several times.
+        camera: The named driver is that of a camera.
+        go: Move the arm slightly and measure how it stops.
+        cut: Ask the user to cut and restore the connection, and measure the outage.
+        connecting: Connections that the cell may make.
         json: Print the measurements as JSON.
     """
     from basecal.acquisition.driver_check.check_process import DriverCheck, check_opener, measured_promises
@@ -86,7 +86,7 @@ def _option(text: str) -> tuple[str, Any]:
 
 
 def _print(promise: Promise | str, quiet: bool) -> Promise | str:
-    """A promise, or what a person is to do, once it is printed."""
+    """Print a promise, or an instruction to the user, and return it."""
     if isinstance(promise, str):
         say(promise)
     elif not quiet:

@@ -23,7 +23,7 @@ def export(
     cell: Path,
     /,
     *,
-    to: Annotated[str | None, Parameter(help=f"For which program. {_KINDS}.")] = None,
+    to: Annotated[str | None, Parameter(help=f"The program. {_KINDS}.")] = None,
     transform: str | None = None,
     robot: str | None = None,
     camera: str | None = None,
@@ -34,15 +34,15 @@ def export(
     publish: bool = False,
     domain: Domain = None,
 ) -> int:
-    """Write what a calibration found the way another program says it.
+    """Write the results of a calibration in the format of another program.
 
-    A transform a_from_b is the pose of b in a. --transform takes any two frames
-    that do not move against each other, such as the bases of any two robots, in
-    either direction. Without it, those that the cell is calibrated for are
-    written. Without --to each robot's own lines are, for the controller that
-    wrote its poses, in the frame that they were recorded in. Numbers have the
-    digits that their sigma justifies, and two more. A calibration that is refused
-    is not exported, and a doubtful one says so.
+    A transform a_from_b is the pose of b in a. --transform accepts any two frames
+    that do not move relative to each other, such as the bases of any two robots,
+    in either direction. Without it, the requested transforms are written. Without
+    --to, each robot's result is written for the controller that wrote its poses,
+    in the frame in which they were recorded. Numbers have two digits more than
+    their sigma justifies. A refused calibration is not exported, and a doubtful
+    one is marked.
 
     For example:
 
@@ -56,16 +56,16 @@ def export(
 
     Args:
         cell: Folder of the cell.
-        to: For which program; the robots' own controllers if not given.
-        transform: Name of a transform, a_from_b of any two frames that the calibration places.
-        robot: Whose file, for kinds that are of a robot.
-        camera: Whose file, for kinds that are of a camera.
-        urdf: URDF files to build on; of several robots, in the order of cell.yaml.
-        joint: Which joint's origin is replaced, where several could be.
-        run: Name of a run in the cell's folder `runs`; the latest where not said.
-        output: File to write; printed where not said.
-        publish: With --to ros2, send it on /tf_static until Ctrl-C, to those who come later as well.
-        domain: Of DDS, with --publish; that of ROS_DOMAIN_ID, else 0, where not said.
+        to: The program; the robots' own controllers if not given.
+        transform: Name of a transform, a_from_b of any two frames that the calibration determines.
+        robot: The robot, for formats of a single robot.
+        camera: The camera, for formats of a single camera.
+        urdf: URDF files to extend; for several robots in the order of cell.yaml.
+        joint: The joint whose origin is replaced, if several are possible.
+        run: Name of a run in the cell's folder `runs`; the latest by default.
+        output: File to write; printed by default.
+        publish: With --to ros2, publish it on /tf_static until Ctrl-C, also to later subscribers.
+        domain: DDS domain, with --publish; ROS_DOMAIN_ID, else 0, by default.
     """
     from basecal.cell.files import read_calibration, read_cell, run_folder
     from basecal.exchange.exporters.controllers import controllers_text
@@ -91,13 +91,13 @@ def export(
 
 
 def _check_usage(to: str | None, options: Mapping[str, object]) -> None:
-    """Whether there is such a kind, and each option given is one of its.
+    """Check that the format exists and accepts the given options.
 
     Raises:
-        CycloptsError: if not.
+        CycloptsError: if it does not.
     """
     if to is None and any(value for option, value in options.items() if option != "transform"):
-        raise CycloptsError(msg="without --to only --transform is taken: say for which program, --to")
+        raise CycloptsError(msg="without --to only --transform is accepted: name the program with --to")
     if to is None:
         return
     if to not in EXPORTERS:
@@ -116,4 +116,4 @@ def _write(text: str, output: Path | None, cell: Path) -> None:
     else:
         write_output(output, text)
         say(f"written: {output}")
-    say_next(f"later, whether anything moved: basecal verify {quote_path(cell)} NEW.jsonl")
+    say_next(f"later, to check whether anything moved: basecal verify {quote_path(cell)} NEW.jsonl")

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
-    """Fix what the latest calibration named, in the files of the cell, and calibrate again.
+    """Fix faults that the latest calibration found in the files of the cell, and calibrate again.
 
-    Shows what would be changed and asks. Recorded poses are inverted, converted,
-    reordered or paired anew. Sizes of targets are corrected, lenses and
-    transforms freed, samples left out, and offered lines written. The
-    files as they were, and what was done, are kept in CELL/originals. Settings
-    and tolerance are those of the latest calibration. Ends as calibrate does,
-    but with 1 if no fix is known of what was found.
+    Shows the changes and asks for confirmation. Recorded poses are inverted,
+    converted, reordered or paired again. Sizes of targets are corrected, lenses
+    and transforms freed, samples left out, and suggested lines written. The
+    original files and a record of the changes are kept in CELL/originals.
+    Settings and tolerance are those of the latest calibration. Exit codes are
+    those of calibrate, but 1 if no fix is known.
 
     For example:
 
@@ -35,7 +35,7 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
     Args:
         cell: Folder of the cell.
         choose: Number of the fix, if there are several; the first if not given.
-        yes: Apply it without a question.
+        yes: Apply the fix without a question.
     """
     from basecal.accuracy.fixing.apply import apply_cure, describe_change
     from basecal.accuracy.fixing.cures import find_cures
@@ -62,13 +62,13 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
 
 
 def _say_no_cure(cell: Cell, calibration: Calibration, folder: Path) -> int:
-    """Say that nothing is to be fixed, or that it is not known how; the exit code."""
+    """Report that there is nothing to fix or that no fix is known, and return the exit code."""
     from basecal.reporting.statement.verdict import calibrate_command, headline
 
     grave = [finding for finding in calibration.findings if finding.severity != "info"]
     if grave:
         say(f"no fix is known: {grave[0].message}")
-        say_next(f"do what is said above, then {calibrate_command(cell, calibration, quote_path(folder))}")
+        say_next(f"follow the advice above, then {calibrate_command(cell, calibration, quote_path(folder))}")
         return 1
     say(f"nothing to fix: {headline(cell, calibration)}")
     say_next(next_command(cell, calibration, folder))
@@ -76,7 +76,7 @@ def _say_no_cure(cell: Cell, calibration: Calibration, folder: Path) -> int:
 
 
 def _latest_calibration(folder: Path, cell: Cell) -> Calibration:
-    """The calibration of the files as they are; if there is none it is made, as the latest one was."""
+    """The calibration of the current files; if the latest is outdated, calibrate again with its settings."""
     from basecal.cell.files import input_hashes, latest_run, read_calibration
 
     run = latest_run(folder)
@@ -88,10 +88,10 @@ def _latest_calibration(folder: Path, cell: Cell) -> Calibration:
 
 
 def _chosen_cure(cures: tuple[Cure, ...], choose: int | None) -> Cure:
-    """The one of that number, after all are listed.
+    """List all cures, and return the one with the chosen number.
 
     Raises:
-        UsageError: if there is none, or several fit equally and none is chosen.
+        UsageError: if there is no such number, or several cures fit equally and none is chosen.
     """
     for number, cure in enumerate(cures, start=1):
         say(f"{number}. {cure.words} [{cure.finding.code}]")
@@ -99,5 +99,5 @@ def _chosen_cure(cures: tuple[Cure, ...], choose: int | None) -> Cure:
         raise UsageError(f"--choose {choose}: there are fixes 1 to {len(cures)}")
     if choose is None and cures[0].is_choice:
         equal = [f"--choose {n}" for n, cure in enumerate(cures, start=1) if cure.finding is cures[0].finding]
-        raise UsageError(f"these fit the data equally: look which is true, and add {' or '.join(equal)}")
+        raise UsageError(f"these fit the data equally: check which is true, and add {' or '.join(equal)}")
     return cures[(choose or 1) - 1]

@@ -1,4 +1,4 @@
-"""`basecal import`: a verb for each importer, whose options are the parameters of the function that reads."""
+"""`basecal import`: a verb for each importer, with the parameters of its function as options."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from basecal.exchange.importers.registry import IMPORTERS
 from basecal.exchange.importing.bring_in import Brought
 from basecal.exchange.importing.imported import Imported, OneOf
 
-_HELP = """Make a cell and its recording from other programs' files, or complete what is
-there. --replace overwrites what is recorded, and keeps what was there in
-CELL/originals; without it nothing that is recorded is overwritten. A second
-recording of the same arms is added by --session.
+_HELP = """Make a cell and its recording from other programs' files, or add to existing
+ones. --replace overwrites recorded data and keeps the originals in
+CELL/originals; without it no recorded data are overwritten. --session adds a
+second recording of the same arms.
 
 For example:
 
     basecal import images mycell photos --camera wrist --on left
     basecal import poses mycell --robot left ur.csv --format ur"""
-_PROGRESS = "progress"  # the parameter that is no option
+_PROGRESS = "progress"  # a parameter that is not an option
 _REPLACE = Argument(
     "replace",
     Argument.KEYWORD_ONLY,
     default=False,
-    annotation=Annotated[bool, Parameter(help="Let it stand in for what is recorded, which CELL/originals keeps.")],
+    annotation=Annotated[bool, Parameter(help="Replace the recorded data, which are kept in CELL/originals.")],
 )
 _SESSION = Argument(
     "session",
     Argument.KEYWORD_ONLY,
     default=False,
-    annotation=Annotated[bool, Parameter(help="Its rows are samples of their own: another day, another arm still.")],
+    annotation=Annotated[bool, Parameter(help="Add the rows as new samples, as of another day or another arm.")],
 )
 _IN_WORDS = {
     "order": "in order",
@@ -52,7 +52,7 @@ _IN_WORDS = {
 
 
 def import_app() -> App:
-    """The verb with a verb for each importer."""
+    """The verb `import` with a sub-verb for each importer."""
     made = App(name="import", help=_HELP, help_format="plaintext")
     for place, (name, read) in enumerate(IMPORTERS.items()):
         made.command(import_verb(read, name), name=name, sort_key=place)
@@ -60,13 +60,13 @@ def import_app() -> App:
 
 
 def import_verb(read: Callable[..., Imported], name: str = "") -> Callable[..., int]:
-    """A command with the parameters and the docstring of an importer of that name, which brings in what it reads."""
+    """A command with the parameters and the docstring of an importer, which adds the imported data to a cell."""
     declared = signature(read, eval_str=True)
     parameters = [_option(each) for each in declared.parameters.values() if each.name != _PROGRESS]
     parameters += [_REPLACE, _SESSION]
 
     def verb(cell: Path, *sources: Path, **options: Any) -> int:
-        """Read, bring in and report."""
+        """Read, import and report."""
         manner = {each.name: options.pop(each.name, each.default) for each in (_REPLACE, _SESSION)}
         with counting("reading") as step:
             watched = {_PROGRESS: step} if _PROGRESS in declared.parameters else {}
@@ -79,7 +79,7 @@ def import_verb(read: Callable[..., Imported], name: str = "") -> Callable[..., 
 
 
 def _option(parameter: Argument) -> Argument:
-    """A parameter as the command line takes it."""
+    """Convert a parameter of an importer to an option of the command line."""
     kind: Any = parameter.annotation
     for each in getattr(kind, "__metadata__", ()):
         if isinstance(each, OneOf):
@@ -98,17 +98,17 @@ def _option(parameter: Argument) -> Argument:
 def finish_import(
     folder: Path, imports: Imported, importer: str = "", replace: bool = False, session: bool = False
 ) -> int:
-    """The exit code, after all that was read is in the cell and reported; nothing is there if that fails.
+    """Add imported data to a cell, report, and return the exit code; if that fails, the cell is unchanged.
 
     Args:
-        folder: The cell, or where one is to be made.
-        imports: What was read.
-        importer: By which importer.
-        replace: Whether it stands in for what is recorded.
-        session: Whether it makes samples of its own.
+        folder: Folder of the cell, which is made if it is missing.
+        imports: The imported data.
+        importer: Name of the importer.
+        replace: Whether the data replace recorded data.
+        session: Whether the data are new samples.
 
     Raises:
-        InputError: if it is implausible, does not fit the cell, or would overwrite what is recorded.
+        InputError: if the data are implausible, do not fit the cell, or would overwrite recorded data.
     """
     for note in imports.notes:
         say(note)
@@ -152,7 +152,7 @@ def _pairing_lines(import_result: Brought) -> list[str]:
     if pairing.unpaired_rows:
         lines.append(f"not paired, and left out: {list_names(pairing.unpaired_rows)}")
     if pairing.unpaired_samples:
-        lines.append(f"samples that nothing was imported to: {list_names([str(n) for n in pairing.unpaired_samples])}")
+        lines.append(f"samples without imported data: {list_names([str(n) for n in pairing.unpaired_samples])}")
     return lines
 
 
@@ -165,15 +165,15 @@ if TYPE_CHECKING:
 
 
 def say_conventions(folder: Path, cell: Cell, recording: Recording) -> tuple[Finding, ...]:
-    """Report whether what is recorded closes its loops as it was read, by a few of its samples.
+    """Test with a few samples whether recorded poses and views are consistent in the assumed conventions, and report.
 
     Args:
-        folder: The cell's, where detections are kept.
-        cell: As it is now.
-        recording: Likewise, whole.
+        folder: The cell's folder, which caches detections.
+        cell: The current cell.
+        recording: The whole current recording.
 
     Returns:
-        Errors: what was certainly read otherwise than it was meant.
+        Findings of severity `error`: conventions that are certainly wrong.
     """
     from basecal.accuracy.input_screening.quick_look import QuickLook, preview_samples, quick_look
 

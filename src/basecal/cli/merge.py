@@ -13,13 +13,12 @@ _FEWEST_PARTS = 2
 
 
 def merge(*cells: Path, output: Annotated[Path, Parameter(alias="-o")]) -> int:
-    """Make one cell of several that were recorded apart, such as each arm with the
-    other still.
+    """Merge cells that were recorded separately, such as each arm with the other
+    at rest.
 
-    Robots, cameras and targets of one name must be the same in all; the others
-    are added. The first cell's reference and its comments are kept, samples are
-    numbered on, images and URDFs are taken along. The cells themselves do
-    not change.
+    Robots, cameras and targets with the same name must be equal in all cells; the
+    others are added. The first cell's reference and comments are kept, samples
+    are renumbered, images and URDFs are copied. The source cells do not change.
 
     For example:
 

@@ -46,14 +46,13 @@ def new(
 ) -> int:
     """Write a working cell.yaml to fill in, and an empty recording.
 
-    One robot: a camera on its flange looks at a target on the world. Two: the
+    One robot: a camera on its flange sees a target fixed in the world. Two: the
     camera is on the first, `eye`, the target on the second, `hand`. More: each
     robot's camera sees the target of the next; the targets differ in their
-    dictionary or numbers, so that no image confuses them. With the target's
-    sizes given nothing is left to fill in before poses and images are imported.
-    With --from ros2 robots, cameras, lenses and drivers are those of a ROS 2 that
-    runs: it is listened to for three seconds. An existing cell is never
-    overwritten.
+    dictionary or numbers, so that they cannot be confused. If the target's sizes
+    are given, poses and images can be imported at once. With --from ros2, robots,
+    cameras, lenses and drivers are taken from three seconds of messages of a
+    running ROS 2 system. An existing cell is never overwritten.
 
     For example:
 
@@ -64,13 +63,13 @@ def new(
 
     Args:
         cell: Folder to make.
-        robots: How many robots; two where neither this nor names are given.
-        names: Names of the robots, the first being the reference, in whose base all is expressed.
-        target: What the cameras look at; `pose` where another program gives the target's pose.
+        robots: Number of robots; two if neither this nor names are given.
+        names: Names of the robots; the first is the reference, in whose base results are expressed.
+        target: Kind of target; `pose` if another program measures the target's pose.
         shape: Counts and sizes of the targets.
-        from_: What runs, and is looked at.
+        from_: Running system to take the cell from.
         robot: NAME=BASE,FLANGE, frames of tf and links of the URDF, or NAME=/TOPIC of PoseStamped; with --from.
-        domain: Of DDS; that of ROS_DOMAIN_ID, else 0, where not said; with --from.
+        domain: DDS domain; ROS_DOMAIN_ID, else 0, by default; with --from.
         yes: Connect without a question; with --from.
     """
     from basecal.cell.files import cell_from_dict, read_recording
@@ -78,9 +77,9 @@ def new(
     from basecal.cell.format.yaml_text import parse_yaml
 
     if names and robots not in (None, len(names)):
-        raise CycloptsError(msg=f"--robots {robots} and {len(names)} --names: leave --robots away")
+        raise CycloptsError(msg=f"--robots {robots} and {len(names)} --names differ: leave --robots out")
     if target == "pose" and shape != UNSAID:
-        raise CycloptsError(msg="--target pose is seen as poses, and has no sizes: leave them away")
+        raise CycloptsError(msg="--target pose has no sizes: leave them out")
     fields = target_fields(target, shape) if shape != UNSAID else None
     if (robot or domain is not None or yes) if from_ is None else (names or robots is not None):
         raise CycloptsError(msg="--robot, --domain and --yes go with --from ros2, --robots and --names without it")
@@ -114,10 +113,10 @@ def _warn_of_equal_targets(cell: Cell) -> None:
 
 
 def start_cell(folder: Path, text: str, urdfs: Mapping[str, str] = _NO_URDFS) -> None:
-    """Write a `cell.yaml`, and URDFs by their names, into a folder, which is made.
+    """Write a `cell.yaml`, and URDFs by file name, into a folder, which is made if it is missing.
 
     Raises:
-        InputError: if there is one already.
+        InputError: if one of the files exists.
     """
     from basecal.cell.format.writing import write_new
 

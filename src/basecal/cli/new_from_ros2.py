@@ -1,4 +1,4 @@
-"""A new cell made of what a running ROS 2 says: `basecal new CELL --from ros2`."""
+"""A new cell from the messages of a running ROS 2 system: `basecal new CELL --from ros2`."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from basecal.exchange.bags.sources import Taken
 
 LISTEN_S = 3.0
-"""How long is listened: the slowest that is of use comes once a second, and discovery takes one."""
+"""Time to listen: the slowest useful messages are sent once a second, and discovery takes a second."""
 
 
 @dataclass(frozen=True)
 class NewCell:
-    """The text of a `cell.yaml`, the cell that it describes, and URDFs by the names of their files."""
+    """The text of a `cell.yaml`, the cell that it describes, and URDFs by file name."""
 
     text: str
     cell: Cell
@@ -40,17 +40,17 @@ def ros2_cell(
     """A cell with drivers and lenses.
 
     Args:
-        cell: Its folder.
+        cell: Folder of the cell.
         yes: Whether to listen without a question.
-        domain: Of DDS; None for that of the environment.
-        robots: `BASE,FLANGE` or a topic, by robot; by the usual names where empty.
-        fields: Of the target; None for those of an example.
-        target: Its kind.
+        domain: DDS domain; None for that of the environment.
+        robots: `BASE,FLANGE` or a topic for each robot; if empty, the usual names are searched.
+        fields: Fields of the target; None for those of an example.
+        target: Kind of the target.
 
     Raises:
-        DriverError: if nobody sends anything.
-        InputError: if no robot is found in it.
-        UsageError: if nobody allows it to listen.
+        DriverError: if no messages are received.
+        InputError: if the messages contain no robot.
+        UsageError: if listening is not allowed.
     """
     from basecal.acquisition.ros2.dds import choose_domain, domain_words
     from basecal.acquisition.ros2.listening import listen_to_topics, survey_live_topics
@@ -100,7 +100,7 @@ def _add_drivers(data: dict[str, Any], selection: Taken, domain: int | None) -> 
 
 
 def _add_target(data: dict[str, Any], fields: Mapping[str, Any] | None, kind: str) -> None:
-    """A target on the next arm, or where there is none on what the camera is not on."""
+    """Add a target on a robot that does not carry the camera, or fixed in the world if there is none."""
     from basecal.cell.format.yaml_text import parse_yaml
     from basecal.cell.targets.registry import TARGETS
 
@@ -114,6 +114,6 @@ def _add_target(data: dict[str, Any], fields: Mapping[str, Any] | None, kind: st
 
 
 def _size(bag: Any, topic: str) -> tuple[int, int] | None:
-    """Width and height of a topic's image; None if it is compressed, and its camera_info says it."""
+    """Width and height of a topic's image; None if it is compressed, when the camera_info contains them."""
     first = next(iter(bag.read([topic]))).data
     return (int(first.width), int(first.height)) if hasattr(first, "width") else None

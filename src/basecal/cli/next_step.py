@@ -1,4 +1,4 @@
-"""The command that brings in the next missing part of a cell, before it can be calibrated."""
+"""The next command for a cell: import of missing parts before a calibration, and steps after it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from basecal.errors import list_names
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Recording
 
-_BY_JOINTS = ("joints", "lerobot")  # importers of robots that are recorded by joints
+_BY_JOINTS = ("joints", "lerobot")  # importers of recorded joints
 
 
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
-    """The command to type after a calibration of a cell's folder."""
+    """The next command after a calibration of a cell's folder."""
     from basecal.accuracy.fixing.offers import is_fixable
     from basecal.reporting.statement.verdict import calibrate_command, missed_step, verdict_word
 
@@ -26,11 +26,11 @@ def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
     fix = f"basecal fix {place}, or " if any(is_fixable(cell, each) for each in calibration.findings) else ""
     if word == "FAIL":
         return f"{fix}{missed_step(cell, calibration, place)}"
-    return f"{fix}do what is said above, then {calibrate_command(cell, calibration, place)}"
+    return f"{fix}follow the advice above, then {calibrate_command(cell, calibration, place)}"
 
 
 def capture_command(cell: Cell, folder: Path) -> str:
-    """The command that records samples; a scene's by hand."""
+    """The command that records samples; with --freedrive for a scene."""
     return f"basecal capture {quote_path(folder)}{' --freedrive' if cell.sees_scene or not cell.targets else ''}"
 
 
@@ -41,23 +41,23 @@ def has_drivers(cell: Cell) -> bool:
 
 
 def name_cell(calibration: Calibration, folder: Path) -> Calibration:
-    """The calibration whose findings name the cell's folder in commands."""
+    """The calibration with the cell's folder filled into the commands of its findings."""
     return replace(calibration, findings=tuple(name_folder(each, folder) for each in calibration.findings))
 
 
 def name_folder(finding: Finding, folder: Path) -> Finding:
-    """The finding with the cell's folder in its commands."""
+    """The finding with the cell's folder filled into its commands."""
     return replace(finding, do=tuple(each.replace(" CELL", f" {quote_path(folder)}") for each in finding.do))
 
 
 def cameras_without_lens(cell: Cell, recording: Recording) -> list[str]:
-    """Cameras whose images are not searched, as nothing is said of their lens."""
+    """Cameras whose images are not searched because no lens is stated."""
     lensless = [name for name, camera in cell.cameras.items() if camera.intrinsics is None]
     return [name for name in lensless if any(name in sample.images for sample in recording.samples)]
 
 
 def _missing_robot(cell: Cell, recording: Recording) -> tuple[str, list[int]] | None:
-    """The first robot that carries what other robots' samples show and is not in them, and their numbers."""
+    """The first robot that carries an observed camera or target but has no state, with the numbers of the samples."""
     things: dict[str, CellCamera | CellTarget] = {**cell.cameras, **cell.targets}
     missing: dict[str, list[int]] = {}
     for sample in recording.samples if len(cell.robots) > 1 else ():
@@ -69,14 +69,14 @@ def _missing_robot(cell: Cell, recording: Recording) -> tuple[str, list[int]] | 
 
 
 def _states_command(cell: Cell, place: str, robot: str, importer: str, still: bool = False) -> str:
-    """The command that imports where a robot was: by the importer of another one, or as `cell.yaml` describes it.
+    """The command that imports a robot's states, by the importer of the last import or from the robot's description.
 
     Args:
-        cell: What is there.
-        place: Its folder, as a shell takes it.
-        robot: Which robot.
-        importer: Name of the importer of what was imported last.
-        still: Whether the robot stood still.
+        cell: The cell.
+        place: The cell's folder, quoted for a shell.
+        robot: Name of the robot.
+        importer: Name of the importer of the last import.
+        still: Whether the robot was at rest.
     """
     kind = importer if importer in _BY_JOINTS else "poses" if cell.robots[robot].urdf is None else "joints"
     model = "" if cell.robots[robot].urdf else " --urdf URDF --base-link LINK --flange-link LINK"
@@ -87,14 +87,14 @@ def _states_command(cell: Cell, place: str, robot: str, importer: str, still: bo
 
 
 def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = False, importer: str = "") -> str | None:
-    """The first of what is missing, and what to do; None if nothing is, so that it can be calibrated.
+    """Describe the first missing part of a cell and how to add it; None if the cell can be calibrated.
 
     Args:
-        cell: What is there.
-        recording: Likewise.
-        folder: The cell's.
-        by_scene: Whether it is calibrated from the static scene, which needs no target.
-        importer: Name of the importer of what was imported last.
+        cell: The cell.
+        recording: The recording.
+        folder: The cell's folder.
+        by_scene: Whether to calibrate from the static scene, which needs no target.
+        importer: Name of the importer of the last import.
     """
     from basecal.exchange.images import ENDINGS
 
@@ -110,7 +110,7 @@ def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = F
     if missing := _missing_robot(cell, recording):
         robot, numbers = missing
         still = _states_command(cell, place, robot, importer, still=True)
-        return f"next, where {robot} stood in sample {numbers[0]} to {numbers[-1]}: {still}"
+        return f"next, the states of {robot} in samples {numbers[0]} to {numbers[-1]}: {still}"
     if not seen:
         camera = next(iter(cell.cameras))
         dropped = folder / "recording" / "images" / camera
@@ -121,7 +121,7 @@ def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = F
         return f"next, the lens of {list_names(unread)}: add `intrinsics: {{status: free}}` to it in cell.yaml"
     if not (cell.targets or cell.sees_scene or by_scene):
         scene = f"basecal calibrate {place} --scene"
-        return f"next, say in cell.yaml which target the images show (`targets:`, docs/data_format.md), or: {scene}"
+        return f"next, state in cell.yaml which target the images show (`targets:`, docs/data_format.md), or: {scene}"
     carriers = {each.on for each in cell.cameras.values()} | {each.on for each in cell.targets.values()}
     if idle := [name for name in cell.robots if name not in carriers]:
         return f"next, what {list_names(idle)} carries: import its images, or correct `on:` in cell.yaml"

@@ -1,4 +1,4 @@
-"""Types of options that several verbs take."""
+"""Types of options of several verbs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Box = tuple[float, float, float, float, float, float]
 
 
 def number_range(low: float, high: float) -> Parameter:
-    """A number between two others, these included."""
+    """A validator of numbers from `low` to `high`, inclusive."""
     return Parameter(validator=validators.Number(gte=low, lte=high))
 
 
@@ -27,7 +27,7 @@ Names = Annotated[tuple[str, ...], Parameter(consume_multiple=True)]
 
 
 def task_points(point: Point | None, box: Box | None) -> list[Point]:
-    """The point, or the corners and the middle of the box.
+    """The task point, or the corners and the middle of the task box.
 
     Raises:
         UsageError: if neither is given, or both.
@@ -41,5 +41,5 @@ def task_points(point: Point | None, box: Box | None) -> list[Point]:
     from basecal.estimation.settings import Settings
 
     points = box_points(box)
-    Settings(task_point=points[0], task_box=box)  # refuses a box of no volume
+    Settings(task_point=points[0], task_box=box)  # refuses a box without volume
     return points

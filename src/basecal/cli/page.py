@@ -21,19 +21,19 @@ if TYPE_CHECKING:
     from basecal.cell.fingerprint import Fingerprint
 
 FILE = "report.html"
-_STAMP, _STAMP_LENGTH = "%Y%m%dT%H%M%SZ", 16  # of the names of runs, to which a number may be added
+_STAMP, _STAMP_LENGTH = "%Y%m%dT%H%M%SZ", 16  # of the names of runs, which may have a number appended
 
 
 @dataclass(frozen=True, eq=False)
 class StoredRun:
-    """A run with the recording it was made from, as far as that is still there.
+    """A run with its current recording.
 
     Attributes:
-        run: Its folder.
-        recording: As it is now; empty if it can no longer be read.
-        shown: Cell and recording, with the points of the scene as a target if the run kept any.
-        details: Of the fit; nothing if the inputs have changed since.
-        changed: The inputs that have.
+        run: Folder of the run.
+        recording: The current recording; empty if it can no longer be read.
+        shown: Cell and recording, with the points of the scene as a target if the run stored any.
+        details: Details of the fit; empty if the inputs have changed since the run.
+        changed: Names of the changed inputs.
     """
 
     run: Path
@@ -44,7 +44,7 @@ class StoredRun:
 
 
 def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) -> StoredRun:
-    """A run of a cell's folder, its recording read and its fit worked out again."""
+    """Read the recording of a run and recompute the details of its fit."""
     from basecal.accuracy.fit_details import FitDetails, fit_details
     from basecal.cell import Recording
     from basecal.cell.files import input_hashes
@@ -67,7 +67,7 @@ def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) ->
 def with_kept_scene(
     cell: Cell, recording: Recording, calibration: Calibration, fingerprint: Fingerprint | None
 ) -> tuple[Cell, Recording]:
-    """Cell and recording with the points of the scene as a target; unchanged if a calibration kept none."""
+    """Cell and recording with the points of the scene as a target; unchanged if the calibration stored none."""
     if fingerprint is None:
         return cell, recording
     from basecal.accuracy.scene.fingerprint import with_scene_as_target
@@ -76,7 +76,7 @@ def with_kept_scene(
 
 
 def write_page(cell: Cell, calibration: Calibration, run: StoredRun) -> Path:
-    """Path of the page of a run, which is written; where inputs have changed since, the page says so."""
+    """Write the page of a run, with a note if inputs have changed since, and return its path."""
     from basecal.cell.files import read_verifications
     from basecal.cell.format.writing import write_atomically
     from basecal.reporting.page import page
@@ -115,7 +115,7 @@ def _outlook(cell: Cell, recording: Recording, calibration: Calibration) -> Sequ
 
 
 def show_page(file: Path, opens: bool) -> None:
-    """Print to stderr where a page is, from here where the line is too long else; open it if requested."""
+    """Print the path of a page to stderr, as relative path if the line is too long; open the page if requested."""
     from basecal.reporting.summary import LINE_WIDTH
 
     if sys.stderr is not None:
@@ -133,7 +133,7 @@ def show_page(file: Path, opens: bool) -> None:
 
 
 def _run_time(run: Path) -> datetime | None:
-    """Time of a run, UTC, by the name of its folder."""
+    """Time of a run, UTC, from the name of its folder; None if the name is another."""
     try:
         return datetime.strptime(run.name[:_STAMP_LENGTH], _STAMP).replace(tzinfo=UTC)
     except ValueError:
@@ -141,10 +141,10 @@ def _run_time(run: Path) -> datetime | None:
 
 
 def find_run(path: Path) -> Path:
-    """The folder of a run, given so or as its file; of a cell's folder its latest run.
+    """The latest run of a cell's folder; any other path is returned as the path of a run.
 
     Raises:
-        InputError: if a cell has none.
+        InputError: if the cell has no run.
     """
     from basecal.cell.files import latest_run
 

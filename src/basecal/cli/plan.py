@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Step(NamedTuple):
-    """A command to type next, and what it is for."""
+    """A next command and its purpose."""
 
     purpose: str
     command: str
@@ -53,18 +53,17 @@ def plan(
     opens_page: OpensPage = False,
     json: bool = False,
 ) -> int:
-    """Say which samples to record, and how many, so that a task point is known well enough.
+    """Plan which samples to record, and how many, to reach a tolerance at a task point.
 
-    The samples are those that lower the error at the task the most: both arms
-    near taught poses, the whole target in view. What is recorded already
-    counts. Where no samples reach the tolerance it says which source of error
-    forbids it. With -o the samples are written for `basecal capture --plan`,
-    with --to as robots' own programs take them. With --touches they are touches
-    of marks, and of one mark more where that helps: it says where to make it.
-    --report writes the page CELL/plan.html: whether they are enough, and where
-    the arms will be.
+    The planned samples reduce the error at the task the most, with both arms near
+    taught poses and the whole target in view. Recorded samples count. If no
+    samples reach the tolerance, the limiting source of error is printed. With -o
+    the samples are written for `basecal capture --plan`, with --to for robots'
+    own programs. With --touches they are touches of marks; the position of an
+    additional mark is printed if that helps. --report writes the page
+    CELL/plan.html: the expected error, and the poses of the arms.
 
-    Ends with 0 if the tolerance is reached or none is requested, else 5.
+    Exit code: 0 if the tolerance is reached or none is requested, else 5.
 
     For example:
 
@@ -80,22 +79,22 @@ def plan(
 
     Args:
         cell: Folder of the cell, with at least one taught pose in its recording.
-        task_point: Where the work is done, x y z [m] in the reference robot's base; where the arms worked if left out.
-        task_box: Two opposite corners of where it is done, instead of a point.
-        tolerance: Length with its unit, such as 0.2mm, below which 95 % of position errors there shall be.
-        samples: How many to plan; as many as the tolerance needs where it is left out.
-        pattern: poses (all around), or shifts (the paper's: whole stations of seven samples).
-        touches: Plan touches of tips, after some that are recorded, by all arms in turn.
+        task_point: Task position x y z [m] in the reference robot's base; by default the arms' recorded working area.
+        task_box: Task volume, by two opposite corners, instead of a point.
+        tolerance: Length with its unit, such as 0.2mm, below which 95 % of position errors at the task must be.
+        samples: Number of samples to plan; by default as many as the tolerance needs.
+        pattern: poses (varied poses), or shifts (the paper's: whole stations of seven samples).
+        touches: Plan touches of tips by all arms in turn, after some are recorded.
         anew: Plan as if nothing had been recorded yet.
-        seed: Another number draws other candidates.
+        seed: Seed of the candidates.
         to: Write the samples for a robot's own program.
-        robot: Of which robot that is; of all where it is left out, and the kind can say several.
-        speed_limit_deg_s: With --to: the fastest that any joint may turn.
-        hold_s: With --to: how long arms stand still at each sample.
-        output: File to write the samples to: with --to as said there, else .jsonl lines for capture, else JSON.
+        robot: The robot of that program; by default all, if the format can contain several.
+        speed_limit_deg_s: With --to: largest speed of any joint.
+        hold_s: With --to: time at rest at each sample.
+        output: File for the samples: with --to that program, with the ending .jsonl lines for capture, else JSON.
         report: Write the plan as a page, CELL/plan.html.
         opens_page: Show that page in a browser.
-        json: Print one JSON object instead of words.
+        json: Print one JSON object instead of text.
     """
     from basecal.cell.files import read_cell
 
@@ -119,10 +118,10 @@ def plan(
 
 
 def _needed_m(tolerance: str | None, count: int | None) -> float | None:
-    """The tolerance [m], if one is stated.
+    """The tolerance [m]; None if only a number of samples is given.
 
     Raises:
-        UsageError: if neither a tolerance nor a number of samples is.
+        UsageError: if neither a tolerance nor a number of samples is given.
     """
     if tolerance is None and count is None:
         raise UsageError("give how many to plan: --tolerance LENGTH (such as 0.2mm), --samples COUNT, or both")
@@ -148,7 +147,7 @@ def _make_plan(
     pattern: str,
     are_touches: bool,
 ) -> Plan:
-    """Samples all around, whole stations of programmed shifts, or touches."""
+    """Plan samples at varied poses, whole stations of programmed shifts, or touches."""
     from numpy import array
 
     from basecal.planning.plan import plan_for_task, plan_stations
@@ -160,17 +159,17 @@ def _make_plan(
 
 
 def _check_output(to: str | None, robot: str | None, output: Path | None, json: bool) -> None:
-    """Whether what is asked of the output goes together.
+    """Check the combination of options of the output.
 
     Raises:
-        UsageError: if not.
+        UsageError: if they exclude each other.
     """
     if to is not None and to not in MOTIONS:
         raise UsageError(f"--to: {FrameNotFound(to, list(MOTIONS))}")
     if to is None and robot is not None:
-        raise UsageError("--robot says whose program is written: give --to with it, such as --to ur-script")
+        raise UsageError("--robot needs --to, such as --to ur-script: it names the robot of that program")
     if to is not None and json and output is None:
-        raise UsageError("--to and --json both want to be printed: give -o FILE for what --to writes")
+        raise UsageError("--to and --json cannot both be printed: give -o FILE for the output of --to")
 
 
 def _print_plan(
@@ -181,7 +180,7 @@ def _print_plan(
     output: Path | None,
     json: bool,
 ) -> None:
-    """Print and write what is requested: a robot's program alone where it is printed."""
+    """Print and write the requested outputs; a printed robot program is the only output."""
     from json import dumps
 
     from basecal.cell.files import write_plan
@@ -216,15 +215,15 @@ def _next_steps(
     output: Path | None,
     options: Mapping[str, object],
 ) -> list[Step]:
-    """Commands that lead from a plan to its recording, or to the answer if no samples are needed.
+    """Commands from a plan to its recording, or to the calibration if no samples are needed.
 
     Args:
-        cell: What is planned for.
+        cell: The cell.
         plan_result: The plan.
-        needed_m: The tolerance [m], if one is stated.
-        folder: The cell's.
-        output: Where the samples were written, if they were.
-        options: Those of the command that made the plan, without where it writes.
+        needed_m: The tolerance [m], if one is given.
+        folder: The cell's folder.
+        output: File of the samples, if one was written.
+        options: Options of the planning command, without those of its output.
     """
     place = quote_path(folder)
     again = typed_command(f"basecal plan {place}", options)
@@ -232,7 +231,7 @@ def _next_steps(
         is_reached = needed_m is not None and plan_result.needed == 0
         judge = f"basecal calibrate {place} --tolerance {1e3 * (needed_m or 0.0):.3g}mm"
         return [Step("to judge what is recorded", judge)] if is_reached else []
-    if any(sample.observations for sample in plan_result.samples):  # touches: a person leads the tips
+    if any(sample.observations for sample in plan_result.samples):  # touches: a person guides the tips
         return []
     if not has_drivers(cell):
         return [Step("for robots' own programs, as the cell has no drivers", f"{again} --to csv -o plan.csv")]
@@ -264,7 +263,7 @@ def _write_page(
 
 
 def plan_dict(plan_result: Plan, needed_m: float | None) -> dict[str, Any]:
-    """A plan as plain data; what was not asked, or is not reached, is null."""
+    """A plan as plain data; values that are not requested or not reached are null."""
     from basecal.cell.files import sample_to_dict
     from basecal.cell.results.calibration_dict import budget_entry
 
@@ -282,7 +281,7 @@ def plan_dict(plan_result: Plan, needed_m: float | None) -> dict[str, Any]:
 
 
 def _motion(cell: Cell, plan_result: Plan, to: str, robot: str | None, speed_deg_s: float, hold_s: float) -> str:
-    """The samples as a robot's own program takes them."""
+    """The samples as a robot's own program."""
     from math import radians
 
     from basecal.exchange.motions.way import make_way
@@ -293,7 +292,7 @@ def _motion(cell: Cell, plan_result: Plan, to: str, robot: str | None, speed_deg
 def _find_calibration(
     folder: Path, cell: Cell, recording: Recording, points: Sequence[Point], box: Box | None
 ) -> Calibration | None:
-    """The latest run if it is of this recording and task, else what the recording gives; None if that is nothing."""
+    """The latest run if it is of this recording and task, else a new calibration; None if it fails."""
     from numpy import array_equal
 
     from basecal.accuracy.calibrate import calibrate
@@ -313,5 +312,5 @@ def _find_calibration(
         return None
     try:
         return calibrate(cell, recording, task)
-    except BasecalError:  # too little was recorded for it: the cell's own guesses have to do
+    except BasecalError:  # too little was recorded: the cell's own guesses are used
         return None

@@ -1,4 +1,4 @@
-"""A calibration on `/tf_static` of a running ROS 2: `basecal export CELL --to ros2 --publish`."""
+"""Publication of a calibration on `/tf_static` of ROS 2: `basecal export CELL --to ros2 --publish`."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ _A_DAY_S = 86_400.0
 
 
 def check_publishing(publish: bool, domain: int | None, to: str | None, output: Path | None) -> None:
-    """Whether options of publishing stand where they mean something.
+    """Check that options of publishing are used with --to ros2 and without --output.
 
     Raises:
-        CycloptsError: if not.
+        CycloptsError: if they are not.
     """
     if (publish or domain is not None) and not (publish and to == "ros2" and output is None):
         raise CycloptsError(msg="--publish and --domain go with --to ros2, and with no --output")
 
 
 def publish_transforms(calibration: Calibration, cell: Cell, transform: str | None, domain: int | None) -> int:
-    """Send transforms until Ctrl-C.
+    """Publish transforms until Ctrl-C.
 
     Raises:
         RefusedCalibration: if the calibration is refused.
@@ -48,7 +48,7 @@ def publish_transforms(calibration: Calibration, cell: Cell, transform: str | No
         say(f"on {STATIC_TOPIC} in domain {where}: {one.parent} to {one.child}")
     if calibration.verdict == "doubtful":
         say("basecal: warning: the calibration is doubtful: look at its report", sys.stderr)
-    say("sent, also to those who come later, until Ctrl-C")
+    say("published, also to later subscribers, until Ctrl-C")
     with suppress(KeyboardInterrupt):
         while sender is not None:
             time.sleep(_A_DAY_S)

@@ -1,4 +1,4 @@
-"""A capture that is planned while it goes on, in words and as a program reads it."""
+"""Planning during a capture, with its state as text and as data."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Task(NamedTuple):
-    """Where the work is done, in the reference's base, and the error that 95 of 100 there are to stay below, if any."""
+    """Points of the task in the reference's base [m], and the tolerance for 95 % of errors there [m], if any."""
 
     points_m: list[Point]
     tolerance_m: float | None
@@ -30,18 +30,18 @@ def requested_task(
     """The requested task; None if nothing was requested.
 
     Args:
-        point: Where the work is done.
-        box: Likewise, two opposite corners.
+        point: Position of the task [m].
+        box: Two opposite corners of the task's volume [m].
         tolerance: Length with its unit.
-        may_be_open: Whether a task without a tolerance says enough.
+        may_be_open: Whether a task without a tolerance is allowed.
 
     Raises:
-        UsageError: if it was by half.
+        UsageError: if the task is incomplete.
     """
     if tolerance is None and point is None and box is None:
         return None
     if tolerance is None and not may_be_open:
-        raise UsageError("a task is captured for until it is known well enough: give --tolerance, such as 0.3mm")
+        raise UsageError("a capture for a task ends at a tolerance: give --tolerance, such as 0.3mm")
     return Task(task_points(point, box), None if tolerance is None else length_m(tolerance))
 
 
@@ -54,11 +54,11 @@ def taken_so_far(folder: Path, cell: Cell) -> Sequence[Sample]:
 
 
 class Replanner:
-    """The samples still to be taken, planned anew after each sample.
+    """The remaining samples, planned again after each sample.
 
     Attributes:
-        tolerance_m: The error at the task that is needed.
-        samples: Those still to be taken.
+        tolerance_m: The required error at the task [m].
+        samples: The remaining samples.
     """
 
     def __init__(
@@ -83,12 +83,12 @@ class Replanner:
         self.samples = self(taken, self._given_up)
 
     def exclude(self, samples: Sequence[Sample]) -> Sequence[Sample]:
-        """Plan without samples that are refused, and what is near them."""
+        """Plan again without refused samples and samples close to them."""
         self._given_up += samples
         return self(self._taken, self._given_up)
 
     def __call__(self, samples: Sequence[Sample], bad: Sequence[Sample]) -> Sequence[Sample]:
-        """The samples still to be taken, no more than the limit leaves."""
+        """Plan the remaining samples, within the limit of their number."""
         self._latest = self._replanner.plan(samples, bad)
         left = max(self._most - (len(samples) - self._preceding_records), 0)
         self.samples = self._latest.samples[:left]
@@ -96,16 +96,16 @@ class Replanner:
 
     @property
     def is_reached(self) -> bool:
-        """Whether the task is known well enough with what was taken."""
+        """Whether the samples taken so far reach the tolerance."""
         return bool(self._latest.reachable) and not self._latest.samples
 
     @property
     def error_m(self) -> float | None:
-        """The error that is expected at the task with what was taken; None if nothing was planned of it."""
+        """Expected error at the task from the samples taken so far [m]; None if the plan does not contain it."""
         return self._latest.steps[0][1] if self._latest.steps else None
 
     def as_dict(self) -> dict[str, Any]:
-        """The state for a program."""
+        """The state as plain data."""
         expected_m = self._latest.expected_m
         return {
             "reached": self.is_reached,
@@ -114,7 +114,7 @@ class Replanner:
         }
 
     def words(self) -> str:
-        """State of the tolerance, in words."""
+        """The state as text."""
         from basecal.reporting.statement.verdict import PLACE_WORDS
 
         asked = f"{1e3 * self.tolerance_m:.3g} mm {PLACE_WORDS[self._latest.place]}"
@@ -129,7 +129,7 @@ class Replanner:
 def shifts_for_task(
     task: Task, cell: Cell, folder: Path, home: Mapping[str, RobotState], count: int | None, seed: int
 ) -> Sequence[Sample]:
-    """Stations of programmed shifts, one after another: as many as a task needs, or of so many samples."""
+    """Samples of stations of programmed shifts, as many as the tolerance needs, or `count` samples."""
     import numpy as np
 
     from basecal.acquisition.replanning import stations_for_task

@@ -23,13 +23,13 @@ def report(
 ) -> int:
     """Print the latest calibration in plain text, and write its page.
 
-    The verdict, what was requested with its sigma, the cross-validation error
-    and what to do. With --verbose all transforms, residuals, noise and findings,
-    and lines to paste for URDF and ROS 2. The page, report.html beside
-    calibration.json, says the same with figures; it opens in a browser and
-    needs no network.
+    Prints the verdict, the requested transforms with their sigma, the
+    cross-validation error and what to do. With --verbose it prints all
+    transforms, residuals, noise and findings, and lines to paste for URDF and
+    ROS 2. The page, report.html beside calibration.json, has the same content
+    with figures; it opens in a browser and needs no network.
 
-    Ends with 0 if the answer is good or the tolerance met, 1 if doubtful,
+    Exit code: 0 if the result is good or the tolerance met, 1 if doubtful,
     4 if refused, 5 if the tolerance is missed.
 
     For example:
@@ -42,11 +42,11 @@ def report(
 
     Args:
         cell: Folder of the cell.
-        tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected. If it
-            is left out, the one given to calibrate holds.
+        tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors must be expected; by default
+            the one given to calibrate.
         opens_page: Show the page in a browser.
-        json: Print calibration.json instead, and the verdict on the tolerance.
-        verbose: Print all of the report.
+        json: Print calibration.json instead, with the verdict on the tolerance.
+        verbose: Print the whole report.
     """
     from dataclasses import replace
 

@@ -42,13 +42,13 @@ def simulate(
     until_eof: bool = False,
     json: bool = False,
 ) -> int:
-    """Make a cell and a recording whose truth is known, or run such a cell.
+    """Simulate a cell and a recording with known truth, or run such a cell.
 
     Writes cell.yaml, recording/samples.jsonl and truth.yaml.
 
     With --process nothing is recorded. Two UR5e, a camera and a target run as a
-    process that `basecal capture` and other programs talk to (docs/capture.md),
-    until Ctrl-C. The cell is made if there is none yet.
+    process for `basecal capture` and other programs (docs/capture.md), until
+    Ctrl-C. The cell is made if it is missing.
 
     For example:
 
@@ -61,25 +61,25 @@ def simulate(
 
     Args:
         cell: Folder to make.
-        robots: One looks at a target on the world; of two, the first looks at the second's target; more are a chain.
-        target: What the camera sees: points of a target, or by pose and points3d what a depth camera gives.
-        samples: How many instants.
-        mounts: What the cell states of the mounts of cameras and targets.
+        robots: One robot sees a target in the world; the first of two sees the second's target; more form a chain.
+        target: Kind of target; pose and points3d are measurements of a depth camera.
+        samples: Number of samples.
+        mounts: Status of the mounts of cameras and targets in the cell.
         pixel_px: Noise of pixels, per coordinate.
-        robot_noise_mm: Noise of recorded flange poses, per axis and stop.
-        robot_noise_mrad: The same of their rotation.
-        joints: Robots are arms of six axes that record joints, each with a URDF; for one or two robots.
-        joint_offset_deg: How far the zero of each joint is off, one sigma; the cell does not state it.
-        seed: Another number makes another cell.
-        images: Render what the cameras see, instead of giving the points' pixels; pixel-px then has no effect.
-        process: Run the cell; of the other options, --target, --seed and those below count.
-        port: Where the process listens, on this machine alone; 0 takes a free one.
-        speed: Seconds of the cell in a second; at 0 its time goes on only while somebody waits for it.
-        fault: What is wrong with the running cell: NAME, NAME=SIZE or NAME=SIZE@MOVES; an unknown name lists them all.
-        renderer: What draws its images: mujoco (arms, table and clutter around the target; the extra sim) or analytic
-            (the target alone). With auto, MuJoCo draws if it can.
+        robot_noise_mm: Noise of the translation of recorded flange poses, per axis and stop.
+        robot_noise_mrad: Noise of the rotation of recorded flange poses, per axis and stop.
+        joints: Robots are six-axis arms that record joints, each with a URDF; for one or two robots.
+        joint_offset_deg: Offset of each joint, one sigma, which the cell does not state.
+        seed: Seed of the cell.
+        images: Render images instead of recording pixels of points; pixel-px then has no effect.
+        process: Run the cell; only --target, --seed and the options below apply.
+        port: Port of the process, on this machine only; 0 selects a free one.
+        speed: Simulated seconds per second; with 0, time advances only while a client waits.
+        fault: Fault of the running cell: NAME, NAME=SIZE or NAME=SIZE@MOVES; an unknown name lists all faults.
+        renderer: Renderer of images: mujoco (arms, table and clutter around the target; the extra sim) or analytic
+            (only the target). With auto, MuJoCo is used if it is available.
         until_eof: End the process when its standard input ends.
-        json: Print what was written, or how the process is reached, as JSON.
+        json: Print the written samples, or the address of the process, as JSON.
     """
     if process:
         return run_process(cell, target, seed, port, speed, fault, renderer, until_eof, json)
@@ -116,10 +116,10 @@ def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool)
 
 
 def refuse_existing(folder: Path) -> None:
-    """Refuse a folder that holds a cell or a recording.
+    """Refuse a folder that contains a cell or a recording.
 
     Raises:
-        InputError: if it does.
+        InputError: if it contains one.
     """
     for path in (folder / "cell.yaml", folder / "recording" / "samples.jsonl"):
         if os.path.lexists(path):
@@ -127,12 +127,12 @@ def refuse_existing(folder: Path) -> None:
 
 
 def write_simulation(folder: Path, simulation: SimulatedCell, image_seed: int | None = None) -> SimulatedCell:
-    """A simulated cell as it is written, whole or not at all, into a folder, with its recording and its truth.
+    """Write a simulated cell with its recording and truth to a folder, completely or not at all, and return it.
 
     Args:
         folder: The cell's folder.
-        simulation: What was simulated.
-        image_seed: Of the noise of images that the recording then names instead of points; no images where None.
+        simulation: The simulated cell.
+        image_seed: Seed of the noise of images that replace recorded points; None for no images.
     """
     from dataclasses import replace
 
@@ -152,7 +152,7 @@ def write_simulation(folder: Path, simulation: SimulatedCell, image_seed: int | 
 
 
 def with_images(simulation: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
-    """A simulated cell whose recording names images, written to its folder, instead of points."""
+    """Render images of a simulated cell to its folder, and replace the points of its recording by them."""
     from dataclasses import replace
 
     from basecal.simulation.images import render_recording

@@ -1,4 +1,4 @@
-"""`basecal simulate CELL --process`: a cell that runs until it is ended."""
+"""`basecal simulate CELL --process`: a simulated cell that runs until it is interrupted."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 
 RendererName = Literal["auto", "mujoco", "analytic"]
-"""What draws a running cell: MuJoCo with arms and table, or the target alone; by auto MuJoCo where it can."""
+"""Renderer of a running cell: MuJoCo with arms and table, or the target alone; auto selects MuJoCo if available."""
 
-_PATIENCE_S = 10.0  # for a process to end, which may be drawing an image
+_PATIENCE_S = 10.0  # until a process has ended, which may be rendering an image
 
 
 def run_process(
@@ -38,10 +38,10 @@ def run_process(
     until_eof: bool,
     json: bool,
 ) -> int:
-    """Run a cell, which is made where there is none, and answer on a port until interrupted.
+    """Run a cell, which is made if it is missing, and serve requests on a port until interrupted.
 
     Raises:
-        InputError: if the cell cannot be run, a fault is not known, or the port is taken.
+        InputError: if the cell cannot be run, a fault is not known, or the port is in use.
     """
     from basecal.simulation.running.faults import read_faults
     from basecal.simulation.running.plant import Clock, Plant
@@ -67,10 +67,10 @@ def run_process(
 
 @contextmanager
 def simulated_process(folder: Path, target: str) -> Iterator[None]:
-    """A cell that runs in a process of its own while this lasts, whose time goes on as somebody waits.
+    """A context with a cell that runs in a separate process, whose time advances while a client waits.
 
     Raises:
-        InputError: if it does not begin to run.
+        InputError: if the process does not start.
     """
     words = [sys.executable, "-m", "basecal", "simulate", str(folder), "--process", "--json", "--until-eof"]
     words += ["--speed", "0", "--target", target]
@@ -79,7 +79,7 @@ def simulated_process(folder: Path, target: str) -> Iterator[None]:
         assert process.stdout is not None
         try:
             if not process.stdout.readline():
-                raise InputError(f"the simulated cell in {folder} did not begin to run")
+                raise InputError(f"the simulated cell in {folder} did not start")
             yield
         finally:
             process.stdin.close()
@@ -105,10 +105,10 @@ def _world(folder: Path, target: Seen, seed: int, faults: Faults) -> World:
 
 
 def _draws_surroundings(renderer: RendererName) -> bool:
-    """Whether MuJoCo draws what stands around the target.
+    """Whether MuJoCo draws the surroundings of the target.
 
     Raises:
-        InputError: if it is requested and cannot.
+        InputError: if MuJoCo is requested and not available.
     """
     if renderer == "analytic":
         return False
@@ -134,7 +134,7 @@ def _print_address(folder: Path, port: int, with_mujoco: bool, json: bool) -> No
 
 
 def _end_with_input(server: CellServer) -> None:
-    """Shut a server down when the standard input ends, so that it does not outlive who started it."""
+    """Shut a server down when the standard input ends, so that it does not outlive its parent process."""
     if sys.stdin is not None:
         sys.stdin.buffer.read()
     server.shutdown()

@@ -28,14 +28,14 @@ def study(
     output: Output = None,
     json: bool = False,
 ) -> int:
-    """Try calibrations out, thousands of times; or calibrate a folder of cells.
+    """Simulate and calibrate many cells in a study, or calibrate a folder of cells.
 
-    FILE says what is varied, what is held and how often it is tried
-    (docs/studies.md): which board, how many samples. Writes a table of all
-    trials, a summary and a page to look at. With --cells instead, each cell
-    below a folder is calibrated: a row for each, whatever is wrong with it.
-    What is done is kept: started again after it was cut off, the command goes
-    on where it was. The numbers do not depend on how many work on them.
+    FILE states what is varied, what is constant and the number of trials
+    (docs/studies.md), such as boards and numbers of samples. Writes a table of
+    all trials, a summary and a page. With --cells instead, each cell below a
+    folder is calibrated; the table has a row for each, even if it fails. The same
+    command continues an interrupted study. The results do not depend on the
+    number of workers.
 
     For example:
 
@@ -46,19 +46,19 @@ def study(
         basecal study paper -o paper
 
     Args:
-        file: The study.
-        cells: Folder of cells, at any depth, that are calibrated.
-        workers: How many processes; as many as the machine has cores where none is given.
-        scheduler: Address of a Dask scheduler whose workers do it instead; needs the extra `cluster`.
-        output: Folder for what comes out; FILE's name without its ending, or the name of the folder of cells with
-            `_calibrated`, where none is given.
+        file: File of the study.
+        cells: Folder with cells to calibrate, at any depth.
+        workers: Number of processes; by default the number of cores.
+        scheduler: Address of a Dask scheduler whose workers are used instead; needs the extra `cluster`.
+        output: Folder of the results; by default FILE's name without its ending, or the name of the folder of cells
+            with `_calibrated`.
         json: Print the summary as JSON.
     """
     from basecal.studies.jobs import WorkerPool
     from basecal.studies.study_file import read_study
 
     if scheduler is not None and workers is not None:
-        raise UsageError("--workers are processes of this machine, --scheduler has its own: give one of them")
+        raise UsageError("--workers are processes of this machine, --scheduler has its own: give only one of them")
     where = WorkerPool(workers or os.cpu_count() or 1, scheduler)
     if (file is None) == (cells is None):
         raise UsageError("give the file of a study, or --cells with a folder of cells: one of them")
@@ -74,12 +74,12 @@ def study(
 
 
 def summary_text(summary: dict[str, Any]) -> str:
-    """A summary for people, and where its files are."""
+    """A summary as text, with the paths of its files."""
     return f"{summary['words']}\ntable: {summary['table']}\npage: {summary['page']}"
 
 
 def try_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]:
-    """The summary of a study, which is tried and written; with its words."""
+    """Run a study, write its results, and return its summary with its text."""
     from basecal.reporting.sweep.page import sweep_page, sweep_text
     from basecal.studies.run import run_study
     from basecal.studies.summary import summarise, write_table
@@ -93,7 +93,7 @@ def try_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]
 
 
 def _fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dict[str, Any]:
-    """The summary of a folder of cells, which are calibrated."""
+    """Calibrate a folder of cells, write the results, and return their summary with its text."""
     from basecal.reporting.fleet.page import fleet_page, fleet_text
     from basecal.studies.fleet.run import make_fleet, run_fleet
     from basecal.studies.fleet.summary import fleet_rows, summarise_fleet, write_fleet_table
@@ -109,7 +109,7 @@ def _fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dict[str, A
 
 
 def cell_page(cell: Cell, recording: Recording, calibration: Calibration, title: str) -> str:
-    """The page of a cell of a fleet, as `basecal calibrate` writes it."""
+    """The page of a cell of a fleet, as from `basecal calibrate`."""
     from basecal.accuracy.fit_details import fit_details
     from basecal.cli.page import with_kept_scene
     from basecal.estimation.streams.streams import synchronous
@@ -120,7 +120,7 @@ def cell_page(cell: Cell, recording: Recording, calibration: Calibration, title:
 
 
 def _write_results(summary: dict[str, Any], table: Path, page: str) -> dict[str, str]:
-    """Paths of table and page, after the page and the summary are written beside the table."""
+    """Write the page and the summary beside the table, and return the paths of table and page."""
     import json
 
     from basecal.cell.format.writing import write_atomically

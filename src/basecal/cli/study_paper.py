@@ -23,13 +23,13 @@ def study_paper(
     output: Output = None,
     json: bool = False,
 ) -> int:
-    """Reproduce the simulations of the paper the axis-shift method comes from.
+    """Reproduce the simulations of the paper that introduced the axis-shift method.
 
-    Its tables beside ours, its single draw of noise among many, the two orders of
-    orthonormalising. The error against the length of the shifts is that of its
-    closed form, of maximum likelihood and of the Cramer-Rao bound. The noise, and
-    how often it is drawn, are those of a study's file that comes with this
-    program. With --output this file is tried like any other, and its table and
+    Compares the paper's tables with ours, its single draw of noise with many, and
+    the two orders of orthonormalisation. The error as a function of the length of
+    the shifts is given for its closed form, maximum likelihood and the Cramer-Rao
+    bound. The noise and the number of draws are those of a study file in this
+    package. With --output this study is run like any other, and its table and
     page are written there.
 
     For example:
@@ -40,12 +40,12 @@ def study_paper(
         basecal study paper --json > study.json
 
     Args:
-        seed: Of the noise; 0 if none is given.
-        draws: Of the 1 % and 5 % noise; 10,000 where none is given.
+        seed: Seed of the noise; 0 by default.
+        draws: Number of draws of the 1 % and 5 % noise; 10,000 by default.
         figures: Folder to write the figures to, as SVG.
-        workers: How many processes try the file; as many as the machine has cores where none is given.
-        output: Folder for the file's table, summary and page; not tried where none is given.
-        json: Print one object, in the keys of the paper's figures.
+        workers: Number of processes that run the study file; by default the number of cores.
+        output: Folder for the table, summary and page of the study file; it is not run by default.
+        json: Print one object, with the keys of the paper's figures.
     """
     from basecal.reporting.study_text import length_figures, paper_text
     from basecal.studies.jobs import WorkerPool
@@ -53,9 +53,9 @@ def study_paper(
     from basecal.studies.paper import study_paper as studied
 
     if output is not None and (seed is not None or draws is not None):
-        raise UsageError("--output tries the study's file as it is: leave --seed and --draws out, or --output")
+        raise UsageError("--output runs the study file as it is: leave out --seed and --draws, or --output")
     if workers is not None and output is None:
-        raise UsageError("--workers try the study's file: give --output with a folder for what comes out")
+        raise UsageError("--workers run the study file: give --output with a folder for the results")
     with progress("simulating"):
         study = studied(seed, draws)
     if figures is not None:

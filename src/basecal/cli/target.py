@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from basecal.cell import Target
     from basecal.cell.targets.kind import PrintSizes
 
-_SQUARE_MM = 40.0  # of a target whose layout is tried before it is scaled, and of templates
+_SQUARE_MM = 40.0  # of the layout of a target before it is scaled, and of templates
 _PAPER_NAMES = {"letter": "letter", **{name.lower(): name for name in ("A4", "A3", "A2", "A1", "A0")}}
 
 
@@ -43,10 +43,10 @@ def target(
 ) -> int:
     """Print a target at true scale, with a ruler to check the print.
 
-    Writes OUT, a .pdf or .svg, and shows the lines for cell.yaml that describe
-    it. Beside it stand rulers both ways, sizes to check, the target's axes from
+    Writes OUT, a .pdf or .svg, and prints the lines for cell.yaml that describe
+    it. The sheet also has two rulers, dimensions to check, the target's axes at
     its origin, and cut marks. Squares are as large as the paper allows unless
-    --square-mm is given. A light (led) gives a template with a cross.
+    --square-mm is given. For an LED (led) it is a template with a cross.
 
     For example:
 
@@ -58,15 +58,15 @@ def target(
     Args:
         out: File to write.
         cell: A cell whose target is printed, instead of the options below.
-        name: Which target of the cell; needless where it has one.
-        kind: What to print.
+        name: Name of the target in the cell; needed if it has several.
+        kind: Kind of target.
         columns: Columns of squares (charuco), inner corners (chessboard) or circles.
-        rows: Rows of them.
-        square_mm: Size of a square or tag, spacing of circles; the largest whole one that fits where not given.
-        paper: What it is printed on; a4, or with --square-mm the smallest that holds it, where not given.
-        marker_mm: Size of a ChArUco marker; three quarters of the square where not given.
-        dictionary: Of the ChArUco markers; of DICT_4X4 the smallest that has enough where not given.
-        family: Of the AprilTag.
+        rows: Rows of squares (charuco), inner corners (chessboard) or circles.
+        square_mm: Size of a square or tag, spacing of circles; by default the largest integer that fits.
+        paper: Paper size; by default a4, or with --square-mm the smallest that fits.
+        marker_mm: Size of a ChArUco marker; three quarters of the square by default.
+        dictionary: Dictionary of the ChArUco markers; by default the smallest of DICT_4X4 with enough markers.
+        family: Family of the AprilTag.
         tag: Number of the AprilTag.
         field: FIELD=VALUE as in cell.yaml, such as legacy_pattern=true; may be given several times.
     """
@@ -94,7 +94,7 @@ def target(
 def _sized_target(
     kind: str, sizes: PrintSizes, field: tuple[str, ...], largest_on: str | None, scales_marker: bool
 ) -> tuple[dict[str, Any], Target]:
-    """Lines of cell.yaml and the target they describe, of these sizes or with the largest squares on a paper."""
+    """Fields of cell.yaml and the target that they describe, with the given sizes or the largest that fit a paper."""
     from basecal.reporting.target_sheet import largest_pitch_mm
 
     fields = printed_fields(kind, sizes, field)
@@ -107,7 +107,7 @@ def _sized_target(
 
 
 def option_words(options: Mapping[str, Any]) -> list[str]:
-    """Fields of a target in words, such as `squares 5 x 7` and `square 36 mm`; lists of more than two are left out."""
+    """Fields of a target as text, such as `squares 5 x 7` and `square 36 mm`; lists of more than two are left out."""
     words = []
     for key, value in options.items():
         if isinstance(value, list):
@@ -120,7 +120,7 @@ def option_words(options: Mapping[str, Any]) -> list[str]:
 
 
 def _described_target(kind: str, fields: dict[str, Any]) -> Target:
-    """The target as a cell.yaml with these fields describes it, checked as one."""
+    """The target that a cell.yaml with these fields describes, with the same checks."""
     from basecal.cell.files import cell_from_dict
 
     described = cell_from_dict(

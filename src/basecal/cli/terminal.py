@@ -1,4 +1,4 @@
-"""Output of a command: text that cannot steer a terminal, one JSON object for programs, progress for people."""
+"""Output of commands: text without control characters, one JSON object for programs, progress for people."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _COLOURS = {"good": 32, "doubtful": 33, "refused": 31}  # codes of terminals, by
 
 
 def say(text: str, to: TextIO | None = None) -> None:
-    """Print a text and a newline, on stdout where nothing else is said.
+    """Print a text and a newline, to stdout by default.
 
-    What the stream cannot encode, such as a name that is not UTF-8, is written out.
+    Characters that the stream cannot encode, such as in a name that is not UTF-8, are escaped.
 
     Raises:
         OSError: if the stream is closed or full.
@@ -33,13 +33,13 @@ def say(text: str, to: TextIO | None = None) -> None:
 
 
 def say_next(words: str) -> None:
-    """Print what to type next, on stderr: what is on stdout may be read by a program."""
+    """Print the next command to stderr, since a program may read stdout."""
     if sys.stderr is not None:
         say(f"next: {words}", sys.stderr)
 
 
 def say_verdict(text: str, colour: str) -> None:
-    """Print a text, its first word in a colour where a terminal shows it and NO_COLOR is not set."""
+    """Print a text, its first word in colour on a terminal if NO_COLOR is not set."""
     if is_terminal(sys.stdout) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb":
         word, colon, text = text.partition(":")
         sys.stdout.write(f"\x1b[1;{_COLOURS[colour]}m{printable(word)}\x1b[0m{colon}")
@@ -47,25 +47,25 @@ def say_verdict(text: str, colour: str) -> None:
 
 
 def is_terminal(stream: TextIO | None) -> bool:
-    """Whether somebody watches a stream; one that is closed is None."""
+    """Whether a stream is a terminal; a closed stream is None."""
     return stream is not None and stream.isatty()
 
 
 def can_ask() -> bool:
-    """Whether a person sees a question and can answer it."""
+    """Whether questions can be asked on a terminal."""
     return is_terminal(sys.stdin) and is_terminal(sys.stderr)
 
 
 def ask(question: str, silence_error: str, refusal_error: str) -> None:
-    """Ask on a terminal.
+    """Ask a question on a terminal.
 
     Args:
-        question: What is answered by yes or no.
-        silence_error: If nobody can be asked.
-        refusal_error: If the user refuses.
+        question: A question for yes or no.
+        silence_error: Message of the error if there is no terminal.
+        refusal_error: Message of the error if the user refuses.
 
     Raises:
-        UsageError: in either case.
+        UsageError: if there is no terminal, or the user refuses.
     """
     if not can_ask():
         raise UsageError(silence_error)
@@ -75,18 +75,18 @@ def ask(question: str, silence_error: str, refusal_error: str) -> None:
 
 
 def quote_path(path: object) -> str:
-    """A path as one word of a line to paste into a shell."""
+    """A path quoted for a shell."""
     return quote(str(path))
 
 
 def print_json(answer: Mapping[str, Any]) -> None:
-    """One JSON object on stdout."""
+    """Print one JSON object to stdout."""
     say(json.dumps(answer, allow_nan=False))
 
 
 @contextmanager
 def progress(message: str) -> Iterator[Callable[[str], None]]:
-    """A line on stderr that names what is done now and how long it takes still; nothing if stderr is no terminal."""
+    """A line on stderr with the current stage and the time left; nothing if stderr is not a terminal."""
     if not is_terminal(sys.stderr):
         yield lambda now: None
         return
@@ -98,7 +98,7 @@ def progress(message: str) -> Iterator[Callable[[str], None]]:
 
 
 def print_stages(seconds: Mapping[str, float]) -> None:
-    """Where the time went [s], on stderr: the longest stage first."""
+    """Print the run time of each stage to stderr [s], the longest first."""
     for name, took in sorted(seconds.items(), key=lambda stage: -stage[1]):
         say(f"{took:8.3f} s  {name}", sys.stderr)
     say(f"{sum(seconds.values()):8.3f} s  all stages", sys.stderr)
@@ -107,8 +107,8 @@ def print_stages(seconds: Mapping[str, float]) -> None:
 if TYPE_CHECKING:
     from basecal.estimation.stages import StageName
 
-# How long each stage takes of 100 that the solution and all its tests take, in their order; a mean over cells of 30 to
-# 300 samples, whose stages differ by a factor of three from it. A stage that is not listed counts as nothing.
+# Run time of each stage relative to 100 for the solution and all its tests, in order. These are means over cells of 30
+# to 300 samples, whose stages differ from them by a factor of three. Stages that are not listed count as 0.
 _SHARES: Mapping[StageName, int] = {
     "problem": 1,
     "start": 4,
@@ -125,14 +125,14 @@ _SHARES: Mapping[StageName, int] = {
     "findings": 2,
     "report": 35,
 }
-_SOONEST_S = 1.0  # before it, and less than it, nothing is said of the time
+_SOONEST_S = 1.0  # smallest elapsed time and time left for which the time left is shown
 
 
 class TimeLeft:
     """The current stage and the time left, as a line to show.
 
     Attributes:
-        message: What all of it is called.
+        message: Name of the whole computation.
     """
 
     def __init__(self, message: str, clock: Callable[[], float] = time.monotonic) -> None:
@@ -143,7 +143,7 @@ class TimeLeft:
         self._seen: set[str] = set()
 
     def enter(self, stage: str) -> None:
-        """Note that a stage begins, and the one before it has ended; or, after a comma, how much of it is done."""
+        """Note the start of a stage, which ends the previous one; text after a comma is the stage's progress."""
         before, _, _ = self._stage.partition(",")
         if stage.partition(",")[0] == before:
             self._stage = stage
@@ -153,7 +153,7 @@ class TimeLeft:
         self._stage, self._stage_began = stage, self._clock()
 
     def seconds(self) -> float | None:
-        """How long all stages take still [s]; None if too little is known."""
+        """Time left for all stages [s]; None if too little is known."""
         done = sum(share for stage, share in _SHARES.items() if stage in self._seen)
         before = self._stage_began - self._began
         if not done or before < _SOONEST_S:
@@ -177,7 +177,7 @@ Step = Callable[[int, int], None]
 
 @contextmanager
 def counting(activity: str) -> Iterator[Step]:
-    """A bar on stderr for steps that are counted; nothing if stderr is not a terminal."""
+    """A progress bar on stderr for counted steps; nothing if stderr is not a terminal."""
     if not is_terminal(sys.stderr):
         yield lambda done, total: None
         return

@@ -1,4 +1,4 @@
-"""The words of a command as they are typed, and as the parser of options takes them."""
+"""Conversion between the typed words of a command and the form for the parser of options."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _OF_NUMBERS = ("--task-point", "--task-box")
 
 
 def normalise_words(words: Sequence[str]) -> Iterator[str]:
-    """The words of a command with each option in the form that the parser takes.
+    """Convert the words of a command to the form for the parser.
 
-    `--task-point "0.8 -0.1 0.3"` becomes `--task-point 0.8 -0.1 0.3`, and `--scene`, whose value may be left out, takes
-    the next word only if that is `also`.
+    `--task-point "0.8 -0.1 0.3"` becomes `--task-point 0.8 -0.1 0.3`. The optional value of `--scene` is the next word
+    only if that is `also`.
     """
     previous = ""
     for word, following in pairwise([*words, ""]):
@@ -36,8 +36,8 @@ def typed_command(start: str, options: Mapping[str, object]) -> str:
     """A command as a line to paste into a shell.
 
     Args:
-        start: What it begins with.
-        options: Values by option; those that are None, False or zero are left out.
+        start: Beginning of the command.
+        options: Values by option; options with None, False or zero are left out.
     """
     words = [start]
     for option, value in options.items():
@@ -48,9 +48,9 @@ def typed_command(start: str, options: Mapping[str, object]) -> str:
 
 
 def describe_misuse(error: CycloptsError) -> str:
-    """The message of what the parser refused; a flag that a value was given to is named."""
+    """Message for an error of the parser; a flag that was given a value is named."""
     if isinstance(error, CoercionError) and error.target_type is bool and error.token and error.token.keyword:
-        return f"{error.token.keyword} takes no value: leave {error.token.value!r} away"
+        return f"{error.token.keyword} takes no value: leave {error.token.value!r} out"
     if not isinstance(error, UnusedCliTokensError) or error.app is None:
         return str(error)
     known = {

@@ -25,18 +25,18 @@ def verify(
     history: bool = False,
     json: bool = False,
 ) -> int:
-    """Check by one or a few new samples whether a cell is unchanged.
+    """Check with one or a few new samples whether a cell is unchanged.
 
-    Reports whether anything moved, what (a base, a camera, a target, a joint
-    offset) and by how much with its sigma. Also reports which shift would have
-    been seen. SAMPLES is a file of lines as in recording/samples.jsonl, with its
-    images in the recording's folder. It may also be a folder that poses and
-    images of the same robots and cameras were imported into. Images are compared
-    with the points of the scene that a calibration by --scene kept. What was
-    found is appended to the cell's verifications.jsonl, which --history reports.
+    Reports whether anything moved, what moved (a base, a camera, a target, a joint
+    offset) and by how much, with sigma. Also reports the smallest detectable
+    shift. SAMPLES is a file of lines as in recording/samples.jsonl, with its
+    images in the recording's folder. It may also be a folder with imported poses
+    and images of the same robots and cameras. After a calibration with --scene,
+    images are compared with the stored points of the scene. The result is
+    appended to the cell's verifications.jsonl, which --history reports.
 
-    Ends with 0 if nothing moved, with 1 if something did or if that cannot be
-    determined: a scheduled check can raise an alarm. If nothing moved,
+    Exit code: 0 if nothing moved; 1 if something moved or if that cannot be
+    determined, so that a scheduled check can raise an alarm. If nothing moved,
     one check in two hundred reports a motion by chance.
 
     For example:
@@ -50,11 +50,11 @@ def verify(
 
     Args:
         cell: Folder of the cell.
-        samples: New samples, one JSON object a line; or the folder of a cell that they were imported into.
-        against: Folder of the run to verify; the latest where none is given.
-        recalibrate: Where nothing moved, add the new samples to the recording, and calibrate from all of them.
-        history: Report all verifications, and what drifts; with SAMPLES after verifying them.
-        json: Print one JSON object instead of words.
+        samples: New samples, one JSON object per line; or the folder of a cell with the imported samples.
+        against: Folder of the run to verify; the latest by default.
+        recalibrate: If nothing moved, add the new samples to the recording, and calibrate from all of them.
+        history: Report all verifications and drifts; with SAMPLES after verifying them.
+        json: Print one JSON object instead of text.
     """
     from basecal.cell.files import read_cell
     from basecal.reporting.drift_text import verification_dict, verification_text
@@ -86,17 +86,17 @@ def verify(
 
 def _next_command(cell: Cell, folder: Path, has_moved: bool | None) -> str:
     if has_moved and has_drivers(cell):
-        return f"look what was bumped or loosened, then record again: {capture_command(cell, folder)}"
+        return f"check what was bumped or loosened, then record again: {capture_command(cell, folder)}"
     if has_moved:
-        return "look what was bumped or loosened, record again, and import that into a new folder"
+        return "check what was bumped or loosened, record again, and import that into a new folder"
     return f"all verifications so far: basecal verify {quote_path(folder)} --history"
 
 
 def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
-    """The new samples, with targets found if they have images.
+    """Read the new samples, and detect targets in their images.
 
     Raises:
-        DatasetError: if they cannot be read, or an image is missing.
+        DatasetError: if the samples cannot be read, or an image is missing.
     """
     from basecal.cell.files import read_samples
 
@@ -115,10 +115,10 @@ def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
 
 
 def _require_images(sample: Sample, home: Path, journal: Path) -> None:
-    """Look for the images of a sample whose views are not noted beside them.
+    """Check that the images of a sample exist for cameras without observations.
 
     Raises:
-        DatasetError: if one is missing.
+        DatasetError: if an image is missing.
     """
     seen = {observation.camera for observation in sample.observations}
     for camera, image in sample.images.items():
@@ -128,7 +128,7 @@ def _require_images(sample: Sample, home: Path, journal: Path) -> None:
 
 
 def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification:
-    """Verification of a run by new samples, appended to the cell's verifications."""
+    """Verify a run with new samples, and append the result to the cell's verifications."""
     from datetime import UTC, datetime
 
     from basecal.accuracy.drift.history import record_verification
@@ -147,9 +147,9 @@ def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification
 def _recalibrate(
     folder: Path, cell: Cell, run: Path, new: Recording, verification: Verification
 ) -> tuple[dict[str, Any] | None, int]:
-    """The run made of old and new samples by the settings of the verified one, and its exit code.
+    """Calibrate from old and new samples with the settings of the verified run; its result and exit code.
 
-    Nothing is made if something moved, or that is not known.
+    The result is None if something moved or if that is not determined.
     """
     from basecal.cell.files import append_samples, read_calibration, read_recording
     from basecal.cli.calibrate import exit_code, recalibrate_folder
@@ -172,7 +172,7 @@ def _recalibrate(
 
 
 def _renumber_sample(sample: Sample, number: int, home: str | Path, files: dict[str, Path]) -> Sample:
-    """The sample under another number; if it shows the scene alone, its images join `files`, by their path."""
+    """The sample with another number; images of a sample without observations are added to `files` by path."""
     from dataclasses import replace
 
     from basecal.exchange.importing.cell_files import numbered_path
@@ -190,7 +190,7 @@ def _recalibration_words(result: dict[str, Any] | None) -> str:
 
 
 def _history(cell: Path) -> tuple[dict[str, Any], str]:
-    """All verifications of a cell, as data and in words."""
+    """All verifications of a cell, as data and as text."""
     from basecal.accuracy.drift.history import drifts
     from basecal.cell.files import read_verifications
     from basecal.reporting.drift_text import history_dict, history_text

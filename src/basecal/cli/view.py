@@ -12,12 +12,12 @@ from basecal.cli.terminal import say
 
 
 def view(cell: Path, /, *, port: Port = 0) -> int:
-    """Look through the runs of a cell on a local page.
+    """Show the runs of a cell on a local page.
 
-    A run is chosen, its samples are looked through one by one, and left out or
-    taken again. The new answer is shown at once, beside its difference from the
-    run. Nothing is written. The page is served to this machine alone, to whoever
-    has the address that is printed; Ctrl-C ends it.
+    On the page you choose a run, look at its samples, and exclude or include
+    them. The new result is shown at once, with its difference from the run. No
+    files are written. The page is served only to this machine, at the printed
+    address, which contains a token; Ctrl-C ends it.
 
     For example:
 
@@ -26,7 +26,7 @@ def view(cell: Path, /, *, port: Port = 0) -> int:
 
     Args:
         cell: Folder of the cell.
-        port: Where the page is served; any that is free where 0.
+        port: Port of the page; 0 selects a free one.
     """
     from basecal.cell.files import read_calibration, read_cell, run_folder, run_names
     from basecal.estimation.streams.streams import synchronous

@@ -1,1 +1,1 @@
-"""Deviations from what is stated: a file and a registry line for each effect, see `effect`."""
+"""Deviations of a cell from its statement: a module and a registry entry for each effect, see `faces.effect`."""

@@ -1,4 +1,4 @@
-"""Bending: a robot that is recorded by poses bends about its base by its own reach."""
+"""Bending: a robot with recorded poses rotates about its base in proportion to its reach."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from basecal.geometry.rotation import cross_matrix
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each robot, by a rotation of reach x down [rad/m].
+    """Candidates: each robot with a rotation of reach x down [rad/m].
 
-    Most of it is a tilt of the base, so that little is left to determine gravity's direction. One candidate has gravity
-    along the axis of the base, as for arms that stand or hang, the other in any direction.
+    The base absorbs most of this rotation as a tilt, so the direction of gravity is poorly determined. One candidate
+    has gravity along the z axis of the base, as for upright and hanging arms; the other has gravity in any direction.
     """
     for robot in views.robots:
         moves = pose_moves(views, robot, turns_by_reach)
@@ -25,14 +25,14 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def turns_by_reach(poses: SE3) -> Array:
-    """How a flange at poses, (n,), moves with a rotation of reach x down about its base, (n, 6, 3) by down [rad/m]."""
+    """Derivative of the flange at poses, (n,), with respect to a rotation of reach x down about the base, (n, 6, 3)."""
     turns = np.zeros((len(poses), 6, 3))
     turns[:, 3:] = cross_matrix(poses.translation)
     return np.asarray(poses.inverse().adjoint() @ turns)
 
 
 def words(effect: FoundEffect) -> Words:
-    """Words of the size of the bend."""
+    """Describe the bend and its size."""
     what = f"{effect.about} bends by {rounded_length(effect.size, effect.covariance, 1e3)} mrad per metre of reach."
     do = f"Record the joints of {effect.about} and estimate its `deflection`, or record where it will work."
     return Words("deflection", what, (do, AGAIN))

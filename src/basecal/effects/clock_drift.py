@@ -1,4 +1,4 @@
-"""Clock drift: a clock offset that grows with time, and is right in the middle of the recording."""
+"""Clock drift: a clock offset that grows linearly with time and is zero in the middle of the recording."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from basecal.effects.faces.candidates import Candidates, Views, elapsed_share, o
 from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, format_with_sigma
 
 FEWEST_IN_TIME = 6
-"""Samples that may drift."""
+"""Fewest samples in which a drift is looked for."""
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """The clocks of `clock_offset`, each by so much more at the last sample than at the first."""
+    """Candidates: the clocks of `clock_offset`, each with a change of its offset from the first sample to the last."""
     if not views.has_times or len(views.samples) < FEWEST_IN_TIME:
         return
     share = elapsed_share(views) - 0.5
@@ -26,7 +26,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def words(effect: FoundEffect) -> Words:
-    """Words of the rate at which a device's clock is slow."""
+    """Describe the clock drift of a device and its amount."""
     amount = format_with_sigma(abs(1e3 * effect.size[0]), 1e3 * effect.sigma)
     kind, way = "images" if effect.is_camera else "poses", "fall behind" if is_late(effect) else "run ahead of"
     what = (
@@ -45,9 +45,9 @@ EFFECT = Effect(
     absent={
         "statement": "clocks that drift are to be synchronised, which no statement replaces",
         "size": "a candidate without a prior: only a certain one is reported",
-        "unknown": "an offset alone is estimated; what drifts is to be recorded again",
+        "unknown": "only a constant offset is estimated; a recording with drift is to be repeated",
         "random": "jitter of stamps contains a small one",
-        "map": "what it moves is contained in the widening of the answer",
+        "map": "the widened covariance of the answer contains its effect",
         "fault": "clocks of the simulator run at one rate; recordings of its tests are drifted instead",
     },
 )

@@ -1,4 +1,4 @@
-"""Clock offset: poses are read earlier or later than images, by a constant time."""
+"""Clock offset: poses are read earlier or later than images by a constant time."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from basecal.geometry import Array
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Clocks of each camera against all robots, and of each robot against the others, of arms on paths."""
+    """Candidates: the clock of each camera against all robots, and of each robot on a path against the others."""
     for name, late in delays(views):
         if "clock_offset" not in views.estimated_effects.get(name, ()):
             yield one_candidate("clock-offset", name, "s" if views.has_times else "samples", late)
 
 
 def delays(views: Views) -> Iterator[tuple[str, Moves]]:
-    """How views move if poses are read later by the unit of time, by the camera or robot whose clock is off."""
+    """Derivatives of views with respect to a delay of the poses, with the camera or robot whose clock is offset."""
     velocity = {robot: views.velocity(robot) for robot in views.robots}
     paths = {robot: v for robot, v in velocity.items() if v is not None}
     if not paths:
@@ -27,7 +27,7 @@ def delays(views: Views) -> Iterator[tuple[str, Moves]]:
     groups = views.groups
 
     def time_jacobian(views: Views, k: int, robot: str) -> Array:
-        """How views of a group move by the unit of time of a robot, (n, 6, 1)."""
+        """Derivatives of a group's views with respect to a delay of a robot's poses, (n, 6, 1)."""
         return views.flange_jacobian(k, robot) @ paths[robot][views.rank(groups[k])][..., None]
 
     for camera in sorted({g.camera for g in groups}):
@@ -40,17 +40,17 @@ def delays(views: Views) -> Iterator[tuple[str, Moves]]:
 
 
 def is_late(effect: FoundEffect) -> bool:
-    """Whether a camera or a robot is behind: images are to be stamped earlier, poses to be read later."""
+    """Whether a device lags: stamps of its images are too late, or its poses are read too early."""
     return bool(np.sign(effect.size[0]) == (-1 if effect.is_camera else 1))
 
 
 def words(effect: FoundEffect) -> Words:
-    """Words of the time by which a device lags or leads."""
+    """Describe the time by which a device lags or leads."""
     factor, unit = (1e3, "ms") if effect.unit == "s" else (1.0, "samples")
     amount = format_with_sigma(abs(factor * effect.size[0]), factor * effect.sigma)
     kind, way = "Images" if effect.is_camera else "Poses", "lag behind" if is_late(effect) else "run ahead of"
     what = f"{kind} of {effect.about} {way} the other devices by {amount} {unit}."
-    return Words("clock-offset", what, ("Record while all stand still, or correct the stamps.", AGAIN))
+    return Words("clock-offset", what, ("Record while all devices are at rest, or correct the stamps.", AGAIN))
 
 
 EFFECT = Effect(

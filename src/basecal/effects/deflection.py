@@ -1,6 +1,6 @@
-"""Deflection: what each joint turns by under the torque of the links' weight about its axis [rad/Nm], (n,).
+"""Deflection: compliance of each joint under the torque of the links' weight about its axis [rad/Nm], (n,).
 
-Torques are those of the chain as stated, at the joints as recorded. Source: docs/mathematics.md (9.1).
+Torques are computed for the stated chain at the recorded joints. Source: docs/mathematics.md (9.1).
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ from basecal.kinematics import SerialChain, gravity_torques
 NAME = "deflection"
 PER_NM = "rad/Nm"  # unit of a compliance
 _KEYS = "rad_per_nm", "sigma_rad_per_nm"
-_EQUAL_TOLERANCE = 0.7  # of the variance of compliances, what all joints of an arm share
-_SIMULATED_NM = 50.0  # a shoulder of an arm of a metre carries about that
+_EQUAL_TOLERANCE = 0.7  # share of the variance of compliances that is equal for all joints of an arm
+_SIMULATED_NM = 50.0  # typical torque at the shoulder of an arm of one metre
 
 
 class Stated(Parameters):
@@ -65,7 +65,7 @@ class Stated(Parameters):
 
 
 def apply_gravity(chain: SerialChain, statement: Parameters | None) -> SerialChain:
-    """The chain with gravity as it is stated, whether compliances are estimated or not; as it is where it is not."""
+    """The chain with the stated direction of gravity; unchanged if none is stated or the links have no masses."""
     if not isinstance(statement, Stated) or statement.down is None or chain.masses is None:
         return chain
     return replace(chain, masses=replace(chain.masses, down=np.array(statement.down)))
@@ -79,32 +79,32 @@ def columns(chain: SerialChain, statement: Stated) -> Columns:
 
 
 def torques(chain: SerialChain, statement: Parameters, joints: Array) -> Array:
-    """Turn of each joint under gravity by a compliance of one [rad/Nm]."""
+    """Torque of gravity about each joint [Nm]: its rotation by a compliance of 1 rad/Nm."""
     return gravity_torques(apply_gravity(chain, statement), joints)
 
 
 def unobserved_reason(case: Unobserved) -> str:
-    """Why the data do not hold the compliances of some joints."""
+    """Explain why the data do not determine the compliances of some joints."""
     how = "known from their prior alone" if case.by_prior else "that are unobservable"
     reason = "the torque of gravity about them is small in these samples, or the same in all of them"
     return f"compliances {how}: {case.joints}: {reason}"
 
 
 def report(robot: str, effect: RobotParameters) -> list[str]:
-    """A line for each joint."""
+    """A heading, and a line for each joint."""
     lines = joint_lines(effect, 1e6, "urad/Nm", 2)
     return [f"compliances of the joints of {robot} under the torque of gravity", *lines]
 
 
 def entry(values: Array) -> str:
-    """The entry of cell.yaml that estimates them."""
+    """The entry of cell.yaml that estimates the compliances."""
     return "`deflection: {status: free}`"
 
 
 def shared_errors(posture: Posture) -> SharedErrors | None:
-    """Joints that yield each by its torque, times a compliance that joints mostly share.
+    """Errors of joints that yield in proportion to their torques; their compliances are mostly equal.
 
-    The sigma of turns is that of a joint under the torque of the one that carries most, root of the mean square.
+    The sigma of turns is that of a joint under the largest torque, as root mean square over the stops.
     """
     if posture.chain.masses is None:
         return None
@@ -120,16 +120,16 @@ def shared_errors(posture: Posture) -> SharedErrors | None:
 
 
 def likely(sigmas: Mapping[str, Array]) -> Words:
-    """Compliances that the noise shows."""
+    """Describe compliances that the estimated noise indicates."""
     robots, turn = " and ".join(sigmas), max(float(turn) for _, turn in sigmas.values())
     what = f"Joints of {robots} likely yield to the weight of the links by {np.degrees(turn):.2g} deg (1 sigma)."
     return Words("deflection", what, (f"To estimate it, write {entry(np.zeros(0))} at {robots}.",))
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each robot whose joints and masses are known yielding: a rotation of compliance x torque [rad/Nm].
+    """Candidates: each robot with known joints and masses, with rotations of compliance x torque [rad/Nm].
 
-    Of one compliance for all its joints, and of one for each.
+    One candidate has a single compliance for all joints, another one for each joint.
     """
     for robot, chain in open_chains(views, NAME):
         if chain.masses is None:
@@ -140,14 +140,14 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def words(effect: FoundEffect) -> Words:
-    """The compliance of a joint, root of the mean square."""
+    """Describe the root mean square of the compliances of the joints."""
     soft = rounded_length(effect.size, effect.covariance, 1e6 * len(effect.size) ** -0.5)
     what = f"Joints of {effect.about} yield by {soft} urad per Nm of the torque of the links' weight."
     return Words("deflection", what, (f"Write {entry(effect.size)} at {effect.about} in cell.yaml.", AGAIN))
 
 
 def draw_fault(size: float, joints: int, rng: np.random.Generator) -> Array:
-    """Compliances of half to one and a half of a size under 50 Nm [rad/Nm]."""
+    """Compliances between 0.5 and 1.5 times the one that turns a joint by `size` [rad] under 50 Nm, [rad/Nm]."""
     return np.asarray(size / _SIMULATED_NM * (0.5 + rng.random(joints)))
 
 
@@ -176,6 +176,6 @@ EFFECT = Effect(
     candidates=candidates,
     words=words,
     fault=SimulatedFault(
-        "sag", "deg", DEGREE, 0.1, "a joint yields by so much under 50 Nm of the links' weight", draw=draw_fault
+        "sag", "deg", DEGREE, 0.1, "each joint yields by about this angle under a load of 50 Nm", draw=draw_fault
     ),
 )

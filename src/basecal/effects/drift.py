@@ -10,7 +10,7 @@ from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, form
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each base and mount, by a tangent from the first sample to the last."""
+    """Candidates: each base and mount with a tangent that grows linearly from the first sample to the last."""
     if len(views.samples) < FEWEST_IN_TIME:
         return
     for name in views.frames:
@@ -18,7 +18,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def words(effect: FoundEffect) -> Words:
-    """Words of the drifting frame, and its rate."""
+    """Describe the drifting frame and its total motion."""
     way = format_tangent(effect.size, effect.covariance)
     what = f"{effect.about} drifts{way} from the first sample to the last."
     do = "Let robots and camera warm up.", "Look for a mount that creeps.", AGAIN
@@ -34,8 +34,8 @@ EFFECT = Effect(
         "statement": "a cell that drifts has no one answer",
         "size": "a candidate without a prior: only a certain one is reported",
         "unknown": "a cell that drifts has no one answer",
-        "random": "stops that neighbour share errors by place, not by time, in the models of noise",
-        "map": "what it moves is contained in the widening of the answer",
+        "random": "in the noise models, neighbouring stops share errors by place, not by time",
+        "map": "the widened covariance of the answer contains its effect",
         "fault": "recordings of the tests are drifted instead",
     },
 )

@@ -1,4 +1,4 @@
-"""Fixed transform: a base or a mount that is stated as fixed, and is elsewhere in all samples."""
+"""Fixed transform: a base or a mount that is stated as fixed, but differs from its statement in all samples."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ CODE = "fixed-contradicted"
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each fixed base and mount, by any tangent."""
+    """Candidates: each fixed base and mount with any tangent."""
     for name in views.fixed_frames:
         yield frame_candidates(CODE, views, name, np.ones((len(views.samples), 1)))
 
 
 def words(effect: FoundEffect) -> Words:
-    """Words of the error of a fixed transform."""
+    """Describe the error of a fixed transform."""
     return Words(CODE, *disagreement(effect.about, effect.size, effect.covariance))
 
 
 def disagreement(name: str, size: Array, covariance: Array) -> tuple[str, tuple[str, ...]]:
-    """Words of the error of a fixed transform, and the remedy.
+    """Describe the error of a fixed transform, and its remedy.
 
     Args:
-        name: Of the transform.
-        size: (6,) the tangent from where it is stated to where the data have it [m, rad]; (3,) of a point [m].
-        covariance: (6, 6) or (3, 3) of the tangent.
+        name: Name of the transform.
+        size: (6,) tangent from the stated to the estimated transform [m, rad]; (3,) shift of a point [m].
+        covariance: (6, 6) or (3, 3) of the size.
     """
     frame = name.rpartition("_from_")[2]
     stated = f"base of {frame.removesuffix('_base')}" if frame.endswith("_base") else f"mount of {frame}"
@@ -46,7 +46,7 @@ EFFECT = Effect(
     absent={
         "size": "a candidate without a prior: only a certain one is reported",
         "random": "each cell states one",
-        "map": "what it moves is contained in the widening of the answer",
+        "map": "the widened covariance of the answer contains its effect",
         "fault": "base-bumped and board-remounted move one from the first sample on, given @0",
     },
 )

@@ -1,21 +1,21 @@
-"""Focal length: the magnification of a lens is not as stated."""
+"""Focal length: the focal length of a lens differs from the stated one."""
 
 from __future__ import annotations
 
 from basecal.effects.faces.effect import NOT_OF_LENSES, Effect, LensParameter, SimulatedFault, format_with_sigma
 from basecal.geometry import Array, Camera
 
-_USUAL = 2e-3  # of the focal length
+_USUAL = 2e-3  # share of the focal length
 _PERCENT = 1e-2
 
 
 def usual(camera: Camera) -> Array:
-    """A share of the focal lengths [px]."""
+    """Typical errors of the focal lengths, (2,) [px]."""
     return _USUAL * camera.parameters[:2]
 
 
 def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
-    """Words of the error of the focal lengths."""
+    """Describe the errors of the focal lengths."""
     share = 100 / stated_lens.parameters[:2]
     off = share * (stated_lens.parameters - estimated_lens.parameters)[:2]
     fx, fy = (format_with_sigma(float(value), float(s)) for value, s in zip(off, share * sigma[:2], strict=True))
@@ -23,7 +23,7 @@ def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
 
 
 def draw_fault(size: float, camera: Camera) -> Camera:
-    """A lens that is longer by a fraction."""
+    """A lens whose focal lengths are larger by a fraction `size`."""
     longer = camera.parameters.copy()
     longer[:2] *= 1 + size
     return camera.with_parameters(longer)

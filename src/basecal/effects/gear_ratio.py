@@ -1,4 +1,4 @@
-"""Gear ratio: each joint turns more than recorded, by a share of its recorded angle, (n,)."""
+"""Gear ratio: each joint rotates more than recorded by a share of its recorded angle, (n,)."""
 
 from __future__ import annotations
 
@@ -28,47 +28,47 @@ from basecal.geometry import Array
 
 NAME = "gear_ratio"
 _KEYS = "ratio_error", "sigma_ratio_error"
-_LEAST_TURN_RAD = 0.1  # of which a percent is a milliradian
+_LEAST_TURN_RAD = 0.1  # one percent of it is one milliradian
 _PERCENT = 1e-2
 
 
 class Stated(Parameters):
-    """Prior knowledge of the ratios: the sigma of each, as a share."""
+    """Prior knowledge of the gear ratios: the relative sigma of each."""
 
     sigma: Sigma | None = None
 
 
 def unobserved_reason(case: Unobserved) -> str:
-    """Why the data do not hold the ratios of some joints."""
+    """Explain why the data do not determine the gear ratios of some joints."""
     how = "known from their prior alone" if case.by_prior else "that are unobservable"
     return f"gear ratios {how}: {case.joints}: these joints hardly move in these samples, or as a base or mount does"
 
 
 def report(robot: str, effect: RobotParameters) -> list[str]:
-    """A line for each joint."""
+    """A heading, and a line for each joint."""
     return [f"errors of the gear ratios of {robot}", *joint_lines(effect, 100, "%", 4)]
 
 
 def entry(values: Array) -> str:
-    """The entry of cell.yaml that estimates them, with a prior that found values do not contradict."""
+    """The entry of cell.yaml that estimates the ratios, with a prior that is consistent with found values."""
     sigma = float(np.abs(values).max(initial=_PERCENT))
     return f"`gear_ratio: {{status: prior, sigma: {sigma:.1g}}}`"
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each joint of each robot by a share of its angle, then all joints of a robot at once."""
+    """Candidates: each joint of each robot with a share of its angle, then all joints of a robot together."""
     for robot, chain in open_chains(views, NAME):
         moves = moves_by_joint(views, robot, chain, _turning_angles)
         yield from joint_candidates("gear-ratio", robot, "", moves)
 
 
 def _turning_angles(_: object, joints: Array) -> Array:
-    """The angles, (n, joints); 0 of a joint that hardly turns, whose ratio is another offset."""
+    """Angles of joints, (n, joints); 0 for a joint that hardly rotates, whose ratio acts as an offset."""
     return np.asarray(np.where(np.ptp(joints, axis=0) > _LEAST_TURN_RAD, joints, 0.0))
 
 
 def words(effect: FoundEffect) -> Words:
-    """One joint, or several with the clearest named."""
+    """Describe the error of one joint, or of several with the most significant named."""
     joint, amount = clearest_joint(effect, 100, "%")
     what = f"Joint {joint} of {effect.about} turns by {amount} more than recorded."
     if effect.joint is None:
@@ -93,7 +93,7 @@ EFFECT = Effect(
     candidates=candidates,
     words=words,
     fault=SimulatedFault(
-        "gear-ratio", "%", _PERCENT, 0.5, "each joint turns more than it says, one sigma", draw=draw_by_joint
+        "gear-ratio", "%", _PERCENT, 0.5, "each joint rotates more than recorded, one sigma", draw=draw_by_joint
     ),
     absent={
         "size": "industrial gears have a ratio of integers; hobby servos differ by percents, which a prior states",

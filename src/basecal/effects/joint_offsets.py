@@ -1,7 +1,7 @@
-"""Joint offsets: what is to be added to each recorded joint [rad], (n,).
+"""Joint offsets: corrections to add to each recorded joint [rad], (n,).
 
-Offsets up to the first joint that moved rotate the arm as its base does. The last one rotates what the flange carries
-as the mounts do. If these are free, a free offset there is held at zero, which defines the other.
+Offsets up to the first joint that moved are equivalent to a rotation of the base. The offset of the last joint is
+equivalent to a rotation of the mounts. If base or mounts are free, such a free offset is fixed at zero as a gauge.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ from basecal.fields.values import Sigma
 from basecal.geometry import Array, read_only
 
 NAME = "joint_offsets"
-SIGMA_RAD = 0.005  # of a prior: 0.3 deg, wider than a mastered arm's joints are off
-_ROUNDING = 1e-9  # of a digit, that is not rounded up for
+SIGMA_RAD = 0.005  # of a prior: 0.3 deg, wider than the offsets of a mastered arm
+_ROUNDING = 1e-9  # of a digit: tolerance of rounding up
 _DEG = float(np.degrees(1))
 _KEYS = (
     "joint_offsets_rad",
@@ -59,10 +59,10 @@ class Stated(Parameters):
 
 
 def unobserved_reason(case: Unobserved) -> str:
-    """Why the data do not hold the offsets of some joints."""
+    """Explain why the data do not determine the offsets of some joints."""
     still = next(
         (row for row in range(case.joint_count) if row not in case.rows), 0
-    )  # of the first joints, as many as the base
+    )  # number of leading joints that are equivalent to the base
     ends = {0: "the first joint moves the arm as its base does"}
     if still > 1:
         ends[0] = f"joints 1 to {still} move the arm as its base does, in these samples"
@@ -72,14 +72,14 @@ def unobserved_reason(case: Unobserved) -> str:
         reasons.append("the samples hardly move the others alone")
     why = f"{case.joints}: {', '.join(reasons)}"
     if case.by_prior:
-        rest = f"the sigmas of {case.base} and of the mounts contain what they leave open"
+        rest = f"the sigmas of {case.base} and of the mounts contain the remaining uncertainty"
         return f"offsets known from their prior alone: {why}; {rest}"
-    rest = f"{case.base} and the mounts make up for them, and their sigmas contain the usual size"
+    rest = f"{case.base} and the mounts compensate them, and their sigmas contain the usual size"
     return f"offsets that are unobservable and fixed at zero as a gauge: {why}; {rest}"
 
 
 def report(robot: str, effect: RobotParameters) -> list[str]:
-    """A line for each joint."""
+    """A heading, and a line for each joint."""
     lines = joint_lines(effect, _DEG, "deg", 4)
     return [f"joint offsets of {robot}, to be added to its recorded joints", *lines]
 
@@ -93,7 +93,7 @@ def to_dict(effect: Mapping[str, RobotParameters]) -> dict[str, Any]:
 
 
 def from_dict(data: Mapping[str, Any]) -> dict[str, RobotParameters]:
-    """The values in these fields, by robot."""
+    """Read the fields of `calibration.json` into the offsets of each robot."""
     values, _, covariances, seen, names = (data.get(key) or {} for key in _KEYS)
     found = {}
     for robot in values:
@@ -105,9 +105,9 @@ def from_dict(data: Mapping[str, Any]) -> dict[str, RobotParameters]:
 
 
 def suggested_sigma(offsets_rad: Array) -> float:
-    """Sigma of a prior of joint offsets that found ones do not contradict [rad]: the largest, to one digit upwards.
+    """Sigma of a prior that is consistent with found joint offsets [rad]: the largest, rounded up to one digit.
 
-    It is not below what is usual of arms that were mastered.
+    The sigma is at least that of arms that were mastered, 0.005 rad.
     """
     largest = float(np.abs(offsets_rad).max(initial=SIGMA_RAD))
     digit = 10.0 ** np.floor(np.log10(largest))
@@ -115,7 +115,7 @@ def suggested_sigma(offsets_rad: Array) -> float:
 
 
 def entry(values: Array) -> str:
-    """The entry of cell.yaml that estimates them, with a prior that found values do not contradict."""
+    """The entry of cell.yaml that estimates the offsets, with a prior that is consistent with found values."""
     return f"`joint_offsets: {{status: prior, sigma_rad: {suggested_sigma(values)}}}`"
 
 
@@ -125,21 +125,21 @@ def shared_errors(posture: Posture) -> SharedErrors:
 
 
 def likely(sigmas: Mapping[str, Array]) -> Words:
-    """Offsets that the noise shows."""
+    """Describe offsets that the estimated noise indicates."""
     robots, turns = " and ".join(sigmas), np.array([turn for _, turn in sigmas.values()])
     what = f"Joints of {robots} likely have offsets of {_DEG * turns.max():.2g} deg (1 sigma)."
     return Words("robot-model", what, (f"To estimate them, write {entry(turns)} at {robots}.",))
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each joint of each robot off by a constant [rad], then all joints of a robot at once."""
+    """Candidates: each joint of each robot with a constant offset [rad], then all joints of a robot together."""
     for robot, chain in open_chains(views, NAME):
         moves = moves_by_joint(views, robot, chain, lambda _, joints: np.ones_like(joints))
         yield from joint_candidates("joint-offset", robot, "rad", moves)
 
 
 def words(effect: FoundEffect) -> Words:
-    """One joint, or several with the clearest named."""
+    """Describe the offset of one joint, or of several with the most significant named."""
     joint, offset = clearest_joint(effect, _DEG, "deg")
     what = f"Joint {joint} of {effect.about} is off by {offset}."
     if effect.joint is None:

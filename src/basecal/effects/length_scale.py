@@ -1,4 +1,4 @@
-"""Length scale of a robot: its poses too short by a fraction."""
+"""Length scale of a robot: the translations of its poses are too short by a fraction."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ LENGTHS = ExpectedSize(5e-4, 1.0, "assumed: 0.5 mm on a metre, of arms as delive
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each robot, too short by a fraction."""
+    """Candidates: each robot with a length scale."""
     for robot in views.robots:
         yield one_candidate("length-scale", robot, "", pose_moves(views, robot, outward))
 
 
 def outward(poses: SE3) -> Array:
-    """How flanges move if an arm is longer by a fraction of one, (n, 6, 1), right tangents."""
+    """Derivative of flange poses, (n,), with respect to the relative length of an arm, (n, 6, 1), right tangents."""
     moves = np.zeros((*poses.translation.shape[:-1], 6, 1))
     moves[..., :3, :] = poses.rotation.mT @ poses.translation[..., None]
     return moves
 
 
 def words(effect: FoundEffect) -> Words:
-    """Poses too short or too long."""
+    """Describe by how much poses are too short or too long."""
     percent = 100 * effect.size[0]
     amount = f"{format_with_sigma(abs(percent), 100 * effect.sigma)} %"
     what = f"Poses of {effect.about} are {amount} too {'short' if percent > 0 else 'long'}."
@@ -44,7 +44,7 @@ EFFECT = Effect(
     absent={
         "statement": "links hold a robot's lengths; poses alone show one number of them",
         "unknown": "its robot's links are",
-        "map": "what it moves is contained in the widening of the answer",
+        "map": "the widened covariance of the answer contains its effect",
         "fault": "link-errors makes arms too long or too short",
     },
 )

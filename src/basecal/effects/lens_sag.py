@@ -1,7 +1,7 @@
-"""Sag of a lens in its holder: the image shifts along gravity, as if the camera turned about its own centre.
+"""Sag of a lens in its holder: the image shifts along gravity, as if the camera rotated about its own centre.
 
-A principal point that shifts by s pixels is a turn of s / f about the axis across gravity and the optical axis. What
-remains is of second order in the angle of the field.
+A shift of the principal point by s pixels is equivalent to a rotation by s / f. Its axis is perpendicular to gravity
+and the optical axis. The remaining difference is of second order in the field angle.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from basecal.geometry import SE3, Array
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each camera on a robot that moves, by the turn of its axis where gravity is across it [rad]."""
+    """Candidates: each camera on a moving robot, with its rotation under gravity perpendicular to its axis [rad]."""
     mounts = {group.camera: group.eye.mount for group in views.groups if group.eye.mount in views.mounts}
     for camera, mount in mounts.items():
         flange_from_camera = views.transform(mount)
@@ -27,7 +27,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def flange_tangents(flange_from_camera: SE3, down_in_flange: Array) -> Array:
-    """How a camera's flange would move for the same, (n, 6, 1), by gravity in the flange, (n, 3)."""
+    """Tangents of the flange that are equivalent to a unit sag, (n, 6, 1), from gravity in the flange, (n, 3)."""
     down = down_in_flange @ flange_from_camera.rotation
     turns = np.zeros((len(down), 6, 1))
     turns[:, 3, 0], turns[:, 4, 0] = down[:, 1], -down[:, 0]
@@ -35,7 +35,7 @@ def flange_tangents(flange_from_camera: SE3, down_in_flange: Array) -> Array:
 
 
 def words(effect: FoundEffect) -> Words:
-    """Words of the angle by which the lens's axis turns."""
+    """Describe the angle by which the lens's axis rotates."""
     size = format_with_sigma(1e3 * abs(float(effect.size[0])), 1e3 * effect.sigma)
     what = f"The lens of {effect.about} sags by {size} mrad in its holder."
     return Words("lens-sag", what, ("Lock the lens.", AGAIN))
@@ -49,7 +49,7 @@ EFFECT = Effect(
     absent={
         "statement": "nobody measures it beforehand",
         "unknown": "the answer contains it as large as expected, given the data",
-        "map": "flanges meet at the task, not what they carry",
+        "map": "the error map concerns poses of flanges, not of what they carry",
         "fault": "mount-bend of a camera looks nearly the same",
     },
 )

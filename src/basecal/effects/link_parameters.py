@@ -1,4 +1,4 @@
-"""Link parameters: right tangents of the origins of a chain's joints, last of its tip [m, rad], (n + 1, 6)."""
+"""Link parameters: right tangents of the origins of a chain's joints and of its tip [m, rad], (n + 1, 6)."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from basecal.geometry.se3_jacobians import right_jacobian
 from basecal.kinematics import SerialChain
 
 NAME = "link_parameters"
-SIGMA_M, SIGMA_RAD = 1e-3, 2e-3  # of a prior: wider than arms are made to
-_METRES_PER_RADIAN = 0.5  # of link errors that explain the data equally, the smallest counts so
-_TURN_PER_METRE = 1.0  # [rad/m] of a simulated link
+SIGMA_M, SIGMA_RAD = 1e-3, 2e-3  # of a prior: wider than manufacturing tolerances of arms
+_METRES_PER_RADIAN = 0.5  # weight in the norm that selects the smallest of equivalent link errors
+_TURN_PER_METRE = 1.0  # rotation over translation of a simulated link error [rad/m]
 
 
 class Stated(Parameters):
-    """Prior knowledge of the links: the sigmas of each rotation [rad] and translation [m]."""
+    """Prior knowledge of the links: the sigmas of rotations [rad] and translations [m], per axis."""
 
     sigma_rad: Sigma | None = None
     sigma_m: Sigma | None = None
 
 
 def zero(joints: int) -> Array:
-    """No error of any origin."""
+    """Link parameters of the stated robot, all zero, (joints + 1, 6)."""
     return np.zeros((joints + 1, 6))
 
 
 def columns(chain: SerialChain, statement: Stated) -> Columns:
-    """A column for each number, in its unit."""
+    """A column for each parameter, with its prior sigma if both sigmas are stated."""
     if statement.sigma_m is not None and statement.sigma_rad is not None:
         per_axis = np.repeat([statement.sigma_m, statement.sigma_rad], 3)
         return Columns(np.eye(6 * (chain.n + 1)), np.tile(per_axis, chain.n + 1))
@@ -43,12 +43,12 @@ def columns(chain: SerialChain, statement: Stated) -> Columns:
 
 
 def move_links(chain: SerialChain, values: Array) -> SerialChain:
-    """The chain with its origins moved."""
+    """The chain with its origins perturbed."""
     return chain.perturb_links(values) if np.any(values) else chain
 
 
 def derivative(posture: Posture, values: Array) -> Array:
-    """Derivative of the flange to each origin."""
+    """Derivative of `base_from_flange` with respect to each origin's tangent."""
     links = posture.true.link_derivative
     by_link = np.swapaxes(links.reshape(*links.shape[:-1], -1, 6), -2, -3)
     turned = by_link @ right_jacobian(values)[..., None, :, :, :]
@@ -56,7 +56,7 @@ def derivative(posture: Posture, values: Array) -> Array:
 
 
 def report(robot: str, effect: RobotParameters) -> list[str]:
-    """A line for each origin, and the tip."""
+    """A heading, and a line for each origin and the tip."""
     lines = [f"link errors of {robot}, right tangents of each joint's origin, then of the tip"]
     for k, tangent in enumerate(effect.values, 1):
         shown = [f"{round(float(value), 4) + 0.0:10.4f}" for value in (*tangent[:3] * 1e3, *np.degrees(tangent[3:]))]
@@ -74,7 +74,7 @@ def to_dict(effect: Mapping[str, RobotParameters]) -> dict[str, Any]:
 
 
 def from_dict(data: Mapping[str, Any]) -> dict[str, RobotParameters]:
-    """The values in this field, by robot."""
+    """Read the field of `calibration.json` into the link parameters of each robot."""
     found = {}
     for robot, entry in (data.get("link_parameters") or {}).items():
         values, sigma = (
@@ -86,17 +86,17 @@ def from_dict(data: Mapping[str, Any]) -> dict[str, RobotParameters]:
 
 
 def entry(values: Array) -> str:
-    """The entry of cell.yaml that estimates them."""
+    """The entry of cell.yaml that estimates the link parameters."""
     return f"`link_parameters: {{status: prior, sigma_rad: {SIGMA_RAD}, sigma_m: {SIGMA_M}}}`"
 
 
 def shared_errors(posture: Posture) -> SharedErrors:
-    """A shift and a rotation of each origin, and of the tip."""
+    """Errors of translation and rotation of each origin and of the tip."""
     return SharedErrors(posture.true.link_derivative, np.tile(np.repeat([False, True], 3), posture.chain.n + 1))
 
 
 def likely(sigmas: Mapping[str, Array]) -> Words:
-    """Link errors that the noise shows."""
+    """Describe link errors that the estimated noise indicates."""
     robots, (shift, turn) = " and ".join(sigmas), np.max(list(sigmas.values()), axis=0)
     size = f"{1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg (1 sigma)"
     do = f"To estimate them, write {entry(np.zeros(0))} at {robots}."
@@ -104,7 +104,7 @@ def likely(sigmas: Mapping[str, Array]) -> Words:
 
 
 def draw_fault(size: float, joints: int, rng: np.random.Generator) -> Array:
-    """Errors of one sigma per axis [m], rotated by 1 mrad a millimetre."""
+    """Random link errors with a sigma of `size` per axis [m], and of 1 mrad per millimetre of it for rotations."""
     return np.repeat([size, size * _TURN_PER_METRE], 3) * rng.standard_normal((joints + 1, 6))
 
 

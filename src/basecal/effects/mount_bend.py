@@ -1,8 +1,8 @@
-"""Bend of a mount: the weight of a camera or a target turns what holds it on its flange.
+"""Bend of a mount: the weight of a camera or a target rotates the bracket that holds it on its flange.
 
-The rotation is l x g, with g the direction of gravity in the flange. For a bracket whose load is at a lever, l is along
-that lever. Its length is the rotation under gravity perpendicular to the lever. To first order it is a tilt of the
-base. Source: docs/mathematics.md (11.4).
+The rotation is l x g, with g the direction of gravity in the flange. If the load of a bracket is at the end of a lever,
+l is along that lever. The length of l is the rotation under gravity perpendicular to the lever. To first order the bend
+acts as a tilt of the base. Source: docs/mathematics.md (11.4).
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from basecal.geometry.rotation import cross_matrix
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each mount on a robot that moves, by l [rad]."""
+    """Candidates: each mount on a moving robot, with the vector l [rad]."""
     for mount in views.mounts:
         yield one_candidate("mount-bent", mount, "rad", mount_moves(views, mount, flange_tangents))
 
 
 def flange_tangents(down_in_flange: Array) -> Array:
-    """How a mount moves in the flange with each l, (n, 6, 3), by gravity there, (n, 3)."""
+    """Derivatives of a mount with respect to l, (n, 6, 3), tangents of the flange, from gravity in it, (n, 3)."""
     tangents = np.zeros((len(down_in_flange), 6, 3))
     tangents[:, 3:] = -cross_matrix(down_in_flange)
     return tangents
 
 
 def words(effect: FoundEffect) -> Words:
-    """Words of the angle by which the mount bends when gravity is across it."""
+    """Describe the angle by which the mount bends under gravity perpendicular to its lever."""
     size = rounded_length(effect.size, effect.covariance, 1e3)
     what = f"{effect.about} bends by {size} mrad under gravity."
     do = "Stiffen what holds it, or fasten its load nearer to the flange.", AGAIN
@@ -49,16 +49,16 @@ def words(effect: FoundEffect) -> Words:
 
 
 def bend(size_rad: float, down_in_flange: Array) -> Array:
-    """Tangent of the flange, (6,), of a mount whose load is ahead of it, along z."""
+    """Tangent of the flange, (6,), of a mount whose lever is along z and bends by `size_rad`."""
     return np.asarray(flange_tangents(down_in_flange[None])[0, :, 2] * size_rad)
 
 
 ABSENT: dict[Face, str] = {
     "statement": "nobody measures it beforehand",
     "unknown": "the answer contains it as large as expected, given the data",
-    "map": "flanges meet at the task, not what they carry",
+    "map": "the error map concerns poses of flanges, not of what they carry",
 }
-"""Faces that what gravity does to a mount has not."""
+"""Faces that effects of gravity on a mount lack, with the reason."""
 
 EFFECT = Effect(
     "mount_bend",
@@ -66,7 +66,7 @@ EFFECT = Effect(
     candidates=candidates,
     words=words,
     fault=SimulatedFault(
-        "mount-bend", "mrad", MILLI, 1.0, "mounts bend by so much where gravity is across z of flanges", move_mount=bend
+        "mount-bend", "mrad", MILLI, 1.0, "mounts bend if gravity is perpendicular to z of the flange", move_mount=bend
     ),
     absent=ABSENT,
 )

@@ -1,4 +1,4 @@
-"""Principal point: the centre of a lens is not as stated."""
+"""Principal point: the principal point of a lens differs from the stated one."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ import numpy as np
 from basecal.effects.faces.effect import NOT_OF_LENSES, ONE, Effect, LensParameter, SimulatedFault, format_with_sigma
 from basecal.geometry import Array, Camera
 
-# One that counts from the corner of the first pixel, not from its centre, is half a pixel off, and (w + 1) / 2 a whole.
-_USUAL = 1e-3  # of the width of the image
+# Pixels counted from the corner of the first pixel instead of its centre shift it by 0.5 px, (w + 1) / 2 by 1 px.
+_USUAL = 1e-3  # share of the image's width
 
 
 def usual(camera: Camera) -> Array:
-    """A share of the image's width [px]."""
+    """Typical errors of the principal point, (2,) [px]."""
     width = camera.size_px[0] if camera.size_px else 2 * camera.parameters[2]
     return np.full(2, _USUAL * width)
 
 
 def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
-    """Words of the error of the principal point."""
+    """Describe the error of the principal point."""
     off = (stated_lens.parameters - estimated_lens.parameters)[2:4]
     cx, cy = (format_with_sigma(float(value), float(s)) for value, s in zip(off, sigma[2:4], strict=True))
     return f"cx by {cx} px, cy by {cy} px"
 
 
 def draw_fault(size: float, camera: Camera) -> Camera:
-    """A lens whose centre is to the right and below."""
+    """A lens whose principal point is shifted to the right and down by `size` [px]."""
     shifted = camera.parameters.copy()
     shifted[2:4] += size * np.sqrt(0.5)
     return camera.with_parameters(shifted)

@@ -1,4 +1,4 @@
-"""Every effect: a new one is a module, and its name here."""
+"""The registry of effects: to add an effect, write its module and list it here."""
 
 from __future__ import annotations
 
@@ -65,17 +65,17 @@ EFFECTS: Mapping[str, Effect] = {
         distortion,
     )
 }
-"""By name, in the order in which they are estimated and looked for."""
+"""All effects by name, in the order in which they are estimated and tested."""
 
 ROBOT_PARAMETERS: Mapping[str, RobotParameter] = {
     name: effect.parameter for name, effect in EFFECTS.items() if effect.parameter is not None
 }
-"""What can be estimated of a robot's own kinematics, by the key in cell.yaml."""
+"""Kinematic parameters of robots that can be estimated, by their key in cell.yaml."""
 
 LENS_PARAMETERS: Mapping[str, LensParameter] = {
     name: effect.lens for name, effect in EFFECTS.items() if effect.lens is not None
 }
-"""Parts of a lens that have an error of their own size, in the order of a lens's parameters."""
+"""Groups of lens parameters whose errors have their own scale, in the order of a lens's parameters."""
 
 RANDOM_EFFECTS: Mapping[str, RandomEffect] = {
     name: effect.random for name, effect in EFFECTS.items() if effect.random is not None
@@ -85,25 +85,25 @@ RANDOM_EFFECTS: Mapping[str, RandomEffect] = {
 CONTAINED = tuple(
     name for name, effect in EFFECTS.items() if effect.expected is not None and not effect.expected.is_stated
 )
-"""Effects that every answer contains, as large as they are expected to be, given the data."""
+"""Effects that every answer contains, with their expected size given the data."""
 
 BY_PLACE = tuple(name for name, effect in EFFECTS.items() if effect.is_by_place)
-"""Effects that smooth fields of errors contain."""
+"""Effects that smooth fields of position-dependent errors contain."""
 
 CHANGES_IN_TIME = tuple(name for name, effect in EFFECTS.items() if effect.is_in_time)
 """Effects that change a frame in time."""
 
 
 def largest_sigma(name: str) -> float:
-    """The widest sigma that is expected of the sizes of an effect; infinite if nothing is expected of them."""
+    """Largest sigma in the prior of an effect's sizes; infinite if the effect has no such prior in every answer."""
     expected = EFFECTS[name].expected if name in CONTAINED else None
     return math.inf if expected is None else float(expected.prior(len(CONTAINED)).sigmas.max())
 
 
 def describe_effect(effect: FoundEffect) -> Words:
-    """A found effect in words, with those that the data do not distinguish from it.
+    """Describe a found effect, with the alternatives that the data do not distinguish from it.
 
-    What was stated by hand is doubted before devices are.
+    Stated transforms come first, since an error of a statement is likelier than one of a device.
     """
     found = sorted((effect, *effect.alternatives), key=lambda one: one.effect != fixed_transform.EFFECT.name)
     each = [_words(one) for one in found]
@@ -122,5 +122,5 @@ def _words(effect: FoundEffect) -> Words:
 
 
 def _as_clause(sentence: str) -> str:
-    """A sentence as a clause: names are lower case, and other first words become so."""
+    """A sentence as a clause, with its first letter in lower case; names are lower case already."""
     return sentence[:1].lower() + sentence[1:]

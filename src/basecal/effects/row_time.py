@@ -1,4 +1,4 @@
-"""Row time: the rows of an image are exposed one after another, by another time than stated."""
+"""Row time: the delay between the exposures of consecutive image rows differs from the stated one."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from basecal.geometry import SE3, Array, Camera
 
 
 def row_shift(camera: Camera, pose: SE3, velocity: Array, points_in_target: Array, after_s: Array) -> Array:
-    """How far pixels are from where they are at the instant of the mean row, (p, 2) [px]; 0 of those not seen.
+    """Shifts of pixels from their positions at the instant of the mean row, (p, 2) [px]; 0 for points not visible.
 
     Args:
         camera: The lens.
-        pose: `camera_from_target` at that instant.
+        pose: `camera_from_target` at the instant of the mean row.
         velocity: (6,) of the target in the camera, in the target's axes [m/s, rad/s].
         points_in_target: (p, 3) [m].
-        after_s: (p,) from that instant to the exposure of each pixel's row [s].
+        after_s: (p,) time from the instant of the mean row to the exposure of each pixel's row [s].
     """
     moved = SE3.exp(after_s[:, None] * velocity) @ points_in_target
     return np.nan_to_num(camera.project(pose @ moved) - camera.project(pose @ points_in_target))

@@ -1,9 +1,8 @@
-"""Errors of an arm that are smooth in its pose: geometry, gears and sag, nearly equal at stops that are near one
-another.
+"""Errors of an arm that are a smooth function of its pose, as of geometry, gears and sag: nearly equal at close stops.
 
-The model is a Gaussian process over poses with a squared-exponential kernel in sqrt(|dp|^2 + (1 m * angle)^2), by its
-leading modes. It varies slowly, so that a dozen modes describe it. Source: Rasmussen & Williams 2006 (4.2), Williams &
-Seeger 2001 (modes).
+The model is a Gaussian process over poses with a squared-exponential kernel in sqrt(|dp|^2 + (1 m * angle)^2), reduced
+to its leading modes. The process varies slowly, so that a dozen modes describe it. Source: Rasmussen & Williams 2006
+(4.2), Williams & Seeger 2001 (modes).
 """
 
 from __future__ import annotations
@@ -19,18 +18,18 @@ from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 
 Kernel = Callable[[Any, Any], Array]
-"""Correlation of errors at n places and m others, (n, m)."""
+"""Correlation of errors between n places and m places, (n, m)."""
 
-# Errors of real arms correlate over 0.5 to 1.3 m, with an arm of 1 m for angles.
+# Errors of real arms correlate over 0.5 to 1.3 m, with a lever of 1 m for angles.
 LENGTH_M = 0.7
 _ARM_M = 1.0
-_MOST_STOPS = 150  # that the modes are found of: more are between these
-_MOST_MODES = 16  # of each of six coordinates, which bounds the time
-_LEAST_MODE = 1e-2  # of the largest variance: smaller ones are noise of single stops
+_MOST_STOPS = 150  # from which the modes are computed; further stops are interpolated
+_MOST_MODES = 16  # of each of six coordinates, which bounds the run time
+_LEAST_MODE = 1e-2  # share of the largest variance: weaker modes are noise of single stops
 
 
 class Modes(NamedTuple):
-    """Modes of a smooth error: what a unit error of each is at any pose follows from recorded poses and weights."""
+    """Modes of a smooth error: recorded poses and weights determine the value of each mode at any pose."""
 
     recorded: SE3 | Array
     weights: Array
@@ -50,8 +49,8 @@ class Modes(NamedTuple):
         Args:
             stops: Poses or instants.
             kernel: The kernel.
-            places: How many of them the modes are found of, at most.
-            count: How many modes, at most.
+            places: Maximum number of stops from which the modes are computed.
+            count: Maximum number of modes.
             least: The smallest variance of a mode, as a share of the largest.
         """
         few = stops[:: -(-len(stops) // places)]
@@ -59,18 +58,18 @@ class Modes(NamedTuple):
         return cls(few, of.inverse_root[:, of.held][:, -count:], kernel)
 
     def sizes(self, places: SE3 | Array) -> Array:
-        """Size at poses or instants, (n,), of a unit error of each mode, equal in every coordinate, (n, k)."""
+        """Values of a unit error of each mode at poses or instants, (n,), equal in every coordinate, (n, k)."""
         return np.asarray(self.kernel(places, self.recorded) @ self.weights)
 
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
-    """Errors of each coordinate by modes of recorded poses, (m,), at poses, (n,)."""
+    """Errors of each coordinate at poses, (n,), by modes of recorded poses, (m,)."""
     found = Modes.strongest(recorded_poses, kernel).sizes(poses)
     return SharedErrors.repeat_coordinates(found) if found.shape[1] else None
 
 
 def kernel(first: SE3, second: SE3) -> Array:
-    """Correlation of errors at poses of a flange, (n,) and (m,) to (n, m): 1 at one pose."""
+    """Correlation of errors between flange poses, (n,) and (m,) to (n, m); 1 between equal poses."""
     apart = first.translation[:, None] - second.translation[None]
     # The trace of R' S, 1 + 2 cos of the angle between them, is the sum of the products of their entries.
     traces = first.rotation.reshape(-1, 9) @ second.rotation.reshape(-1, 9).T
@@ -80,18 +79,18 @@ def kernel(first: SE3, second: SE3) -> Array:
 
 
 FIGURES = {"length_m": LENGTH_M}
-"""What `calibration.json` holds beside the sigmas of smooth errors."""
+"""Numbers that `calibration.json` stores in addition to the sigmas of smooth errors."""
 
 _EVERY_ARM = "a stand-in for the effects of joints and links on arms that record poses alone"
 
 ABSENT: dict[Face, str] = {
     "statement": _EVERY_ARM,
     "unknown": "a function of the pose, not a number",
-    "candidate": "its sigma is estimated, and no value of it can be",
-    "map": "the error map takes its variance, as it has no values at joints",
+    "candidate": "only its sigma can be estimated, not its value",
+    "map": "the error map uses its variance, as it has no values at joints",
     "fault": "joint-offsets, link-errors and sag make such errors",
 }
-"""Faces that smooth errors have not."""
+"""Faces that smooth errors lack, with the reason."""
 
 EFFECT = Effect(
     "smooth",

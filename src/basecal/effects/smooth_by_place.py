@@ -1,8 +1,8 @@
-"""Errors of an arm that are smooth in the place of its flange, along the axes of its base.
+"""Errors of an arm that are a smooth function of the flange's position, along the axes of its base.
 
-A long axis, a long link or an arm that yields shifts poses that are near one another nearly equally. A base takes up
-most of such an error, and little of it shows. Of twelve recordings of arms that record poses six have more evidence
-for it than for `smooth`, three have less.
+A wrong scale of an axis, a wrong link length or elasticity shifts close poses nearly equally. The base absorbs most of
+such an error, so that the residuals show little of it. Of twelve recordings of arms with recorded poses, six have more
+evidence for this effect than for `smooth`, three have less.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from basecal.geometry import SE3, Array
 
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
-    """Errors along each axis by modes of recorded poses, (m,), at poses, (n,)."""
+    """Errors along each axis of the base at poses, (n,), by modes of recorded poses, (m,)."""
     found = smooth.Modes.strongest(recorded_poses, kernel).sizes(poses)
     return SharedErrors.repeat_coordinates(found).rotate_to(poses) if found.shape[1] else None
 
 
 def kernel(first: SE3, second: SE3) -> Array:
-    """Correlation of errors at poses of a flange, (n,) and (m,) to (n, m): 1 at one place."""
+    """Correlation of errors between flange poses, (n,) and (m,) to (n, m); 1 between equal positions."""
     apart = first.translation[:, None] - second.translation[None]
     return np.asarray(np.exp(-0.5 * np.sum(apart**2, -1) / smooth.LENGTH_M**2))
 
@@ -30,7 +30,7 @@ def kernel(first: SE3, second: SE3) -> Array:
 EXPECTED = SharedPrior(
     (8e-4, 3.0), "accuracy of 0.5 to 2 mm of arms as delivered (Nubiola & Bonev 2013)", is_over_stop=False
 )
-"""Of fields of errors of an arm that records poses alone."""
+"""Prior of fields of errors of an arm that records only poses."""
 
 EFFECT = Effect(
     "smooth_by_place",

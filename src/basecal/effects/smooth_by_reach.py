@@ -1,8 +1,9 @@
-"""Errors of an arm that are smooth in the reach and height of its flange, about the first axis of the arm.
+"""Errors of an arm that are a smooth function of the reach and height of its flange, along the axes of the arm.
 
-An arm rotates about the z axis of its base first. Links, the other joints and weight therefore move the flange equally
-at equal reach and height, in axes that rotate with the arm. In addition the arm bends by its reach. Of nine recordings
-of arms that record poses, three have the most evidence for it, four for `smooth`, and two for no shared error.
+The first joint of an arm rotates about the z axis of its base. Errors of links, other joints and weight are therefore
+equal at equal reach and height, in axes that rotate with the arm. In addition the arm bends in proportion to its reach.
+Of nine recordings of arms with recorded poses, three have the most evidence for this effect, four for `smooth`, and two
+for no shared error.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from basecal.geometry import SE3, Array
 
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
-    """Errors along the axes of the arm by modes of recorded poses, (m,), and its bend, at poses, (n,)."""
+    """Errors along the axes of the arm at poses, (n,), by modes of recorded poses, (m,), and by its bend."""
     found = smooth.Modes.strongest(recorded_poses, kernel).sizes(poses)
     if not found.shape[1]:
         return None
@@ -28,7 +29,7 @@ def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
 
 
 def kernel(first: SE3, second: SE3) -> Array:
-    """Correlation of errors at poses of a flange, (n,) and (m,) to (n, m): 1 at one reach and height."""
+    """Correlation of errors between flange poses, (n,) and (m,) to (n, m); 1 between equal reaches and heights."""
     apart = _reach_and_height(first)[:, None] - _reach_and_height(second)[None]
     return np.asarray(np.exp(-0.5 * np.sum(apart**2, -1) / smooth.LENGTH_M**2))
 
@@ -39,7 +40,7 @@ def _reach_and_height(poses: SE3) -> Array:
 
 
 def _arm_axes(poses: SE3) -> Array:
-    """Axes outward, sideways and up of an arm at poses, as columns in its base, (n, 3, 3)."""
+    """Outward, sideways and upward axes of an arm at poses, (n,), as columns in its base, (n, 3, 3)."""
     azimuth = np.arctan2(poses.translation[:, 1], poses.translation[:, 0])
     out = np.zeros((len(poses), 3, 3))
     out[:, 0, 0] = out[:, 1, 1] = np.cos(azimuth)

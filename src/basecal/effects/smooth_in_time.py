@@ -1,9 +1,10 @@
-"""Errors of an arm that moves, nearly equal at instants that are near one another.
+"""Errors of a moving arm that are a smooth function of time: nearly equal at close instants.
 
-A servo lags its path, and a controller reads its pose back, with errors that last for a second or so. Images of a path
-are taken more often. With an error for each stop alone they would seem to be as many separate errors. The model is a
-Gaussian process over time with an exponential kernel, by its leading modes. These are as quick as paths are: slower
-ones alone leave false errors by posture. Source: Uhlenbeck & Ornstein 1930; Rasmussen & Williams 2006 (4.2).
+A servo lags its path, and a controller reports its pose, with errors that last for about one second. Images on a path
+are taken more often. With independent errors for each stop, such images would count as independent errors. The model
+is a Gaussian process over time with an exponential kernel, reduced to its leading modes. These modes must be as fast as
+the paths: slower modes alone leave apparent errors by posture. Source: Uhlenbeck & Ornstein 1930; Rasmussen & Williams
+2006 (4.2).
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
 from basecal.geometry import Array
 
 LASTS_S = 1.0
-"""After which a correlation is 1/e. Errors that last for 0.5 to 3 s are described as well."""
+"""Time after which the correlation is 1/e. Errors that last for 0.5 to 3 s are described equally well."""
 
-_MOST_INSTANTS = 400  # that the modes are found of: more are between these
-_MOST_MODES = 96  # of each of six coordinates, which bounds the time: of two minutes
-_LEAST_MODE = 0.07  # of the largest variance: quicker ones than 0.6 Hz are noise of single stops
+_MOST_INSTANTS = 400  # from which the modes are computed; further instants are interpolated
+_MOST_MODES = 96  # of each of six coordinates, which bounds the run time; enough for two minutes
+_LEAST_MODE = 0.07  # share of the largest variance: modes faster than 0.6 Hz are noise of single stops
 
 
 def errors(passed_s: Array) -> SharedErrors | None:
-    """Errors of each coordinate by modes at instants, (n,) [s]; none at those that are NaN."""
+    """Errors of each coordinate by modes at instants, (n,) [s]; zero at NaN instants, None if all are NaN."""
     moves = np.isfinite(passed_s)
     if not moves.any():
         return None
@@ -36,7 +37,7 @@ def errors(passed_s: Array) -> SharedErrors | None:
 
 
 def kernel(first_s: Array, second_s: Array) -> Array:
-    """Correlation of errors at instants, (n,) and (m,) to (n, m): 1 at one instant."""
+    """Correlation of errors between instants, (n,) and (m,) to (n, m); 1 between equal instants."""
     return np.asarray(np.exp(-np.abs(first_s[:, None] - second_s) / LASTS_S))
 
 
@@ -55,7 +56,7 @@ EFFECT = Effect(
         figures={"lasts_s": LASTS_S},
     ),
     fault=SimulatedFault(
-        "following-error", "deg", DEGREE, 0.01, "joints stray from their way by so much, one sigma of moves"
+        "following-error", "deg", DEGREE, 0.01, "joints deviate from their path during moves, one sigma"
     ),
     absent={face: why for face, why in smooth.ABSENT.items() if face != "fault"},
 )

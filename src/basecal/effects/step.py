@@ -1,4 +1,4 @@
-"""Step: a base or a mount moved at one of the samples."""
+"""Step: a base or a mount moved suddenly at one of the samples."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from basecal.effects.faces.candidates import Candidates, Views, frame_candidates
 from basecal.effects.faces.effect import Effect, FoundEffect, Words, format_tangent
 from basecal.geometry import IntArray
 
-_MOST_SPLITS = 32  # of a recording in time at which a step is looked for
-_LEAST_SIDE = 3  # samples that see a frame before and after its step
+_MOST_SPLITS = 32  # tested samples at which a step may have occurred
+_LEAST_SIDE = 3  # samples that depend on the frame, before and after its step
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each base and mount moved at one of the samples, by any tangent."""
+    """Candidates: each base and mount displaced by any tangent from one of the samples on."""
     for name in views.frames:
         splits = _splits(views, name)
         if len(splits):
@@ -25,7 +25,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def _splits(views: Views, name: str) -> IntArray:
-    """Indices in `samples` of those that may be the first to see a frame elsewhere."""
+    """Indices in `samples` of the tested first samples after a step of a frame."""
     seen = np.unique(np.concatenate([views.rank(g) for k, g in enumerate(views.groups) if views.depends(k, name)]))
     splits = seen[_LEAST_SIDE : len(seen) - _LEAST_SIDE + 1]
     chosen = np.unique(np.linspace(0, len(splits) - 1, min(_MOST_SPLITS, len(splits))).astype(int))
@@ -33,7 +33,7 @@ def _splits(views: Views, name: str) -> IntArray:
 
 
 def words(effect: FoundEffect) -> Words:
-    """Words of the moved frame, its shift and its time."""
+    """Describe the moved frame, its displacement and the sample at which it moved."""
     what = f"{effect.about} moved{format_tangent(effect.size, effect.covariance)} at about sample {effect.since}."
     do = "Check what was bumped, bent, loosened or exchanged there.", "Calibrate the parts of the recording separately."
     return Words("base-moved", what, do)
@@ -46,7 +46,7 @@ EFFECT = Effect(
     is_in_time=True,
     elsewhere={"fault": "basecal.simulation.running.faults: base-bumped, board-remounted"},
     absent={
-        "statement": "a cell that is moved is another cell",
+        "statement": "a cell is a different cell after a step",
         "size": "a candidate without a prior: only a certain one is reported",
         "unknown": "the parts of the recording are calibrated separately",
         "random": "each recording has one at most",

@@ -1,6 +1,7 @@
-"""Stretch: poses of a robot are longer along some directions than along others, as of an axis that is 0.1 % long.
+"""Stretch: poses of a robot have different length scales along different directions, as if one axis were 0.1 % long.
 
-The linear field of errors of an arm that records poses alone; its turn is one of the base.
+The stretch is the linear field of errors of an arm with recorded poses; its antisymmetric part is a rotation of the
+base.
 """
 
 from __future__ import annotations
@@ -18,21 +19,21 @@ _STRETCHES = np.concatenate([np.eye(3)[:, :, None] * np.eye(3)[:, None], np.abs(
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each robot that records poses alone, by the six coefficients of a symmetric matrix."""
+    """Candidates: each robot with recorded poses, with the six coefficients of a symmetric matrix."""
     for robot in views.robots:
         if robot not in views.chains:
             yield one_candidate("stretch", robot, "", pose_moves(views, robot, flange_tangents))
 
 
 def flange_tangents(poses: SE3) -> Array:
-    """How flanges at poses, (n,), move with each coefficient, the axes of the base first, (n, 6, 6), right tangents."""
+    """Derivatives of flange poses, (n,), with respect to each coefficient, diagonal first, (n, 6, 6) right tangents."""
     tangents = np.zeros((len(poses), 6, 6))
     tangents[:, :3] = poses.rotation.mT @ np.einsum("kij,nj->nik", _STRETCHES, poses.translation)
     return tangents
 
 
 def words(effect: FoundEffect) -> Words:
-    """Words of the stretch in all directions together."""
+    """Describe the total stretch."""
     share = rounded_length(effect.size, effect.covariance, 100.0)
     what = f"Poses of {effect.about} are stretched by {share} %, not equally in all directions."
     check = f"Check the kinematic calibration of {effect.about}, the length of its axes and its tool."

@@ -1,8 +1,9 @@
-"""Shape of a target: a board is bowed, points on a body are elsewhere on it.
+"""Shape of a target: a board is bowed, or points on a body deviate from their stated positions.
 
-A bowed board moves corners by a pixel and more if it is seen at a slant. It does so equally in all views, so that lens
-and mounts compensate it. On a body in space each point is off alone; a rotation of it that shows other points passes
-for an error of the arm. Translation and rotation of the whole body are its mount's. Source: docs/mathematics.md (5.5).
+A bow moves the corners of an obliquely viewed board by a pixel and more. The bow is equal in all views, so that lens
+and mounts compensate it. On a three-dimensional body each point has its own error. As the body rotates, other points
+become visible, and their errors resemble errors of the arm. Translation and rotation of the whole body belong to its
+mount. Source: docs/mathematics.md (5.5).
 """
 
 from __future__ import annotations
@@ -16,31 +17,31 @@ from basecal.numerics.spectral import dimension, least_norm, principal_axes
 
 _BOW = 3e-3  # one sigma of a coefficient, of the half size: the middle of the 0.1 to 0.6 % of printed boards
 _POINT = 5e-3  # one sigma of a coordinate, of the half size, of bodies of printed plastic and assembled ones
-_THIN = 0.05  # of the extent: beyond it a target is a body, not a bowed board
-_STEEP = 0.9  # component of the normal beyond which an axis of the target does not serve as one of the plane
-_RIGID = 6  # freedoms of a body that are no shape of it
-_LEAST_M = 1e-4  # [m] below which no other target is worth its price
-_MOST_SIGMAS = 3.0  # of a usual target, beyond which something else bends the views
+_THIN = 0.05  # thickness as a share of the extent, above which a target is a body, not a bowed board
+_STEEP = 0.9  # component of the normal above which the target's x axis cannot define an axis of the plane
+_RIGID = 6  # rigid-body degrees of freedom, which do not change the shape
+_LEAST_M = 1e-4  # [m] below which a better target is not worth its price
+_MOST_SIGMAS = 3.0  # of a typical target, above which another error is likely
 BOW_COEFFICIENTS = 3
 
 
 def is_flat(points_in_target: Array) -> bool:
-    """Whether points, (p, 3), lie in a plane but for what a board may be bowed by."""
+    """Whether points, (p, 3), lie in a plane, within the bow of a board."""
     return dimension(points_in_target, _THIN) < 3
 
 
 def has_area(points_in_target: Array) -> bool:
-    """Whether points, (p, 3), are not in a line."""
+    """Whether points, (p, 3), are not collinear."""
     return dimension(points_in_target, _THIN) > 1
 
 
 def unit_shifts(points_in_target: Array) -> Array:
-    """How points of a target, (p, 3) [m], move by one sigma of each coefficient of its shape, (p, 3, k) [m]."""
+    """Shifts of a target's points, (p, 3) [m], by one sigma of each coefficient of its shape, (p, 3, k) [m]."""
     return unit_bow(points_in_target) if is_flat(points_in_target) else _unit_point_shifts(points_in_target)
 
 
 def unit_bow(points_in_target: Array) -> Array:
-    """How points of a board, (p, 3) [m], move by each coefficient of its bow, (p, 3, 3) [m per sigma].
+    """Shifts of a board's points, (p, 3) [m], by each coefficient of its bow, (p, 3, 3) [m per sigma].
 
     The coefficients are those of u^2, u v and v^2, with u and v from -1 to 1 over the half size.
     """
@@ -52,7 +53,7 @@ def unit_bow(points_in_target: Array) -> Array:
 
 
 def _unit_point_shifts(points_in_target: Array) -> Array:
-    """Each coordinate of each point alone, the rigid motions projected out, (p, 3, 3p) [m per sigma]."""
+    """Shifts of points by each coordinate of each point, with rigid motions projected out, (p, 3, 3p) [m per sigma]."""
     centred = points_in_target - points_in_target.mean(0)
     count = len(points_in_target)
     rigid = np.concatenate([np.broadcast_to(np.eye(3), (count, 3, 3)), cross_matrix(centred)], -1).reshape(3 * count, 6)
@@ -62,9 +63,9 @@ def _unit_point_shifts(points_in_target: Array) -> Array:
 
 
 def _plane(points_in_target: Array) -> tuple[Array, Array]:
-    """Places in the plane of points from their middle, (p, 2) [m], and the unit vector across it, (3,).
+    """Coordinates of points in their plane from their mean, (p, 2) [m], and the plane's unit normal, (3,).
 
-    The axes are those of the target rotated least: they do not depend on the points' shape.
+    The axes in the plane follow the target's axes, so that they do not depend on the arrangement of the points.
     """
     centred = points_in_target - points_in_target.mean(0)
     normal = principal_axes(centred).axes[:, 2]
@@ -76,7 +77,7 @@ def _plane(points_in_target: Array) -> tuple[Array, Array]:
 
 
 def bow_height_m(points_in_target: Array, bow: Array) -> float:
-    """Largest distance of the points of a bowed board from their own plane [m]."""
+    """Largest distance of the points of a bowed board from their best-fit plane [m]."""
     plane, normal = _plane(points_in_target)
     heights = (unit_bow(points_in_target) @ bow) @ normal
     rows = np.column_stack([plane, np.ones(len(plane))])
@@ -84,25 +85,25 @@ def bow_height_m(points_in_target: Array, bow: Array) -> float:
 
 
 def point_shifts_m(points_in_target: Array, shape: Array) -> Array:
-    """Distance of each point of a target from where it is stated, (p,) [m]."""
+    """Distance of each point of a target from its stated position, (p,) [m]."""
     return np.asarray(np.linalg.norm(unit_shifts(points_in_target) @ shape, axis=1))
 
 
 def freedoms(points_in_target: Array, shape: Array) -> int:
-    """How many of the coefficients of a shape are independent."""
+    """Number of independent coefficients of a shape."""
     return len(shape) if is_flat(points_in_target) else len(shape) - _RIGID
 
 
 def words(target: str, points_in_target: Array, shape: Array) -> Words | None:
-    """How far points are off, and whether targets are made so badly."""
+    """Describe the deviation of a target's points, and whether it is plausible for a target; None if negligible."""
     if is_flat(points_in_target):
         size_m, sigmas = bow_height_m(points_in_target, shape), float(np.abs(shape).max())
-        what, usual = f"{target} is not flat: its points are {{}} off their plane.", "printed boards are"
+        what, usual = f"{target} is not flat: its points are {{}} from their plane.", "the usual bow of printed boards"
         do = "Use a board on glass or aluminium."
     else:
         size_m = float(point_shifts_m(points_in_target, shape).max())
         sigmas = float(np.sqrt(np.sum(shape**2) / freedoms(points_in_target, shape)))
-        what, usual = f"Points of {target} are {{}} from where they are stated.", "targets are made to"
+        what, usual = f"Points of {target} are {{}} from their stated positions.", "the usual tolerance of targets"
         do = "Measure the points, and state them."
     if size_m < _LEAST_M and sigmas < _MOST_SIGMAS:
         return None

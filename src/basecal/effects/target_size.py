@@ -1,4 +1,4 @@
-"""Size of a target: larger than stated by a fraction."""
+"""Size of a target: the target is larger than stated by a fraction."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ EXPECTED = ExpectedSize(5e-4, 1.0, "assumed: a print measured by a caliper, to 0
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each target, larger by a fraction."""
+    """Candidates: each target with a relative error of its size."""
     for target in views.targets:
         moves = (size_moves(views, k) if g.target == target else None for k, g in enumerate(views.groups))
         yield one_candidate("length-scale", target, "", tuple(moves))
 
 
 def size_moves(views: Views, k: int) -> Array:
-    """How views of a group move with the size of their target by a fraction, (n, 6, 1).
+    """Derivatives of a group's views with respect to the relative size of their target, (n, 6, 1).
 
     A target that is larger than stated appears nearer than it is, since its image is larger.
     """
@@ -32,7 +32,7 @@ def size_moves(views: Views, k: int) -> Array:
 
 
 def words(effect: FoundEffect) -> Words:
-    """Larger or smaller than stated."""
+    """Describe by how much a target is larger or smaller than stated."""
     percent = 100 * effect.size[0]
     amount = f"{format_with_sigma(abs(percent), 100 * effect.sigma)} %"
     what = f"{effect.about} is {amount} {'larger' if percent > 0 else 'smaller'} than stated."
@@ -46,8 +46,8 @@ EFFECT = Effect(
     words=words,
     elsewhere={"statement": "basecal.cell.targets: the lengths of each kind"},
     absent={
-        "unknown": "a ruler measures it better than views of arms whose lengths err as much",
-        "map": "what it moves is contained in the widening of the answer",
-        "fault": "link-errors of both arms looks the same; `study` varies the stated size",
+        "unknown": "a ruler measures it better than views of arms with equal relative errors of length",
+        "map": "the widened covariance of the answer contains its effect",
+        "fault": "link-errors of both arms look the same; `study` varies the stated size",
     },
 )

@@ -1,1 +1,1 @@
-"""Calibrations for people to read; nothing is computed here."""
+"""Reports of calibrations as text, pages and figures; no estimation is done here."""

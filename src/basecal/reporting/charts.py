@@ -10,10 +10,10 @@ from markupsafe import Markup
 
 from basecal.reporting.svg import element, path, three_digits
 
-_WIDE = 8.0  # from the least to the greatest value: more is drawn on a logarithmic scale, if nothing else is said
+_WIDE = 8.0  # ratio of the largest to the smallest value, above which the default is a logarithmic scale
 _FEWEST_TICKS = 4
-_MANY_DECADES = 3.0  # from there on numbers between the powers of ten would cover one another
-_ROOM = 0.06  # of the drawing beside what is outermost
+_MANY_DECADES = 3.0  # from which only powers of ten are labelled
+_ROOM = 0.06  # margin beyond the outermost values, as a share of the range
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Scale:
     logarithmic: bool
 
     def position(self, value: float) -> float:
-        """Where a value stands on the drawing."""
+        """Position of a value on the drawing."""
         value = math.log10(value) if self.logarithmic else value
         return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
 
@@ -47,7 +47,7 @@ class Scale:
 
 
 def fitted_scale(values: Sequence[float], start: float, end: float, logarithmic: bool | None = None) -> Scale:
-    """The scale that holds these values; logarithmic if it is not said and they reach far."""
+    """A scale for some values; by default logarithmic if they span a wide range."""
     least, most = min(values), max(values)
     if logarithmic is None:
         logarithmic = least > 0 and most > _WIDE * least
@@ -57,7 +57,7 @@ def fitted_scale(values: Sequence[float], start: float, end: float, logarithmic:
 
 
 def horizontal_rules(scale: Scale, left: float, right: float) -> list[Markup]:
-    """A rule and its number at each round value of an upward axis."""
+    """A grid line and its number at each tick of a vertical axis."""
     parts = []
     for tick in scale.ticks():
         y = scale.position(tick)
@@ -67,5 +67,5 @@ def horizontal_rules(scale: Scale, left: float, right: float) -> list[Markup]:
 
 
 def value_text(value: object) -> str:
-    """A value of an axis: a number as short as it is, else words."""
+    """A value of an axis as text; numbers in their shortest form."""
     return f"{value:g}" if isinstance(value, float) else str(value)

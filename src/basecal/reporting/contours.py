@@ -1,4 +1,4 @@
-"""Lines of equal value over a grid, each with its value."""
+"""Labelled contour lines over a grid."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _LABEL_DISTANCE = 34.0  # of the drawing, between two labels
 
 
 def contours(values: Array, pitch: float) -> list[Markup]:
-    """Lines over a drawing whose squares of edge `pitch` have these values in their middles.
+    """Contour lines over a drawing of squares, from the values at their centres.
 
     Args:
-        values: (rows, columns); there are no lines unless all are finite, and at least two each.
+        values: (rows, columns); there are lines only if all are finite, with at least two rows and two columns.
         pitch: Edge of a square.
     """
     if min(values.shape) < 2 or not np.ptp(values) > 0:
@@ -40,9 +40,9 @@ def contours(values: Array, pitch: float) -> list[Markup]:
 
 
 def refine(values: Array) -> Array:
-    """Rows `_FINER` times as dense, (n, columns) to ((n - 1) _FINER + 1, columns), by the cubics of Catmull and Rom.
+    """Interpolate rows `_FINER` times as dense, (n, columns) to ((n - 1) _FINER + 1, columns), by Catmull-Rom splines.
 
-    Source: Catmull & Rom 1974. What lies beyond the ends continues straight.
+    Source: Catmull & Rom 1974. Values are extrapolated linearly beyond the ends.
     """
     t = np.arange(_FINER) / _FINER
     weights = 0.5 * np.stack([-t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, t**3 - t**2])
@@ -52,7 +52,7 @@ def refine(values: Array) -> Array:
 
 
 def level_segments(values: Array, level: float) -> Array:
-    """Where values that are linear within triangles of a grid reach a level: (n, 2, 2), column and row of both ends."""
+    """Segments on which values, linear within triangles of a grid, equal a level: (n, 2, 2), column and row of ends."""
     rows, columns = np.indices(values.shape)
     every = np.stack([columns, rows, values - level], axis=-1)
     a, b, c, d = (every[rows, columns].reshape(-1, 3) for rows in _HALVES for columns in _HALVES)

@@ -18,7 +18,7 @@ from basecal.effects.faces.effect import format_tangent, format_with_sigma
 from basecal.reporting.statement.verdict import error_text, two_digits
 
 _TIME_FORMAT = "%Y-%m-%d %H:%M"
-_SHOWN_SAMPLES = 6  # numbers of samples in a line
+_SHOWN_SAMPLES = 6  # left-out samples that are listed
 
 
 def verification_dict(verification: Verification) -> dict[str, Any]:
@@ -45,7 +45,7 @@ def _mm(length_m: float | None) -> float | None:
 
 
 def verification_text(verification: Verification) -> str:
-    """Lines joined by newlines: whether something moved, what, by how much, and what would have been seen."""
+    """Lines joined by newlines: whether something moved, what, by how much, and the smallest detectable shift."""
     count = f"{len(verification.samples)} sample{'s' if len(verification.samples) > 1 else ''}"
     if verification.moved is None or verification.shift is None:
         lines = [
@@ -60,12 +60,15 @@ def verification_text(verification: Verification) -> str:
         if verification.alternatives:
             others = ", ".join(_thing_name(other) for other in verification.alternatives)
             lines.append(f"as likely, or nearly: {others}; samples with other rotations of both arms distinguish them")
-        lines.append("look what was bumped or loosened there, and calibrate again")
+        lines.append("check what was bumped or loosened there, and calibrate again")
     if verification.detectable_m is not None:
         lines.append(
             f"a shift of {two_digits(1e3 * verification.detectable_m)} mm would be seen with {POWER:.0%} chance"
         )
-    lines += [f"sample {number} is off alone and was left out" for number in verification.outliers[:_SHOWN_SAMPLES]]
+    lines += [
+        f"sample {number} disagrees with the others and was left out"
+        for number in verification.outliers[:_SHOWN_SAMPLES]
+    ]
     return "\n".join(lines)
 
 
@@ -81,7 +84,7 @@ def _thing_name(shift: Shift) -> str:
 
 
 def history_dict(history: Sequence[PastVerification], drifts: Sequence[Drift]) -> dict[str, Any]:
-    """One JSON object: what was verified when, and how fast each transform drifts."""
+    """One JSON object: all verifications, and the drift of each transform."""
     return {
         "verifications": [
             {
@@ -111,7 +114,7 @@ def history_dict(history: Sequence[PastVerification], drifts: Sequence[Drift]) -
 
 
 def history_text(history: Sequence[PastVerification], drifts: Sequence[Drift]) -> str:
-    """A line for each verification, and for each transform whether it drifts."""
+    """A line for each verification and for the drift of each transform."""
     if not history:
         return "nothing was verified yet: basecal verify CELL NEW.jsonl"
     lines = []
@@ -123,7 +126,7 @@ def history_text(history: Sequence[PastVerification], drifts: Sequence[Drift]) -
 
 
 def drift_sentence(drift: Drift) -> str:
-    """Whether a transform drifts, and how fast."""
+    """Sentence about whether a transform drifts, with its rate."""
     speed, sigma = 1e3 * float(np.linalg.norm(drift.m_per_day)), 1e3 * float(np.linalg.norm(drift.sigma))
     verb = "drifts" if drift.chance < MOVED else "does not drift:"
     rate = f"{format_with_sigma(speed, sigma)} mm a day"
@@ -131,7 +134,7 @@ def drift_sentence(drift: Drift) -> str:
 
 
 def comparison_dict(names: Sequence[str], comparisons: Sequence[Comparison]) -> dict[str, Any]:
-    """One JSON object: every run but the first against the first."""
+    """One JSON object: the differences of every other run from the first."""
     return {
         "runs": list(names),
         "agree": _all_agree(comparisons),
@@ -163,7 +166,7 @@ def _all_agree(comparisons: Sequence[Comparison]) -> bool | None:
 
 
 def comparison_text(names: Sequence[str], comparisons: Sequence[Comparison]) -> str:
-    """Lines joined by newlines: whether they agree, and what differs."""
+    """Lines joined by newlines: whether runs agree, and their differences."""
     verdict = {True: "AGREE", False: "DISAGREE", None: "UNDECIDED: no transform is in both"}[_all_agree(comparisons)]
     lines = [verdict]
     for name, each in zip(names[1:], comparisons, strict=True):

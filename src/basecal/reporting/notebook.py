@@ -1,4 +1,4 @@
-"""A calibration as a notebook shows it: the verdict, and a table of transforms."""
+"""HTML of a calibration for notebooks: the verdict, and a table of transforms."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from basecal.reporting.statement.verdict import COLOURS, sort_by_severity, toler
 from basecal.reporting.templates.environment import fill_part
 from basecal.reporting.text import status_words, transform_rows
 
-_COLOURS = {"good": "#1a7f45", "doubtful": "#9a5500", "refused": "#b3261e"}  # those of the page, in the light
+_COLOURS = {"good": "#1a7f45", "doubtful": "#9a5500", "refused": "#b3261e"}  # of the page in its light scheme
 
 
 def html_summary(calibration: Calibration) -> str:
-    """HTML of the verdict, what counts against it, and each transform with its sigmas along the axes of the child.
+    """HTML of the verdict, the findings, and each transform with its sigmas along the axes of the child.
 
     Args:
-        calibration: What came out.
+        calibration: The calibration.
 
     Raises:
-        InputError: if it is no calibration.
+        InputError: if the argument is not a calibration.
     """
     check_type("calibration", calibration, Calibration)
     word, tolerance = verdict_word(calibration), calibration.tolerance

@@ -1,4 +1,4 @@
-"""A calibration for somebody who decides and does not calibrate: what, when, of what, how good."""
+"""Overview of a calibration for non-experts: requested transforms, time, devices, and provenance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _WORDS = {"None": "none", "True": "yes", "False": "no"}
 
 
 def answer_words(cell: Cell, time: datetime | None) -> Iterator[tuple[str, str]]:
-    """Time of the answer, UTC, and what was requested: a name and a few words each."""
+    """Time of the calibration, UTC, and the requested transforms: a heading and a text each."""
     if time is not None:
         yield "Calibrated", f"{time:%A} {time.day} {time:%B %Y, %H:%M} UTC"
     for name in cell.requested_transforms:
@@ -24,7 +24,7 @@ def answer_words(cell: Cell, time: datetime | None) -> Iterator[tuple[str, str]]
 
 
 def cell_words(cell: Cell) -> Iterator[tuple[str, str]]:
-    """Robots, cameras and targets, likewise."""
+    """Robots, cameras and targets: a heading and a text each."""
     for robot in cell.robots.values():
         recorded = "poses recorded" if robot.chain is None else "joints recorded"
         model = "" if robot.urdf is None else f", {PurePosixPath(robot.urdf).name}"
@@ -45,7 +45,7 @@ def _place(body: CellCamera | CellTarget) -> str:
 
 
 def _options(options: Mapping[str, Any]) -> Iterator[str]:
-    """Fields of `cell.yaml` in words: lengths in mm, columns and rows, names; lists of other things by their number."""
+    """Fields of `cell.yaml` as text: lengths in mm, columns and rows, names; for other lists their length."""
     for key, value in options.items():
         name = key.removesuffix("_m").replace("_", " ")
         if isinstance(value, bool):
@@ -62,7 +62,7 @@ def _options(options: Mapping[str, Any]) -> Iterator[str]:
 
 
 def provenance(cell: Cell, calibration: Calibration) -> dict[str, Rows]:
-    """Tables by their headings: files, versions of programs, statuses of what the cell holds, settings."""
+    """Tables by heading: files, versions of programs, statuses of the cell's parameters, settings."""
     lenses = {name: camera.intrinsics for name, camera in cell.cameras.items() if camera.intrinsics is not None}
     known = {
         **{name: unknown.status for name, unknown in cell.transforms.items()},
@@ -86,7 +86,7 @@ def provenance(cell: Cell, calibration: Calibration) -> dict[str, Rows]:
 
 
 def _noise(robot: str, cell: Cell, calibration: Calibration) -> str:
-    """Where the sigmas of a robot's poses come from."""
+    """Source of the sigmas of a robot's poses."""
     if cell.robots[robot].noise is not None:
         return "stated"
     if robot in (calibration.noise.get("robots") or {}):

@@ -51,7 +51,7 @@ from basecal.reporting.text import (
 )
 from basecal.reporting.transforms import copies
 
-# What the template asks of the nouns it is given.
+# Functions that the template calls.
 _VERBS: dict[str, Any] = {
     verb.__name__: verb
     for verb in (
@@ -70,7 +70,7 @@ _VERBS: dict[str, Any] = {
 _MOST_ROWS = 400
 _MOST_BARS = 600
 _MOST_BARS_IN_ALL = 2700
-_MOST_VERIFICATIONS = 20  # lines about verifications, the latest
+_MOST_VERIFICATIONS = 20  # lines about the latest verifications
 _FEWEST_BARS = 100
 
 
@@ -87,19 +87,19 @@ def page(
     verifications: Sequence[PastVerification] = (),
     outlook: Sequence[tuple[int, float]] = (),
 ) -> str:
-    """The report of a calibration as HTML, everything it needs inside; it asks nothing of any server.
+    """The report of a calibration as a self-contained HTML page without external requests.
 
     Args:
-        cell: What was calibrated.
-        recording: What was seen.
-        calibration: What came out.
-        details: How the recording fits it; None if that is not known.
-        title: What the reader calls it.
-        time: When it was calibrated, UTC.
-        run: Name of its run, said in what is pasted.
-        notes: Said below the verdict, such as that a file has changed since.
-        verifications: The verifications of this run, as they were made.
-        outlook: What so many planned samples more leave of the error at the task [m].
+        cell: The calibrated cell.
+        recording: The recording.
+        calibration: The calibration.
+        details: Details of the fit; None if they are unknown.
+        title: Title of the page.
+        time: Time of the calibration, UTC.
+        run: Name of its run, for texts to paste.
+        notes: Notes below the verdict, such as that a file has changed since.
+        verifications: Verifications of this run in order of time.
+        outlook: Numbers of additional planned samples, with the expected error at the task [m].
     """
     known = FitDetails() if details is None else details
     tolerance_m = calibration.settings.get("tolerance_m")
@@ -129,7 +129,7 @@ def page(
 
 
 def _answer(cell: Cell, calibration: Calibration, title: str, run: str | None) -> dict[str, Any]:
-    """The answer, for the template."""
+    """Template values of the result."""
     pasted, asked = pasteable(calibration, cell, run), requested_estimates(cell, calibration)
     first, tolerance = headline(cell, calibration), calibration.tolerance
     found = sort_by_severity(calibration.findings)
@@ -150,7 +150,7 @@ def _answer(cell: Cell, calibration: Calibration, title: str, run: str | None) -
 
 
 def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails) -> dict[str, Any]:
-    """How everything fits, for the template."""
+    """Template values of the residuals."""
     seen = points_by_camera([each for each in details.points if each.used.any()])
     sized = [(cell.cameras[name].size_px, points) for name, points in seen.items()]
     lenses = [lens_uncertainty(name, *lens) for name, lens in calibration.cameras.items()]
@@ -168,12 +168,12 @@ def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: Fi
 
 
 def _views(calibration: Calibration) -> dict[str, list[Figure]]:
-    """The views of each target by each camera, a figure for each quantity there is."""
+    """Figures of the views of each target by each camera, one for each available quantity."""
     pairs: dict[str, list[SampleResidual]] = {}
     for view in calibration.residuals.per_sample:
         pairs.setdefault(f"{view.target} seen by {view.camera}", []).append(view)
     left_out = outlier_views(calibration)
-    # So many in each figure that the page stays small.
+    # Limit the number of bars in each figure, so that the page stays small.
     most = max(_FEWEST_BARS, min(_MOST_BARS, _MOST_BARS_IN_ALL // max(len(pairs) * len(QUANTITIES), 1)))
     figures = {name: [bar_figure(own, each, most, left_out) for each in QUANTITIES] for name, own in pairs.items()}
     return {name: list(filter(None, drawn)) for name, drawn in figures.items() if any(drawn)}

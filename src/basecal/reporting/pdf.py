@@ -1,4 +1,4 @@
-"""Filled and stroked shapes and lines of text as PDF; lengths in millimetres from the top left corner of a page.
+"""PDF files with filled and stroked shapes and text; lengths in millimetres from the top left corner of a page.
 
 Source: ISO 32000-1:2008, 7.5 (file structure), 8.4 and 8.5 (graphics), 9.4 (text).
 """
@@ -9,8 +9,8 @@ import zlib
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-_POINTS_PER_MM = 72 / 25.4  # a millimetre
-_KAPPA = 4 / 3 * (2**0.5 - 1)  # of a quarter circle by a Bezier curve, right to 3e-4 of the radius
+_POINTS_PER_MM = 72 / 25.4
+_KAPPA = 4 / 3 * (2**0.5 - 1)  # of a quarter circle by a Bezier curve, accurate to 3e-4 of the radius
 _FONT = b"<</Type/Font/Subtype/Type1/BaseFont/Helvetica/Encoding/WinAnsiEncoding>>"
 
 
@@ -25,7 +25,7 @@ def line(x0: float, y0: float, x1: float, y1: float) -> str:
 
 
 def circle(x: float, y: float, radius: float) -> str:
-    """The path of a circle, by four curves."""
+    """The path of a circle, from four Bezier curves."""
     ends = ((1, 0), (0, 1), (-1, 0), (0, -1), (1, 0))
     path = [f"{x + radius:.4f} {y:.4f} m"]
     for (a, b), (c, d) in pairwise(ends):
@@ -36,7 +36,7 @@ def circle(x: float, y: float, radius: float) -> str:
 
 
 def text(x: float, y: float, words: str, size_mm: float) -> str:
-    """Words whose first letter stands on (x, y); a letter that is not of Western Europe is a question mark."""
+    """Text with its baseline starting at (x, y); characters outside Windows-1252 become question marks."""
     shown = words.encode("cp1252", "replace").hex()
     return f"BT /F1 {size_mm:g} Tf 1 0 0 -1 {x:.4f} {y:.4f} Tm <{shown}> Tj ET"
 
@@ -48,7 +48,7 @@ def page_content(fills: Iterable[str], strokes: Iterable[str], texts: Iterable[s
 
 
 def document(pages: Sequence[tuple[tuple[float, float], str]]) -> bytes:
-    """A PDF file of pages, each its width and height [mm] and its drawing; the same pages give the same bytes."""
+    """A PDF file of pages, each with width and height [mm] and drawing; equal pages give equal bytes."""
     count = len(pages)
     kids = " ".join(f"{4 + 2 * k} 0 R" for k in range(count))
     objects = [b"<</Type/Catalog/Pages 2 0 R>>", f"<</Type/Pages/Count {count}/Kids[{kids}]>>".encode(), _FONT]
@@ -56,11 +56,11 @@ def document(pages: Sequence[tuple[tuple[float, float], str]]) -> bytes:
         box = f"/MediaBox[0 0 {width * _POINTS_PER_MM:.4f} {height * _POINTS_PER_MM:.4f}]"
         resources = f"/Resources<</Font<</F1 3 0 R>>>>/Contents {5 + 2 * number} 0 R"
         objects.append(f"<</Type/Page/Parent 2 0 R{box}{resources}>>".encode())
-        # From points up from the bottom to millimetres down from the top.
+        # Transform from points upwards from the bottom to millimetres downwards from the top.
         frame = f"{_POINTS_PER_MM:.6f} 0 0 {-_POINTS_PER_MM:.6f} 0 {height * _POINTS_PER_MM:.4f} cm\n"
         packed = zlib.compress((frame + drawing).encode("ascii"))
         objects.append(b"<</Filter/FlateDecode/Length %d>>\nstream\n%s\nendstream" % (len(packed), packed))
-    # Objects are numbered from 1; behind them a table says where they stand.
+    # Objects are numbered from 1 and followed by a table of their offsets.
     out, offsets = bytearray(b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n"), []
     for number, content in enumerate(objects, start=1):
         offsets.append(len(out))

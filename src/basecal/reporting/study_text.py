@@ -1,4 +1,4 @@
-"""The study of the paper in plain text and as figures."""
+"""The simulations of the paper as plain text and as figures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STYLE = (
 
 
 def paper_text(study: Mapping[str, Any]) -> str:
-    """The paper's tables beside ours, its noise, the two orders, and the length of the shifts."""
+    """Comparison of the paper's tables with ours, the two orders of orthonormalisation, and the shift lengths."""
     paper = study["paper"]
     names = {"camera_from_led": "camera_from_light"}
     noiseless, table_3 = "noiseless", "table3_eye_base_from_hand_base"
@@ -44,7 +44,7 @@ def paper_text(study: Mapping[str, Any]) -> str:
 
 
 def length_figures(study: Mapping[str, Any]) -> dict[str, str]:
-    """Error against length of the shifts, as SVG by file name."""
+    """Figures of the error over the length of the shifts, as SVG by file name."""
     pixel = study["settings"]["sigma_px"]
     figures = {}
     for unit, what in (("deg", "rotation"), ("mm", "translation")):
@@ -105,13 +105,13 @@ def _lengths(study: Mapping[str, Any]) -> Iterator[str]:
 
 
 def chart_file(title: str, x_label: str, y_label: str, series: Mapping[str, Sequence[tuple[float, float]]]) -> str:
-    """An SVG of lines over logarithmic axes, their names below.
+    """An SVG of lines over logarithmic axes, with a legend below.
 
     Args:
-        title: Above the chart.
-        x_label: With its unit.
-        y_label: With its unit.
-        series: The points of at most four lines as (x, y), all positive, by name.
+        title: Title of the chart.
+        x_label: Name of the x axis with its unit.
+        y_label: Name of the y axis with its unit.
+        series: Points of at most four lines as (x, y), all positive, by name.
     """
     lines = {name: [Band(x, (y, y, y)) for x, y in points] for name, points in series.items()}
     chart = curves(title, x_label, y_label, lines, logarithmic=True)

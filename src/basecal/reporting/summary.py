@@ -1,4 +1,4 @@
-"""A calibration in about fifteen lines: the verdict, what was asked with its sigma, and what to do."""
+"""Summary of a calibration in about fifteen lines: the verdict, requested transforms with sigma, and what to do."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from basecal.reporting.statement.verdict import (
 from basecal.reporting.text import certificate_lines, local_rows, number_row, rival_lines, task_sentence, transform_rows
 
 LINE_WIDTH = 100
-"""Characters of a line at most: what terminals show, and mails keep, unbroken."""
+"""Largest number of characters of a line, which terminals and mails show unbroken."""
 
-_FULL_TRANSFORMS = 3  # transforms with all their numbers, of which a line tells the others
-_FULL_FINDINGS = 4  # findings that are told in full: more have one cause, which is among the first
-_INFO_LINES = 14  # lines into which what only informs has to fit, or is named by its code
+_FULL_TRANSFORMS = 3  # transforms with all their numbers; others have one line
+_FULL_FINDINGS = 4  # findings with their full text; further ones usually share a cause with the first
+_INFO_LINES = 14  # lines of a summary up to which infos have their full text instead of their code
 _EMPTY_ANSWER = "no requested transform is observable."
 
 
 def summary(cell: Cell, calibration: Calibration) -> str:
-    """Lines of at most `LINE_WIDTH` characters, joined by newlines; `text_report` prints all else.
+    """Lines of at most `LINE_WIDTH` characters, joined by newlines; see `text_report` for the whole report.
 
     Args:
-        cell: What was calibrated: it says which transforms are requested.
-        calibration: What came out.
+        cell: The calibrated cell, which states the requested transforms.
+        calibration: The calibration.
     """
     asked = requested_estimates(cell, calibration)
     findings = dict.fromkeys(sort_by_severity(calibration.findings))
@@ -65,7 +65,7 @@ def summary(cell: Cell, calibration: Calibration) -> str:
 
 
 def _reasons(calibration: Calibration, grave: Sequence[Finding], names: Sequence[str]) -> Iterator[str]:
-    """Sentences before those of transforms of these names: what decides, the gravest finding, the error at the work."""
+    """First sentences of a summary: the verdict on the tolerance, the most severe finding, the expected error."""
     tolerance = calibration.tolerance
     decides = tolerance is not None and verdict_word(calibration) in ("PASS", "FAIL")
     if tolerance is not None and decides:
@@ -79,7 +79,7 @@ def _reasons(calibration: Calibration, grave: Sequence[Finding], names: Sequence
 
 
 def wrap_text(text: str) -> list[str]:
-    """A sentence as lines of at most `LINE_WIDTH` characters, all but the first set in."""
+    """A sentence as lines of at most `LINE_WIDTH` characters, indented after the first."""
     return wrap(text, LINE_WIDTH, subsequent_indent="  ", break_on_hyphens=False)
 
 
@@ -92,7 +92,7 @@ def _finding_sentence(finding: Finding) -> str:
 
 
 def _rows(name: str, calibration: Calibration) -> Iterator[str]:
-    """Each half of a transform above its sigma along the axes of the frame on the right."""
+    """Rows of translation and rotation of a transform, each followed by its sigma along the axes of the child."""
     for what, unit, values, sigmas in transform_rows(name, calibration):
         yield f"  {what:<5}{number_row(values)} {unit}"
         if sigmas:

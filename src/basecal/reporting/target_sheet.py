@@ -29,19 +29,19 @@ _MARGIN_MM = 8.0
 _FOOT_MM = 22.0  # below the target, for a ruler and words
 _SIDE_MM = 14.0  # right of it, for a ruler
 _MARK_MM = 4.0  # length of cut marks
-_OFF_MM = 1.5  # between the target and what is drawn beside it
+_OFF_MM = 1.5  # between the target and marks beside it
 _AXIS_MM = 10.0
 _RULER_MM = 100.0
 _LIGHT_MM = 5.0
 _CROSS_MM = 8.0
 _LINE_MM = 0.15
-_TEXT_MM = 3.2  # height of its letters with what hangs below the line
-_TAKEN_MM = np.array([2 * _MARGIN_MM + _SIDE_MM, 2 * _MARGIN_MM + _FOOT_MM])  # of a page: what is left holds the target
+_TEXT_MM = 3.2  # height of letters with descenders
+_TAKEN_MM = np.array([2 * _MARGIN_MM + _SIDE_MM, 2 * _MARGIN_MM + _FOOT_MM])  # of a page, not usable for the target
 
 _NO_DISCS = np.zeros((0, 3))
 
 Text = tuple[float, float, str]
-"""X and y of the baseline's left end [mm], and what it says."""
+"""X and y of the baseline's left end [mm], and the text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +49,13 @@ class PrintedPage:
     """Black shapes on one sheet of paper, in mm from its top left corner.
 
     Attributes:
-        paper: Its name, or `custom`.
+        paper: Name of the paper, or `custom`.
         size_mm: Width and height.
         rectangles: Left, top, right, bottom, (n, 4).
         discs: Centre x, y and radius, (n, 3).
-        rings: Likewise, drawn as thin lines.
-        lines: From x, y to x, y, (n, 4), thin.
-        texts: Beside them.
+        rings: Centre x, y and radius of thin circles, (n, 3).
+        lines: Thin lines from x, y to x, y, (n, 4).
+        texts: Texts on the page.
     """
 
     paper: str
@@ -68,12 +68,12 @@ class PrintedPage:
 
 
 def printed_pages(target: Target, title: str, paper: str | None = None) -> list[PrintedPage]:
-    """Every sheet of a target with what checks the print.
+    """Pages for all sheets of a target, with rulers and dimensions to check the print.
 
     Args:
-        target: What is printed; for lights and points a template with crosses is drawn.
-        title: Printed above the ruler.
-        paper: Such as `A4` or `letter`; the smallest that holds the sheet where None.
+        target: The target; for LEDs and points a template with crosses is drawn.
+        title: Text above the ruler.
+        paper: Paper such as `A4` or `letter`; None for the smallest that fits.
 
     Raises:
         InputError: if the paper is too small, or a template is requested of points off the plane z = 0.
@@ -103,17 +103,17 @@ def _placed_page(
     discs: Array,
     rings: Array,
 ) -> PrintedPage:
-    """A page with shapes in the middle of what rulers leave; `texts` and what follows in the axes of the box.
+    """A page with shapes centred in the space beside the rulers; texts and shapes are in the axes of the box.
 
     Args:
-        box: Left, top, right and bottom of what has to be on it [mm].
-        paper: As of `printed_pages`.
-        words: A title, and what to check, above the ruler.
-        texts: As of a page.
-        lines: Likewise.
-        rectangles: Likewise.
-        discs: Likewise.
-        rings: Likewise.
+        box: Left, top, right and bottom of the printed area [mm].
+        paper: See `printed_pages`.
+        words: A title, and dimensions to check, above the ruler.
+        texts: See `PrintedPage`.
+        lines: See `PrintedPage`.
+        rectangles: See `PrintedPage`.
+        discs: See `PrintedPage`.
+        rings: See `PrintedPage`.
     """
     low, high = np.split(box, 2)
     name, size = _suitable_paper(high - low, paper)
@@ -126,11 +126,11 @@ def _placed_page(
 
 
 def largest_pitch_mm(target: Target, paper: str) -> float:
-    """The largest whole pitch at which all sheets of a target fit on a paper; its layout is scaled as a whole.
+    """The largest integer pitch [mm] at which all sheets of a target, scaled as a whole, fit on a paper.
 
     Args:
-        target: Of any pitch.
-        paper: Such as `A4` or `letter`.
+        target: The target with any pitch.
+        paper: Paper such as `A4` or `letter`.
     """
     rooms_mm = [size - _TAKEN_MM for size in _orientations(paper)]
     pitches = [
@@ -141,10 +141,10 @@ def largest_pitch_mm(target: Target, paper: str) -> float:
 
 
 def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
-    """Write pages as `.pdf`, one file, or `.svg`, one file a page; the files written.
+    """Write pages as one `.pdf` or as one `.svg` per page, and return the paths.
 
     Raises:
-        InputError: if the name ends otherwise, or it cannot be written.
+        InputError: if the file name has another ending, or a file cannot be written.
     """
     if path.suffix == ".pdf":
         drawn = []
@@ -178,13 +178,13 @@ def _template(target: Target, title: str, paper: str | None) -> PrintedPage:
 
 
 def _orientations(paper: str) -> Array:
-    """Width and height of a paper as it stands and as it lies, (2, 2) [mm]."""
+    """Width and height of a paper in portrait and in landscape format, (2, 2) [mm]."""
     size = (_PAPERS | LETTER)[paper]
     return np.array([size, size[::-1]])
 
 
 def _suitable_paper(extent: Array, paper: str | None) -> tuple[str, tuple[float, float]]:
-    """A paper's name and its size as it is turned [mm], for a target so wide and high, (2,) [mm].
+    """Name and oriented size [mm] of a paper for a target of given width and height, (2,) [mm].
 
     Raises:
         InputError: if the requested paper is too small.
@@ -202,7 +202,7 @@ def _suitable_paper(extent: Array, paper: str | None) -> tuple[str, tuple[float,
 
 
 def _rulers(size: tuple[float, float], title: str, check: str) -> tuple[list[list[float]], list[Text]]:
-    """Rulers below and at the right, and the words above the one below."""
+    """Lines of the rulers at the bottom and on the right, and the texts at the bottom ruler."""
     y, x = size[1] - _MARGIN_MM - 6, _MARGIN_MM + 4
     right = size[0] - _MARGIN_MM - 2
     lines = [[x, y, x + _RULER_MM, y], [right, y, right, y - _RULER_MM]]
@@ -214,7 +214,7 @@ def _rulers(size: tuple[float, float], title: str, check: str) -> tuple[list[lis
 
 
 def _cut_marks(paper: Array) -> list[Array]:
-    """Two lines outwards from each corner of a sheet, whose left, top, right and bottom are given."""
+    """Cut marks: two outward lines at each corner of a sheet, from its left, top, right and bottom."""
     left, top, right, bottom = paper
     near, far = _OFF_MM, _OFF_MM + _MARK_MM
     return [
@@ -226,7 +226,7 @@ def _cut_marks(paper: Array) -> list[Array]:
 
 
 def _axes(sheet: Sheet) -> tuple[list[Array], list[Text]]:
-    """Arrows above and left of a sheet, which begin where the target's origin is and go along its x and y."""
+    """Arrows above and left of a sheet that start at the target's origin, along its x and y axes."""
     sheet_from_target = sheet.target_from_sheet.inverse()
     origin = 1e3 * sheet_from_target.translation[:2]
     edge = 1e3 * sheet.paper[:2] - _OFF_MM - 1
@@ -234,7 +234,7 @@ def _axes(sheet: Sheet) -> tuple[list[Array], list[Text]]:
     for axis, name in enumerate("xy"):
         along = np.round(sheet_from_target.rotation[:2, axis], 9)
         if np.count_nonzero(along) != 1:
-            continue  # a sheet that is not turned by quarters
+            continue  # the sheet's axes are not parallel to the target's
         start = np.where(along, origin, edge)
         end, across = start + _AXIS_MM * along, along[::-1]
         barbs = [(end, end - 1.5 * along + side * across) for side in (-1, 1)]
@@ -245,5 +245,5 @@ def _axes(sheet: Sheet) -> tuple[list[Array], list[Text]]:
 
 
 def page_svg(page: PrintedPage) -> str:
-    """A page as SVG whose units are millimetres."""
+    """A page as SVG in millimetres."""
     return fill_part("sheet.svg", page=page, line_mm=_LINE_MM, text_mm=_TEXT_MM)

@@ -1,4 +1,4 @@
-"""A calibration in plain text: the verdict first, then numbers to read and lines to paste."""
+"""Report of a calibration in plain text: the verdict, then numbers and lines to paste."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ from basecal.reporting.statement.verdict import (
 _INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
 _DISPLAY_UNITS = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _SHOWN_IDS = 10
-_SHOWN_SOURCES = 3  # of a budget, in one line
+_SHOWN_SOURCES = 3  # sources of a budget in one line
 
 
 def text_report(cell: Cell, calibration: Calibration) -> str:
     """The report of a calibration, lines joined by newlines.
 
     Args:
-        cell: What was calibrated: it says which transforms are requested, and names frames for other programs.
-        calibration: What came out.
+        cell: The calibrated cell, which states requested transforms and frame names for other programs.
+        calibration: The calibration.
 
     Raises:
-        InputError: if an argument is of another type.
+        InputError: if an argument has a wrong type.
     """
     check_type("cell", cell, Cell)
     check_type("calibration", calibration, Calibration)
@@ -69,7 +69,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
 
 
 def sentences(calibration: Calibration) -> dict[str, list[str]]:
-    """Sentences about a calibration beside its transforms and findings, a line each, by subject."""
+    """Sentences about a calibration, apart from transforms and findings, by subject, a line each."""
     found = {
         "clocks": clock_sentences(calibration),
         "fit": fit_sentences(calibration),
@@ -82,12 +82,12 @@ def sentences(calibration: Calibration) -> dict[str, list[str]]:
 
 
 def number_row(numbers: Iterable[str]) -> str:
-    """Numbers side by side, in columns."""
+    """Numbers in columns of equal width."""
     return "".join(f" {number:>13}" for number in numbers)
 
 
 def robot_blocks(calibration: Calibration) -> list[list[str]]:
-    """Lines of each robot's parameters, kind by kind, a heading first."""
+    """Blocks of lines about robot parameters, one for each kind and robot, with a heading."""
     found = calibration.robot_parameters
     return [
         each.report(robot, values)
@@ -97,7 +97,7 @@ def robot_blocks(calibration: Calibration) -> list[list[str]]:
 
 
 def status_words(name: str, calibration: Calibration) -> str:
-    """Whether a transform is fixed, prior or free, and a point."""
+    """Status of a transform: fixed, prior or free, and whether it is a point."""
     status = calibration.status.get(name, "free")
     return f"{status}, a point" if name in calibration.points else status
 
@@ -117,7 +117,7 @@ def _transform(name: str, calibration: Calibration) -> list[str]:
 
 
 class TransformRow(NamedTuple):
-    """Three numbers along x, y, z and their sigmas in one unit, to the digits that the sigmas justify."""
+    """Three numbers along x, y, z and their sigmas in one unit, with the digits that the sigmas justify."""
 
     name: str
     unit: str
@@ -126,16 +126,16 @@ class TransformRow(NamedTuple):
 
 
 def transform_rows(name: str, calibration: Calibration) -> Iterator[TransformRow]:
-    """Translation and, but of a point, angles about fixed x, y, z.
+    """Rows of the translation and, except for a point, of the angles about fixed x, y, z.
 
-    Sigmas are along the axes of the frame on the right; what is fixed has none.
+    Sigmas are along the axes of the child; fixed transforms have none.
     """
     is_fixed = calibration.status.get(name) == "fixed"
     return estimate_rows(calibration[name], name in calibration.points, is_fixed)
 
 
 def estimate_rows(estimate: PoseEstimate, is_point: bool = False, is_fixed: bool = False) -> Iterator[TransformRow]:
-    """The rows of any estimate."""
+    """Rows of the translation and, except for a point, of the rotation of an estimate."""
     halves = [("t", "mm", estimate.mean.translation * 1e3, estimate.sigma_t * 1e3)]
     if not is_point:
         halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
@@ -146,7 +146,7 @@ def estimate_rows(estimate: PoseEstimate, is_point: bool = False, is_fixed: bool
 
 
 def lens_parameters(camera: Camera, covariance: Array) -> Iterator[tuple[str, str, str, str]]:
-    """Name, value, sigma and unit of each number of a lens, in the order of its covariance, to the digits of sigma."""
+    """Name, value, sigma and unit of each lens parameter, in the order of the covariance, rounded by sigma."""
     names = [*_INTRINSIC_NAMES, *find_lens(camera.model, len(camera.distortion)).TERM_NAMES]
     for name, value, sigma in zip(names, camera.parameters, np.sqrt(np.diag(covariance)), strict=False):
         shown = format_decimals([value, sigma], shown_decimals(sigma[None]))
@@ -154,7 +154,7 @@ def lens_parameters(camera: Camera, covariance: Array) -> Iterator[tuple[str, st
 
 
 def clock_sentences(calibration: Calibration) -> Iterator[str]:
-    """Offsets to add to the stamps of devices, a line each."""
+    """Sentences about clock offsets, jitter of stamps and rolling shutters, a line each."""
     for name, clock in calibration.clocks.items():
         sigma = f", sigma {1e3 * clock.sigma_s:.3f} ms" if clock.sigma_s else ""
         yield f"clock of {name}: {1e3 * clock.offset_s:+.3f} ms to be added to its stamps{sigma}"
@@ -166,7 +166,7 @@ def clock_sentences(calibration: Calibration) -> Iterator[str]:
 
 
 def fit_sentences(calibration: Calibration) -> Iterator[str]:
-    """How everything fits, a line each."""
+    """Sentences about the residuals, a line each."""
     residuals = calibration.residuals
     left_out = outlier_views(calibration)
     used = [view for view in residuals.per_sample if view not in left_out and is_measured(view)]
@@ -187,7 +187,7 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
 
 
 def certificate_lines(calibration: Calibration) -> Iterator[str]:
-    """Whether the optimum is proven to be global, if that was requested."""
+    """Line about the proof of the global optimum, if it was requested."""
     proof = calibration.certificate
     if proof is not None and proof.is_global:
         yield f"certificate: global optimum proven; relative duality gap of the rotations {proof.gap or 0.0:.1g}"
@@ -196,19 +196,19 @@ def certificate_lines(calibration: Calibration) -> Iterator[str]:
 
 
 def validation_sentences(calibration: Calibration) -> Iterator[str]:
-    """How well held-out samples were predicted, a line each."""
+    """Sentences about the prediction of held-out samples, a line each."""
     validation = calibration.validation
     if validation is None:
         return
     if errors := held_out_errors(validation):
         yield f"cross-validation error ({validation.kind}, {validation.folds} folds), rms: {', '.join(errors)}"
     if validation.base_change is not None:
-        yield f"fold spread over predicted sigma: {float(np.sqrt(validation.base_change)):.2f}; 1 if sigmas are true"
+        yield f"fold spread over predicted sigma: {float(np.sqrt(validation.base_change)):.2f}; 1 if sigmas are correct"
     yield from rival_lines(validation)
 
 
 def rival_lines(validation: Validation) -> Iterator[str]:
-    """Held-out errors of the answer and of other methods, a line each."""
+    """Held-out errors of the result and of other methods, a line each."""
     for rival in validation.rivals:
         if rival.target_m is None or rival.target_rad is None:
             yield f"  {rival.name:<18} fails"
@@ -217,7 +217,7 @@ def rival_lines(validation: Validation) -> Iterator[str]:
 
 
 def outlier_sentences(calibration: Calibration) -> Iterator[str]:
-    """Excluded items, a line each."""
+    """Sentences about excluded points and views, a line each."""
     for outlier in calibration.outliers or ():
         part = f"points {', '.join(map(str, outlier.ids[:_SHOWN_IDS]))}" if outlier.ids else "the whole view"
         more = ", ..." if len(outlier.ids) > _SHOWN_IDS else ""
@@ -226,7 +226,7 @@ def outlier_sentences(calibration: Calibration) -> Iterator[str]:
 
 
 def noise_sentences(calibration: Calibration) -> Iterator[str]:
-    """The sigmas stated or estimated, a line each."""
+    """Sentences about stated and estimated sigmas, a line each."""
     noise = dict(calibration.noise)
     robots, cameras = (noise.pop(key, None) or {} for key in ("robots", "cameras"))
     measured = [_sigma(key, value) for key, value in noise.items() if value is not None and not isinstance(value, dict)]
@@ -234,7 +234,7 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
         yield f"measurement noise, 1 sigma per axis: {', '.join(measured)}"
     for camera, of in cameras.items():
         if of.get("factor") is not None:
-            times = f"{two_digits(of['factor'])} times what its detector claims"
+            times = f"{two_digits(of['factor'])} times the sigma stated by its detector"
             yield f"pixel noise of {camera}: {two_digits(of['pixel_px'])} px, {times}"
         elif len(cameras) > 1 and of.get("pixel_px") is not None:
             yield f"pixel noise of {camera}: {two_digits(of['pixel_px'])} px"
@@ -250,7 +250,7 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
 
 
 def task_sentence(calibration: Calibration) -> str:
-    """The error at the task and the sources that matter most; empty if no task is named."""
+    """Sentence with the error at the task and its largest sources; empty without a task."""
     if not calibration.budget:
         return ""
     total_mm = 1e3 * sum(entry.rms_m**2 for entry in calibration.budget) ** 0.5
@@ -259,7 +259,7 @@ def task_sentence(calibration: Calibration) -> str:
 
 
 def task_rows(calibration: Calibration) -> Iterator[str]:
-    """The error at the task by source, and over the workspace, a line each."""
+    """Lines of the error at the task by source, over the workspace, and of local calibrations."""
     if calibration.budget:
         yield task_sentence(calibration)
         for entry in calibration.budget:
@@ -273,8 +273,9 @@ def task_rows(calibration: Calibration) -> Iterator[str]:
 
 
 def local_rows(calibration: Calibration) -> Iterator[str]:
-    """Whether parts of the workspace are better calibrated separately, a line each; that of a box is reported
-    always.
+    """Lines that compare local calibrations of parts of the workspace with the global one.
+
+    A task box always has a line.
     """
     if calibration.local == () and calibration.settings.get("task_box") is not None:
         yield f"in the box: fewer than {FEWEST_SAMPLES} samples or none held out, too few to calibrate it separately"
@@ -282,16 +283,16 @@ def local_rows(calibration: Calibration) -> Iterator[str]:
         x, y, z = part.centre_m
         where = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
         if part.global_m is None or part.local_m is None:
-            yield f"{where}: a local calibration comes to no end; use the global one"
+            yield f"{where}: the local calibration failed; use the global one"
             continue
         local, whole = (two_digits(1e3 * length) for length in (part.local_m, part.global_m))
         errors = f"held-out {local} mm by a local calibration, {whole} mm by the global"
         choice = "use the local one there" if part.is_better else "use the global one"
-        yield f"{where}: {errors}; noise alone makes the two differ so with p = {part.chance:.2g}; {choice}"
+        yield f"{where}: {errors}; p = {part.chance:.2g} for such a difference by noise alone; {choice}"
 
 
 def _sigma(key: str, value: float | Array) -> str:
-    """One sigma or three in the unit to read of a key that ends in `_px`, `_m` or `_rad`."""
+    """Text of one sigma or three in display units, for a key that ends in `_px`, `_m` or `_rad`."""
     scale, unit = _DISPLAY_UNITS[key.rpartition("_")[2]]
     sigmas = np.atleast_1d(np.array(value, dtype=np.float64))
     shown = sigmas[:1] if np.all(sigmas == sigmas[0]) else sigmas

@@ -1,4 +1,4 @@
-"""Transforms of a calibration in the forms that other programs take."""
+"""Transforms of a calibration in formats of other programs."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 
 Pasted = Mapping[str, Mapping[str, str]]
-"""Texts by transform, and then by kind."""
+"""Texts by transform and format."""
 
 
 class ToCopy(NamedTuple):
     """A text to paste into another program.
 
     Attributes:
-        kind: For what, a word.
-        about: In what form.
-        way: Which transform it is of: this one, or the same the other way round.
-        text: To paste.
+        kind: Name of the format.
+        about: Description of the format.
+        way: Name of the transform or of its inverse.
+        text: The text.
     """
 
     kind: str
@@ -33,13 +33,13 @@ class ToCopy(NamedTuple):
 
 
 def copies(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -> list[ToCopy]:
-    """A transform in forms for other programs, those of the cell's own drivers first; none of a point.
+    """Texts of a transform for other programs, those of the cell's own drivers first; empty for a point.
 
     Args:
-        name: Of a transform that the calibration has.
-        cell: What was calibrated.
-        calibration: What came out.
-        clipboard: What is pasted of all transforms.
+        name: Name of an estimated transform.
+        cell: The calibrated cell.
+        calibration: The calibration.
+        clipboard: Texts of all transforms.
     """
     if name in calibration.points:
         return []
@@ -48,7 +48,7 @@ def copies(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -
 
 
 def _copies(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -> Iterator[ToCopy]:
-    """Notations of a transform that other programs read, and of its inverse where that is pasted."""
+    """Texts of a transform for other programs, and of its inverse for formats that need it."""
     estimate = calibration[name]
     parent, child = name.split("_from_")
     covariance = ",\n ".join(json.dumps([float(f"{value:.6g}") for value in row]) for row in estimate.covariance)

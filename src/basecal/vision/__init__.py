@@ -1,1 +1,1 @@
-"""Targets in images: how they look, and where they are found. The only package that loads OpenCV."""
+"""Rendering and detection of targets in images. The only package that imports OpenCV."""

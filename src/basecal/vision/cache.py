@@ -1,4 +1,4 @@
-"""Detections kept in `derived/detections/`, named by the hash of all they depend on; a broken file is no file."""
+"""A cache of detections in `derived/detections/`, keyed by a hash of their inputs; broken files are ignored."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from basecal.geometry import read_only, read_only_ids
 from basecal.vision.detection import Detection
 
 VERSION = 5
-"""Raised whenever a detector gives other numbers."""
+"""Version of the detectors: increase it whenever their results change."""
 
 _FOLDER = Path("derived", "detections")
 _LARGEST_BYTES = 2**26  # of a million points
 
 
 def key(target: Target, size_px: tuple[int, int] | None, image: bytes, background: bytes | None) -> str:
-    """The hash of an image, the size it has to have, a target and the detectors' version."""
+    """Hash of an image, its required size, its background image, a target and the detectors' version."""
     described = json.dumps([VERSION, target.kind, dict(target.options), size_px], sort_keys=True)
     parts = [described.encode(), image, background or b""]
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
 
 
 def read(folder: Path, name: str) -> tuple[Detection | None] | None:
-    """The stored detection, in a tuple since that may be nothing; None if it is not known."""
+    """The cached detection in a tuple, (None,) if no target was detected; None if the cache has no valid entry."""
     try:
         data = json.loads(read_bounded(own_file(folder, str(_FOLDER / f"{name}.json")), _LARGEST_BYTES))
         if data["pixels"] is None:
@@ -47,7 +47,7 @@ def read(folder: Path, name: str) -> tuple[Detection | None] | None:
 
 
 def write(folder: Path, name: str, detection: Detection | None) -> None:
-    """Keep what was detected; a folder that cannot be written to is only slower the next time."""
+    """Store a detection in the cache; do nothing if the folder cannot be written to."""
     found = {"ids": None, "pixels": None, "sigma_px": None}
     if detection is not None:
         ids = None if detection.ids is None else detection.ids.tolist()

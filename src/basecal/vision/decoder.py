@@ -1,4 +1,4 @@
-"""Pixels from the bytes of an image, and what the decoder says of them, which it says to the terminal only."""
+"""Decoding of images, with the decoder's error messages, which it writes only to stderr."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 _STDERR = 2
-_MOST_COMPLAINT_BYTES = 2**16  # [bytes] that are read of what a decoder writes
+_MOST_COMPLAINT_BYTES = 2**16  # [bytes] of a decoder's messages that are read
 _STDERR_LOCK = threading.Lock()
-_WARNING = re.compile(r"^(\[ *(WARN|INFO)|Warning: )")  # OpenCV's, of tags that it does not know; libjpeg's of JFIF's
+_WARNING = re.compile(r"^(\[ *(WARN|INFO)|Warning: )")  # of OpenCV about unknown tags, and of libjpeg about JFIF
 _EXTRANEOUS_BYTES = re.compile(r"(\d+) extraneous bytes before marker 0xd9")
 _END_MARKER = b"\xff\xd9"
 _RIFF_HEAD, _CHUNK_HEAD = 12, 8  # [bytes]
 _UNUSED_BYTES = 16  # bytes at the end of a lossy WebP's pixels: an encoder leaves less than two of them unused
-_LEAST_PIXEL_BYTES = 100  # bytes of a lossy WebP, below which so many are a part of what an even image needs
+_LEAST_PIXEL_BYTES = 100  # bytes of a lossy WebP, below which `_UNUSED_BYTES` may belong to a uniform image
 _DECODER_LINE = re.compile(
     r"^(Corrupt JPEG data|Premature end of JPEG|JPEG|Invalid |Unsupported |Inconsistent |Warning: unknown JFIF|libpng)"
     r"|^\[ *"
 )
-_CONTINUATION = re.compile(r"^(> .*)?$")  # a line of OpenCV's after its first
+_CONTINUATION = re.compile(r"^(> .*)?$")  # further lines of a message of OpenCV
 _PREFIX = re.compile(r"^(Corrupt JPEG data: |libpng \w+: |\[ *ERROR[^\]]*\] global \S+ \S+ )")
 
 
 class Decoded(NamedTuple):
-    """An image as it is stored, (h, w) or (h, w, channels), or None; and what is wrong with it, or nothing."""
+    """Stored pixels of an image, (h, w) or (h, w, channels), None if unreadable, and its damage, empty if none."""
 
     pixels: NDArray[Any] | None
     amiss: str
 
 
 def decode(data: bytes) -> Decoded:
-    """The pixels of an image, as the sensor gave them whatever EXIF says of turning them, and what is wrong."""
+    """Decode an image without applying the EXIF orientation, and report damage."""
     said: list[str] = []
     with _capture_complaints(said, data):
         try:
@@ -52,10 +52,10 @@ def decode(data: bytes) -> Decoded:
 
 
 def _is_out_of_step(data: bytes, pixels: NDArray[Any]) -> bool:
-    """Whether a lossy WebP was decoded without its end, as one is whose bytes were changed on the way.
+    """Whether the last bytes of a lossy WebP have no effect on its pixels, as after corruption of a byte.
 
-    It has no checksum, but all that follows a changed byte is read otherwise. A decoder is then done before the end or
-    asks for more; the latter it reports itself. Source: RFC 6386 (7).
+    The format has no checksum, but a changed byte alters how all following bytes are decoded. The decoder then finishes
+    before the end, or needs more bytes; it reports the latter itself. Source: RFC 6386 (7).
     """
     cut = _without_end(data)
     try:
@@ -66,7 +66,7 @@ def _is_out_of_step(data: bytes, pixels: NDArray[Any]) -> bool:
 
 
 def _without_end(data: bytes) -> bytes | None:
-    """A lossy WebP without the last bytes of its pixels; None of another, and of one that has hardly more."""
+    """A lossy WebP without the last bytes of its pixels; None for other formats and for very small images."""
     at = _RIFF_HEAD
     while at + _CHUNK_HEAD <= len(data):
         name, size = struct.unpack_from("<4sI", data, at)
@@ -81,11 +81,11 @@ def _without_end(data: bytes) -> bytes | None:
 
 @contextmanager
 def _capture_complaints(complaints: list[str], data: bytes) -> Iterator[None]:
-    """Complaints that decoders write to stderr meanwhile, in `complaints`; lines of others go on to stderr."""
+    """Append messages that decoders write to stderr to `complaints`; forward all other lines to stderr."""
     with _STDERR_LOCK:
         try:
             kept = os.dup(_STDERR)
-        except OSError:  # no stderr to hear
+        except OSError:  # there is no stderr
             yield
             return
         with tempfile.TemporaryFile() as written:
@@ -103,7 +103,7 @@ def _capture_complaints(complaints: list[str], data: bytes) -> Iterator[None]:
 
 
 def _is_padding(line: str, data: bytes) -> bool:
-    """Whether what is left over at the end of a JPEG is padding; else its decoder lost its way and came out short."""
+    """Whether the extraneous bytes at the end of a JPEG are padding; otherwise its decoder lost synchronisation."""
     left = _EXTRANEOUS_BYTES.search(line)
     end = data.rfind(_END_MARKER)
     return left is not None and len(set(data[max(end - int(left[1]), 0) : end])) == 1

@@ -1,4 +1,4 @@
-"""Observations from images: of every sample, of every target a camera can see, where there are none yet."""
+"""Detection of all targets in the images of all samples that have no observations yet."""
 
 from __future__ import annotations
 
@@ -20,41 +20,41 @@ from basecal.vision.image_file import grey_image, is_turned, read_bytes
 from basecal.vision.losses import Searched, explain_no_target, lost_images
 
 Progress = Callable[[int, int], None]
-"""Called with how many steps of how many are done."""
+"""Callback with the number of completed steps and the total number of steps."""
 
-# Samples that are looked at first, spread over the recording: where none shows a target and it is known why, the others
-# are not searched, which takes minutes. A target that three in ten images show is missed by all with a chance of 0.06,
-# and then something else would have to be taken for the reason.
+# Samples that are searched first, spread over the recording. If none shows a target and the cause is known, the others
+# are not searched, which saves minutes. If 30 % of the images show a target, all of these miss it with a probability of
+# 0.06; the search then ends wrongly only if a wrong cause is found, too.
 _FIRST_SAMPLES = 8
-_PREVIEW_SAMPLES = 20  # samples: fewer are searched within seconds
+_PREVIEW_SAMPLES = 20  # fewest samples of a recording for this preview; fewer are searched within seconds
 
 
 def detect(
     cell: Cell, recording: Recording, folder: Path | str | None = None, progress: Progress | None = None
 ) -> Recording:
-    """A recording with what its images show.
+    """Detect targets in the images of a recording and add the observations to a copy.
 
-    An observation that is there already stays, and its image is not read. A view in which a target is not found gets
-    no observation; all others keep their own sample. An image that cannot be used is left out with a finding. Where the
-    first that are looked at show nothing and it is known why, the others are not searched.
+    Existing observations are kept, and their targets are not searched. A target that is not found gets no observation.
+    An image that cannot be used is left out with a finding. If the first searched images show no target and the cause
+    is known, the others are not searched.
 
     Args:
-        cell: Its cameras and targets.
-        recording: Its samples.
-        folder: The cell's folder, to which the images' paths are relative, and where detections are kept in `derived/`.
-            If None, the folder that the recording was read from.
-        progress: Called after every sample, and once all that show nothing were looked at again for why.
+        cell: The cell with cameras and targets.
+        recording: The samples.
+        folder: The cell's folder, to which the images' paths are relative; `derived/` in it caches detections. If None,
+            the folder that the recording was read from.
+        progress: Called after every sample, and once after the diagnosis of images without targets.
 
     Raises:
-        InputError: if an argument is of another type, a target cannot be detected as described, or it is not known
-            where the images are.
+        InputError: if an argument has a wrong type, a target cannot be detected as described, or the folder of the
+            images is unknown.
     """
     check_type("cell", cell, Cell)
     check_type("recording", recording, Recording)
     shapes = {name: entry.target for name, entry in cell.targets.items() if entry.target is not None}
     sought = {name: target for name, target in shapes.items() if target.found_by is not None}
     if folder is None and recording.folder is None and any(sample.images for sample in recording.samples):
-        raise InputError("it is not known where the images are; give the folder of the cell")
+        raise InputError("the folder of the images is unknown; give the folder of the cell")
     look = _Look(cell, sought, Path(folder or recording.folder or "."))
     samples = list(recording.samples)
     searched: list[Searched] = []
@@ -83,7 +83,7 @@ def detect(
 
 
 def _search_order(count: int) -> list[int]:
-    """Places of samples: a few that are spread over all, then the others in order."""
+    """Indices of samples in search order: a few spread over the recording, then the others in order."""
     first = dict.fromkeys(np.linspace(0, count - 1, min(_FIRST_SAMPLES, count)).astype(int).tolist())
     return [*first, *(place for place in range(count) if place not in first)]
 
@@ -97,17 +97,17 @@ class _Look:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """Content of an image of a sample."""
+    """Result of the search in an image of a sample."""
 
     searched: Searched
     found: tuple[Observation, ...] = ()
 
 
 def _camera(look: _Look, sample: Sample, camera: str) -> _View | None:
-    """Content of one image of a sample; None if there is nothing to look for."""
+    """Search one image of a sample; None if it has no target to search for or its camera has no lens."""
     known = {each.target for each in sample.observations if each.camera == camera}
     open_targets = {name: target for name, target in look.targets.items() if name not in known}
-    # Without a lens, pixels say nothing.
+    # Without a lens, pixels are not usable.
     if not open_targets or look.cell.cameras[camera].intrinsics is None:
         return None
     searched = Searched(sample.sample, camera, sample.images[camera])
@@ -133,7 +133,7 @@ def _camera(look: _Look, sample: Sample, camera: str) -> _View | None:
 
 
 class _Unusable(Exception):
-    """An image that cannot be used, by its path, and why."""
+    """An image that cannot be used, with its path and the reason."""
 
     def __init__(self, path: str, reason: str) -> None:
         super().__init__(reason)
@@ -147,10 +147,10 @@ class _Source(NamedTuple):
     data: bytes
 
     def image(self, size_px: tuple[int, int] | None) -> Image:
-        """Its grey levels; see `grey_image`.
+        """Grey levels of the image; see `grey_image`.
 
         Raises:
-            _Unusable: if there are none.
+            _Unusable: if the image cannot be decoded or has another size.
         """
         image = grey_image(self.data, size_px)
         if isinstance(image, str):
@@ -166,7 +166,7 @@ def _read_source(look: _Look, path: str) -> _Source:
 
 
 def _detection(look: _Look, camera: str, target: Target, source: _Source, dark: _Source | None) -> Detection | None:
-    """The detection of a target in an image, as it was kept or is found now.
+    """The detection of a target in an image, from the cache or by search.
 
     Raises:
         _Unusable: if an image cannot be used.

@@ -1,4 +1,4 @@
-"""The result of a detector, and the images it takes."""
+"""The result of a detector, and its input images."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Detection:
     """A target found in an image.
 
     Attributes:
-        ids: Which points, (n,), rising; None for candidates of which at most one is the light, brightest first.
+        ids: Ids of the points, (n,), ascending; None for candidates, brightest first, of which at most one is the LED.
         pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
         sigma_px: Standard deviation per coordinate, (n,) [px].
     """
@@ -34,7 +34,7 @@ class Detection:
 
 
 def make_detection(ids: IntArray, pixels: Array, sigma_px: Array) -> Detection | None:
-    """A detection with rising ids; None if there is no point."""
+    """A detection sorted by ids; None if there is no point."""
     if not len(ids):
         return None
     order = np.argsort(ids)
@@ -42,7 +42,7 @@ def make_detection(ids: IntArray, pixels: Array, sigma_px: Array) -> Detection |
 
 
 def full_scale(image: Image) -> float:
-    """The highest level an image can hold: of 16 bits, those that are used, as cameras of 10 to 14 bits are stored."""
+    """Highest possible level of an image; for 16 bits of the bits in use, since cameras of 10 to 14 bits store so."""
     if image.dtype == np.uint8:
         return _WHITE_LEVEL
     return float(max(2 ** int(image.max(initial=0)).bit_length() - 1, _WHITE_LEVEL))
@@ -59,7 +59,7 @@ def check_image(image: Image) -> None:
 
 
 def eight_bit(image: Image) -> NDArray[np.uint8]:
-    """The image in 256 levels, for finding what is then measured in the image itself.
+    """Convert an image to 8 bits for the search of targets; points are then measured in the original image.
 
     Raises:
         InputError: if it is not a grey image of 8 or 16 bits.

@@ -1,4 +1,4 @@
-"""How a target is found in an image."""
+"""The detectors of targets in images, for each kind of search."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from basecal.vision.kinds import charuco, chessboard, circles, led, tags
 from basecal.vision.kinds.ways import Grey
 
 LIGHT: Finder = "light"
-"""The one way of finding that makes use of an image without the target."""
+"""The only detector that uses a background image, taken with the LED off."""
 
-_LEAST_SIDE_PX = 16  # the smallest image that OpenCV's detectors search without an error of their own
+_LEAST_SIDE_PX = 16  # side of the smallest image that OpenCV's detectors accept
 
 Detector = Callable[[Image, Target], Detection | None]
-"""Finds a target in an image, (h, w) of uint8 or uint16; None if it is not seen."""
+"""Function that finds a target in an image, (h, w) of uint8 or uint16; it returns None if the target is not found."""
 
 DETECTORS: dict[Finder, Detector] = {
     "charuco": charuco.detect,
@@ -28,12 +28,12 @@ DETECTORS: dict[Finder, Detector] = {
     "tags": tags.detect,
     LIGHT: led.detect,
 }
-"""One line a way of finding; a target without one is not found in images."""
+"""Detectors for each `found_by`; a target without one is not found in images."""
 
-_HANDED: tuple[Finder, ...] = ("charuco", "tags")  # found in no mirrored image
+_HANDED: tuple[Finder, ...] = ("charuco", "tags")  # not found in mirrored images
 
 Survey = Callable[[list[Grey], Target], str | None]
-"""What is in images instead of a target, as the end of a sentence; None if nothing is known."""
+"""Function that describes the content of images without a target, as the end of a sentence; None if unknown."""
 
 SURVEYS: dict[Finder, Survey] = {
     "tags": survey.other_tags,
@@ -41,11 +41,11 @@ SURVEYS: dict[Finder, Survey] = {
     "chessboard": survey.other_chessboard,
     "circles": survey.other_circles,
 }
-"""One line a way of finding that knows what else there may be."""
+"""Diagnoses for each `found_by` that has one."""
 
 
 def find(image: Image, target: Target, background: Image | None = None) -> Detection | None:
-    """A target in an image, or None; only a light makes use of a `background`, the image without it.
+    """Find a target in an image, or return None; only LEDs use `background`, the image with the LED off.
 
     Raises:
         InputError: if the image is not grey of 8 or 16 bits, or the target cannot be detected as described.
@@ -61,11 +61,11 @@ def find(image: Image, target: Target, background: Image | None = None) -> Detec
 
 
 def describe_other_targets(images: Iterable[Image], target: Target) -> str | None:
-    """Content of the images instead of a target, as the end of a sentence; None if nothing is known.
+    """Describe the content of images without the target, as the end of a sentence; None if unknown.
 
     Args:
-        images: A few in which the target is not found, (h, w) each.
-        target: What was looked for.
+        images: A few images in which the target is not found, (h, w) each.
+        target: The target that was not found.
     """
     grey = [eight_bit(image) for image in images]
     look = None if target.found_by is None else SURVEYS.get(target.found_by)

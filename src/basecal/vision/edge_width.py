@@ -1,4 +1,4 @@
-"""How wide edges are in an image, in any direction: what a blur by motion or focus does."""
+"""Width of edges in an image in all directions, which motion blur and defocus increase."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import numpy as np
 from basecal.geometry import Array
 from basecal.vision.detection import Image
 
-_DIRECTION_COUNT = 16  # of edges that are looked at, over half a turn: motion blurs those across it alone
-_COSINE_POWER = 8  # power of the cosine by which edges count for a direction
-_LEAST_SHARE = 0.5  # of the edges of the strongest direction that another has to have, to count
-_STRONG_SHARE = 0.2  # of the strongest slopes: weaker ones are noise, or shading
-_BORDER_PX = 10  # about the points
+_DIRECTION_COUNT = 16  # directions over half a turn: motion blurs only edges across it
+_COSINE_POWER = 8  # power of the cosine that weights edges for a direction
+_LEAST_SHARE = 0.5  # edges of a direction relative to the direction with the most, below which it is ignored
+_STRONG_SHARE = 0.2  # of the largest gradient: weaker ones are noise or shading
+_BORDER_PX = 10  # margin around the points
 
 
 @dataclass(frozen=True)
 class EdgeWidth:
-    """Widths of edges [px]: across the direction of the narrowest, and of the widest."""
+    """Widths of edges [px] in the directions of the narrowest and of the widest edges."""
 
     narrow_px: float
     wide_px: float
 
 
 def edge_width(image: Image, pixels: Array) -> EdgeWidth | None:
-    """The widths of edges about some points: their contrast over their mean slope.
+    """Widths of edges around some points: contrast over mean gradient; None if there are no edges.
 
-    An ideal edge through a point spread of sigma s has 3.5 s; None if there are no edges.
+    An ideal edge with a Gaussian point spread of sigma s has a width of 3.5 s.
 
     Args:
         image: (h, w).
-        pixels: (n, 2) points of a target, between which edges are looked at.
+        pixels: (n, 2) points of a target, whose bounding box is examined.
     """
     low = np.maximum(np.floor(pixels.min(0)).astype(int) - _BORDER_PX, 0)
     high = np.ceil(pixels.max(0)).astype(int) + _BORDER_PX + 1

@@ -1,4 +1,4 @@
-"""Images from files, grey, or a sentence why there is none; nothing a file holds is an error."""
+"""Grey images from files, or the reason why a file cannot be used; no content of a file raises an error."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _SCAN = b"\xff\xda"
 _TO_GREY = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 _LARGEST_BYTES = 2**28  # 256 MiB: 16 bits and two channels of 64 megapixels
 _MOST_PIXELS = 2**26  # 64 megapixels: the largest sensors of machine vision have that
-_MOST_SCANS = 100  # of a JPEG, each of which passes over all pixels; encoders write ten
-_MOST_DECODED_BYTES = 2**28  # 256 MiB, of which decoders hold two and the grey image is a third
-_MOST_FILE_NAMES = 10_000  # of a folder that are looked through
-_TURNED_ORIENTATIONS = range(2, 9)  # EXIF's orientations of images that are shown in another way than they are stored
+_MOST_SCANS = 100  # of a JPEG, each of which covers all pixels; encoders write ten
+_MOST_DECODED_BYTES = 2**28  # 256 MiB; decoders need two such buffers, and the grey image is a third
+_MOST_FILE_NAMES = 10_000  # of a folder that are compared
+_TURNED_ORIENTATIONS = range(2, 9)  # EXIF orientations other than the stored one
 
 
 def read_bytes(path: Path) -> bytes | str:
-    """Content of a file, or why it cannot be read: pipes and devices are not, nor files that have no end."""
+    """Content of a file, or why it cannot be read; pipes, devices and files above the size limit are refused."""
     try:
         return read_bounded(path, _LARGEST_BYTES)
     except MissingFile:
@@ -37,7 +37,7 @@ def read_bytes(path: Path) -> bytes | str:
 
 
 def _similar_path(path: Path) -> str:
-    """Where a file that is missing may be instead, as the end of a sentence."""
+    """Hint at a similar file or an empty or missing folder for a missing file, as the end of a sentence."""
     if not path.parent.is_dir():
         return ", as is its folder"
     try:
@@ -52,14 +52,14 @@ def _similar_path(path: Path) -> str:
 
 
 def grey_image(data: bytes | str, size_px: tuple[int, int] | None) -> Image | str:
-    """The image in the bytes of a file, (h, w) of uint8 or uint16, colour turned to grey, or why there is none.
+    """Decode an image to grey, (h, w) of uint8 or uint16, or return the reason why it cannot be used.
 
-    Pixels are where the sensor gave them, whatever rotation EXIF states. That rotation is for viewing the image,
-    whereas a lens is calibrated as it is mounted on its sensor.
+    Pixels are in the order of the sensor; the EXIF orientation is ignored. That orientation is for display, whereas a
+    lens is calibrated as it is mounted on its sensor.
 
     Args:
-        data: What the file holds, or why it cannot be read.
-        size_px: Width and height it has to have; None if any will do.
+        data: Content of the file, or why it cannot be read.
+        size_px: Required width and height; None for any.
     """
     if isinstance(data, str):
         return data
@@ -80,13 +80,13 @@ def grey_image(data: bytes | str, size_px: tuple[int, int] | None) -> Image | st
 
 
 def is_turned(data: bytes) -> bool:
-    """Whether EXIF says that an image is to be turned or mirrored before it is shown."""
+    """Whether the EXIF orientation rotates or mirrors an image for display."""
     told = header(data)
     return told is not None and told.orientation in _TURNED_ORIENTATIONS
 
 
 def _refusal_reason(data: bytes, size_px: tuple[int, int] | None) -> str | None:
-    """Why an image is not read, by all that is known before its pixels."""
+    """Why an image is refused before its pixels are decoded; None if it is not."""
     if not data:
         return "is empty"
     told = header(data)
@@ -99,32 +99,32 @@ def _refusal_reason(data: bytes, size_px: tuple[int, int] | None) -> str | None:
         mb = width * height * told.pixel_bytes // 2**20
         return f"has {mb} MB of pixels, expected at most {_MOST_DECODED_BYTES // 2**20}: store it grey, or with 8 bits"
     if data.startswith(_JPEG) and (scans := data.count(_SCAN)) > _MOST_SCANS:
-        return f"has {scans} scans, expected at most {_MOST_SCANS}: store it anew"
+        return f"has {scans} scans, expected at most {_MOST_SCANS}: store it again"
     return size_fault(told.size_px, size_px) or ("is truncated" if _is_cut(data) else None)
 
 
 def size_fault(size: tuple[int, int], size_px: tuple[int, int] | None) -> str | None:
-    """Why an image of this width and height is not of a camera whose images have `size_px`; None if it is."""
+    """Why an image of this width and height does not match its camera's `size_px`; None if it does."""
     if size_px is None or size == tuple(size_px):
         return None
     return f"has {size[0]} x {size[1]} pixels, its camera {size_px[0]} x {size_px[1]}{_cause(size, size_px)}"
 
 
 def _cause(size: tuple[int, int], size_px: tuple[int, int]) -> str:
-    """Likely cause of a size that differs."""
+    """Likely cause of a wrong image size, as the end of a sentence."""
     if size == (size_px[1], size_px[0]):
-        return ": width and height look swapped, of it and of its lens; pixels count as the sensor gave them"
+        return ": width and height look swapped between image and lens; pixels count as the sensor gave them"
     if size[0] * size_px[1] == size[1] * size_px[0]:
         scale = f"the lens seems to be of images scaled by {size_px[0] / size[0]:g}"
-        return f": {scale}; give these, or size_px and the lens of the images that there are"
+        return f": {scale}; use these images, or state size_px and the lens of the recorded images"
     return ""
 
 
 def png_bytes(image: Image) -> bytes:
-    """An image, (h, w), as a PNG.
+    """Encode an image, (h, w), as PNG.
 
     Raises:
-        InputError: if it has another type than uint8 or uint16.
+        InputError: if its type is neither uint8 nor uint16.
     """
     written, data = cv2.imencode(".png", image)
     if not written:
@@ -133,10 +133,10 @@ def png_bytes(image: Image) -> bytes:
 
 
 def write_png(path: Path, image: Image) -> None:
-    """Write an image, (h, w), with the folders it needs.
+    """Write an image, (h, w), as PNG and create missing folders.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the file cannot be written.
     """
     try:
         data = png_bytes(image)
@@ -149,11 +149,11 @@ def write_png(path: Path, image: Image) -> None:
 
 
 def _is_cut(data: bytes) -> bool:
-    """Whether the end of an image is missing; decoders fill it with grey and say so only on the terminal."""
+    """Whether the end of an image is missing; decoders fill it with grey and report it only on stderr."""
     if data.startswith(_JPEG):
         return data.rfind(b"\xff\xd9") < data.rfind(_SCAN)
     if data.startswith(_PNG):
-        # A chunk that says it is longer than the file would have a decoder take as much memory as it says.
+        # A decoder would allocate the stated length of a chunk even if the file is shorter.
         return all(name != b"IEND" for name, _, _ in png_chunks(data))
     if data.startswith(_RIFF):
         return len(data) < 8 + int.from_bytes(data[4:8], "little")

@@ -1,4 +1,4 @@
-"""Headers of image files: format, size and orientation, before any pixel is decoded."""
+"""Headers of image files: format, size and orientation, without decoding of pixels."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import struct
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # tables, reserved and arithmetic coding's
+_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # not of tables, reserved or arithmetic coding
 _BARE_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})  # JPEG markers without a length
 _MOST_SEGMENTS = 10_000  # of a JPEG: cameras write ten
 _MOST_CHUNKS = 2**17  # of a PNG: four times those of the largest file, 256 MB in chunks of 8 kB
 _MOST_TAGS = 500  # of one directory of a TIFF: cameras write fifty
 _WIDTH, _HEIGHT, _BITS, _ORIENTATION, _SAMPLES = 256, 257, 258, 274, 277  # tags of a TIFF
-_WHOLE_NUMBER_TYPES = {3: "H", 4: "I"}  # its types of whole numbers
-_PNG_CHANNELS = {0: 1, 2: 3, 3: 4, 4: 4, 6: 4}  # by type of colour, as they are decoded
+_WHOLE_NUMBER_TYPES = {3: "H", 4: "I"}  # integer types of a TIFF
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 4, 4: 4, 6: 4}  # decoded channels for each colour type
 _NETPBM = re.compile(rb"P[2356]\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s")
 
 
@@ -23,8 +23,8 @@ class Header(NamedTuple):
 
     Attributes:
         size_px: Width and height.
-        pixel_bytes: Of each pixel at most, when it is decoded.
-        orientation: How the image is meant to be turned before it is shown, 1 to 8 as of EXIF; 1 for not at all.
+        pixel_bytes: Largest number of bytes of a decoded pixel.
+        orientation: EXIF orientation for display, 1 to 8; 1 for none.
     """
 
     size_px: tuple[int, int]
@@ -33,7 +33,7 @@ class Header(NamedTuple):
 
 
 def header(data: bytes) -> Header | None:
-    """The header of an image; None if no format that is read begins so, or its header is broken.
+    """Read the header of an image; None if the format is not supported or the header is broken.
 
     Source: PNG 3rd edition; ITU-T T.81; TIFF 6.0; EXIF 2.32; RFC 9649; netpbm's pages.
     """
@@ -54,7 +54,7 @@ def _png(data: bytes) -> Header:
 
 
 def png_chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
-    """Chunks of a PNG that are in the data as a whole, each with where its content starts and ends."""
+    """Complete chunks of a PNG: name, start and end of the content of each."""
     at = 8
     for _ in range(_MOST_CHUNKS):
         if at + 12 > len(data):
@@ -85,7 +85,7 @@ def _jpeg(data: bytes) -> Header:
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:
-    """Markers of a JPEG, each with where its length stands."""
+    """Markers of a JPEG, each with the position of its length field."""
     at = 2
     for _ in range(_MOST_SEGMENTS):
         at = data.index(b"\xff", at) if b"\xff" in data[at : at + 2**16] else len(data)
@@ -105,7 +105,7 @@ def _tiff(data: bytes) -> Header:
 
 
 def _tiff_tags(data: bytes) -> dict[int, int]:
-    """Whole numbers of the first directory of a TIFF, by tag; of lists the first."""
+    """Integer values of the first directory of a TIFF, by tag; the first value of a list."""
     order = "<" if data[:2] == b"II" else ">"
     (at,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, at)
@@ -149,7 +149,7 @@ _HEADER_READERS: dict[bytes, Callable[[bytes], Header]] = {
     b"RIFF": _webp,
     **dict.fromkeys((b"P2", b"P3", b"P5", b"P6"), _netpbm),
 }
-"""One line a format, by how its files begin."""
+"""Header readers by the first bytes of a file."""
 
 STARTS = tuple(_HEADER_READERS)
-"""How files of images begin."""
+"""First bytes of the supported image formats."""

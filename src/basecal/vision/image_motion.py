@@ -1,7 +1,7 @@
-"""How far what is in two images has moved between them: whether a camera and all before it stand still.
+"""Motion between two images, which shows whether a camera and its scene are at rest.
 
-The image is cut into blocks; in each the shift along the strongest edges is found by least squares on the brightness.
-Source: Lucas & Kanade 1981.
+The image is divided into blocks. In each block the shift along the strongest gradient is estimated by least squares on
+the brightness. Source: Lucas & Kanade 1981.
 """
 
 from __future__ import annotations
@@ -15,31 +15,31 @@ from basecal.numerics.robust_step import NORMAL_MAD
 from basecal.vision.detection import Image
 
 Levels = NDArray[np.float32]
-_LEAST_SQUARED_SLOPE = 1e-9  # of squared slopes, which nothing is divided by
+_LEAST_SQUARED_SLOPE = 1e-9  # lower bound of squared gradients, against division by zero
 
-_REDUCTION = 2  # pixels a side are one: less work, and as exact where many pixels say the same
-_BLOCK_PX = 40  # of a block's side, of such pixels: some squares of a board, and a light with its surroundings
-_CERTAIN_PX = 0.05  # sigma of a block's shift: others have too little structure to tell
-_SMOOTH_PX = 0.8  # of such pixels, so that noise makes no edges
-_NOISE_STRIDE = 7  # th pixel tells the noise
-_NOISE_SIGMAS = 4.5  # sigmas: of a hundred blocks none has that by chance, but once in a thousand images
+_REDUCTION = 2  # factor by which images are reduced: less work at nearly the same accuracy
+_BLOCK_PX = 40  # side of a block in reduced pixels: some squares of a board, or an LED with its surroundings
+_CERTAIN_PX = 0.05  # largest sigma of a block's shift: blocks with less structure are ignored
+_SMOOTH_PX = 0.8  # sigma of the smoothing in reduced pixels, so that noise makes no edges
+_NOISE_STRIDE = 7  # rows and columns between the pixels that determine the noise
+_NOISE_SIGMAS = 4.5  # sigmas: exceeded by chance by any of a hundred blocks in one of a thousand images
 
 
 def reduce_image(image: Image) -> Levels:
-    """An image as `shift_between` takes it: smaller and smoother."""
+    """Reduce and smooth an image for `shift_between`."""
     size = (image.shape[1] // _REDUCTION, image.shape[0] // _REDUCTION)
     fewer = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.asarray(cv2.GaussianBlur(fewer, (0, 0), _SMOOTH_PX), dtype=np.float32)
 
 
 def shift_between(first: Levels, second: Levels) -> float:
-    """The largest shift of any part of an image beyond its noise [px].
+    """Largest shift of any block between two images beyond the noise [px].
 
-    It is 0 if nothing has structure, and infinite if the images differ in size.
+    The shift is 0 if no block has structure, and infinite if the images differ in size.
 
     Args:
-        first: The image, made by `reduce_image`.
-        second: The next one, likewise.
+        first: The first image, from `reduce_image`.
+        second: The second image, from `reduce_image`.
     """
     if first.shape != second.shape:
         return np.inf
@@ -50,7 +50,7 @@ def shift_between(first: Levels, second: Levels) -> float:
     strongest = np.maximum(0.5 * (uu + vv + np.hypot(uu - vv, 2 * uv)), _LEAST_SQUARED_SLOPE)
     along = 0.5 * np.arctan2(2 * uv, uu - vv)
     axis = np.stack([np.cos(along), np.sin(along)], -1)
-    # Smoothed noise of neighbours is alike: so many pixels count as one.
+    # Smoothing correlates the noise of neighbours: this number of pixels counts as one.
     alike = 1.0 + 4 * np.pi * _SMOOTH_PX**2
     noise = NORMAL_MAD * float(np.median(np.abs(change[::_NOISE_STRIDE, ::_NOISE_STRIDE]))) * np.sqrt(alike)
     sigma = noise / np.sqrt(strongest)
@@ -60,7 +60,7 @@ def shift_between(first: Levels, second: Levels) -> float:
 
 
 def _block_sums(levels: Levels) -> Array:
-    """Sums over blocks; what is left at the borders is not looked at."""
+    """Sums over blocks; remaining pixels at the borders are ignored."""
     rows, columns = (max(1, side // _BLOCK_PX) for side in levels.shape)
     height, width = (side // count for side, count in zip(levels.shape, (rows, columns), strict=True))
     inside = levels[: rows * height, : columns * width]

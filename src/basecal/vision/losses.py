@@ -1,4 +1,4 @@
-"""Images that gave nothing, as findings: how many, of which samples, and what is in them instead."""
+"""Findings about images without detections: their number, samples, and likely content."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.kinds.ways import Grey
 from basecal.vision.survey import unlike_print
 
-_MANY_SHARE = 1 / 3  # of a camera's images without any target: targets leave the view now and then, but not that often
-_MOST_SHARE = 1 / 2  # of them: then another target than the one stated may be in all of them
-_SURVEYED_IMAGES = 3  # images in which others are looked for, spread over the recording
+_MANY_SHARE = 1 / 3  # of a camera's images without any target: targets rarely leave the view that often
+_MOST_SHARE = 1 / 2  # of a camera's images: above, the images may show another target than the stated one
+_SURVEYED_IMAGES = 3  # images that are searched for other targets, spread over the recording
 _ADVICE = "look at light, focus and distance, and whether cell.yaml describes the target as it is printed"
-_SHOWN_SAMPLES = 10  # samples in a sentence
+_SHOWN_SAMPLES = 10  # samples listed in a sentence
 
 
 @dataclass(frozen=True)
 class Searched:
-    """An image that was looked at.
+    """An image that was searched.
 
     Attributes:
-        sample: Of which sample.
-        camera: By which camera.
-        path: From the cell's folder.
-        found: Targets that it shows.
-        missed: Targets that were looked for and are not found.
-        turned: Whether EXIF asks to turn it.
+        sample: Number of the sample.
+        camera: Name of the camera.
+        path: Path relative to the cell's folder.
+        found: Names of the detected targets.
+        missed: Names of the targets that were not found.
+        turned: Whether the EXIF orientation rotates or mirrors it.
         unusable: Why it cannot be used; empty if it can.
     """
 
@@ -46,12 +46,12 @@ class Searched:
 
 
 def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> Iterator[Finding]:
-    """Findings about images that gave nothing, the gravest first.
+    """Findings about images without detections, most severe first.
 
     Args:
-        searches: All images that were looked at.
-        targets: By name.
-        folder: From which the images' paths count.
+        searches: All searched images.
+        targets: The targets by name.
+        folder: The cell's folder, to which the images' paths are relative.
     """
     by_camera: dict[str, list[Searched]] = {}
     for image in searches:
@@ -83,7 +83,7 @@ def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], fol
 
 
 def explain_no_target(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:
-    """Why images show no target, as the end of a sentence; empty if one does, or nobody knows."""
+    """Explain why images show no target, as the end of a sentence; empty if one does or the cause is unknown."""
     if not searches or any(image.found for image in searches):
         return ""
     return "; ".join([*_reasons(searches), *_hints(searches, targets, folder)])
@@ -105,7 +105,7 @@ def _few_images(
 
 
 def _reasons(images: Sequence[Searched]) -> list[str]:
-    """Why images cannot be used, each reason once, the most frequent first."""
+    """Reasons why images cannot be used, each once, most frequent first."""
     by_reason = _group_by_reason(images)
     often = sorted(by_reason.items(), key=lambda each: -len(each[1]))
     return [f"{_sample_phrase(of, images)} {reason}" for reason, of in often]
@@ -120,7 +120,7 @@ def _group_by_reason(images: Sequence[Searched]) -> dict[str, list[Searched]]:
 
 
 def _sample_phrase(selection: Sequence[Searched], images: Sequence[Searched]) -> str:
-    """Which of several images, by the samples where these are not all."""
+    """Phrase for a selection of images: a path, and the samples if not all images are selected."""
     if len(selection) == 1:
         return f"sample {selection[0].sample}: {selection[0].path}"
     which = (
@@ -132,7 +132,7 @@ def _sample_phrase(selection: Sequence[Searched], images: Sequence[Searched]) ->
 
 
 def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> list[str]:
-    """Content of images in which a target is not found, of each target for which that can be determined."""
+    """Describe the content of images in which a target is not found, for each target if it can be determined."""
     hints = []
     for name, target in targets.items():
         missed = [image for image in empty if name in image.missed]
@@ -143,7 +143,7 @@ def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Pat
 
 
 def _read_images(images: Sequence[Searched], folder: Path) -> list[Grey]:
-    """Images that can be read."""
+    """Read images in 8 bits, without those that cannot be read."""
     grey = [grey_image(read_bytes(folder / image.path), None) for image in images]
     return [eight_bit(image) for image in grey if not isinstance(image, str)]
 

@@ -1,4 +1,4 @@
-"""OpenCV's own ways from pixels to a robot's place in the world, to compare with."""
+"""OpenCV's hand-eye and robot-world calibration from pixels, for comparison."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.rotation import nearest_rotation
 
-_LEAST_AXIS_COSINE = 0.05  # cosine of the angle from the axis, of what a flat image can hold
+_LEAST_AXIS_COSINE = 0.05  # cosine of the largest angle from the optical axis in an undistorted image
 _HAND_EYE: Mapping[str, int] = {
     "TSAI": cv2.CALIB_HAND_EYE_TSAI,
     "PARK": cv2.CALIB_HAND_EYE_PARK,
@@ -25,7 +25,7 @@ _ROBOT_WORLD: Mapping[str, int] = {
     "LI": cv2.CALIB_ROBOT_WORLD_HAND_EYE_LI,
 }
 METHODS = (*_HAND_EYE, *_ROBOT_WORLD)
-"""The five of `calibrateHandEye`, and the two of `calibrateRobotWorldHandEye`."""
+"""The five methods of `calibrateHandEye` and the two of `calibrateRobotWorldHandEye`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +37,13 @@ class RobotWorld:
 
 
 def camera_from_target(camera: Camera, points: Array, pixels: Array, visible: BoolArray) -> SE3 | None:
-    """The pose of a target in one view by `solvePnP`; None if it finds none.
+    """Pose of a target in one view by `solvePnP`; None if it fails.
 
     Args:
-        camera: The lens, whose distortion is taken out beforehand by our own model.
+        camera: The lens, whose distortion is removed beforehand by our own model.
         points: (p, 3) [m].
         pixels: (p, 2) [px].
-        visible: (p,) which of them.
+        visible: Which points to use, (p,).
     """
     rays, valid = camera.undistort(pixels)
     used = visible & valid & (rays[:, 2] > _LEAST_AXIS_COSINE)
@@ -56,10 +56,10 @@ def camera_from_target(camera: Camera, points: Array, pixels: Array, visible: Bo
 
 
 def robot_world(outer: SE3, inner: SE3, method: str = "SHAH") -> RobotWorld | None:
-    """The two unknowns of (n,) poses by one of `METHODS`; None if it finds nothing.
+    """Solve for the two unknowns from (n,) poses by one of `METHODS`; None if the method fails.
 
-    OpenCV has a camera on a gripper and a world that stands: `cam_from_world == cam_from_gripper @
-    gripper_from_base @ base_from_world`. Any other chain of one moving transform between two unknowns is that one too.
+    OpenCV assumes a camera on a gripper and a fixed world: `cam_from_world == cam_from_gripper @ gripper_from_base @
+    base_from_world`. Every chain of one moving transform between two unknowns has this form.
     """
     try:
         found = (_solve_robot_world if method in _ROBOT_WORLD else _solve_hand_eye)(outer, inner, method)
@@ -77,7 +77,7 @@ def _solve_robot_world(outer: SE3, inner: SE3, method: str) -> RobotWorld:
 
 
 def _solve_hand_eye(outer: SE3, inner: SE3, method: str) -> RobotWorld:
-    """The last is the mean of what the views say of it."""
+    """Solve by a hand-eye method; `last` is the mean over the views."""
     base_from_gripper = inner.inverse()
     turn, shift = cv2.calibrateHandEye(*_lists(base_from_gripper), *_lists(outer), method=_HAND_EYE[method])
     gripper_from_cam = _rigid(turn, shift)
@@ -91,10 +91,10 @@ def _lists(poses: SE3) -> tuple[list[Array], list[Array]]:
 
 
 def _rigid(rotation: ArrayLike, translation: ArrayLike) -> SE3:
-    """The nearest rotation: TSAI and ANDREFF give matrices that are none.
+    """Transform with the nearest rotation, since results of TSAI and ANDREFF are not orthogonal.
 
     Raises:
-        ValueError: if it is not finite.
+        ValueError: if the matrix is not finite.
     """
     matrix = np.asarray(rotation, dtype=np.float64)
     if not np.all(np.isfinite(matrix)):

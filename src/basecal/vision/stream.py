@@ -1,4 +1,4 @@
-"""Images of a camera or video, as OpenCV gives them, turned grey."""
+"""Grey images from a camera or video through OpenCV."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ import numpy as np
 
 from basecal.vision.detection import Image
 
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # else it prints what strangers' servers say
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # otherwise it prints text from remote servers
 _STAMPED_BACKEND = "V4L2"
-_TIMEOUT_MS = 5000  # without an image; OpenCV waits 30 s
+_TIMEOUT_MS = 5000  # without an image; OpenCV's default is 30 s
 _TIMEOUTS = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _TIMEOUT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _TIMEOUT_MS]
 
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """A source of images that is open; `capture` is OpenCV's."""
+    """An open source of images; `capture` is a `cv2.VideoCapture`."""
 
     capture: Any
 
     def read(self) -> Image | None:
-        """The next image, (h, w); None if there is none any more."""
+        """Read the next image, (h, w); None at the end of the source."""
         came, image = self.capture.read()
         if not came:
             return None
@@ -33,20 +33,20 @@ class Stream:
 
     @property
     def is_stamped(self) -> bool:
-        """Whether images have a time of their own: of what OpenCV opens, cameras of Linux do."""
+        """Whether images have time stamps, as from V4L2 cameras on Linux."""
         return str(self.capture.getBackendName()) == _STAMPED_BACKEND
 
     def stamp_s(self) -> float:
-        """The time of the last image [s], by the kernel's clock."""
+        """Time stamp of the last image by the kernel's clock [s]."""
         return 1e-3 * float(self.capture.get(cv2.CAP_PROP_POS_MSEC))
 
     def close(self) -> None:
-        """Let go of the source."""
+        """Release the source."""
         self.capture.release()
 
 
 def open_stream(source: int | str | Path) -> Stream | None:
-    """The camera of that number, the film or device of that path, or the address; None if OpenCV cannot open it."""
+    """Open a camera by index, a video file or device by path, or a URL; None if OpenCV cannot open it."""
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     capture = cv2.VideoCapture()
     if isinstance(source, int):

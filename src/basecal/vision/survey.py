@@ -1,4 +1,4 @@
-"""Content of images in which a target is not found: other tags, other dictionaries, boards of another size."""
+"""Diagnosis of images in which a target is not found: other tags, other dictionaries, boards of another size."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from basecal.vision.kinds import charuco, circles
 from basecal.vision.kinds.charuco_layout import likely_boards
 from basecal.vision.kinds.ways import MARKER_SETS, Grey, Way, best_result, detect_markers, dictionary
 
-_LISTED_IDS = 5  # ids in a sentence
-_LEAST_MARKERS = 4  # markers in an image: of a thousand codes of 16 cells, clutter now and then looks like one
-_ENOUGH_IMAGES = 2  # in which all dictionaries are looked for where the target is in others
-_FEWEST_OF_BOARD = 3  # markers by which a dictionary is named: one or two may be clutter
+_LISTED_IDS = 5  # ids listed in a sentence
+_LEAST_MARKERS = 4  # markers in an image: clutter may resemble a few of a thousand codes of 16 cells
+_ENOUGH_IMAGES = 2  # in which all dictionaries are searched if other images show the target
+_FEWEST_OF_BOARD = 3  # markers that identify a dictionary: one or two may be clutter
 _WAYS = (Way(), Way(stretched=True))  # each is tried with every dictionary
-_SMALLEST_BOARD = 3  # corners each way of a chessboard that OpenCV begins with, and adds to
-_DARK_LEVEL = 40  # level that 99 of 100 pixels are below
+_SMALLEST_BOARD = 3  # corners per side of the chessboard from which OpenCV grows a board
+_DARK_LEVEL = 40  # level of the 99th percentile below which an image is dark
 _DARK_PERCENT = 99
 _BLURRED_PX = 4.0  # sigma of edges: markers are read up to 3 px, whose codes have cells of some 8 px
-_DENOISED_PX = 1.0  # sigma of a smoothing that leaves little of the noise of single pixels
-_STEEPEST_PERCENT = 99.9  # of the slopes: some hundred pixels are on the sharpest edges
+_DENOISED_PX = 1.0  # sigma of the smoothing against pixel noise
+_STEEPEST_PERCENT = 99.9  # percentile of gradients: some hundred pixels are on the sharpest edges
 
 
 def describe_darkness(images: list[Grey]) -> str | None:
-    """Clause about images that are nearly all dark."""
+    """Clause about dark images; None if they are not."""
     top = max((float(np.percentile(image, _DARK_PERCENT)) for image in images), default=255.0)
     if top >= _DARK_LEVEL:
         return None
@@ -38,7 +38,7 @@ def describe_darkness(images: list[Grey]) -> str | None:
 
 
 def describe_blur(images: list[Grey]) -> str | None:
-    """Clause about wide edges in all images: by how steep the steepest are, for the levels that there are."""
+    """Clause about blur in all images, from the steepest gradients over the contrast; None if they are sharp."""
     widths = [width for image in images if (width := _edge_px(image)) is not None]
     if len(widths) < len(images) or min(widths, default=0.0) < _BLURRED_PX:
         return None
@@ -46,10 +46,10 @@ def describe_blur(images: list[Grey]) -> str | None:
 
 
 def _edge_px(image: Grey) -> float | None:
-    """One sigma of the blur of the sharpest edges; None if there is hardly any contrast.
+    """Sigma of the blur of the sharpest edges [px]; None if there is hardly any contrast.
 
-    The steepest slope of a step that is blurred by a Gaussian is its height over sqrt(2 pi) sigma. What smooths noise
-    away is taken off.
+    The steepest gradient of a step that is blurred by a Gaussian is its height over sqrt(2 pi) sigma. The variance of
+    the smoothing against noise is subtracted.
     """
     low, high = np.percentile(image, (100 - _DARK_PERCENT, _DARK_PERCENT))
     if high - low < _DARK_LEVEL:
@@ -62,7 +62,7 @@ def _edge_px(image: Grey) -> float | None:
 
 
 def unlike_print(images: list[Grey], target: Target) -> str | None:
-    """Clause about markers of a target that has none, or about most markers twice in an image."""
+    """Clause about markers of a target without markers, or about markers that appear twice; None if neither."""
     if target.is_point or _dictionary_name(target) is not None:
         return describe_repeats(images, target)
     return markers_instead(images[:_ENOUGH_IMAGES])
@@ -74,7 +74,7 @@ def _dictionary_name(target: Target) -> str | None:
 
 
 def describe_repeats(images: list[Grey], target: Target) -> str | None:
-    """Clause about most markers of a target that are in an image twice."""
+    """Clause about an image in which most markers of a target appear twice; None if there is no such image."""
     name = _dictionary_name(target)
     if name is None:
         return None
@@ -87,7 +87,7 @@ def describe_repeats(images: list[Grey], target: Target) -> str | None:
 
 
 def other_tags(images: list[Grey], target: Target) -> str | None:
-    """Other tags, or tags of another family."""
+    """Clause about other tags, or tags of another family; None if there are none."""
     if target.tags is None:
         return None
     family, wanted = target.tags.family, {int(number) for number in target.tags.numbers}
@@ -99,7 +99,7 @@ def other_tags(images: list[Grey], target: Target) -> str | None:
 
 
 def other_charuco(images: list[Grey], target: Target) -> str | None:
-    """Another dictionary, layout or size of board."""
+    """Clause about a ChArUco board of another dictionary, layout or size; None if unknown."""
     of = target.options
     seen, stated = _found_markers(images, of["dictionary"]), _marker_count(target)
     if not seen:
@@ -142,43 +142,43 @@ def _layout(target: Target) -> str:
 
 
 def markers_instead(images: list[Grey]) -> str | None:
-    """Markers, of a target that is said to have none."""
+    """Clause about markers in images of a target without markers; None if there are none."""
     other = _other_set(images, "", "marker")
     return None if other is None else f"{other}: write kind: charuco, aprilgrid or apriltag, whichever it is"
 
 
 def other_chessboard(images: list[Grey], target: Target) -> str | None:
-    """A board of another size."""
+    """Clause about markers or a chessboard of another size; None if there is neither."""
     if markers := markers_instead(images):
         return markers
     columns, rows = target.options["corners"]
     stated = columns, rows
     sizes = Counter(size for image in images for size in _sizes_of_board(image, stated))
     size, times = max(sizes.items(), key=lambda each: each[1], default=((0, 0), 0))
-    # What OpenCV grows from a few corners may be a part of a board; it is not the same part in two images.
+    # A board that OpenCV grows from a few corners may be a part; the part differs between images.
     if times < min(len(images), 2) or sorted(size) == sorted(stated):
         return None
     return f"{max(size)}x{min(size)} inner corners are seen, not {stated[0]}x{stated[1]}"
 
 
 def _sizes_of_board(image: Grey, stated_ids: tuple[int, int]) -> list[tuple[int, int]]:
-    """The size of a board in an image: near the one stated, or else as large as it is seen; none if none is."""
+    """Size of a chessboard in an image: close to the stated one, or as OpenCV grows it; empty if there is none."""
     small = Way(0.5).apply(image)
     for size in _near_sizes(*stated_ids):
         if min(size) >= _SMALLEST_BOARD and cv2.findChessboardCornersSB(small, size)[0]:
             return [size]
     seen, _, board = cv2.findChessboardCornersSBWithMeta(image, (_SMALLEST_BOARD, _SMALLEST_BOARD), cv2.CALIB_CB_LARGER)
-    # One that did not grow may be clutter.
+    # A board that did not grow may be clutter.
     return [(max(board.shape), min(board.shape))] if seen and min(board.shape) > _SMALLEST_BOARD else []
 
 
 def _near_sizes(columns: int, rows: int) -> list[tuple[int, int]]:
-    """Sizes with a column, a row or both more, then with as many less."""
+    """Sizes with one more column, row or both, then with one less."""
     return [(columns + a, rows + b) for a, b in ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1))]
 
 
 def other_circles(images: list[Grey], target: Target) -> str | None:
-    """A grid of another size or pattern."""
+    """Clause about a grid of another size or pattern, or about markers; None if there is neither."""
     columns, rows = target.options["circles"]
     asymmetric = bool(target.options["asymmetric"])
     sizes = [(rows, columns), *_near_sizes(columns, rows)]
@@ -197,7 +197,7 @@ def _grid_phrase(target: Target) -> str:
 
 
 def _found_markers(images: list[Grey], name: str) -> set[int]:
-    """Markers of a dictionary: those in several images, or in an image so many that they are no clutter."""
+    """Markers of a dictionary that are in several images, or in an image with too many for clutter."""
     detector = cv2.aruco.ArucoDetector(dictionary(name))
 
     def search(image: Grey, _: Way) -> set[int]:
@@ -211,7 +211,7 @@ def _found_markers(images: list[Grey], name: str) -> set[int]:
 
 
 def _other_set(images: list[Grey], stated_ids: str, kind: str) -> str | None:
-    """The dictionary of which most markers are seen, the smallest that has them all."""
+    """Clause about the dictionary with the most markers, the smallest that has them all; None if too few."""
     seen: dict[tuple[str, ...], set[int]] = {}
     for names in MARKER_SETS:
         seen[names] = set() if stated_ids in names else _found_markers(images, names[-1])

@@ -1,4 +1,4 @@
-"""A small image of an image for people to look at."""
+"""Thumbnails of images for reports."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import numpy as np
 
 from basecal.vision.image_file import grey_image
 
-_JPEG_QUALITY = 70  # of JPEG: where blocks begin to show on edges
-_BRIGHT_PERCENT = 99.5  # of the pixels of an image of 16 bits, which seldom fills them, shown below white
+_JPEG_QUALITY = 70  # of JPEG, at which blocks begin to be visible at edges
+_BRIGHT_PERCENT = 99.5  # percentile of a 16-bit image that is shown white, as images seldom use all bits
 
 
 def thumbnail(data: bytes | str, size_px: tuple[int, int] | None, width: int) -> bytes | None:
-    """A JPEG of at most this width of the image in the bytes of a file, grey; None if that cannot be used.
+    """A grey JPEG thumbnail of an image file; None if the image cannot be used.
 
     Args:
-        data: What the file holds, or why it cannot be read.
-        size_px: Width and height it has to have; None if any will do.
-        width: Of the small image; a smaller image stays as it is.
+        data: Content of the file, or why it cannot be read.
+        size_px: Required width and height; None for any.
+        width: Largest width of the thumbnail; smaller images are not enlarged.
     """
     image = grey_image(data, size_px)
     if isinstance(image, str):

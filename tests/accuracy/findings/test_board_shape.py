@@ -35,7 +35,7 @@ def test_a_bow_beyond_chance_is_told(evidence, bow, severity):
 def test_the_height_is_in_the_message(evidence):
     """A twist of one sigma lifts corners by 0.3 % of the half size times their u v: 0.36 mm here."""
     (found,) = board_shape(made(evidence, (0.0, 1.0, 0.0)))
-    assert "up to 0.36 mm off their plane" in found.message
+    assert "up to 0.36 mm from their plane" in found.message
     assert found.about == ("board",)
 
 
@@ -61,8 +61,8 @@ def test_a_target_without_points_has_no_shape(evidence):
     of.solution.noise.shapes = {"posed": of.solution.noise.shapes["board"], **of.solution.noise.shapes}
     of.cell.targets["posed"] = SimpleNamespace(target=None)
     (found,) = board_shape(of)
-    assert found.what == "board is not flat: its points are up to 0.36 mm off their plane."
+    assert found.what == "board is not flat: its points are up to 0.36 mm from their plane."
     assert found.why == "The answer contains the shape."
     (bent,) = board_shape(made(evidence, (0.0, 3.1, 0.0)))
-    assert bent.why == "That is more than printed boards are."
+    assert bent.why == "That is more than the usual bow of printed boards."
     assert bent.do == ("Check the stated points, the lens model and the target's size.",)

@@ -27,7 +27,7 @@ def test_ends_that_priors_alone_hold():
     found = told(**PRIOR)
     start = "offsets known from their prior alone: joints 1 (shoulder_pan) and 6 (wrist_3): "
     why = "the first joint moves the arm as its base does, the last one as the mounts on its flange do; "
-    left = "the sigmas of {} and of the mounts contain what they leave open"
+    left = "the sigmas of {} and of the mounts contain the remaining uncertainty"
     bases = {"eye": "the other bases", "hand": "eye_base_from_hand_base"}
     assert {name: f.message for name, f in found.items()} == {
         name: f"{name}: {start}{why}{left.format(base)}." for name, base in bases.items()
@@ -44,9 +44,9 @@ def test_gauge_covariances_free_offsets():
         "offsets that are unobservable and fixed at zero as a gauge: joints 1 (shoulder_pan), 2 ("
         in found["eye"].message
     )
-    assert "the samples hardly move the others alone; the other bases and the mounts make up" in found["eye"].message
+    assert "the samples hardly move the others alone; the other bases and the mounts compensate" in found["eye"].message
     assert "hardly move" not in found["hand"].message
-    assert "eye_base_from_hand_base and the mounts make up" in found["hand"].message
+    assert "eye_base_from_hand_base and the mounts compensate" in found["hand"].message
 
 
 def test_what_is_seen_is_not_told():

@@ -83,5 +83,5 @@ def test_a_scene_that_is_refused_proposes_no_scene(tmp_path: Path, capsys: pytes
     assert main(["calibrate", str(tmp_path), "--scene"]) == 4
     printed = capsys.readouterr()
     assert "[too-few-samples]" in printed.out
-    assert f"next: do what is said above, then basecal calibrate {tmp_path} --scene" in printed.err
+    assert f"next: follow the advice above, then basecal calibrate {tmp_path} --scene" in printed.err
     assert "or: basecal" not in printed.out

@@ -76,7 +76,7 @@ def test_one_word_and_its_code(verdict: Verdict, expected_m: float | None, word:
 def test_what_is_not_known_fails() -> None:
     """A tolerance on something that was not found."""
     made = Calibration("good", KNOWN, tolerance=Tolerance(1e-3, None, False))
-    assert str(headline(CELL, made)) == "FAIL: not everything requested is known, tolerance 1 mm"
+    assert str(headline(CELL, made)) == "FAIL: a requested transform is unknown, tolerance 1 mm"
 
 
 @pytest.mark.parametrize(

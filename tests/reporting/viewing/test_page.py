@@ -69,7 +69,7 @@ def test_in_a_browser(viewed: ViewPage, tmp_path: Path) -> None:
         assert urlsplit(address).hostname == "127.0.0.1"
     assert came.errors == []
     assert {urlsplit(asked).hostname for asked in came.asked if not asked.startswith("data:")} == {"127.0.0.1"}
-    for words in ("GOOD", f"run {RUN}", "eye_base_from_hand_base", "Samples that count", "board seen by wrist"):
+    for words in ("GOOD", f"run {RUN}", "eye_base_from_hand_base", "Included samples", "board seen by wrist"):
         assert words in came.words
 
 
@@ -106,5 +106,5 @@ def test_what_is_not_there_is_said(made) -> None:
     """Neither an optimum nor a transform."""
     cell, calibration = made
     nothing = WithoutSamples({}, Residuals(), False)
-    assert next(answer_rows(cell.cell, calibration, nothing))[2] == "not every direction of it is seen"
+    assert next(answer_rows(cell.cell, calibration, nothing))[2] == "unobservable in some direction"
     assert fit_sentence(nothing) == "no optimum was found."

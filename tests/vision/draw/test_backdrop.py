@@ -67,5 +67,5 @@ def test_nothing_is_printed_but_on_paper():
 def test_a_lens_that_sees_to_the_side_is_refused():
     """A fisheye of 180 degrees has no flat image."""
     lens = Camera("fisheye", np.array([200.0, 200.0, 319.5, 239.5, 0.0, 0.0, 0.0, 0.0]), (640, 480))
-    with pytest.raises(InputError, match="too far to the sides"):
+    with pytest.raises(InputError, match="field of view of the lens is too wide"):
         undistorted_camera(lens)

@@ -1,1 +1,1 @@
-"""The faces of an effect, each a typed capability, and the views that it acts on."""
+"""The faces (typed capabilities) of an effect, and the views that effects act on."""

@@ -1,4 +1,4 @@
-"""The views of a solved problem as effects see them, and candidates of a score test: how views move with effects."""
+"""The interface of effects to the views of a solved problem, and the candidates of score tests."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.kinematics import SerialChain
 
 Moves = tuple[Array | None, ...]
-"""By group of views, (n, 6, q) right tangents of `camera_from_target` by unit sizes; None for a group that is still."""
+"""For each group of views, (n, 6, q) right tangents of `camera_from_target` by unit sizes; None if it is unaffected."""
 
 
 class End(Protocol):
@@ -20,11 +20,11 @@ class End(Protocol):
 
     @property
     def mount(self) -> str:
-        """Name of the transform of what it carries."""
+        """Name of the mount: the transform from the flange to the camera or target."""
 
     @property
     def joints(self) -> Array | None:
-        """(n, joints) of the robot as recorded [rad]."""
+        """Recorded joints of the robot, (n, joints) [rad]."""
 
 
 class Group(Protocol):
@@ -40,7 +40,7 @@ class Group(Protocol):
 
     @property
     def sample(self) -> IntArray:
-        """(n,) numbers of the samples."""
+        """Numbers of the samples, (n,)."""
 
     @property
     def eye(self) -> End:
@@ -54,11 +54,11 @@ class Group(Protocol):
         """The end that a robot carries; None if it carries neither camera nor target."""
 
     def __len__(self) -> int:
-        """How many views there are."""
+        """Number of views."""
 
 
 class Views(Protocol):
-    """All views, by group; derivatives are right tangents of `camera_from_target`."""
+    """All views in groups; derivatives are right tangents of `camera_from_target`."""
 
     @property
     def groups(self) -> tuple[Group, ...]:
@@ -86,68 +86,68 @@ class Views(Protocol):
 
     @property
     def chains(self) -> Mapping[str, SerialChain]:
-        """Kinematics as stated, by robot that was recorded by joints."""
+        """Stated kinematics of each robot with recorded joints."""
 
     @property
     def estimated_effects(self) -> Mapping[str, frozenset[str]]:
-        """Names of the effects that are estimated as unknowns, by robot, camera or target."""
+        """Names of the effects that are estimated as unknowns of each robot, camera or target."""
 
     @property
     def samples(self) -> IntArray:
-        """Numbers of all recorded samples in their order in time."""
+        """Numbers of all recorded samples in temporal order."""
 
     @property
     def times(self) -> Array:
-        """Times of `samples` [s], or their order if `timed` is false."""
+        """Times of `samples` [s], or their indices if `has_times` is false."""
 
     @property
     def has_times(self) -> bool:
-        """Whether all samples have a time, and not all the same."""
+        """Whether all samples have a time and the times differ."""
 
     @property
     def mounts(self) -> Mapping[str, str]:
-        """Robots that were recorded at more than one pose, by the names of the mounts that they carry."""
+        """Names of the mounts on robots that were recorded at more than one pose, with the robot of each."""
 
     def down_in_flange(self, k: int, robot: str) -> Array:
-        """Direction of gravity in a robot's flange, which carries something in the views of a group, (n, 3)."""
+        """Direction of gravity in the flange of a robot that carries the camera or target of a group, (n, 3)."""
 
     def transform(self, name: str) -> SE3:
-        """A mount or a base."""
+        """The transform with this name, a mount or a base."""
 
     def rank(self, group: Group) -> IntArray:
         """Indices of the samples of a group's views in `samples`, (n,)."""
 
     def flange_jacobian(self, k: int, robot: str) -> Array:
-        """How views of a group move with a right tangent of a robot's flange, (n, 6, 6)."""
+        """Derivatives of a group's views with respect to a right tangent of a robot's flange, (n, 6, 6)."""
 
     def depends(self, k: int, name: str) -> bool:
         """Whether views of a group depend on a transform."""
 
     def frame_jacobian(self, k: int, name: str) -> Array:
-        """How views of a group move with a right tangent of a transform, (n, 6, 6)."""
+        """Derivatives of a group's views with respect to a right tangent of a transform, (n, 6, 6)."""
 
     def target_from_camera(self, k: int) -> SE3:
-        """Poses of the camera in the target, of the views of a group, (n,)."""
+        """Poses of the camera in the target for the views of a group, (n,)."""
 
     def recorded_pose(self, k: int, robot: str) -> SE3:
-        """Poses of a robot's flange in a group's views, (n,); identity if it carries nothing there."""
+        """Recorded flange poses of a robot for a group's views, (n,); identity if the robot carries nothing there."""
 
     def velocity(self, robot: str) -> Array | None:
-        """Body velocity of a robot at each of `samples`, (n, 6) by unit of `times`; None off a path."""
+        """Body velocity of a robot at each of `samples`, (n, 6) per unit of `times`; None if it follows no path."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Effects of one kind that may be in the data, each with as many sizes.
+    """Possible effects of one kind, each with the same number of sizes.
 
     Attributes:
-        code: Kind of candidate, such as `joint-offset`; the words of its effect go by it.
-        about: Of each, the robot, camera, target or transform that has it.
-        since: Of each, the number of the first sample that has it; None if all samples do.
+        code: Kind of candidate, such as `joint-offset`, which selects the description of its effect.
+        about: For each candidate, the robot, camera, target or transform that it concerns.
+        since: For each candidate, the number of the first affected sample; None if all samples are affected.
         unit: Unit of the sizes.
-        moves: By group of views, (n, b, 6, q) right tangents of `camera_from_target` by unit sizes of b candidates. It
-            is None for a group that no candidate moves.
-        joint: Of each, the number of the joint that has it, from 0; empty if none has one.
+        moves: For each group of views, (n, b, 6, q) right tangents of `camera_from_target` by unit sizes of b
+            candidates. It is None for a group that no candidate affects.
+        joint: For each candidate, the index of its joint, from 0; empty if the candidates concern no single joint.
     """
 
     code: str
@@ -159,31 +159,31 @@ class Candidates:
 
     @property
     def sizes(self) -> int:
-        """How many sizes each has."""
+        """Number of sizes of each candidate."""
         return int(next(m.shape[-1] for m in self.moves if m is not None))
 
     def single(self, index: int) -> Candidates:
-        """One of them."""
+        """The candidate with an index."""
         moves = tuple(None if m is None else m[:, index : index + 1].copy() for m in self.moves)
         joint = self.joint[index : index + 1]
         return Candidates(self.code, (self.about[index],), (self.since[index],), self.unit, moves, joint)
 
     def join_sizes(self) -> Candidates:
-        """All of them as one, which has the sizes of all."""
+        """Merge all candidates into one that has the sizes of all."""
         moves = (None if m is None else np.moveaxis(m, 1, 2).reshape(len(m), 1, 6, -1) for m in self.moves)
         return Candidates(self.code, self.about[:1], self.since[:1], self.unit, tuple(moves))
 
 
 def one_candidate(code: str, subject: str, unit: str, moves: tuple[Array | None, ...]) -> Candidates:
-    """A candidate alone, whose moves are (n, 6, q) by group."""
+    """A single candidate, from moves of (n, 6, q) for each group."""
     return Candidates(code, (subject,), (None,), unit, tuple(None if m is None else m[:, None] for m in moves))
 
 
 def combine_candidates(candidates: Sequence[Candidates], views: Views) -> Candidates:
-    """Candidates, each alone of its kind, as one that has the sizes of all."""
+    """Merge single candidates of different kinds into one that has the sizes of all."""
 
     def moves(k: int) -> Array:
-        """Moves of a group by all sizes, (n, 1, 6, q)."""
+        """Moves of a group for all sizes, (n, 1, 6, q)."""
         still = np.zeros((len(views.groups[k]), 1, 6, 0))
         parts = [(np.zeros((*still.shape[:3], each.sizes)), each.moves[k]) for each in candidates]
         return np.concatenate([still, *(none if own is None else own for none, own in parts)], axis=-1)
@@ -192,12 +192,12 @@ def combine_candidates(candidates: Sequence[Candidates], views: Views) -> Candid
 
 
 def robot_moves(views: Views, robot: str, move: Callable[[Views, int, str], Array]) -> Moves:
-    """Moves of the groups whose camera or target a robot carries."""
+    """Moves of the groups whose camera or target is on a robot; None for other groups."""
     return tuple(move(views, k, robot) if g.robot_end(robot) else None for k, g in enumerate(views.groups))
 
 
 def pose_moves(views: Views, robot: str, tangents: Callable[[SE3], Array]) -> Moves:
-    """Moves by tangents of a robot's flange, (n, 6, q), at its recorded poses, (n,)."""
+    """Moves of views by tangents of a robot's flange, (n, 6, q), at its recorded poses, (n,)."""
 
     def moves(views: Views, k: int, robot: str) -> Array:
         """Moves of a group."""
@@ -207,15 +207,15 @@ def pose_moves(views: Views, robot: str, tangents: Callable[[SE3], Array]) -> Mo
 
 
 def mount_moves(views: Views, mount: str, move: Callable[[Array], Array]) -> Moves:
-    """Moves of the groups that depend on a mount, by what gravity does to it.
+    """Moves of the groups that depend on a mount, by an effect of gravity on the mount.
 
-    A mount that is not fixed is its pose under the mean of gravity in the recorded poses. An effect that is equal in
-    all of them adds no uncertainty to it.
+    An estimated mount is defined as its pose under the mean direction of gravity over the recorded poses. An effect
+    that is equal at all poses therefore adds no uncertainty.
 
     Args:
         views: The views.
         mount: A mount on a robot.
-        move: Linear: tangents of the flange, (n, 6, q), by the direction of gravity there, (n, 3).
+        move: Linear function from directions of gravity in the flange, (n, 3), to tangents of the flange, (n, 6, q).
     """
     robot = views.mounts[mount]
     downs = {k: views.down_in_flange(k, robot) for k, g in enumerate(views.groups) if mount in g.frames}
@@ -229,18 +229,18 @@ def mount_moves(views: Views, mount: str, move: Callable[[Array], Array]) -> Mov
 def frame_candidates(
     code: str, views: Views, name: str, shares: Array | BoolArray, first_samples: tuple[int | None, ...] = (None,)
 ) -> Candidates:
-    """A frame that is elsewhere by any tangent, or any shift of a point, times its share in each of `samples`.
+    """Candidates: a frame displaced by any tangent (a point by any shift), scaled by a share in each of `samples`.
 
     Args:
-        code: Of the candidates, b of them.
+        code: Code of the b candidates.
         views: The views.
-        name: Of the transform.
-        shares: (samples, b).
-        first_samples: The first sample of each that has it; None if all samples do.
+        name: Name of the transform.
+        shares: Share of the displacement in each sample, (samples, b).
+        first_samples: For each candidate, the first affected sample; None if all samples are affected.
     """
 
     def moves(k: int) -> Array | None:
-        """How views of a group move, (n, b, 6, q)."""
+        """Moves of a group, (n, b, 6, q); None if it does not depend on the frame."""
         if not views.depends(k, name):
             return None
         by_frame = views.frame_jacobian(k, name)[..., : 3 if name in views.point_mounts else 6]
@@ -252,5 +252,5 @@ def frame_candidates(
 
 
 def elapsed_share(views: Views) -> Array:
-    """Share of the time from the first sample to the last that has passed at each of `samples`, 0 to 1."""
+    """Elapsed share of the time from the first sample to the last, at each of `samples`, 0 to 1."""
     return np.asarray((views.times - views.times[0]) / max(views.times[-1] - views.times[0], 1e-300))

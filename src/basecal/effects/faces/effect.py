@@ -1,7 +1,7 @@
-"""An effect: one thing of a cell that may differ from what is stated, with all that the program knows of it.
+"""An effect: one property of a cell that may differ from its statement, and how the program treats it.
 
-Its faces are optional and typed. Unknown, random effect and candidate share the derivative, not the inference. An
-effect that is estimated as an unknown of a robot is no random effect and no candidate of that robot.
+The faces of an effect are optional and typed. Unknown, random effect and candidate share the derivative, not the
+inference. An effect that is estimated as an unknown of a robot is no random effect and no candidate of that robot.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from basecal.numerics.spectral import scaled_spectrum
 DEGREE, MILLI, SECOND, ONE = math.radians(1), 1e-3, 1.0, 1.0
 
 FIX = "Or let `basecal fix CELL` do so."
-"""What to do about what the files of a cell allow to fix."""
+"""Advice for faults that `basecal fix` can correct in the files of a cell."""
 
 AGAIN = "Calibrate again when it is fixed."
 
@@ -30,14 +30,14 @@ _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviat
 
 
 class Words(NamedTuple):
-    """A finding in words.
+    """The text of a finding.
 
     Attributes:
-        code: Of the finding.
+        code: Code of the finding.
         what: The problem, with its number and unit.
-        do: What to do, sentences.
+        do: What to do, in sentences.
         why: The cause, if it is known.
-        severity: Of the finding, if the effect was not found by a test.
+        severity: Severity of the finding, if the effect was not found by a test.
     """
 
     code: str
@@ -49,23 +49,23 @@ class Words(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FoundEffect:
-    """An effect that the residuals show, and noise does not explain.
+    """An effect that explains residuals better than noise does.
 
     Attributes:
-        effect: Its name.
-        code: Of its candidate, such as `joint-offset`.
-        about: The robot, camera, target or transform that has it.
-        is_camera: Whether that is a camera.
-        is_target: Whether that is a target.
-        since: Number of the first sample that has it; None if all samples do.
+        effect: Name of the effect.
+        code: Code of its candidate, such as `joint-offset`.
+        about: The affected robot, camera, target or transform.
+        is_camera: Whether `about` is a camera.
+        is_target: Whether `about` is a target.
+        since: Number of the first affected sample; None if all samples are affected.
         unit: Unit of the sizes.
         size: (q,) correction of the recording.
-        covariance: (q, q).
+        covariance: (q, q) of the size.
         moved: (p,) shift of the answer's columns when the recording is corrected.
-        joint: Which joint of the robot has it, from 0; None if none does.
-        is_certain: Whether chance is excluded; other effects predict held-out blocks better all the same.
-        alternatives: Effects that the data do not distinguish from it.
-        share: How probable it is, so that it widens the answer by as much of the variance.
+        joint: Index of the affected joint, from 0; None if the effect concerns no single joint.
+        is_certain: Whether chance is excluded; other effects may still predict held-out blocks better.
+        alternatives: Effects that the data do not distinguish from this one.
+        share: Probability of the effect, which scales the variance that it adds to the answer.
     """
 
     effect: str
@@ -90,19 +90,19 @@ class FoundEffect:
 
 
 class SigmaPrior(NamedTuple):
-    """Possible sigmas of sizes, (m, ...), and their probabilities, (m,)."""
+    """A discrete prior: possible sigmas of sizes, (m, ...), and their probabilities, (m,)."""
 
     sigmas: Array
     shares: Array
 
     @classmethod
     def single_value(cls, sigma: float) -> SigmaPrior:
-        """One value."""
+        """Prior of a known sigma."""
         return cls(np.array([sigma]), np.ones(1))
 
     @classmethod
     def as_often_as_not(cls, sigmas: Array, kinds: int = 1) -> SigmaPrior:
-        """None, or one of the others, (m, ...), equally likely; of so many independent kinds none in one case of two.
+        """Prior of zero or one of m equally likely sigmas; of `kinds` independent effects all are zero with 50 %.
 
         Source: Jeffreys, Theory of Probability, 1961, ch. 5; Scott & Berger 2010 (many kinds).
         """
@@ -115,11 +115,11 @@ class ExpectedSize(NamedTuple):
     """The expected sizes of a candidate.
 
     Attributes:
-        sigma: The middle of what their sigma may be, in the unit of the candidate.
-        factor: Of a standard deviation of it; 1 if it is known.
-        source: Of the numbers, or `assumed`.
-        is_stated: Whether the answer is that of size zero, as stated, with a covariance that covers other sizes.
-            Otherwise the answer is that of the expected size, given the data.
+        sigma: Median of the prior of their sigma, in the unit of the candidate.
+        factor: Factor by which one standard deviation of the prior multiplies the sigma; 1 if it is known.
+        source: Source of the numbers, or `assumed`.
+        is_stated: Whether the answer assumes size zero, as stated, with a covariance that covers other sizes.
+            Otherwise the answer contains the expected size, given the data.
     """
 
     sigma: float
@@ -128,27 +128,27 @@ class ExpectedSize(NamedTuple):
     is_stated: bool = False
 
     def prior(self, kinds: int) -> SigmaPrior:
-        """The prior of their sigma: none, or one of five; of so many kinds none in one case of two."""
+        """Prior of the sigma: zero or one of five values; of `kinds` effects all are zero with 50 %."""
         return SigmaPrior.as_often_as_not(self.sigma * self.factor**_NODES, kinds)
 
 
 @dataclass(frozen=True, eq=False)
 class RandomEffect:
-    """A kind of error that stops share.
+    """A kind of error that the stops of a robot share.
 
     Attributes:
         expected: Prior of its sigmas.
-        report: Its words in the report, `error of robot eye that is ...`; `{...}` are filled in from `figures`.
-        by_joints: The errors of an arm at any joints; None if the arm lacks what they need.
-        by_poses: Those of arms that record poses alone: by recorded poses, (m,), at some poses, (n,).
-        by_times: Those of arms that move: by the instants of stops, (n,) [s], NaN where the arm stood.
-        is_of_poses_alone: Whether arms that record their joints have it as errors of joints and links instead.
-        is_by_coordinate: Whether each error is of one coordinate of the flange, whose sigmas are then those of errors.
-        likely: Words of an effect that the evidence shows, by sigmas (shift [m], turn [rad]) of each robot.
-        is_certain: Whether every arm that has it modelled has some of it, however little: none is built as stated.
-        is_mapped: Whether the error map and `verify` take it from joint to joint.
-        replaced_by: Names of robot parameters that, if they are estimated, replace it.
-        figures: Numbers that `calibration.json` holds beside its sigmas.
+        report: Text in the report, `error of robot eye that is ...`; `{...}` are filled in from `figures`.
+        by_joints: Errors of an arm with recorded joints, from its posture; None if the arm lacks required data.
+        by_poses: Errors of an arm with recorded poses, from all recorded poses, (m,), at poses, (n,).
+        by_times: Errors of a moving arm, from the instants of stops, (n,) [s], NaN while the arm is at rest.
+        is_of_poses_alone: Whether it applies only to arms that record poses; joints and links replace it on others.
+        is_by_coordinate: Whether each error affects one coordinate of the flange, so that its sigma is that of errors.
+        likely: Text for an effect that the evidence supports, from sigmas (shift [m], turn [rad]) of each robot.
+        is_certain: Whether every modelled arm has the error to some extent, since no arm is built exactly as stated.
+        is_mapped: Whether the error map and `verify` compute it from joints.
+        replaced_by: Names of robot parameters that replace it if they are estimated.
+        figures: Numbers that `calibration.json` stores in addition to its sigmas.
     """
 
     expected: SharedPrior
@@ -167,14 +167,14 @@ class RandomEffect:
 
 @dataclass(frozen=True, eq=False)
 class LensParameter:
-    """Parameters of a lens whose errors have one size.
+    """Parameters of a lens whose errors have the same scale.
 
     Attributes:
-        where: Their places among a lens's parameters.
-        usual: Sigmas of their errors in a usual calibration, (k,).
-        source: Of these, or `assumed`.
-        words: By how much a stated lens is off an estimated one whose parameters have sigmas, (4 + n,).
-        is_each_alone: Whether one may be far off and the others not; else their errors have one size.
+        where: Their slice of a lens's parameters.
+        usual: Sigmas of their errors in a typical calibration, (k,).
+        source: Source of these sigmas, or `assumed`.
+        words: Text for the difference of a stated lens from an estimated one, with sigmas of its parameters, (4 + n,).
+        is_each_alone: Whether each parameter has its own scale of error; otherwise all have the same.
     """
 
     where: slice
@@ -186,12 +186,12 @@ class LensParameter:
 
 @dataclass(frozen=True, eq=False)
 class TargetParameter:
-    """A shape that differs from the stated one.
+    """A target shape that differs from the stated one.
 
     Attributes:
-        unit_shifts: How points of a target, (p, 3) [m], move by one sigma of each coefficient, (p, 3, k) [m].
-        source: Of the sigmas, or `assumed`.
-        words: Of the shape of a target's points, (p, 3), by its coefficients, (k,); None if it is too small to report.
+        unit_shifts: Shifts of a target's points, (p, 3) [m], by one sigma of each coefficient, (p, 3, k) [m].
+        source: Source of the sigmas, or `assumed`.
+        words: Text for the shape of a target's points, (p, 3), with coefficients, (k,); None if it is negligible.
     """
 
     unit_shifts: Callable[[Array], Array]
@@ -201,18 +201,18 @@ class TargetParameter:
 
 @dataclass(frozen=True)
 class SimulatedFault:
-    """A fault that can be switched on.
+    """A fault that can be switched on in the simulator.
 
     Attributes:
-        name: Such as `joint-offsets`.
-        unit: Of its size as it is written.
-        scale: The unit, in SI.
-        usual: Its size if none is given.
-        about: What it does, in words.
-        is_sudden: Whether it occurs at a moment, after a number of moves of the arm.
-        draw: Values of a robot's parameter of this size, of so many joints, if it is one.
-        draw_lens: The true lens by the stated one, if it is a lens's.
-        move_mount: By which tangent of the flange, (6,), a mount moves, if it is a mount's. Arguments: its size, and
+        name: Name of the fault, such as `joint-offsets`.
+        unit: Unit in which its size is written.
+        scale: Value of the unit in SI units.
+        usual: Default size.
+        about: Description of the fault.
+        is_sudden: Whether it occurs suddenly, after a number of moves of the arm.
+        draw: For a robot parameter: random values of this size, for a number of joints.
+        draw_lens: For a lens: the true lens, from the stated one.
+        move_mount: For a mount: the tangent of the flange, (6,), by which the mount moves. Arguments: the size, and
             the direction of gravity in the flange, (3,).
     """
 
@@ -228,8 +228,8 @@ class SimulatedFault:
 
 
 Face = Literal["statement", "size", "unknown", "random", "candidate", "map", "words", "fault"]
-"""How cell.yaml states it; expected size with its source; as unknown; as random effect; as candidate of a score test;
-in the error map and `verify`; words; fault of the simulator."""
+"""Statement in cell.yaml; expected size with its source; unknown; random effect; candidate of a score test; part of the
+error map and `verify`; text of findings; fault of the simulator."""
 
 
 NOT_OF_LENSES: dict[Face, str] = {
@@ -237,7 +237,7 @@ NOT_OF_LENSES: dict[Face, str] = {
     "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",
     "map": "the answer's covariance contains it",
 }
-"""Faces that parameters of lenses have not."""
+"""Faces that lens parameters lack, with the reason."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,19 +245,19 @@ class Effect:
     """One effect.
 
     Attributes:
-        name: Such as `joint_offsets`; of a robot's parameter the key in cell.yaml.
-        parameter: As parameters of a robot that is recorded by joints, which cell.yaml states and the solver estimates.
-        lens: As parameters of a lens, likewise.
-        target: As a shape of a target, whose coefficients are estimated under their prior.
-        random: As an error that a robot's stops share, whose sigmas are estimated.
-        expected: As candidates whose sizes are expected beforehand, and left uncertain in every answer.
-        candidates: As errors that score tests look for.
-        words: Of a candidate that was found.
-        fault: In a simulated cell that runs.
-        is_by_place: Whether smooth fields of errors by place contain its candidates.
-        is_in_time: Whether its candidates change a frame in time, which is judged beside what differs by place.
-        elsewhere: Faces that another module has, with its name.
-        absent: Why an effect lacks a face.
+        name: Name of the effect, such as `joint_offsets`; for a robot parameter also the key in cell.yaml.
+        parameter: Parameters of a robot with recorded joints, which cell.yaml states and the solver estimates.
+        lens: Parameters of a lens, which cell.yaml states and the solver estimates.
+        target: Shape of a target, whose coefficients are estimated under their prior.
+        random: Error that a robot's stops share, whose sigmas are estimated.
+        expected: Prior of the candidates' sizes, whose uncertainty every answer contains.
+        candidates: Generator of the candidates of score tests.
+        words: Text for a candidate that was found.
+        fault: Fault of the simulator.
+        is_by_place: Whether smooth fields of position-dependent errors contain its candidates.
+        is_in_time: Whether its candidates change a frame in time; they are tested together with errors by place.
+        elsewhere: Faces that another module implements, with the name of that module.
+        absent: Faces that the effect lacks, with the reason.
     """
 
     name: str
@@ -276,7 +276,7 @@ class Effect:
 
     @property
     def faces(self) -> frozenset[Face]:
-        """The faces it has."""
+        """Names of the faces that the effect has, here or in another module."""
         stated = self.parameter is not None or self.lens is not None
         has_prior = any(each is not None for each in (self.random, self.lens, self.target))
         has: dict[Face, bool] = {
@@ -299,7 +299,7 @@ def format_with_sigma(value: float, sigma: float) -> str:
 
 
 def rounded_length(values: Array, covariance: Array, unit: float = 1.0) -> str:
-    """Length of a vector with its sigma, both times a unit."""
+    """Length of a vector with its sigma, both multiplied by `unit`."""
     length = float(np.linalg.norm(values))
     along = values / max(length, 1e-300)
     sigma = float(np.sqrt(max(float(along @ covariance @ along), 0.0)))
@@ -307,7 +307,7 @@ def rounded_length(values: Array, covariance: Array, unit: float = 1.0) -> str:
 
 
 def clearest_joint(effect: FoundEffect, factor: float, unit: str) -> tuple[int, str]:
-    """Number of the joint that a found effect is of, or that has most of it, from 1; its size times a factor."""
+    """Number of the joint of a found effect, from 1, and its size times a factor; the most significant of several."""
     sigmas = np.sqrt(np.maximum(np.diag(effect.covariance), 0.0))
     clearest = int(np.argmax(np.abs(effect.size) / np.where(sigmas > 0, sigmas, np.inf)))
     amount = format_with_sigma(factor * effect.size[clearest], factor * float(sigmas[clearest]))
@@ -315,9 +315,9 @@ def clearest_joint(effect: FoundEffect, factor: float, unit: str) -> tuple[int, 
 
 
 def format_tangent(size: Array, covariance: Array) -> str:
-    """` by` the translation [mm] and rotation [deg] of a tangent, (6,), or of a point, (3,), with their sigmas.
+    """Text ` by ...` of the translation [mm] and rotation [deg] of a tangent, (6,), or of a point's shift, (3,).
 
-    Of each what is known to be more than its sigma; nothing if neither is.
+    Only components larger than their sigma are included; the text is empty if there are none.
     """
     parts = (slice(0, 3), 1e3, "mm"), (slice(3, 6), float(np.degrees(1)), "deg")
     told = []
@@ -329,7 +329,7 @@ def format_tangent(size: Array, covariance: Array) -> str:
 
 
 def _known_part(size: Array, covariance: Array) -> Array:
-    """A vector without the directions that are known least, as many as make it shorter than its sigma; else zero."""
+    """A vector without its most uncertain directions, as few as make it longer than its sigma; zero if none do."""
     axes = scaled_spectrum(covariance, 0.0).vectors
     for count in range(len(size), 0, -1):
         part = axes[:, :count] @ (axes[:, :count].T @ size)

@@ -1,4 +1,4 @@
-"""An effect as parameters of a robot that is recorded by joints: as cell.yaml states them and as they are estimated."""
+"""Robot parameters: effects on a robot with recorded joints that cell.yaml states and the solver estimates."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from basecal.geometry import Array, BoolArray, read_only
 from basecal.kinematics import ChainPosture, SerialChain
 
 ByJoints = Callable[[SerialChain, Array], Array]
-"""By how much each joint turns by a unit of its value, at recorded joints (n, joints) [rad]."""
+"""Rotation of each joint by a unit of its value, (n, joints), at recorded joints, (n, joints) [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
 class RobotParameters:
-    """Estimates of the parameters of one kind of one robot.
+    """Estimates of one kind of parameters of one robot.
 
     Attributes:
-        joints: Names of its joints, from base to flange, n of them; none if the values are not joint by joint.
-        values: (n,), or of another shape; NaN if nothing is known.
-        sigma: Likewise.
-        seen: Likewise, whether the data say at least as much as the prior; the others' numbers are the prior's.
-        covariance: (n, n) of the values; None if it is not kept.
+        joints: Names of the n joints, from base to flange; empty if the values do not belong to single joints.
+        values: Estimates, (n,) or another shape; NaN if they are unobservable.
+        sigma: Sigmas, of the same shape.
+        seen: Whether the data contribute at least as much as the prior, of the same shape.
+        covariance: (n, n) of the values; None if it is not stored.
     """
 
     joints: tuple[str, ...]
@@ -37,7 +37,7 @@ class RobotParameters:
 
 
 class Columns(NamedTuple):
-    """Estimated columns of a kind: values by column, (size, k), and the prior's sigmas, (k,); None if free."""
+    """Estimated columns of a kind of parameters: values by column, (size, k), and prior sigmas, (k,); None if free."""
 
     basis: Array
     sigma: Array | None
@@ -47,9 +47,9 @@ class Posture(NamedTuple):
     """A robot at recorded joints.
 
     Attributes:
-        chain: As stated.
-        recorded: Joints as recorded, (..., m, n) [rad].
-        true: The chain as it is, where its joints truly stand.
+        chain: The stated chain.
+        recorded: Recorded joints, (..., m, n) [rad].
+        true: Posture of the true chain at its true joints.
     """
 
     chain: SerialChain
@@ -58,14 +58,14 @@ class Posture(NamedTuple):
 
 
 class Unobserved(NamedTuple):
-    """Parameters of joints that the data do not hold.
+    """Joint parameters that the data do not determine.
 
     Attributes:
-        joints: The joints in words.
-        rows: Their numbers, from 0.
-        joint_count: How many joints the robot has.
-        base: The name of its base, in words.
-        by_prior: Whether a prior holds them.
+        joints: Text that lists the joints.
+        rows: Indices of the joints, from 0.
+        joint_count: Number of joints of the robot.
+        base: Text that names the robot's base.
+        by_prior: Whether a prior determines them.
     """
 
     joints: str
@@ -76,40 +76,39 @@ class Unobserved(NamedTuple):
 
 
 def same_chain(chain: SerialChain, values: Array) -> SerialChain:
-    """The chain with parameters that shift its joints alone."""
+    """The unchanged chain, for parameters that only shift joints."""
     return chain
 
 
 def expand_to_joints(joints: int) -> Array:
-    """The values of a robot as stated, one for each joint."""
+    """Values of the stated robot: a zero for each joint."""
     return np.zeros(joints)
 
 
 @dataclass(frozen=True, eq=False)
 class RobotParameter:
-    """A kind of parameters: values that are zero in the robot as stated, and their effect on it.
+    """A kind of parameters that are zero for the stated robot, and their effect on the robot.
 
-    Values may have a batch axis first; joints then have it, too, or serve all entries: ([b,] m, n).
+    Values may have a leading batch axis; joints then have it too, or apply to all entries: ([b,] m, n).
 
     Attributes:
-        stated: What `cell.yaml` may say of them, under the effect's name.
-        one: One of them in words.
-        columns: All of them that may be estimated, if they are not fixed, for a chain as stated. Gauges are left out of
-            free ones afterwards. Raises InputError if the robot lacks what they need; the message goes on from their
-            name.
-        report: A heading and lines of the values found of a robot.
-        to_dict: The fields of `calibration.json`, of all robots; null if there are none.
-        from_dict: The values in these fields, by robot.
-        entry: The entry of `cell.yaml` that estimates them, by the values found (none if it is not known).
-        zero: The values of a robot of so many joints as stated.
-        turn: Turn of each joint as recorded by a unit of its value, (..., m, n) [rad], by chain, statement and joints.
-            It is None if values change the chain alone.
-        moved: The chain with the values.
-        chain_derivative: Of `base_from_flange` to values that change the chain, at a posture and values.
-        is_by_joint: Whether they are a number for each joint; others are seen together or not at all.
-        scale: What counts as much as a radian.
-        largest_sigma: Of a free one that still counts as seen.
-        unobserved: That the data do not hold those of some joints, why, and what compensates them.
+        stated: Schema of their statement in `cell.yaml`, under the effect's name.
+        one: Text that names a single parameter.
+        columns: Columns that may be estimated for a stated chain. Gauges are removed from free ones afterwards. Raises
+            InputError if the robot lacks required data; the message continues from the name of the parameters.
+        report: A heading and lines for the estimates of a robot.
+        to_dict: Fields of `calibration.json` for all robots; null if there are none.
+        from_dict: Values of these fields for each robot.
+        entry: Entry of `cell.yaml` that estimates them, given found values (empty if unknown).
+        zero: Values of the stated robot, for a number of joints.
+        turn: Rotation of each recorded joint by a unit of its value, (..., m, n) [rad], from chain, statement and
+            joints. It is None if values only change the chain.
+        moved: The chain with the values applied.
+        chain_derivative: Derivative of `base_from_flange` with respect to values that change the chain.
+        is_by_joint: Whether there is a number for each joint; others are observable together or not at all.
+        scale: Change that is equivalent to one radian.
+        largest_sigma: Largest sigma of a free parameter that counts as observable.
+        unobserved: Text that says which joints the data do not determine, why, and what compensates them.
     """
 
     stated: type[Parameters]
@@ -129,13 +128,13 @@ class RobotParameter:
     unobserved: Callable[[Unobserved], str] | None = None
 
     def shift(self, chain: SerialChain, statement: Parameters, joints: Array, values: Array) -> Array | float:
-        """Turns to be added to joints as recorded, (..., m, n) [rad]."""
+        """Rotations to add to recorded joints, (..., m, n) [rad]."""
         if self.turn is None:
             return 0.0
         return (values[..., None, :] if values.ndim > 1 else values) * self.turn(chain, statement, joints)
 
     def derivative(self, posture: Posture, statement: Parameters, values: Array) -> Array:
-        """Derivative of `base_from_flange` to the values, right tangents, (..., m, 6, size)."""
+        """Derivative of `base_from_flange` with respect to the values, right tangents, (..., m, 6, size)."""
         if self.turn is None:
             assert self.chain_derivative is not None
             return self.chain_derivative(posture, values)
@@ -144,17 +143,17 @@ class RobotParameter:
 
 
 def joint_columns(chain: SerialChain, sigma: float | None) -> Columns:
-    """A column for each joint, with one sigma; free if it is None."""
+    """A column for each joint, all with the same prior sigma; free if it is None."""
     return Columns(np.eye(chain.n), None if sigma is None else np.full(chain.n, sigma))
 
 
 def draw_by_joint(size: float, joints: int, rng: np.random.Generator) -> Array:
-    """Values of one sigma."""
+    """Normally distributed values with a standard deviation of `size`, (joints,)."""
     return np.asarray(size * rng.standard_normal(joints))
 
 
 def joint_lines(effect: RobotParameters, factor: float, unit: str, digits: int) -> list[str]:
-    """A line for each joint, its value and sigma times a factor; NaN is unobservable, what is not seen the prior's."""
+    """A line for each joint with its value and sigma, multiplied by a factor; NaN prints as unobservable."""
     lines, width = [], max(map(len, effect.joints))
     rows = zip(effect.joints, factor * effect.values, factor * effect.sigma, effect.seen, strict=True)
     for k, (name, value, sigma, observable) in enumerate(rows, 1):
@@ -165,14 +164,14 @@ def joint_lines(effect: RobotParameters, factor: float, unit: str, digits: int) 
 
 
 def open_chains(views: Views, name: str) -> Iterator[tuple[str, SerialChain]]:
-    """Robots that are recorded by joints and whose parameters of a name are not estimated, with their chains."""
+    """Robots with recorded joints whose parameters of a kind are not estimated, with their chains."""
     return (
         (robot, chain) for robot, chain in views.chains.items() if name not in views.estimated_effects.get(robot, ())
     )
 
 
 def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: ByJoints) -> Moves:
-    """How views of each group move with a unit of each joint's value, (n, 6, joints)."""
+    """Derivatives of each group's views with respect to each joint's value, (n, 6, joints)."""
 
     def moves(views: Views, k: int, robot: str) -> Array:
         """Moves of a group."""
@@ -185,7 +184,7 @@ def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: ByJoints)
 
 
 def joint_candidates(code: str, robot: str, unit: str, moves: Moves) -> Iterator[Candidates]:
-    """Each joint alone, then all joints of a robot at once: if many are off, none alone explains much."""
+    """Candidates: each joint alone, then all joints of a robot together, for errors that no single joint explains."""
     count = next(m.shape[-1] for m in moves if m is not None)
     each = tuple(None if m is None else np.swapaxes(m, -1, -2)[..., None] for m in moves)
     yield Candidates(code, (robot,) * count, (None,) * count, unit, each, tuple(range(count)))
@@ -193,7 +192,7 @@ def joint_candidates(code: str, robot: str, unit: str, moves: Moves) -> Iterator
 
 
 def to_dict(name: str, keys: tuple[str, str], effect: Mapping[str, RobotParameters]) -> dict[str, Any]:
-    """The field of `calibration.json`, by the keys of values and sigmas."""
+    """The field of `calibration.json`, with the given keys for values and sigmas."""
     by_robot = {
         robot: {keys[0]: of.values, keys[1]: of.sigma, "seen": of.seen, "joint_names": of.joints}
         for robot, of in effect.items()
@@ -202,7 +201,7 @@ def to_dict(name: str, keys: tuple[str, str], effect: Mapping[str, RobotParamete
 
 
 def from_dict(name: str, keys: tuple[str, str], data: Mapping[str, Any]) -> dict[str, RobotParameters]:
-    """The values in this field, by robot."""
+    """Read the field of `calibration.json` into the parameters of each robot."""
     found = {}
     for robot, entry in (data.get(name) or {}).items():
         names = tuple(entry["joint_names"])

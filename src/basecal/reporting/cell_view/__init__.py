@@ -1,1 +1,1 @@
-"""The cell as it stands, in three dimensions and as a still image."""
+"""Views of the cell, in three dimensions and as a still image."""

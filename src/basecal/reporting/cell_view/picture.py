@@ -1,4 +1,4 @@
-"""The cell as a still image, for paper and for where no script runs."""
+"""The cell as a still image, for print and for pages without scripts."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ _ELEVATION_RAD = 0.45
 _AXIS_SHARE = 0.09
 _COLOURS = 4
 _LETTER_PX, _LINE_PX = 8.0, 17.0
-_LABEL_SHIFT_PX = np.array([0.0, 18.0])  # from a place
+_LABEL_SHIFT_PX = np.array([0.0, 18.0])  # from the labelled point
 
 Project = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """Words about a place of the drawing, (2,)."""
+    """A label at a point of the drawing, (2,)."""
 
     words: str
     place: Array
     kind: str = "label"
 
     def covers(self, neighbour: Label) -> bool:
-        """Whether one could not be read for the other."""
+        """Whether this label overlaps another."""
         across, down = np.abs(self.place - neighbour.place)
         letters = (len(self.words) + len(neighbour.words)) / 2
         return bool(across < _LETTER_PX * letters and down < _LINE_PX)
 
 
 def picture(scene: Scene) -> Markup:
-    """A drawing of the scene at the sample that it opens at, seen so that the bases stand beside one another."""
+    """A drawing of the scene at its first shown sample, viewed so that the bases are side by side."""
     placed = [(body, pose) for body in scene.bodies if (pose := _world_from_body(scene, body)) is not None]
     ends = [pose @ np.concatenate([body.lines.reshape(-1, 3), body.points]) for body, pose in placed]
     project = _projection(scene, ends)
@@ -62,10 +62,10 @@ def picture(scene: Scene) -> Markup:
 
 
 def _place_labels(labels: Iterable[Label]) -> Iterator[Markup]:
-    """Each label below those before it that it would cover."""
+    """Draw labels, each moved below previous labels that it overlaps."""
     placed: list[Label] = []
     for label in labels:
-        for _ in placed:  # not until none covers it: beside coordinates beyond 1e17 a line is no step
+        for _ in placed:  # bounded, since a step of a line is lost to rounding at coordinates beyond 1e17
             other = next((each for each in placed if each.covers(label)), None)
             if other is None:
                 break
@@ -76,7 +76,7 @@ def _place_labels(labels: Iterable[Label]) -> Iterator[Markup]:
 
 
 def _world_from_body(scene: Scene, body: Body) -> SE3 | None:
-    """Where a body is at the sample that the scene opens at; None if its robot's pose was not recorded then."""
+    """Pose of a body at the first shown sample; None if its robot's pose was not recorded."""
     if body.on is None:
         return body.mount
     world_from_flange = next(arm for arm in scene.arms if arm.name == body.on).world_from_flange(scene.opening)
@@ -84,7 +84,7 @@ def _world_from_body(scene: Scene, body: Body) -> SE3 | None:
 
 
 def _projection(scene: Scene, bodies: list[Array]) -> Project:
-    """Projection of points, (..., 3) [m], to the drawing, (..., 2), which holds the arms, and bodies (k, 3) [m]."""
+    """Projection of points, (..., 3) [m], to the drawing, (..., 2), scaled to fit the arms and bodies, (k, 3) [m]."""
     right, up = scene.across, np.array([0.0, 0.0, 1.0])
     axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * np.cross(up, right))])
     reach = _AXIS_SHARE * scene.size_m * np.eye(3)
@@ -118,7 +118,7 @@ def _arm(arm: Arm, colour: str, scene: Scene, project: Project) -> Iterator[Mark
 
 
 def _ellipsoid(ellipsoid: Array | None, world_from_body: SE3, project: Project) -> Iterator[Markup]:
-    """The outline of an ellipsoid: the shadow of a ball's image under M is that of a disc under (M M')^1/2."""
+    """Outline of an ellipsoid: the projection of the unit ball by M is an ellipse with the semi-axes of M's SVD."""
     if ellipsoid is None:
         return
     world_from_ball = world_from_body.rotation @ ellipsoid

@@ -1,4 +1,4 @@
-"""Labels of the slider for each sample, and the sample that fits worst."""
+"""Labels of samples for the slider, and the sample with the largest residual."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from basecal.reporting.statement.verdict import error_text, two_digits
 
 
 def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]:
-    """How each sample fits in words, views one after another; a sample without any view has none."""
+    """Text with the residuals of each sample's views; empty for a sample without views."""
     said: dict[int, list[str]] = {sample: [] for sample in samples}
     left_out = outlier_views(calibration)
     for view in calibration.residuals.per_sample:
@@ -21,7 +21,7 @@ def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]
 
 
 def view_words(view: SampleResidual, state: str = "") -> str:
-    """Camera and target of a view, and its residuals as far as they are known."""
+    """Text with camera, target and known residuals of a view."""
     errors = [] if view.rms_px is None else [f"reprojection error {two_digits(view.rms_px)} px"]
     if view.loop_m is not None:
         errors.append(f"pose consistency error {error_text(view.loop_m, view.loop_rad)}")
@@ -34,12 +34,12 @@ def is_measured(view: SampleResidual) -> bool:
 
 
 def misfit(view: SampleResidual) -> tuple[float, float]:
-    """How badly a view fits, to compare views by [px, m]."""
+    """Residuals of a view as a sort key [px, m]."""
     return view.rms_px or 0.0, view.loop_m or 0.0
 
 
 def worst_sample(calibration: Calibration) -> int | None:
-    """The sample with the view that fits worst, of those that were used; None if no view has a residual."""
+    """The sample of the used view with the largest residual; None if no view has a residual."""
     left_out = outlier_views(calibration)
     used = [view for view in calibration.residuals.per_sample if view not in left_out and is_measured(view)]
     return max(used, key=misfit).sample if used else None

@@ -33,14 +33,14 @@ class Arm:
     """A robot in the scene.
 
     Attributes:
-        name: Its name.
-        world_from_base: Where its base is.
-        base_from_flange: (n,) where its flange is at each sample of the scene.
-        known: (n,) whether that was recorded.
-        joints: (n, k) frames of its joints in its base at each sample; None if poses are recorded.
-        surfaces: Bodies of its links as its URDF has them; empty if there are none that can be read.
-        ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes [m]. They are as
-            large as they are drawn; None if its place was not requested.
+        name: Name of the robot.
+        world_from_base: Pose of its base.
+        base_from_flange: Pose of its flange at each sample of the scene, (n,).
+        known: Whether the pose was recorded, (n,).
+        joints: Frames of its joints in its base at each sample, (n, k); None if poses are recorded.
+        surfaces: Collision bodies of its links from its URDF; empty if there are none that can be read.
+        ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes [m]. They are
+            enlarged as drawn; None if its pose was not requested.
     """
 
     name: str
@@ -53,13 +53,13 @@ class Arm:
 
     @property
     def places(self) -> Array:
-        """Where its base, its joints and its flange are at all samples, (n, 3) [m]."""
+        """Positions of base, joints and flange at all samples, (n, 3) [m]."""
         flanges = self.base_from_flange.translation[self.known]
         joints = np.zeros((0, 3)) if self.joints is None else self.joints.translation.reshape(-1, 3)
         return self.world_from_base @ np.concatenate([np.zeros((1, 3)), flanges, joints])
 
     def world_from_flange(self, place: int) -> SE3 | None:
-        """Where its flange is at a sample of the scene; None if that was not recorded."""
+        """Pose of the flange at a sample of the scene; None if it was not recorded."""
         is_known = len(self.known) and self.known[place]
         return self.world_from_base @ self.base_from_flange[place] if is_known else None
 
@@ -69,13 +69,13 @@ class Body:
     """A camera or a target.
 
     Attributes:
-        name: Its name.
+        name: Name of the camera or target.
         kind: `camera` or `target`.
-        on: The robot whose flange carries it; None on world.
-        mount: Where it is on that flange, or in world.
+        on: The robot whose flange carries it; None for the world.
+        mount: Pose in the flange, or in the world.
         lines: (k, 2, 3) [m] in its own frame.
         points: (m, 3) [m] in its own frame.
-        ellipsoid: As of an `Arm`.
+        ellipsoid: See `Arm`.
     """
 
     name: str
@@ -89,20 +89,20 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """All there is to draw.
+    """The content of a drawing.
 
     Attributes:
-        arms: Those whose place is known.
-        bodies: Those whose place is known.
-        samples: Numbers of the samples shown.
-        labels: What there is to say of each of these samples.
-        opening: Index of the sample that is shown at first: the one that fits worst, else the first.
-        total: How many samples there are.
-        size_m: Length that the whole is about as large as.
-        across: (3,) horizontal unit vector that stands across the first view of it.
-        ellipsoid_scale: How many times larger than one sigma the ellipsoids are drawn.
-        errors: The error to be expected at places of the workspace; None if no task is named.
-        missing: Names of robots, cameras and targets whose place is not known.
+        arms: Arms with known bases.
+        bodies: Cameras and targets with known poses.
+        samples: Numbers of the shown samples.
+        labels: Text about each of these samples.
+        opening: Index of the first shown sample: the one with the largest residual, else 0.
+        total: Number of all samples.
+        size_m: Approximate size of the scene.
+        across: Horizontal unit vector that points to the right in the first view, (3,).
+        ellipsoid_scale: Factor by which ellipsoids are drawn larger than one sigma.
+        errors: Expected errors in the workspace; None if no task is given.
+        missing: Names of robots, cameras and targets with unknown poses.
     """
 
     arms: tuple[Arm, ...]
@@ -119,9 +119,9 @@ class Scene:
 
 
 def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Scene:
-    """The scene of a calibration: what it knows, or the cell states as fixed; of many samples some hundred."""
+    """The scene of a calibration with its known transforms; at most a few hundred samples are shown."""
     worst = worst_sample(calibration)
-    # Evenly some of them, with the one that fits worst.
+    # An even selection, with the sample of the largest residual.
     step = max(1, -(-len(samples) // _MOST_SAMPLES))
     shown = [sample for place, sample in enumerate(samples) if place % step == 0 or sample.sample == worst]
     numbers = tuple(sample.sample for sample in shown)
@@ -170,13 +170,13 @@ def _arm(robot: Robot, world_from_base: SE3, samples: Sequence[Sample]) -> Arm:
     turned = SE3(frames.rotation.swapaxes(0, 1), frames.translation.swapaxes(0, 1))
     try:
         surfaces = tuple(body_surface(body)._asdict() for body in chain.collisions)
-    except BasecalError:  # such as a mesh that was not copied into the cell's folder: links are tubes
+    except BasecalError:  # such as a missing mesh: links are drawn as tubes
         surfaces = ()
     return replace(arm, joints=turned, surfaces=surfaces)
 
 
 def _ellipsoids(cell: Cell, calibration: Calibration, size: float) -> tuple[float, dict[str, Array]]:
-    """How many times as large as one sigma ellipsoids are drawn, and those of requested transforms that are known."""
+    """Scale of the ellipsoids relative to one sigma, and the scaled ellipsoids of known requested transforms."""
     axes = {}
     for name in cell.requested_transforms:
         if name in calibration.transforms and np.all(np.isfinite(calibration[name].covariance)):
@@ -189,7 +189,7 @@ def _ellipsoids(cell: Cell, calibration: Calibration, size: float) -> tuple[floa
 
 
 def _view_direction(arms: Sequence[Arm]) -> Array:
-    """The horizontal direction towards the base farthest from world, turned so that no axis is seen end on."""
+    """Horizontal direction to the base farthest from the world, rotated so that no axis points at the viewer."""
     x, y = max((arm.world_from_base.translation[:2] for arm in arms), key=lambda t: float(np.linalg.norm(t)))
     angle = np.arctan2(y, x) + _TURN_RAD
     return np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -210,7 +210,7 @@ def _body(
 
 
 def frustum(camera: Camera | None, length: float) -> Array:
-    """Edges of what a camera sees, (8, 2, 3) [m]; of a usual one where its lens or image is not known."""
+    """Edges of a camera's viewing frustum, (8, 2, 3) [m]; of a typical camera if lens or image size is unknown."""
     rays = np.column_stack([(_SQUARE - 0.5) * [0.8, 0.6], np.ones(4)])
     if camera is not None and camera.size_px is not None:
         looking, valid = camera.undistort(_SQUARE * (np.array(camera.size_px) - 1))
@@ -220,7 +220,7 @@ def frustum(camera: Camera | None, length: float) -> Array:
 
 
 def outline(shape: Target | None) -> Array:
-    """The box about a target's points in its plane, a square round each tag, (k, 2, 3) [m]."""
+    """Bounding box of a target's points in its plane, or a square around each tag, (k, 2, 3) [m]."""
     if shape is None or len(shape.points) < 3:
         return np.zeros((0, 2, 3))
     if shape.tags is not None:
@@ -235,19 +235,19 @@ def _edges(corners: Array) -> Array:
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
-    """A scene as plain data for the script of the page; places to 0.01 mm."""
+    """A scene as plain data for the script of the page; positions are rounded to 0.01 mm."""
     data: dict[str, Any] = json.loads(json.dumps(scene, default=_plain))
     return data
 
 
 def worst_words(errors: ErrorMap) -> str:
-    """Words of the worst place."""
+    """Text for the position with the largest expected error."""
     return f"worst place: {two_digits(1e3 * float(errors.length_95_m[errors.worst]))} mm"
 
 
 def _plain(value: Any) -> Any:
-    """A noun or an array as JSON can hold it; a transform as its translation, then its quaternion."""
-    if isinstance(value, Arm) and value.joints is not None and not value.surfaces:  # no body turns with them
+    """Convert an object or an array for JSON; a transform becomes its translation and quaternion."""
+    if isinstance(value, Arm) and value.joints is not None and not value.surfaces:  # rotations of joints are not drawn
         return {**vars(value), "joints": value.joints.translation}
     if isinstance(value, ErrorMap):
         return {"points": value.points_m, "mm": 1e3 * value.length_95_m, "worst": worst_words(value)}

@@ -1,4 +1,4 @@
-"""A scene as pages show it: drawn by a script, as a still image where none runs, and in words."""
+"""A scene for pages: data for the script that draws it, a still image without scripts, and a legend."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from basecal.reporting.svg import three_digits
 
 
 def stage(scene: Scene) -> dict[str, Any]:
-    """A scene for the template; one without a sample has no data for a script."""
+    """Values of a scene for the template; without samples there are no data for the script."""
     return {
         "drawn": scene,
         "scene_json": json_inside_html(scene_data(scene)) if scene.samples else "",
@@ -28,7 +28,7 @@ def stage(scene: Scene) -> dict[str, Any]:
 
 
 def stated_scene(sketch: Sketch, samples: Sequence[Sample]) -> Scene:
-    """Samples in a cell as far as it is known, nothing of it estimated."""
+    """The scene of samples in a sketched cell, without a calibration."""
     cell = sketch.cell
     for name, mean in sketch.transforms.items():
         cell = cell.with_transform(name, Unknown("fixed", mean))
@@ -36,12 +36,12 @@ def stated_scene(sketch: Sketch, samples: Sequence[Sample]) -> Scene:
 
 
 def json_inside_html(data: Mapping[str, Any]) -> Markup:
-    """JSON that cannot end the element it stands in."""
+    """JSON that cannot close its HTML element."""
     return Markup(json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
 
 
 def _legend(scene: Scene) -> list[str]:
-    """Legend of the image: what it shows and what it cannot, a sentence each."""
+    """Legend of the scene, with what is not drawn, in sentences."""
     sentences = ["Axes: x red, y green, z blue. Dots: flanges at each sample."]
     ellipsoids = [*(arm.ellipsoid for arm in scene.arms), *(body.ellipsoid for body in scene.bodies)]
     if any(each is not None for each in ellipsoids):
@@ -53,5 +53,5 @@ def _legend(scene: Scene) -> list[str]:
     if len(scene.samples) < scene.total:
         sentences.append(f"{len(scene.samples)} of {scene.total} samples are shown.")
     if scene.missing:
-        sentences.append(f"Not drawn, as their place is not known: {', '.join(scene.missing)}.")
+        sentences.append(f"Not drawn, as their poses are unknown: {', '.join(scene.missing)}.")
     return sentences

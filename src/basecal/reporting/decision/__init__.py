@@ -1,1 +1,1 @@
-"""Content of a page's first screen: numbers, charts with the tolerance, and passed checks."""
+"""Content of the first screen of a page: numbers, charts with the tolerance, and passed checks."""

@@ -1,4 +1,4 @@
-"""The expected error over the number of samples, with the tolerance."""
+"""Figures of the expected error: over the number of samples, by axis, and over the workspace."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from basecal.reporting.statement.verdict import error_text, two_digits
 from basecal.reporting.svg import Figure, drawing, element, path, rectangle, tile
 
 _WIDTH, _ROW, _LEFT, _RIGHT = 420.0, 30.0, 24.0, 100.0
-_INTERVAL_SIGMAS = 1.96  # sigmas on either side, within which 95 % of normal errors are
-_TILE = 40.0  # of a point on the drawing, along each edge
-_WORDS = "({:.3f}, {:.3f}, {:.3f}) m: {}"  # of a point
+_INTERVAL_SIGMAS = 1.96  # half width of the interval of 95 % of normal errors
+_TILE = 40.0  # edge of a point's tile on the drawing
+_WORDS = "({:.3f}, {:.3f}, {:.3f}) m: {}"  # text for a point
 
 
 def outlook_figure(outlook: Sequence[tuple[int, float]], recorded_count: int, tolerance_m: float | None) -> Figure:
-    """A line over the samples recorded and so many more planned ones, (count, error [m]) each."""
+    """Curve of the expected error over recorded and additional planned samples, (additional count, error [m]) each."""
     points = [(recorded_count + count, length) for count, length in outlook]
     return error_curve("expected error at the task, 95 %, with more samples", points, tolerance_m)
 
 
 def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: float | None) -> Figure:
-    """A line over numbers of samples, (count, error [m]) each, with the tolerance."""
+    """Curve of an error over the number of samples, (count, error [m]) each, with the tolerance."""
     limit = None if tolerance_m is None else 1e3 * tolerance_m
     bands = [Band(count, (1e3 * length,) * 3) for count, length in points]
     svg = curves(title, "samples", "mm", {title: bands}, limit, logarithmic=False)
@@ -36,7 +36,7 @@ def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: fl
 
 
 def component_figure(name: str, estimate: PoseEstimate, tolerance_m: float | None) -> Figure:
-    """A whisker for x, y and z, over the band of the tolerance if one is stated."""
+    """Intervals of the errors along x, y and z, over the band of the tolerance if one is stated."""
     lengths = 1e3 * _INTERVAL_SIGMAS * estimate.sigma_t
     limit = None if tolerance_m is None else 1e3 * tolerance_m
     most = 1.1 * max(float(lengths.max()), limit or 0.0, 1e-9)

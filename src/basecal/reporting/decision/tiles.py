@@ -1,4 +1,4 @@
-"""The answer in a few numbers, and what there is to know beside the verdict."""
+"""The result in a few numbers, with remarks and passed checks."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from basecal.cell import Calibration, Cell, Recording
 from basecal.reporting.statement.verdict import error_text, requested_estimates, two_digits
 
 _SEVERITY_NAMES = {"error": "error", "warning": "warning", "info": "note"}
-_BAR_ROOM = 1.05  # times the longer of error and tolerance
+_BAR_ROOM = 1.05  # length of a bar relative to the larger of error and tolerance
 _WORDS = re.compile(r"((?:`[a-z-]+`(?: and |, )?)+)[^:]*: (.*)")
 
 
 @dataclass(frozen=True)
 class Tile:
-    """A number with its unit, and what it is.
+    """A number with its unit and its name.
 
     Attributes:
-        value: The number.
-        name: What it is.
+        value: The number with its unit.
+        name: Name of the quantity.
         limit: The tolerance; None if there is none.
-        shares: Of a bar, the number's and the tolerance's.
-        kind: `within` the tolerance, `beyond`, or `open` where it may still fall.
+        shares: Positions of the number and of the tolerance on a bar, 0 to 1.
+        kind: `within` the tolerance, `beyond`, or `open` if the number may still decrease.
     """
 
     value: str
@@ -39,7 +39,7 @@ class Tile:
 
 
 def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails) -> Iterator[Tile]:
-    """The expected error, sigma, held-out errors and what was used, as far as they are known."""
+    """Tiles of expected error, sigma, held-out errors and used samples, as far as they are known."""
     expected_m = expected_error_m(cell, calibration, details)
     if expected_m is not None:
         yield error_tile(expected_m, None if calibration.tolerance is None else calibration.tolerance.asked_m)
@@ -64,7 +64,7 @@ def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: F
 
 
 def expected_error_m(cell: Cell, calibration: Calibration, details: FitDetails) -> float | None:
-    """The length that 95 % of errors stay below where the arms worked [m]; None if something requested is unknown."""
+    """Length below which 95 % of position errors are expected [m]; None if a requested transform is unknown."""
     if calibration.tolerance is not None:
         return calibration.tolerance.expected_95_m
     if calibration.meeting is not None:
@@ -78,7 +78,7 @@ def _short(length_m: float, angle_rad: float | None) -> str:
 
 
 def error_tile(expected_m: float, tolerance_m: float | None, is_final: bool = True) -> Tile:
-    """The expected error, beside its tolerance if one is stated; missed only if the error is final."""
+    """Tile of the expected error with its tolerance; the tolerance is missed only if the error is final."""
     value, name = f"{two_digits(1e3 * expected_m)} mm", "expected error, 95 %"
     if tolerance_m is None:
         return Tile(value, name)
@@ -89,7 +89,7 @@ def error_tile(expected_m: float, tolerance_m: float | None, is_final: bool = Tr
 
 
 def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> Iterator[str]:
-    """Sentences below the verdict: how sound the data are, where the error comes from, what more samples bring."""
+    """Sentences below the verdict: number of findings, largest source of error, and effect of more samples."""
     count = Counter(_SEVERITY_NAMES[finding.severity] for finding in calibration.findings)
     names = (name for name in _SEVERITY_NAMES.values() if count[name])
     counted = [f"{count[name]} {name}{'' if count[name] == 1 else 's'}" for name in names]
@@ -103,7 +103,7 @@ def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> I
 
 
 def check_words() -> dict[str, str]:
-    """The subject of each kind of finding, by its code: the first line of the module that finds it."""
+    """Description of each code of findings, from the first line of its module's docstring."""
     found: dict[str, str] = {}
     for check in (*INPUT_CHECKS, *ANSWER_CHECKS):
         words = _WORDS.match((getattr(getmodule(check), "__doc__", None) or "").partition("\n")[0])
@@ -113,7 +113,7 @@ def check_words() -> dict[str, str]:
 
 
 def passed_checks(calibration: Calibration) -> Iterator[tuple[str, str]]:
-    """Codes and words of the checks that found nothing; none where nothing was calibrated."""
+    """Codes and descriptions of checks without findings; empty if nothing was calibrated."""
     found = {finding.code for finding in calibration.findings}
     if calibration.transforms:
         yield from (each for each in check_words().items() if each[0] not in found)

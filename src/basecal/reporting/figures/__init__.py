@@ -1,1 +1,1 @@
-"""Figures of how a calibration fits, a file for each."""
+"""Figures of the residuals and of the coverage of a calibration."""

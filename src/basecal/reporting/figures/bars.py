@@ -1,4 +1,4 @@
-"""A bar for each view by its sample."""
+"""Bar charts of residuals of views."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from basecal.reporting.svg import BAR, HEIGHT, Figure, bar, drawing, nice_ceilin
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity of bars of views: the field of `SampleResidual`, its factor to `unit`, and its name."""
+    """A quantity of a bar chart: its name, the field of `SampleResidual`, and the factor to `unit`."""
 
     name: str
     field: str
@@ -37,9 +37,9 @@ QUANTITIES = (
 def bar_figure(
     views: Sequence[SampleResidual], quantity: Quantity, max_count: int, left_out: Collection[SampleResidual] = ()
 ) -> Figure | None:
-    """A bar for each view by sample, of more than `max_count` the largest; None if no view has the quantity.
+    """A bar for each view by sample, only the `max_count` largest; None if no view has the quantity.
 
-    Those left out are marked; they are in no mean, and their bars end with the figure.
+    Views that were left out are marked. They do not count for the mean and the scale, and their bars are clipped.
     """
     given = [(view, value) for view in views if (value := quantity.value(view)) is not None]
     if not given:

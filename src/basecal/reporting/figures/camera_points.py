@@ -1,4 +1,4 @@
-"""Residuals of points put together, and some of them taken."""
+"""Grouping and selection of residuals of points."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ARRAYS = ("sample", "ids", "pixels", "off_px", "used")
 
 
 def points_by_camera(residuals: Sequence[PointResiduals]) -> dict[str, PointResiduals]:
-    """The points of each camera, of all its targets."""
+    """Points of each camera on all targets."""
     cameras: dict[str, list[PointResiduals]] = {}
     for each in residuals:
         cameras.setdefault(each.camera, []).append(each)
@@ -24,5 +24,5 @@ def points_by_camera(residuals: Sequence[PointResiduals]) -> dict[str, PointResi
 
 
 def some_points(points: PointResiduals, mask: BoolArray) -> PointResiduals:
-    """The points that a mask has, (n,)."""
+    """Points selected by a mask, (n,)."""
     return PointResiduals(points.camera, points.target, *(getattr(points, field)[mask] for field in _ARRAYS))

@@ -1,4 +1,4 @@
-"""Lines over an axis of a study, each with the band in which nine of ten errors lie."""
+"""Curves over an axis of a study, with bands."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import drawing, element, label_lines, path, wrapped_label
 
 WIDTH, HEIGHT = 640.0, 290.0
-"""Of a drawing, if no label has several lines."""
+"""Size of a drawing with labels of one line."""
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 12.0, 42.0
-_CHARACTER, _LINE = 11.5, 22.0  # of the drawing, that a label takes at the size of letters on a narrow screen
-_NUMBER = 12  # characters, which no number exceeds
-_LABEL = 36.0  # of the drawing, that a label of the axis takes: one nearer to the last is left out
+_CHARACTER, _LINE = 11.5, 22.0  # width of a character and height of a line of labels on a narrow screen
+_NUMBER = 12  # largest number of characters of a number
+_LABEL = 36.0  # smallest distance between labels of the axis
 COLOURS = 6
-"""Lines that a figure can distinguish."""
+"""Largest number of lines with distinct colours."""
 
 
 class Band(NamedTuple):
-    """At a value of the axis the low end of the band, the median, and the high end; None if there is no answer."""
+    """Value of the axis, with the low end of the band, the median and the high end; None if there is no result."""
 
     at: float | str
     errors: tuple[float, float, float] | None
 
 
 Lines = Mapping[str, Sequence[Band]]
-"""By name."""
+"""Lines by name."""
 
 
 def curves(
     title: str, axis: str, unit: str, lines: Lines, limit: float | None = None, logarithmic: bool | None = None
 ) -> Markup:
-    """A drawing of medians over an axis, joined, with their bands; at most `COLOURS` lines.
+    """A drawing of curves of medians over an axis, with their bands; at most `COLOURS` lines.
 
     Args:
-        title: What it is of.
+        title: Name of the quantity.
         axis: Name of the axis.
-        unit: Of the errors.
-        lines: Values of the axis in the order of the first.
-        limit: A dashed line across; none where None.
-        logarithmic: Whether numbers of the axis are; where None, if they reach far.
+        unit: Unit of the errors.
+        lines: Bands of each line, in the order of the axis.
+        limit: Value of a dashed horizontal line; None for no line.
+        logarithmic: Whether the axis is logarithmic; if None, it is for a wide range of values.
     """
     along, characters = _axis_positions([band.at for bands in lines.values() for band in bands], logarithmic)
     limits = [] if limit is None else [limit]
@@ -69,8 +69,9 @@ def curves(
 
 
 def _axis_positions(every: Sequence[float | str], logarithmic: bool | None) -> tuple[dict[float | str, float], int]:
-    """Where each value of the axis stands: by its size where all are numbers, else one after the other. And how many
-    characters a line of its label has.
+    """Position of each value of the axis, and the number of characters per line of labels.
+
+    Numbers are placed on a scale; other values are placed at equal distances.
     """
     places = list(dict.fromkeys(every))
     numbers = [each for each in places if isinstance(each, int | float) and not isinstance(each, bool)]
@@ -82,9 +83,9 @@ def _axis_positions(every: Sequence[float | str], logarithmic: bool | None) -> t
 
 
 def _line(bands: Sequence[Band], positions: Mapping[float | str, float], scale: Scale, label: str) -> list[Markup]:
-    """A line and its band; broken where there is no answer."""
+    """A line and its band, interrupted at values without a result."""
     parts: list[Markup] = []
-    # Bands with answers that are next to one another.
+    # Runs of consecutive bands with results.
     for _, group in groupby(bands, lambda band: band.errors is None):
         run = [
             (positions[b.at], [*map(scale.position, b.errors)], label.format(b.at, two_digits(b.errors[1])))

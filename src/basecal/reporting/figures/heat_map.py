@@ -1,4 +1,4 @@
-"""A number for each pair of values of two axes, the darker the larger."""
+"""Heat maps: a number for each pair of values of two axes, darker if larger."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from basecal.reporting.svg import Figure, drawing, label_lines, rectangle, tile,
 
 _TILE_WIDTH, _TILE_HEIGHT = 84.0, 34.0
 _LEFT, _TOP, _EDGE = 210.0, 12.0, 26.0
-_CHARACTER, _LINE = 7.6, 14.0  # of the drawing, that a label takes
+_CHARACTER, _LINE = 7.6, 14.0  # width of a character and height of a line of labels
 _ROW_CHARACTERS, _COLUMN_CHARACTERS = int((_LEFT - 8) / _CHARACTER), int(_TILE_WIDTH / _CHARACTER)
-_ROW_LINES = 2  # as many as a tile is high
-_STRONGEST = 0.8  # share of the largest number: words must be read on it
+_ROW_LINES = 2  # lines of a label in the height of a tile
+_STRONGEST = 0.8  # shade of the largest number, on which text remains readable
 
 
 def heat_map(
@@ -28,10 +28,10 @@ def heat_map(
     """Numbers on tiles, shaded by their logarithm.
 
     Args:
-        title: What it is of.
-        columns: Name and values of the axis across.
-        rows: Likewise of the axis downwards.
-        values: By row, then by column; None if there is no answer.
+        title: Title of the figure.
+        columns: Name and values of the horizontal axis.
+        rows: Name and values of the vertical axis.
+        values: Numbers by row and column; None if there is no result.
     """
     logs = [math.log10(value) for row in values for value in row if value is not None and value > 0]
     shades = (min(logs), max(logs)) if logs else (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""How far transforms seemed to have moved since a calibration, over days, or what is shorter."""
+"""Estimated shifts of transforms since a calibration, over time."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from basecal.cell import MeasuredShift, PastVerification
 from basecal.reporting.figures.curves import COLOURS, Band, curves
 from basecal.reporting.svg import Figure
 
-_MOST_VERIFICATIONS = 40  # verifications that are told apart on a page
-_UNITS = (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0))  # of time, with how many seconds each has
-_MANY_UNITS = 10.0  # of which tenths tell times apart
-_FEWEST_UNITS = 2.0  # from the first to the last, or a smaller unit tells them apart
+_MOST_VERIFICATIONS = 40  # verifications that can be distinguished on a page
+_UNITS = (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0))  # of time, with their seconds
+_MANY_UNITS = 10.0  # duration above which times are rounded to tenths of a unit
+_FEWEST_UNITS = 2.0  # smallest duration in a unit, below which a smaller unit is used
 _SIGMAS = 2.0
 
 
 def history_figure(history: Sequence[PastVerification]) -> Figure | None:
-    """A line for each transform, of the run that was verified last; None if there is none."""
+    """A line for each transform of the run that was verified last; None if there is none."""
     mine = [each for each in history if each.run == history[-1].run][-_MOST_VERIFICATIONS:]
     names = list(dict.fromkeys(name for each in mine for name in each.shifts))[:COLOURS]
     if not names:
@@ -38,7 +38,7 @@ def history_figure(history: Sequence[PastVerification]) -> Figure | None:
 
 
 def _length_range(shift: MeasuredShift | None) -> tuple[float, float, float] | None:
-    """The least, the estimated and the largest length of a shift [mm]."""
+    """Smallest, estimated and largest length of a shift [mm]; None for no shift."""
     if shift is None:
         return None
     length, sigma = (1e3 * float(np.linalg.norm(each)) for each in (shift.t_m, shift.sigma_m))

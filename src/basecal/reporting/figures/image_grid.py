@@ -1,4 +1,4 @@
-"""The squares that an image is divided into, and what fell into each."""
+"""A grid of squares over an image, with statistics of the points in each."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import Figure, drawing, element, rectangle, tile
 
 IMAGE_WIDTH = 640.0
-STRIP = 30.0  # below an image, for its size and the bar of its shades
+STRIP = 30.0  # height below an image for its size and the colour bar
 _BAR_WIDTH, _BAR_STEPS = 160.0, 8
-_COLUMNS = 16  # squares along the longer side: enough to see a lens's pattern, each with points of several views
-_LARGEST_ASPECT = 8.0  # of what points without an image cover
-_EXACT_PX = 1e-6  # shown for less
+_COLUMNS = 16  # squares along the longer side: they resolve patterns of a lens and contain points of several views
+_LARGEST_ASPECT = 8.0  # of the bounding box of points without an image size
+_EXACT_PX = 1e-6  # lower bound of shown values
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +30,11 @@ class ImageGrid:
     """Squares over an image.
 
     Attributes:
-        low: Its top left corner [px].
-        size: Its width and height [px].
+        low: Top left corner [px].
+        size: Width and height [px].
         pitch: Size of a square [px].
-        shape: Columns and rows.
-        square: (n,) which square each point fell into, row by row.
+        shape: Number of columns and rows.
+        square: Index of each point's square, row-major, (n,).
     """
 
     low: Array
@@ -50,30 +50,30 @@ class ImageGrid:
 
     @property
     def middles(self) -> Array:
-        """Middles of the squares from the top left corner, row by row, (columns * rows, 2) [px]."""
+        """Centres of the squares from the top left corner, row-major, (columns * rows, 2) [px]."""
         columns, rows = (np.arange(count) + 0.5 for count in self.shape)
         return self.pitch * np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
 
     @cached_property
     def count(self) -> IntArray:
-        """Points in each square, (columns * rows,)."""
+        """Number of points in each square, (columns * rows,)."""
         return np.bincount(self.square, minlength=self.shape[0] * self.shape[1])
 
     def means(self, values: Array) -> Array:
-        """Means over the points of each square that has any, (m,) of (n,)."""
+        """Means of values, (n,), over the points of each non-empty square, (m,)."""
         some = self.count > 0
         return np.asarray(np.bincount(self.square, values, len(some))[some] / self.count[some])
 
     def drawing(
         self, title: str, squares: Mapping[int, tuple[float, str]], ends: tuple[str, str], *inside: str
     ) -> Markup:
-        """The image with elements over its shaded squares, and below it its size and a bar of the shades.
+        """Draw shaded squares of an image with elements on top, and below it the image's size and a colour bar.
 
         Args:
-            title: What it is of.
-            squares: Each filled as strongly as its share of the most, with words.
-            ends: Words of the least and of the most.
-            inside: On top.
+            title: Title of the drawing.
+            squares: Shade, 0 to 1, and text of squares, by index.
+            ends: Text for the smallest and for the largest value.
+            inside: Elements on top.
         """
         width, height = self.scale * self.size
         corners, pitch = self.scale * (self.middles - 0.5 * self.pitch), self.scale * self.pitch
@@ -91,7 +91,7 @@ class ImageGrid:
 
 
 def image_grid(size_px: tuple[int, int] | None, pixels: Array) -> ImageGrid:
-    """The squares of an image with points in it, (n, 2) [px]; where its size is not known, as far as they reach."""
+    """The grid of an image with points in it, (n, 2) [px]; if its size is unknown, of the points' bounding box."""
     if size_px is not None:
         low, size = np.array([-0.5, -0.5]), np.array(size_px, dtype=np.float64)
     else:
@@ -105,11 +105,11 @@ def image_grid(size_px: tuple[int, int] | None, pixels: Array) -> ImageGrid:
 
 
 def image_coverage(size_px: tuple[int, int] | None, points: PointResiduals) -> Figure:
-    """Squares shaded by how many points were seen in them.
+    """Squares shaded by the number of points observed in them.
 
     Args:
-        size_px: The camera's image; where not known, as far as points were points.
-        points: Its points, at least one.
+        size_px: Size of the camera's images; None for the points' bounding box.
+        points: Points of the camera, at least one.
     """
     grid = image_grid(size_px, points.pixels)
     most = int(grid.count.max())
@@ -122,13 +122,13 @@ def image_coverage(size_px: tuple[int, int] | None, points: PointResiduals) -> F
     share = len(squares) / len(grid.count)
     caption = (
         f"Points were seen in {len(squares)} of {len(grid.count)} squares ({100 * share:.0f} %), "
-        f"at most {most} in one. What the lens does in the others is not checked."
+        f"at most {most} in one. The lens is not checked in the others."
     )
     return Figure(f"{points.camera}, where points were seen", svg, caption)
 
 
 def lens_uncertainty(name: str, camera: Camera, covariance: Array) -> Figure | None:
-    """Squares shaded by 1 sigma of where the lens images a ray, with contours; None if no image size is known."""
+    """Squares shaded by 1 sigma of the pixel of a ray, with contours; None if image size or sigmas are unknown."""
     if camera.size_px is None:
         return None
     grid = image_grid(camera.size_px, np.zeros((0, 2)))
@@ -145,5 +145,5 @@ def lens_uncertainty(name: str, camera: Camera, covariance: Array) -> Figure | N
     lines = contours(sigmas.reshape(grid.shape[::-1]), grid.pitch * grid.scale)
     title = f"{name}, uncertainty of the lens"
     ends = two_digits(float(known.min())), f"{two_digits(float(known.max()))} px"
-    caption = "1 sigma per axis of where the lens images a ray, without what a rotation of the camera absorbs."
+    caption = "1 sigma per axis of the pixel of a ray, without the part that a rotation of the camera absorbs."
     return Figure(title, grid.drawing(title, squares, ends, *lines), caption)

@@ -1,4 +1,4 @@
-"""Residuals over the image of a camera: how large they are in each square, and where they go on average."""
+"""Residuals over the image of a camera: their rms and their mean in each square."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from basecal.reporting.figures.image_grid import image_grid
 from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import Figure, element, nice_ceiling, path, segments, three_digits
 
-_ARROW_SHARE = 0.8  # of a square, for an arrow as long as the ruler
-_FEWEST_POINTS = 3  # whose mean is drawn: of fewer it is the noise of single points
+_ARROW_SHARE = 0.8  # of a square, for an arrow with the length of the ruler
+_FEWEST_POINTS = 3  # smallest number of points whose mean is drawn
 _ARROWHEAD_PX = 4.0
 
 
 def residual_map(size_px: tuple[int, int] | None, points: PointResiduals) -> Figure:
-    """Squares shaded by the rms of their residuals, with arrows from where points were seen towards where predicted.
+    """Squares shaded by the rms of their residuals, with arrows of the mean from observed to predicted points.
 
     Args:
-        size_px: The camera's image; where not known, as far as points were points.
-        points: Its points, at least one of them used; the others are not drawn.
+        size_px: Size of the camera's images; None for the points' bounding box.
+        points: Points of the camera, at least one used; unused ones are not drawn.
     """
     off = points.off_px[points.used]
     grid = image_grid(size_px, points.pixels[points.used])
@@ -48,15 +48,15 @@ def residual_map(size_px: tuple[int, int] | None, points: PointResiduals) -> Fig
         element("text", f"{bar_px:g} px", class_="ruler-label", x=end + 6, y=bottom + 5),
     )
     caption = (
-        f"{len(off)} points. Shade: rms per coordinate, full at {top:g} px. Arrow: mean from where points were seen "
-        f"towards where they are predicted, {three_digits(longer / grid.scale)} times as long. Arrows that agree with "
-        "their neighbours are a pattern that the lens model does not have."
+        f"{len(off)} points. Shade: rms per coordinate, full at {top:g} px. Arrow: mean from observed towards "
+        f"predicted points, enlarged {three_digits(longer / grid.scale)} times. Arrows that agree with their "
+        "neighbours are a pattern that the lens model cannot represent."
     )
     return Figure(f"{points.camera}, residuals over the image", svg, caption)
 
 
 def _arrows(foot: Array, tip: Array) -> str:
-    """Lines, (n, 2) to (n, 2), with heads where they are long enough to have one."""
+    """Path data of arrows, (n, 2) to (n, 2); short ones have no head."""
     along = tip - foot
     length = np.linalg.norm(along, axis=-1, keepdims=True)
     long = length[:, 0] > 2 * _ARROWHEAD_PX

@@ -1,4 +1,4 @@
-"""Rings of a polar plot, and where things stand on it."""
+"""Polar plots with rings: residuals by direction, and orientations of views."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from basecal.reporting.svg import Figure, dots, drawing, element, nice_ceiling, 
 RADIUS = 150.0
 _MARGIN_PX = 16.0
 MIDDLE = RADIUS + _MARGIN_PX
-_MOST_DOTS = 1500  # dots: more only cover one another
-_RANGE_RMS = 2.5  # of the length: of normal residuals one in five hundred is longer
-_HALF, _MOST_OF = 50, 95  # percent of residuals within
+_MOST_DOTS = 1500  # more dots only overlap
+_RANGE_RMS = 2.5  # radius over rms length: one in five hundred normal residuals is longer
+_HALF, _MOST_OF = 50, 95  # percentiles of residuals in the caption
 _MOST_VIEWS = 400  # views drawn
 _RINGS_DEG = (30.0, 60.0, 90.0, 180.0)
 _TICK = 6.0  # half the length of a mark on the drawing
-_FEWEST_FOR_FACE = 0.5  # share of the views from one side, which then is the target's face
+_FEWEST_FOR_FACE = 0.5  # share of the views from the side of positive z, from which that is the target's front
 
 
 def place_on_rings(xy: Array, top: float) -> Array:
-    """Places on the drawing, (n, 2), of points whose length is `top` on the outermost ring; longer ones stand on it."""
+    """Positions on the drawing, (n, 2), of vectors; length `top` is on the outermost ring, longer ones are clipped."""
     length = np.linalg.norm(xy, axis=-1, keepdims=True)
     shown: Array = MIDDLE + RADIUS * xy / np.maximum(length, top)
     return shown
 
 
 def ring(kind: str, radius: float) -> Markup:
-    """A circle about the middle."""
+    """A circle about the centre of the plot."""
     return element("circle", class_=kind, cx=MIDDLE, cy=MIDDLE, r=radius)
 
 
 def polar_drawing(label: str, rings: Sequence[tuple[float, str]], *inside: str) -> Markup:
-    """A drawing of rings at shares of the radius, named beside them, with what is given on top."""
+    """A polar plot with labelled rings at shares of the radius, and elements on top."""
     circles = [ring("ring", share * RADIUS) for share, _ in rings]
     ends = f"M{MIDDLE - RADIUS:g} {MIDDLE:g}h{2 * RADIUS:g}M{MIDDLE:g} {MIDDLE - RADIUS:g}v{2 * RADIUS:g}"
     named = [
@@ -48,10 +48,10 @@ def polar_drawing(label: str, rings: Sequence[tuple[float, str]], *inside: str) 
 
 
 def residual_polar(points: PointResiduals) -> Figure:
-    """A dot for each point of a camera, from where it was seen in the middle to where it is predicted.
+    """Polar plot of residuals: a dot for each point of a camera, at its predicted minus its observed position.
 
     Args:
-        points: Its points, at least one of them used.
+        points: Points of the camera, at least one used.
     """
     off, left_out = points.off_px[points.used], points.off_px[~points.used]
     length = np.linalg.norm(off, axis=-1)
@@ -63,7 +63,7 @@ def residual_polar(points: PointResiduals) -> Figure:
     svg = polar_drawing(f"reprojection errors of {points.camera} by direction", rings, *clouds)
     half, most = (two_digits(value) for value in np.percentile(length, [_HALF, _MOST_OF]))
     beyond = int(np.count_nonzero(length > top))
-    outside = f" {beyond} are longer and stand on the outer ring." if beyond else ""
+    outside = f" {beyond} are longer and drawn on the outer ring." if beyond else ""
     also = f" {len(left_out)} orange ones were left out." if len(left_out) else ""
     few = f"{len(shown)} of {len(off)} points drawn. " if len(shown) < len(off) else ""
     caption = (
@@ -74,10 +74,10 @@ def residual_polar(points: PointResiduals) -> Figure:
 
 
 def orientation_figure(views: ViewPoses) -> Figure:
-    """A mark for each view: from the middle outwards the tilt, around it the direction, turned as the camera was.
+    """Polar plot of views: radius is the tilt, angle the direction, and a line shows the camera's x axis.
 
     Args:
-        views: Of one camera and target, at least one.
+        views: Views of one camera and target, at least one.
     """
     shown = slice(None, None, -(-len(views.sample) // _MOST_VIEWS))
     target_from_camera = views.camera_from_target[shown].inverse()
@@ -102,13 +102,13 @@ def orientation_figure(views: ViewPoses) -> Figure:
     label = f"directions that {views.camera} saw {views.target} from"
     svg = polar_drawing(label, rings, ring("centre", 1.5), *marks)
     caption = (
-        "Middle: seen straight on; outwards: tilted. The line is the camera's x axis: a camera that never turned about "
-        f"its view has parallel lines. Tilts of {tilt.min():.0f}° to {tilt.max():.0f}°."
+        "Middle: seen straight on; outwards: tilted. The line is the camera's x axis: a camera that never rotated "
+        f"about its optical axis has parallel lines. Tilts of {tilt.min():.0f}° to {tilt.max():.0f}°."
     )
     return Figure(f"{views.target} seen by {views.camera}, from where", svg, caption)
 
 
 def _units(vectors: Array) -> Array:
-    """Vectors of length one, (n, d), along others; those of no length stay."""
+    """Vectors normalised to length one, (n, d); zero vectors are unchanged."""
     units: Array = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
     return units

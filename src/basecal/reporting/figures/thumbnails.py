@@ -1,4 +1,4 @@
-"""Small images of views with what was found in them, the worst first."""
+"""Thumbnails of views with their points, largest residuals first."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from basecal.reporting.figures.camera_points import points_by_camera, some_point
 from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import dots, drawing, element, nice_ceiling, path, segments
 
-_MOST_USED, _MOST_LEFT_OUT = 18, 6  # images of views that were used, and of those left out: some rows of each
-_WIDTH = 360  # [px]: twice what an image takes on the page, for screens that are fine
+_MOST_USED, _MOST_LEFT_OUT = 18, 6  # thumbnails of used views and of left-out views
+_WIDTH = 360  # [px]: twice the width on the page, for high-resolution screens
 _MOST_BYTES = 1_000_000  # of all images, so that a page stays below 3 MB
 _MOST_POINTS = 300  # drawn in an image
-_LARGE_WIDTH = 960  # [px] of one image that is looked at alone
-_LONGEST_SHARE = 0.05  # of an image's width, for a residual as long as the ruler's
+_LARGE_WIDTH = 960  # [px] of a single large image
+_LONGEST_SHARE = 0.05  # of an image's width, for a residual of `longest_px`
 
 
 Thumbnail = tuple[Markup, PointResiduals, str]
-"""An image with points on it, the view that they are of, and how it fits."""
+"""An image with its points, the residuals of its view, and a text about them."""
 
 
 def thumbnails(
     cell: Cell, recording: Recording, calibration: Calibration, residuals: Sequence[PointResiduals]
 ) -> tuple[list[Thumbnail], str] | None:
-    """Images of the views that fit worst and of some that were left out, and a caption; None if there are none.
+    """Thumbnails of the used views with the largest residuals and of some left-out views; None if there are none.
 
     Args:
-        cell: What was calibrated.
-        recording: Its images are read.
-        calibration: What came out.
-        residuals: The points of all views.
+        cell: The calibrated cell.
+        recording: The recording, whose images are read.
+        calibration: The calibration.
+        residuals: Residuals of the points of all views.
     """
     samples = {sample.sample: sample for sample in recording.samples}
     views = sorted(_views(residuals, samples), key=lambda view: -_rms_px(view))
@@ -53,8 +53,8 @@ def thumbnails(
         state = "" if view.used.any() else ", left out"
         pictures.append((svg, view, f"{view.camera}, {two_digits(_rms_px(view))} px rms{state}"))
     caption = (
-        f"{len(pictures)} of {len(views)} views. Circles: points as they were found; orange ones were left out. Lines: "
-        f"towards where they are predicted, {longest_px:g} px as long as a twentieth of the image is wide."
+        f"{len(pictures)} of {len(views)} views. Circles: detected points; orange ones were left out. Lines: towards "
+        f"their predictions; {longest_px:g} px are drawn as a twentieth of the image's width."
     )
     return (pictures, caption) if pictures else None
 
@@ -62,14 +62,14 @@ def thumbnails(
 def sample_pictures(
     cell: Cell, recording: Recording, calibration: Calibration, residuals: Sequence[PointResiduals], number: int
 ) -> Iterator[Markup]:
-    """Drawings of one sample's images with their points; those that cannot be read are left out.
+    """Drawings of one sample's images with their points; unreadable images are left out.
 
     Args:
-        cell: What was calibrated.
-        recording: Its images are read.
-        calibration: What came out.
-        residuals: The points of all views; an image without any is drawn bare.
-        number: Of the sample.
+        cell: The calibrated cell.
+        recording: The recording, whose images are read.
+        calibration: The calibration.
+        residuals: Residuals of the points of all views; an image without points is drawn without marks.
+        number: Number of the sample.
     """
     longest_px = nice_ceiling(2 * (calibration.residuals.rms_px or 0.0))
     for sample in (each for each in recording.samples if each.sample == number):
@@ -81,7 +81,7 @@ def sample_pictures(
 
 
 def _views(residuals: Sequence[PointResiduals], samples: Mapping[int, Sample]) -> Iterator[PointResiduals]:
-    """Points of each camera in each sample that has its image."""
+    """Points of each camera in each sample with an image."""
     for camera, points in points_by_camera(residuals).items():
         for number in np.unique(points.sample).tolist():
             if number in samples and camera in samples[number].images:
@@ -89,7 +89,7 @@ def _views(residuals: Sequence[PointResiduals], samples: Mapping[int, Sample]) -
 
 
 def _rms_px(view: PointResiduals) -> float:
-    """Per coordinate, of the points that were used, or else of all."""
+    """Rms residual per coordinate of the used points, or of all points if none is used."""
     off = view.off_px[view.used] if view.used.any() else view.off_px
     return float(np.sqrt(np.mean(off**2)))
 
@@ -103,7 +103,7 @@ def _picture(
     longest_px: float,
     width: int,
 ) -> Markup | None:
-    """An image with the points of its view; None if it cannot be read."""
+    """An image with the points of its view; None if the image cannot be read."""
     from basecal.vision.image_file import read_bytes
     from basecal.vision.thumbnail import thumbnail
 
@@ -125,15 +125,15 @@ def _picture(
 def image_drawing(
     label: str, jpeg: bytes, size_px: tuple[int, int], pixels: Array, offsets: Array, mask: BoolArray
 ) -> Markup:
-    """An image with points on it.
+    """A drawing of an image with points.
 
     Args:
-        label: What it is.
+        label: Label of the drawing.
         jpeg: The image, of any size.
-        size_px: Its size as it was taken.
-        pixels: (n, 2) [px].
-        offsets: (n, 2) of lines from points that were used [px].
-        mask: (n,) whether they were used; others have another colour.
+        size_px: Original size of the image.
+        pixels: Points, (n, 2) [px].
+        offsets: Lines drawn from used points, (n, 2) [px].
+        mask: Whether points were used, (n,); unused ones have another colour.
     """
     scale = _WIDTH / size_px[0]
     height = size_px[1] * scale

@@ -19,22 +19,22 @@ _COLUMN_NAMES = {
 }
 _NUMBER_COLUMNS = ("sigma_mm", "sigma_deg", "held_out_mm", "held_out_deg", "samples", "time_s")
 COLUMN_TITLES = ("cell", "verdict", "why", "transform", *(name.replace("_", " ") for name in _NUMBER_COLUMNS))
-"""Of the columns of a cell's row."""
+"""Titles of the columns of a cell's row."""
 
 VERDICT_ORDER = ("failed", "unreadable", "refused", "doubtful", "good")
-"""Of verdicts, those that need somebody first."""
+"""Order of verdicts, those that need attention first."""
 
-_MOST_CELLS = 20  # cells that are told: the table and the page have all
+_MOST_CELLS = 20  # cells listed in the text; the table and the page contain all
 
 Row = Mapping[str, Any]
 
 
 def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> str:
-    """The fleet as HTML, everything it needs inside; it asks nothing of any server.
+    """The fleet as a self-contained HTML page without external requests.
 
     Args:
-        summary: As `studies.fleet.summary` gives it.
-        rows: Of all cells, as the table has them.
+        summary: Summary from `studies.fleet.summary`.
+        rows: Rows of all cells in the table.
     """
     shown = sort_by_verdict(rows)[:_MOST_ROWS]
     spreads = [(label, spread) for name, label in _COLUMN_NAMES.items() if (spread := summary[name])]
@@ -52,28 +52,28 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
 
 
 def sort_by_verdict(rows: Sequence[Row]) -> list[Row]:
-    """Cells by verdict, of one verdict by how well the answer is known."""
+    """Sort cells by verdict, then by sigma, largest first."""
     return sorted(rows, key=lambda row: (VERDICT_ORDER.index(row["verdict"]), -(row["sigma_mm"] or 0.0), row["cell"]))
 
 
 def number_text(value: float) -> str:
-    """A count as it is, another number to the two digits that sigmas have."""
+    """Text of a number: integers unchanged, others with two significant digits."""
     return str(value) if isinstance(value, int) else two_digits(value)
 
 
 def row_texts(row: Row) -> list[str]:
-    """Texts of a cell's row under `COLUMN_TITLES`; empty if it was not computed."""
+    """Texts of a cell's row under `COLUMN_TITLES`; empty for missing values."""
     numbers = ["" if row[name] is None else number_text(row[name]) for name in _NUMBER_COLUMNS]
     return [row["cell"], row["verdict"], row["said"], row["transform"] or "", *numbers]
 
 
 def verdict_counts(summary: Mapping[str, Any]) -> str:
-    """How many cells have which verdict."""
+    """Text with the number of cells of each verdict."""
     return ", ".join(f"{count} {verdict}" for verdict, count in summary["verdicts"].items() if count)
 
 
 def fleet_text(summary: Mapping[str, Any], rows: Sequence[Row]) -> str:
-    """How many cells have which verdict, how well the answers are known, and the first that need somebody."""
+    """Text with the number of cells of each verdict, the sigmas, and the first cells that need attention."""
     lines = [f"{summary['cells']} cells: {verdict_counts(summary)}"]
     if (spread := summary["sigma_mm"]) is not None:
         lines.append(f"sigma: median {two_digits(spread['median'])} mm, 95 % {two_digits(spread['p95'])} mm")

@@ -1,1 +1,1 @@
-"""A capture while it goes on: in the terminal, and as a local page."""
+"""Live views of a running capture: in the terminal, and as a local page."""

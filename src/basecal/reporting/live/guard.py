@@ -1,4 +1,4 @@
-"""Access to a local page: by its token, from the page itself; a POST comes from the page alone."""
+"""Access control of a local page: requests need its token, and a POST must come from the page itself."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class Guard:
     """Decides which requests are answered.
 
     Attributes:
-        token: The secret of the printed address.
-        hosts: The page's own names, each with its port.
+        token: Secret in the printed address.
+        hosts: Host names of the page, each with its port.
     """
 
     token: str
@@ -22,24 +22,24 @@ class Guard:
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie: browsers send cookies of one port to all ports of a host."""
+        """Name of the cookie, with the port, since browsers share cookies between the ports of a host."""
         return f"basecal_{min(self.hosts).rpartition(':')[2]}"
 
     def refusal_reason(self, method: str, query: Mapping[str, str], headers: Mapping[str, str]) -> str:
         """Why a request is refused; empty if it is answered.
 
-        A POST changes something: it needs the cookie, which no address holds, and the page's own origin.
+        A POST changes state: it needs the cookie, which is in no address, and the page's own origin.
 
         Args:
             method: `GET` or `POST`.
             query: Parameters of the address.
-            headers: By their names in small letters.
+            headers: Headers by name in lower case.
         """
         if headers.get("host") not in self.hosts:
-            return "the page is requested by another name than its own"
+            return "the request uses another host name than the page's"
         origin = headers.get("origin")
         if (method == "POST" or origin is not None) and (origin or "").partition("://")[2] not in self.hosts:
-            return "another page asks"
+            return "the request is from another page"
         given = [_cookie(headers.get("cookie", ""), self.cookie)]
         given += [] if method == "POST" else [query.get("token", "")]
         if not any(hmac.compare_digest(each.encode(), self.token.encode()) for each in given):

@@ -1,4 +1,4 @@
-"""A local page that shows a capture while it goes on, and stops all arms at a click."""
+"""A local page that shows a running capture, with a button that stops all arms."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ from basecal.vision.thumbnail import thumbnail
 
 STOP_REASON = "Stop was pressed on the page"
 
-_REFRESH_S = 0.5  # between looks at the capture
+_REFRESH_S = 0.5  # between requests of the page for the state
 _WIDTH_PX = 960
 _SCRIPTS = ("templates/copies.js", "templates/fragments.js", "templates/live.js")
 
 
 @contextmanager
 def serve_page(watch: Watch, cell: Cell, stop: Callable[[str], None], port: int = 0) -> Iterator[str]:
-    """The address of a page that shows a capture while this lasts, with the token it asks for.
+    """A context that serves the page of a capture and yields its address with the token.
 
     Args:
-        watch: What is shown.
-        cell: What is captured.
-        stop: Stops all arms and ends the capture with a reason.
-        port: Where it is served; any that is free where 0.
+        watch: State of the capture.
+        cell: The cell that is captured.
+        stop: Function that stops all arms and ends the capture with a reason.
+        port: Port of the page; 0 selects a free one.
 
     Raises:
-        InputError: if the port is taken.
+        InputError: if the port is in use.
     """
     live = LivePage(watch, cell)
 
@@ -68,25 +68,25 @@ def serve_page(watch: Watch, cell: Cell, stop: Callable[[str], None], port: int 
             yield address
         finally:
             if watch.snapshot.end is not None:
-                time.sleep(2 * _REFRESH_S)  # so that who looks sees the end
+                time.sleep(2 * _REFRESH_S)  # so that the page shows the end
 
 
 @dataclass(frozen=True, eq=False)
 class LivePage:
-    """The local page of a capture, of what is watched and what is captured."""
+    """The local page of a capture, from its watch and its cell."""
 
     watch: Watch
     cell: Cell
 
     @cached_property
     def _sketch(self) -> Sketch | None:
-        """The cell as far as it is known; of one of which too little is known nothing is drawn."""
+        """Sketch of the cell; None if too little is known to draw it."""
         with suppress(BasecalError):
             return sketch_cell(self.cell)
         return None
 
     def page(self) -> str:
-        """The page as it is now; its script asks for what changes."""
+        """The page in its current state; its script requests changes."""
         drawn = self._scene(self.watch.snapshot)
         return fill_page(
             "live.html",
@@ -98,7 +98,7 @@ class LivePage:
         )
 
     def state(self) -> dict[str, Any]:
-        """The changing state: a part of the page, the number of each image, and where arms are and go."""
+        """The changing state: a part of the page, the number of each image, and the arms' poses and goals."""
         snapshot = self.watch.snapshot
         drawn = self._scene(snapshot)
         return {
@@ -109,7 +109,7 @@ class LivePage:
         }
 
     def image(self, camera: str) -> str:
-        """The last image of a camera with what is found in it; empty if there is none."""
+        """The last image of a camera with its detections; empty if there is none."""
         grey = dict(self.watch.snapshot.images).get(camera)
         small = None if grey is None else thumbnail(png_bytes(grey), None, _WIDTH_PX)
         if grey is None or small is None:
@@ -121,7 +121,7 @@ class LivePage:
         return image_drawing(label, small, (grey.shape[1], grey.shape[0]), pixels, 0 * pixels, used)
 
     def _part_values(self, snapshot: Snapshot) -> dict[str, Any]:
-        """Values of the parts that change."""
+        """Template values of the changing parts."""
         end = snapshot.end
         word = end.word if end else "CAPTURING"
         return {
@@ -134,7 +134,7 @@ class LivePage:
         }
 
     def _motions(self, snapshot: Snapshot) -> Iterator[str]:
-        """How far each arm is from where it was sent."""
+        """Text with the remaining distance of each arm to its goal."""
         states, goals = dict(snapshot.states), dict(snapshot.goals)
         if self._sketch is None:
             return
@@ -146,7 +146,7 @@ class LivePage:
                 yield f"{robot}: {1e3 * left_m:.1f} mm and {np.degrees(left_rad):.2f} deg to go"
 
     def _scene(self, snapshot: Snapshot) -> dict[str, Any]:
-        """The arms as they are, then as they were sent, in the cell as it is stated; empty if it cannot be drawn."""
+        """Scene of the arms at their poses and at their goals in the stated cell; empty if it cannot be drawn."""
         if self._sketch is None:
             return {}
         states = dict(snapshot.states)
@@ -168,7 +168,7 @@ def _tiles(snapshot: Snapshot) -> Iterator[Tile]:
 
 
 def _progress_figure(snapshot: Snapshot) -> Figure | None:
-    """The expected error at the task over samples with its tolerance, or else the base's sigma; None before two."""
+    """Curve of the expected error at the task, or of the base's sigma; None with fewer than two values."""
     if len(snapshot.errors) > 1:
         return error_curve("expected error at the task, 95 %", snapshot.errors, snapshot.tolerance_m)
     sigmas = [(sigma.samples, sigma.t_m) for sigma in snapshot.sigmas]

@@ -1,4 +1,4 @@
-"""A local page, served from this machine to this machine, to whoever has its token."""
+"""A local HTTP server for pages, on this machine only, for requests with its token."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from basecal.errors import BasecalError, InputError, describe_fault, printable
 from basecal.reporting.live.guard import Guard
 
 HOST = "127.0.0.1"
-"""The only address a page is served on."""
+"""Address of the server."""
 
 _TOKEN_BYTES = 24
 PATIENCE_S = 10.0
-"""With a browser that says nothing more [s]."""
+"""Timeout of a connection without further data [s]."""
 
 _STOP_POLL_S = 0.05
 _HEADERS = {
-    "Content-Security-Policy": "frame-ancestors 'none'",  # the rest is in the page itself
+    "Content-Security-Policy": "frame-ancestors 'none'",  # the rest of the policy is in the page
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-store",
@@ -34,26 +34,26 @@ _HEADERS = {
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer to a browser, and its media type."""
+    """Body of a response, and its media type."""
 
     text: str
     kind: str = "text/html"
 
 
 Route = Callable[[Mapping[str, str]], Answer]
-"""Answers a request by the parameters of its address."""
+"""Function that answers a request from the parameters of its address."""
 
 
 @contextmanager
 def serving(routes: Mapping[tuple[str, str], Route], port: int = 0) -> Iterator[str]:
-    """The address of a page while this lasts, with the token it asks for.
+    """A context that serves routes and yields the address with the token.
 
     Args:
-        routes: By method and path, such as `("GET", "/")`.
-        port: Where it is served; any that is free where 0.
+        routes: Routes by method and path, such as `("GET", "/")`.
+        port: Port of the server; 0 selects a free one.
 
     Raises:
-        InputError: if the port is taken.
+        InputError: if the port is in use.
     """
     token = secrets.token_urlsafe(_TOKEN_BYTES)
     try:
@@ -71,12 +71,12 @@ def serving(routes: Mapping[tuple[str, str], Route], port: int = 0) -> Iterator[
 
 
 class _Server(socketserver.ThreadingTCPServer):
-    """A thread for each request; none is waited for at the end."""
+    """A server with a thread for each request; it does not wait for threads at the end."""
 
     allow_reuse_address = True
     daemon_threads = True
     block_on_close = False
-    request_queue_size = 64  # connections that wait: of more, peers that freeze would delay the page
+    request_queue_size = 64  # pending connections: with a short queue, stalled peers would delay the page
     guard: Guard
     routes: Mapping[tuple[str, str], Route]
 
@@ -85,7 +85,7 @@ class _Server(socketserver.ThreadingTCPServer):
         self._faults: dict[str, str] = {}
 
     def describe(self, error: Exception) -> str:
-        """One line about a fault, which is printed once: a page may ask for the same many times."""
+        """One line about a fault, which is printed only once, since a page may repeat a request."""
         fault = f"{type(error).__name__}: {error}"
         if fault not in self._faults:
             self._faults[fault] = printable(" ".join(describe_fault(error).split()))
@@ -94,7 +94,7 @@ class _Server(socketserver.ThreadingTCPServer):
         return self._faults[fault]
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Leave the terminal to the command: a browser that went away is no error of it."""
+        """Ignore errors of connections, such as of a closed browser."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -102,7 +102,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def do_GET(self) -> None:
-        """Answer, or refuse."""
+        """Answer or refuse a request."""
         address = urlsplit(self.path)
         query = dict(parse_qsl(address.query))
         headers = {name.lower(): value for name, value in self.headers.items()}
@@ -110,14 +110,14 @@ class _Handler(BaseHTTPRequestHandler):
         if why := self.server.guard.refusal_reason(self.command, query, headers):
             self._send(403, Answer(f"refused: {why}\n", "text/plain"))
         elif route is None:
-            self._send(404, Answer("there is no such page\n", "text/plain"))
+            self._send(404, Answer("no such page\n", "text/plain"))
         else:
             self._send(*self._run(route, query))
 
     do_POST = do_GET
 
     def _run(self, route: Route, query: Mapping[str, str]) -> tuple[int, Answer]:
-        """Status and answer of a route; a fault of the program is also one line on stderr, once."""
+        """Status and answer of a route; a fault of the program is also printed once to stderr."""
         try:
             return 200, route(query)
         except BasecalError as error:
@@ -127,7 +127,7 @@ class _Handler(BaseHTTPRequestHandler):
         return 500, Answer(f"{line}\n", "text/plain")
 
     def _send(self, status: int, answer: Answer) -> None:
-        """Answer; with the cookie where all is well."""
+        """Send a response; the cookie is set if the status is 200."""
         body, guard = answer.text.encode(), self.server.guard
         self.send_response(status)
         about = {"Content-Type": f"{answer.kind}; charset=utf-8", "Content-Length": str(len(body)), **_HEADERS}
@@ -139,8 +139,8 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def version_string(self) -> str:
-        """Name the program, without versions of what serves it."""
+        """Name of the server without versions."""
         return "basecal"
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Leave the terminal to the command."""
+        """Suppress the log of requests."""

@@ -1,4 +1,4 @@
-"""A capture in the terminal: which part of the image is covered, how the base's sigma falls, what comes next."""
+"""Terminal view of a capture: image coverage, sigma of the base, and the next step."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from basecal.acquisition.watching import Sigma, Snapshot
 from basecal.reporting.statement.verdict import error_text
 
 _BARS = "▁▂▃▄▅▆▇█"
-_WIDEST_ROW = 40  # of a row of bars
+_WIDEST_ROW = 40  # largest number of bars
 _SEEN_MARK, _OPEN_MARK = "██", "··"
 
 
 def terminal_view(snapshot: Snapshot) -> RenderableType:
-    """A capture as rich prints it."""
+    """View of a capture as a rich renderable."""
     now = Text(snapshot.doing, style="bold")
     said = Text("\n".join(snapshot.said), style="dim")
     if snapshot.step is None:
@@ -41,14 +41,14 @@ def terminal_view(snapshot: Snapshot) -> RenderableType:
 
 
 def coverage_rows(coverage: Coverage) -> str:
-    """The image, a line a row: what was seen is full."""
+    """Coverage of the image, a line for each row of cells; covered cells are filled."""
     return "\n".join("".join(_SEEN_MARK if seen else _OPEN_MARK for seen in row) for row in coverage.cells)
 
 
 def sigma_row(sigmas: Sequence[Sigma]) -> str:
-    """Bars whose height is the logarithm of the sigma along the axes, and the last one in numbers."""
+    """Bars of the logarithm of the translation's sigma, and the last sigma in numbers."""
     if not sigmas:
-        return "not all directions\nare seen yet"
+        return "not all directions\nare observed yet"
     shown = sigmas[-_WIDEST_ROW:]
     levels = np.log([sigma.t_m for sigma in shown])
     extent = max(float(np.ptp(levels)), 1e-6)

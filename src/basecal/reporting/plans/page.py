@@ -1,4 +1,4 @@
-"""A plan as one HTML file that opens offline: whether it is enough, and where the arms will be."""
+"""A plan as one HTML file that opens offline: the expected error, and the poses of the arms."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ def plan_page(
     title: str,
     steps: Sequence[str],
 ) -> str:
-    """The plan as HTML, everything it needs inside; it asks nothing of any server.
+    """The plan as a self-contained HTML page without external requests.
 
     Args:
-        cell: What it is for.
-        plan: What to record.
-        calibration: What it is based on; None if that is the cell alone.
-        tolerance_m: The error that 95 of 100 are to stay below [m]; None if none is stated.
-        title: What the reader calls it.
-        steps: What to do with it, commands between backticks.
+        cell: The cell.
+        plan: The plan.
+        calibration: The calibration that it is based on; None if it is based on the cell only.
+        tolerance_m: Tolerance for 95 % of errors [m]; None if none is given.
+        title: Title of the page.
+        steps: Next steps, with commands between backticks.
     """
     drawn: dict[str, Any] = {"scene_json": "", "head": (), "ways": ()}
-    with suppress(BasecalError):  # of a cell without cameras nothing is drawn
+    with suppress(BasecalError):  # a cell without cameras is not drawn
         sketch = sketches(with_marks(cell, plan.marks), calibration)[0]
         drawn = stage(stated_scene(sketch, plan.samples))
         drawn["head"] = ["sample", *(f"{robot} goes" for robot in sketch.movers)]
@@ -70,7 +70,7 @@ def _tiles(plan: Plan, tolerance_m: float | None) -> Iterator[Tile]:
 
 
 def _ways(sketch: Sketch, samples: tuple[Sample, ...]) -> Iterator[tuple[str, ...]]:
-    """Path of each arm that carries something, from the sample before, by the number of each sample."""
+    """Rows of a table: the number of each sample, and each arm's motion from the previous sample."""
     for before, after in zip((None, *samples), samples, strict=False):
         cells = [str(after.sample)]
         for robot in sketch.movers:
@@ -83,7 +83,7 @@ def _ways(sketch: Sketch, samples: tuple[Sample, ...]) -> Iterator[tuple[str, ..
 
 
 def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:
-    """`PASS` or `FAIL` if a tolerance is stated, else `GOOD`; `DOUBTFUL` if fewer samples are planned than it needs."""
+    """`PASS` or `FAIL` if a tolerance is given, else `GOOD`; `DOUBTFUL` if fewer samples are planned than needed."""
     expected = _error_words(plan)
     if tolerance_m is None:
         return Headline("GOOD", outcome(plan))
@@ -100,14 +100,14 @@ def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:
 
 
 def outcome(plan: Plan) -> str:
-    """Words of the planned samples' outcome."""
+    """Sentence with the expected error after the planned samples."""
     count = len(plan.samples)
     many = f"{count} more samples" if plan.recorded else f"{count} samples"
     return f"Expected error with {many}: {_error_words(plan)} (95 %) {PLACE_WORDS[plan.place]}."
 
 
 def plan_lines(plan: Plan, tolerance_m: float | None) -> Iterator[str]:
-    """The headline's sentence, what the samples lead to, and the error by source, a line each."""
+    """Lines of the headline, the expected error, the touches, and the error by source."""
     first = plan_headline(plan, tolerance_m).sentence
     yield first
     if first != outcome(plan) and plan.samples:
@@ -119,7 +119,7 @@ def plan_lines(plan: Plan, tolerance_m: float | None) -> Iterator[str]:
 
 
 def touch_lines(plan: Plan) -> Iterator[str]:
-    """Where to make a mark, and what to touch with which tip at which flange pose."""
+    """Lines with the positions of new marks, and the touches with tip, mark and flange orientation."""
     for name, place in plan.marks.items():
         yield f"Make a mark near ({', '.join(f'{number:.2f}' for number in place)}) m in the reference's base: {name}."
     for sample in plan.samples:

@@ -1,4 +1,4 @@
-"""The verdict of a calibration as every surface gives it: one word, and one sentence."""
+"""The verdict of a calibration for all outputs: one word, and one sentence."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from basecal.geometry import Array, PoseEstimate
 Word = Literal["PASS", "FAIL", "GOOD", "DOUBTFUL", "REFUSED"]
 
 COLOURS = {"PASS": "good", "GOOD": "good", "DOUBTFUL": "doubtful", "FAIL": "refused", "REFUSED": "refused"}
-"""Of words: the colour of the verdict that they are shown in."""
+"""Colour of each word, as the name of a verdict."""
 
 PLACE_WORDS: Mapping[PlaceKind, str] = {
     "task point": "at the task point",
     "task box": "in the task box",
     "recorded places": "where the arms worked",
 }
-"""Of the places at which an error is expected."""
+"""Text for the positions at which an error is expected."""
 
 _SEVERITY_RANK = {"error": 0, "warning": 1, "info": 2}
-# What follows from something else is listed after it.
+# Findings that are consequences of others are listed after them.
 _CONSEQUENCE_CODES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged", "too-few-samples")
-# What leaves too few samples comes before that there are too few.
+# Causes of too few samples are listed before the finding of too few samples.
 _LOSS_CODES = ("few-images", "dropped-sample")
 _SIGNIFICANT = 2  # digits of a sigma: the second is uncertain itself
-_EXACT_DECIMALS, _MOST_DECIMALS = 4, 6  # of mm and deg: where nothing is uncertain, and at most
+_EXACT_DECIMALS, _MOST_DECIMALS = 4, 6  # of mm and deg: for exact values, and at most
 
 
 @dataclass(frozen=True)
 class Headline:
-    """The verdict in one word, how well the answer is known, and what makes it doubtful, if anything does."""
+    """The verdict in one word, a sentence about the accuracy, and the reason for doubt, if any."""
 
     word: Word
     sentence: str
@@ -63,7 +63,7 @@ def verdict_word(calibration: Calibration) -> Word:
 
 
 def task_options(calibration: Calibration) -> str:
-    """Options of `basecal plan` for the place that a calibration was judged at; empty if the arms worked there."""
+    """Options of `basecal plan` for the task of a calibration; empty without a task."""
     for name in ("task_box", "task_point"):
         numbers = calibration.settings.get(name)
         if numbers is not None:
@@ -72,12 +72,12 @@ def task_options(calibration: Calibration) -> str:
 
 
 def missed_step(cell: Cell, calibration: Calibration, place: str) -> str:
-    """The step after an error above the tolerance: a plan, or more images of a scene.
+    """The next step if the error exceeds the tolerance: a plan, or more images of a scene.
 
     Args:
-        cell: What was calibrated.
-        calibration: What came out.
-        place: Folder of the cell, as it is typed.
+        cell: The calibrated cell.
+        calibration: The calibration.
+        place: Folder of the cell, quoted for a shell.
     """
     if calibration.settings.get("method") != "scene":
         assert calibration.tolerance is not None
@@ -90,7 +90,7 @@ def missed_step(cell: Cell, calibration: Calibration, place: str) -> str:
 
 
 def calibrate_command(cell: Cell, calibration: Calibration, place: str) -> str:
-    """The command that calibrates a folder as a calibration was made."""
+    """The command that repeats a calibration with its settings."""
     settings, method = calibration.settings, ""
     if settings.get("method") == "scene":
         method = "" if cell.sees_scene else " --scene"
@@ -107,7 +107,7 @@ def _tolerance_text(tolerance_m: float) -> str:
 
 
 def headline(cell: Cell, calibration: Calibration) -> Headline:
-    """How well the requested transforms are known, or why they are not."""
+    """The headline of a calibration: accuracy of the requested transforms, or the reason for refusal."""
     word, reason = verdict_word(calibration), _first_reason(calibration.findings)
     if word == "REFUSED":
         return Headline(word, reason or "the requested transforms are unobservable.")
@@ -119,21 +119,21 @@ def headline(cell: Cell, calibration: Calibration) -> Headline:
 
 
 def tolerance_sentence(check: Tolerance) -> str:
-    """The expected error beside the tolerance."""
+    """Sentence with the expected error and the tolerance."""
     needed = f"tolerance {1e3 * check.asked_m:.3g} mm"
     if check.expected_95_m is None:
-        return f"not everything requested is known, {needed}"
+        return f"a requested transform is unknown, {needed}"
     return f"expected error {two_digits(1e3 * check.expected_95_m)} mm (95 %), {needed}"
 
 
 def transform_sentence(name: str, calibration: Calibration) -> str:
-    """How well a transform is known."""
+    """Sentence with the sigma of a transform."""
     sigma = _sigma_text(name, calibration, calibration[name])
     return f"{name} to {sigma} (1 sigma, 3-D norm){gauge_clause(name, calibration)}"
 
 
 def gauge_clause(name: str, calibration: Calibration) -> str:
-    """The gauge's part of a transform's sigma, and the parameters that it holds; empty if there is none."""
+    """Clause with the part of a transform's sigma due to a gauge, and the fixed parameters; empty if there is none."""
     held = calibration.gauge_covariances(name)
     if not held:
         return ""
@@ -148,13 +148,13 @@ def _sigma_text(name: str, calibration: Calibration, estimate: PoseEstimate) -> 
 
 
 def error_text(length_m: float, angle_rad: float | None) -> str:
-    """A length in mm and, where there is one, an angle in degrees."""
+    """Text of a length in mm and, if given, an angle in degrees."""
     angle = "" if angle_rad is None else f" and {two_digits(float(np.degrees(angle_rad)))} deg"
     return f"{two_digits(1e3 * length_m)} mm{angle}"
 
 
 def tangent_text(tangent: Array) -> str:
-    """The lengths of a tangent, (6,) [m, rad]."""
+    """Text of the translation and rotation of a tangent, (6,) [m, rad], as lengths."""
     return error_text(*(float(np.linalg.norm(half)) for half in np.split(tangent, 2)))
 
 
@@ -164,7 +164,7 @@ def requested_estimates(cell: Cell, calibration: Calibration) -> list[str]:
 
 
 def held_out_errors(validation: Validation | None) -> list[str]:
-    """How far off held-out samples are predicted: at the target, and in the image."""
+    """Texts of the prediction errors of held-out samples: at the target, and in the image."""
     if validation is None:
         return []
     errors = []
@@ -176,12 +176,12 @@ def held_out_errors(validation: Validation | None) -> list[str]:
 
 
 def sort_by_severity(findings: Iterable[Finding]) -> list[Finding]:
-    """Errors, then warnings, then the rest; what follows from others after them."""
+    """Sort findings: errors, warnings, infos; consequences of other findings last within each."""
     found = list(findings)
     too_few = any(f.code == "too-few-samples" for f in found)
 
     def weight(f: Finding) -> tuple[int, bool]:
-        """The place of a finding: the less, the earlier."""
+        """Sort key of a finding."""
         is_cause = too_few and f.severity == "warning" and f.code in _LOSS_CODES
         return _SEVERITY_RANK["error" if is_cause else f.severity], f.code in _CONSEQUENCE_CODES
 
@@ -198,7 +198,7 @@ def _answer(cell: Cell, calibration: Calibration) -> str:
 
 
 def work_sentences(calibration: Calibration) -> list[str]:
-    """The expected error where flanges meet, if anything is placed between robots."""
+    """Sentences with the expected error between flanges; empty if no robots are related."""
     meeting = calibration.meeting
     if meeting is None:
         return []
@@ -206,7 +206,7 @@ def work_sentences(calibration: Calibration) -> list[str]:
 
 
 def _first_reason(findings: Iterable[Finding]) -> str:
-    """The most important finding, and how many more there are that count."""
+    """The most important finding, and the number of other errors and warnings."""
     messages = [f.what for f in sort_by_severity(findings) if f.severity != "info"]
     if len(messages) < 2:
         return "".join(messages)
@@ -215,7 +215,7 @@ def _first_reason(findings: Iterable[Finding]) -> str:
 
 
 def shown_decimals(sigmas: Array) -> int:
-    """Decimals with which the smallest of these sigmas shows two digits; those of an exact value if all are zero."""
+    """Decimals with which the smallest sigma has two significant digits; those of an exact value if all are zero."""
     uncertain = sigmas[sigmas > 0]
     return _EXACT_DECIMALS if len(uncertain) == 0 else _decimals(float(uncertain.min()))
 

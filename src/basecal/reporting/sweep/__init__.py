@@ -1,1 +1,1 @@
-"""A study of many points as text, as a page and as charts in files; computes nothing."""
+"""A study of many points as text, as a page and as charts; no estimation is done here."""

@@ -28,15 +28,15 @@ COLUMN_TITLES = (
     "coverage",
     "ms",
 )
-"""Of the columns after the axes."""
+"""Titles of the columns after the axes."""
 
 
 def sweep_page(summary: Mapping[str, Any], file: str) -> str:
-    """The study as HTML, everything it needs inside; it asks nothing of any server.
+    """The study as a self-contained HTML page without external requests.
 
     Args:
-        summary: As `studies.summary` gives it.
-        file: The study's own file.
+        summary: Summary from `studies.summary`.
+        file: Text of the study's file.
     """
     head, *rows = table_rows(summary)
     varied = [axis for axis, values in summary["axes"].items() if len(values) > 1]
@@ -53,7 +53,7 @@ def sweep_page(summary: Mapping[str, Any], file: str) -> str:
 
 
 def _groups(summary: Mapping[str, Any], axes: Sequence[str]) -> dict[str, list[Mapping[str, Any]]]:
-    """The points that differ along these axes alone, by the values of the others."""
+    """Groups of points that differ only along given axes, by the values of the other axes."""
     groups: dict[str, list[Mapping[str, Any]]] = {}
     for point in summary["points"]:
         others = (f"{axis} {value}" for axis, value in point["at"].items() if axis not in axes)
@@ -62,8 +62,9 @@ def _groups(summary: Mapping[str, Any], axes: Sequence[str]) -> dict[str, list[M
 
 
 def _curves(summary: Mapping[str, Any], axis: str) -> tuple[list[Figure], list[str]]:
-    """Errors over an axis, and the lines' names: a line for each combination of the others, as many as can be
-    determined.
+    """Figures of errors over an axis, and the lines' names: a line for each combination of the others.
+
+    At most `COLOURS` lines are drawn.
     """
     groups = dict(islice(_groups(summary, [axis]).items(), COLOURS))
     figures = []
@@ -81,7 +82,7 @@ def _ends(spread: Mapping[str, float] | None) -> tuple[float, float, float] | No
 
 
 def _maps(summary: Mapping[str, Any]) -> list[Figure]:
-    """Median errors over every two axes, a map for each combination of the others."""
+    """Maps of median errors over each pair of axes, one for each combination of the others."""
     maps, sizes = [], {axis: values for axis, values in summary["axes"].items() if 1 < len(values) <= _MOST_TILES}
     for (down, rows), (across, columns) in combinations(sizes.items(), 2):
         for name, points in _groups(summary, [down, across]).items():
@@ -93,7 +94,7 @@ def _maps(summary: Mapping[str, Any]) -> list[Figure]:
 
 
 def row_texts(point: Mapping[str, Any]) -> list[str]:
-    """Texts of a point's row under `COLUMN_TITLES`; empty if it was not computed."""
+    """Texts of a point's row under `COLUMN_TITLES`; empty for missing values."""
     mm, deg, nees, coverage = point["error_mm"], point["error_deg"], point["nees"], point["coverage"]
     return [
         f"{point['solved']}/{point['trials']}",
@@ -108,7 +109,7 @@ def row_texts(point: Mapping[str, Any]) -> list[str]:
 
 
 def number(value: float | None) -> str:
-    """Two digits; nothing if there is no number."""
+    """A number with two significant digits; empty for None."""
     return "" if value is None else two_digits(value)
 
 
@@ -119,12 +120,12 @@ def table_rows(summary: Mapping[str, Any]) -> list[list[str]]:
 
 
 def failure_reasons(summary: Mapping[str, Any]) -> list[str]:
-    """Why trials have no answer, each reason once."""
+    """Reasons for trials without a result, each once."""
     return list(dict.fromkeys(reason for point in summary["points"] for reason in point["reasons"]))
 
 
 def sweep_text(summary: Mapping[str, Any]) -> str:
-    """The study's name, a row for each point, and why trials have no answer."""
+    """Text with the study's title, a row for each point, and reasons for trials without a result."""
     rows = table_rows(summary)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(word.rjust(width) for word, width in zip(row, widths, strict=True)) for row in rows]

@@ -1,1 +1,1 @@
-"""Templates, styles and scripts of the pages, and how they are filled in."""
+"""Templates, styles and scripts of the pages."""

@@ -1,5 +1,5 @@
 "use strict";
-// Buttons that copy what stands beside them: those of boxes, and one behind each command to type.
+// Buttons that copy text: those of boxes, and one after each command.
 (() => {
   const copied = (text) => {
     const range = document.createRange();

@@ -1,4 +1,4 @@
-"""Pages that open offline: templates that escape what they are given, and a policy that lets nothing else in."""
+"""Rendering of pages that open offline: escaping templates, and a strict Content-Security-Policy."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from jinja2.bccache import Bucket
 from markupsafe import Markup, escape
 
 _FOLDER = files("basecal.reporting")
-_COMPRESSION = 6  # level, which is half a percent larger than the highest in two thirds of its time
+_COMPRESSION = 6  # level: half a percent larger than the highest, in two thirds of its time
 _SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
 
 
 class BesideModules(FileSystemBytecodeCache):
-    """Compiled templates in a folder, where Python's own compiled modules are, if these may be written there."""
+    """A cache of compiled templates in a folder, by default beside Python's compiled modules."""
 
     def __init__(self, folder: Path = Path(__file__).parent / "__pycache__") -> None:
         super().__init__(str(folder), "%s.jinja")
 
     def dump_bytecode(self, bucket: Bucket) -> None:
-        """Keep a template; one that cannot be kept is compiled again next time."""
+        """Store a compiled template, if Python may write bytecode and the folder is writable."""
         if not sys.dont_write_bytecode:
             with suppress(OSError):
                 super().dump_bytecode(bucket)
 
 
 def own_file(name: str) -> str:
-    """A file of the package `reporting` as text."""
+    """Text of a file of the package `reporting`."""
     return _FOLDER.joinpath(name).read_text(encoding="utf-8")
 
 
 @lru_cache
 def environment() -> Environment:
-    """Templates of this package; whatever they are given is escaped."""
+    """The environment of this package's templates, which escapes all values."""
     loader = FunctionLoader(lambda name: own_file(f"templates/{name}"))
-    # A page is filled in once: to optimise its template first takes longer.
+    # A page is rendered once, for which optimisation of its template takes longer.
     made = Environment(
         loader=loader,
         autoescape=True,
@@ -61,18 +61,18 @@ def environment() -> Environment:
 
 
 def fill_part(template: str, **values: Any) -> str:
-    """A template with values."""
+    """Render a template with values."""
     return environment().get_template(template).render(values)
 
 
 def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = False, **values: Any) -> str:
-    """A template as a page that holds the style, its scripts, and a policy that lets nothing else in.
+    """Render a template as a page with its style, scripts and Content-Security-Policy.
 
     Args:
-        template: Its file.
-        scripts: Files that it runs; what draws a scene is added if `values` have `scene_json`.
-        is_served: Whether it asks the program that serves it for more.
-        values: What the template names.
+        template: File name of the template.
+        scripts: Files of its scripts; the script of the scene is added if `values` has `scene_json`.
+        is_served: Whether the page may send requests to its server.
+        values: Values for the template.
     """
     style, sources = own_file("templates/page.css"), list(map(own_file, scripts))
     scene, packed = [], ""
@@ -87,13 +87,13 @@ def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = Fals
 
 @lru_cache
 def _packed_scene() -> tuple[str, str]:
-    """Script and data of a scene, and the same compressed: a quarter of the size, read after the page is painted."""
+    """Script of the scene, and its compressed form, a quarter of the size, which runs after the page is painted."""
     source = "\n".join(map(own_file, _SCENE_SCRIPTS))
     return source, base64.b64encode(gzip.compress(source.encode(), _COMPRESSION, mtime=0)).decode()
 
 
 def _mark_code(text: str) -> Markup:
-    """Words whose parts between backticks are what to type."""
+    """Convert text between backticks to code elements."""
     parts = text.split("`")
     if len(parts) % 2 == 0:
         return escape(text)
@@ -103,12 +103,12 @@ def _mark_code(text: str) -> Markup:
 
 
 def _begin_sentence(text: str) -> str:
-    """Words with a capital letter first; names of transforms and code stay as they are."""
+    """Text with a capital first letter; names of transforms and code are unchanged."""
     return text[:1].upper() + text[1:] if text.partition(" ")[0].isalpha() else text
 
 
 def policy(style: str, scripts: Sequence[str] = (), is_served: bool = False) -> str:
-    """The Content-Security-Policy: nothing runs but these scripts, nothing is fetched but from where it is served."""
+    """The Content-Security-Policy: only the given scripts run, and only the page's own server may be contacted."""
     allowed = " ".join(_source_hash(script) for script in scripts) or "'none'"
     own = f"script-src {allowed}; style-src {_source_hash(style)}; img-src data:"
     more = " connect-src 'self';" if is_served else ""

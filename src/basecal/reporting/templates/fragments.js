@@ -1,6 +1,6 @@
 "use strict";
-// Parts of a page that the program which serves it renders anew: each replaces what is there if it differs.
-const put = {}; // as the program rendered them: buttons are added to what is shown
+// Parts of a page that the server renders again: each replaces the current part if it differs.
+const put = {}; // as rendered by the server, without the added buttons
 window.putParts = (html) => {
   const made = document.createElement("template");
   made.innerHTML = html;

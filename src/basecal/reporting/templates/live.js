@@ -1,5 +1,5 @@
 "use strict";
-// Looks at the capture twice a second until it is over, and sends a stop.
+// Requests the state of the capture twice a second until it ends, and sends a stop.
 (() => {
   const shown = {}; // number of the image of each camera
   let arms = ""; // as they are drawn

@@ -1,5 +1,5 @@
 "use strict";
-// The choice of what is copied, and of a sample, which the bars, the slider and the 3-D picture share.
+// Selection of the text to copy, and of the sample that bars, slider and 3-D view share.
 (() => {
   window.offerCopies(document);
   const offer = (selector, act) => {
@@ -12,7 +12,7 @@
   offer(".copy-answer", () => document.querySelector(".answer .copy:not([hidden]) button").click());
 
   const pickers = [...document.querySelectorAll(".picker")];
-  // The kind is chosen for all transforms at once, the way round for each.
+  // The format is selected for all transforms together, the direction for each.
   const pick = (kind) => {
     for (const picker of pickers) {
       const panes = [...picker.querySelectorAll(".copy")];

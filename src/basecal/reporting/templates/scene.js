@@ -1,5 +1,5 @@
 "use strict";
-// The cell in three dimensions: bases hold flanges, flanges hold cameras and targets, as in the one equation.
+// The cell in three dimensions: bases carry flanges, flanges carry cameras and targets.
 (() => {
   const data = JSON.parse(document.getElementById("scene-data").textContent);
   const box = document.querySelector(".live");
@@ -8,7 +8,7 @@
   try {
     renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
   } catch {
-    return; // Without WebGL the still picture stays.
+    return; // Without WebGL the still image remains.
   }
   const size = data.size_m;
   const withFlanges = (arm) =>
@@ -64,7 +64,7 @@
     made.matrix.makeBasis(a, b, c);
     return made;
   };
-  // What joins a base to its flange: a thread where only poses are known, links between joints where there is a URDF.
+  // Connection from base to flange: a line if only poses are known, links between joints with a URDF.
   const thread = (colour, skin) => {
     const line = lines([[0, 0, 0], [0, 0, 0]], colour, skin);
     line.frustumCulled = false;
@@ -79,7 +79,7 @@
   };
   const SIDES = 20;
   const tube = () => {
-    // A cylinder of radius and length 1 along z from the origin, open at its ends, which balls close.
+    // A cylinder of radius and length 1 along z from the origin, open at its ends, which spheres close.
     const made = new THREE.BufferGeometry(), points = [], normals = [], corners = [];
     for (let k = 0; k <= SIDES; k++) {
       const [c, s] = [Math.cos(2 * Math.PI * k / SIDES), Math.sin(2 * Math.PI * k / SIDES)];
@@ -120,7 +120,7 @@
       },
     };
   };
-  // Bodies of links, each in the frame that carries it, about links that are thin.
+  // Collision bodies of links, each in its frame, around thin links.
   const shapes = (arm) => arm.shapes ??= arm.surfaces.map(({ points, triangles }) => {
     const made = geometry(points);
     made.setIndex(triangles.flat());
@@ -140,7 +140,7 @@
       },
     };
   };
-  // From where a flange is to where it was sent.
+  // From the pose of a flange to its goal.
   const arrow = (colour) => {
     const object = new THREE.Group(), skin = material(THREE.MeshLambertMaterial, colour);
     const shaft = new THREE.Mesh(tube(), skin), tip = new THREE.Mesh(new THREE.SphereGeometry(1, 20, 14), skin);
@@ -182,7 +182,7 @@
     world.add(base);
     name(`${arm.name}_base`, base, colour);
   });
-  // The picture of a sample stands in the frustum of its camera, if the page has it.
+  // The image of a sample is drawn in the frustum of its camera, if the page has it.
   const screens = [];
   const screen = (body) => {
     const ends = body.lines.slice(4).map((edge) => edge[0]), texture = new THREE.Texture();
@@ -199,7 +199,7 @@
       if (!one) return;
       const image = new Image();
       image.onload = () => {
-        texture.dispose(); // pictures may differ in size
+        texture.dispose(); // images may differ in size
         texture.image = image;
         texture.needsUpdate = made.visible = true;
         draw();
@@ -219,7 +219,7 @@
     (body.on === null ? world : flanges[body.on]).add(group);
     name(body.name, group, colour);
   }
-  // The error to be expected over the workspace, the fuller the larger.
+  // The expected error over the workspace, more opaque if larger.
   const cloud = new THREE.Group();
   if (data.errors) {
     const { points, mm, worst } = data.errors, low = Math.min(...mm), high = Math.max(...mm), SHADES = 5;
@@ -237,7 +237,7 @@
     name(worst, there);
     world.add(cloud);
   }
-  // The floor under the lowest base, a line every half metre, and how far the bases are apart.
+  // The floor under the lowest base, a line every half metre, and the distances between the bases.
   const feet = data.arms.map((arm) => arm.world_from_base.slice(0, 3));
   const floor = Math.min(...feet.map((foot) => foot[2]));
   const STEP = 0.5, reach = STEP * Math.ceil(0.7 * size / STEP);
@@ -262,7 +262,7 @@
   eye.up.set(0, 0, 1);
   const controls = new THREE.OrbitControls(eye, renderer.domElement);
   world.updateMatrixWorld(true);
-  const extentNow = () => { // what must be in view
+  const extentNow = () => { // extent of the visible content
     const extent = [];
     world.traverse((object) => {
       if (object.isGroup && object !== cloud) extent.push(object.getWorldPosition(new THREE.Vector3()));
@@ -287,7 +287,7 @@
   const look = (from) => {
     const extent = extentNow();
     middle.set(0, 0, 0);
-    // Alternately centre what is seen and go as near as it allows.
+    // Alternately centre the content and move as close as possible.
     let distance = 4 * size;
     extent.forEach((point) => middle.addScaledVector(point, 1 / extent.length));
     for (let k = 0; k < 12; k++) {
@@ -313,7 +313,7 @@
     const width = element.offsetWidth, height = element.offsetHeight;
     const x = Math.min((corner.x + 1) / 2 * box.clientWidth + 8, box.clientWidth - width - 2);
     let y = (1 - corner.y) / 2 * box.clientHeight + 4;
-    // Below what covers it, until nothing does.
+    // Move below overlapping labels until there are none.
     const covers = ([left, top, right]) => x < right && left < x + width && Math.abs(y - top) < height - 0.5;
     for (let tries = placed.length; tries > 0; tries--) {
       const other = placed.find(covers);
@@ -324,7 +324,7 @@
     element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
   };
   let isDue = false;
-  // Once a frame, whatever asks for it.
+  // At most once per frame.
   const draw = () => {
     if (isDue) return;
     isDue = true;
@@ -379,11 +379,11 @@
     }
     paint();
   };
-  // Arms as they are, index 0, and as they were sent, index 1.
+  // Arms at their poses, index 0, and at their goals, index 1.
   let known = 0, sent = "";
   window.moveArms = (arms) => {
     reaches.forEach(([, arm, , , pointer], k) => {
-      if (!arm.joints && arms[k].joints) location.reload(); // joints are known by now: links take the place of threads
+      if (!arm.joints && arms[k].joints) location.reload(); // joints are now known: links replace lines
       Object.assign(arm, { flanges: withFlanges(arms[k]).flanges, joints: arms[k].joints });
       const [here, there] = arm.flanges;
       if (here && there) pointer.follow(here.slice(0, 3), there.slice(0, 3));
@@ -419,7 +419,7 @@
     button.addEventListener("click", () => { look(VIEWS[button.dataset.view]); draw(); });
   }
 
-  // What is drawn as glTF 2.0 in one file, in metres; glTF has y upwards.
+  // Export of the scene as glTF 2.0 in one file, in metres; glTF has y upwards.
   window.sceneAsGltf = () => {
     const made = {
       asset: { version: "2.0", generator: "basecal" }, scene: 0, scenes: [{ nodes: [0] }],

@@ -1,5 +1,5 @@
 "use strict";
-// A table that is sorted by a column when its heading is pressed, and shows the rows that hold what is typed.
+// A table that is sorted by a click on a column's heading, and filtered by typed text.
 (() => {
   const table = document.querySelector(".sortable"), body = table.tBodies[0], rows = [...body.rows];
   const filter = document.querySelector(".filter input");

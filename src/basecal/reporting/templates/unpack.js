@@ -1,5 +1,5 @@
 "use strict";
-// Unpacks and runs what draws the scene after the page has been painted; a browser that cannot keeps the still picture.
+// Unpacks and runs the script of the scene after the page is painted; otherwise the still image remains.
 window.addEventListener("load", () => setTimeout(async () => {
   if (!window.DecompressionStream) return;
   const packed = atob(document.getElementById("scene-script").textContent);

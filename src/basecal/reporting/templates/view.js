@@ -1,5 +1,5 @@
 "use strict";
-// Samples chosen and left out; the page always asks for the whole choice, and only the answer to the last one counts.
+// Selected and excluded samples; the page always requests the whole selection, and uses only the latest answer.
 (() => {
   const run = document.querySelector(".run"), slider = document.querySelector(".slider input");
   const lost = document.querySelector(".lost");
@@ -8,7 +8,7 @@
   const numbers = chips.map((chip) => chip.dataset.number);
   const without = new Set();
   const chosen = () => numbers[Number(slider.value)];
-  const latest = {}; // what was asked last, by path
+  const latest = {}; // latest request by path
   const ask = async (path, more) => {
     const query = new URLSearchParams({ run: run.value, without: [...without].join(","), ...more });
     const asked = (latest[path] = `${path}?${query}`);

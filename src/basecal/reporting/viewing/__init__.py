@@ -1,1 +1,1 @@
-"""Runs of a cell to look through on a local page: samples one by one, and what comes out without some of them."""
+"""A local page of a cell's runs, with single samples, and results without some of them."""

@@ -1,4 +1,4 @@
-"""The local page of a cell's runs: a run is chosen, samples are looked through, and left out by hand."""
+"""The local page of a cell's runs, on which samples are shown and excluded by hand."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from basecal.reporting.statement.verdict import COLOURS, error_text, headline, t
 from basecal.reporting.templates.environment import fill_page, fill_part
 
 _MOST_BARS = 600
-_MOST_RUNS = 8  # whose points are kept
+_MOST_RUNS = 8  # cached runs
 
 Query = Mapping[str, str]
 
 
 @dataclass(frozen=True, eq=False)
 class ViewPage:
-    """The page of a cell's runs; it keeps no visitor's choice.
+    """The page of a cell's runs; the server stores no selection.
 
     Attributes:
         cell: The cell.
-        recording: Its samples, with what was found in their images.
-        folder: Where its images are.
-        runs: Names of its runs, the latest first.
-        read: A run's calibration, by its name.
+        recording: The recording with detections.
+        folder: The cell's folder.
+        runs: Names of the runs, latest first.
+        read: Function that reads a run's calibration by its name.
     """
 
     cell: Cell
@@ -45,7 +45,7 @@ class ViewPage:
     read: Callable[[str], Calibration]
 
     def page(self) -> str:
-        """The page; its script asks for what it shows."""
+        """The page; its script requests further parts."""
         return fill_page(
             "view.html",
             ("templates/fragments.js", "templates/view.js"),
@@ -58,7 +58,7 @@ class ViewPage:
         )
 
     def answer(self, query: Query) -> str:
-        """The run's verdict, and the answer and the residuals without some samples."""
+        """The run's verdict, with the result and the residuals without excluded samples."""
         return fill_part("view_parts.html", **self._answer_values(query))
 
     def _answer_values(self, query: Query) -> dict[str, Any]:
@@ -87,7 +87,7 @@ class ViewPage:
         }
 
     def sample(self, query: Query) -> str:
-        """A sample's images with its points, and how it fits."""
+        """Images of a sample with its points and residuals."""
         return fill_part("view_sample.html", **self._sample_values(query))
 
     def _sample_values(self, query: Query) -> dict[str, Any]:
@@ -108,12 +108,12 @@ class ViewPage:
 
     @cached_property
     def _points(self) -> Callable[[str], tuple[PointResiduals, ...]]:
-        """Points of a run, by its name."""
+        """Function that computes the point residuals of a run by its name."""
 
         @lru_cache(_MOST_RUNS)
         def read(run: str) -> tuple[PointResiduals, ...]:
-            """Points of one run; none if they cannot be found."""
-            with suppress(BasecalError):  # such as of a recording that has changed since
+            """Point residuals of one run; empty if they cannot be computed."""
+            with suppress(BasecalError):  # such as after a change of the recording
                 return point_residuals(self.cell, self.recording, self._read(run))
             return ()
 
@@ -122,10 +122,10 @@ class ViewPage:
 
 @contextmanager
 def serve_view(page: ViewPage, port: int = 0) -> Iterator[str]:
-    """The address of the page while this lasts, with the token it asks for.
+    """A context that serves the page and yields its address with the token.
 
     Raises:
-        InputError: if the port is taken.
+        InputError: if the port is in use.
     """
     routes = {
         ("GET", "/"): lambda query: Answer(page.page()),
@@ -141,23 +141,23 @@ def _excluded_numbers(query: Query) -> frozenset[int]:
 
 
 def _numbers(text: str) -> tuple[int, ...]:
-    """Numbers of samples with commas between them; what is none is left out."""
+    """Parse comma-separated numbers of samples; invalid parts are ignored."""
     return tuple(int(each) for each in text.split(",") if each.isascii() and each.isdigit() and len(each) < 16)
 
 
 def sample_words(number: int, residuals: Sequence[SampleResidual], exclusions: Collection[int]) -> list[str]:
-    """How a sample fits, a line for each view of it."""
+    """Lines about a sample: a heading, and the residuals of each view."""
     own = [view_words(each) for each in residuals if each.sample == number]
     return [f"sample {number}{', left out' if number in exclusions else ''}", *own]
 
 
 def answer_rows(cell: Cell, calibration: Calibration, result: WithoutSamples) -> Iterator[tuple[str, str, str, str]]:
-    """Name of each requested transform, its sigma in the run and without some samples, and its shift."""
+    """Name of each requested transform, its sigma in the run and without excluded samples, and its shift."""
     for name in cell.requested_transforms:
         run, after = calibration.transforms.get(name), result.transforms.get(name)
         before = "unknown" if run is None else error_text(*run.sigma_norms)
         if after is None:
-            yield name, before, "not every direction of it is seen", ""
+            yield name, before, "unobservable in some direction", ""
             continue
         moved = ""
         if run is not None and after is not run:
@@ -166,7 +166,7 @@ def answer_rows(cell: Cell, calibration: Calibration, result: WithoutSamples) ->
 
 
 def fit_sentence(result: WithoutSamples) -> str:
-    """How well the samples that count agree."""
+    """Sentence with the residuals of the included samples."""
     loop, rms_px = result.residuals.loop_rms_m, result.residuals.rms_px
     parts = [] if rms_px is None else [f"reprojection error {two_digits(rms_px)} px rms"]
     parts += [] if loop is None else [f"pose consistency error {error_text(loop, None)} rms"]

@@ -1,1 +1,1 @@
-"""Targets as shapes, and images of them."""
+"""Geometry of printed targets, and rendered images of them."""

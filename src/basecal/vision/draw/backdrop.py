@@ -1,4 +1,4 @@
-"""Prints drawn into images of what stands around them, which another program drew without a lens."""
+"""Prints rendered into backdrops: images of the surroundings that another program rendered without distortion."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from basecal.vision.draw.render import (
     supersample,
 )
 
-_LARGEST_WIDENING = 2.5  # of an image without distortion: beyond, a lens is too wide for it
-_BORDER_POINTS = 40  # pixels along each side of an image, that tell how far a lens sees
+_LARGEST_WIDENING = 2.5  # size of the undistorted image relative to the lens's image; wider lenses are rejected
+_BORDER_POINTS = 40  # pixels along each side of an image, from which the field of view is computed
 
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """An image without what is printed on the target.
+    """An image in which the target is blank paper.
 
     Attributes:
-        levels: (h, w), of 255.
-        paper: (h, w), the share of each pixel that shows paper of the target.
+        levels: Grey levels, (h, w), up to 255.
+        paper: Share of each pixel that shows the target's paper, (h, w).
     """
 
     levels: Levels
@@ -40,13 +40,13 @@ class Backdrop:
 
 @dataclass(frozen=True, eq=False)
 class Flat:
-    """A camera without distortion that sees all that a lens sees, and where each of the lens's pixels is in it.
+    """A camera without distortion that covers a lens's field of view, and the lens's pixels in its image.
 
     Attributes:
-        focal_px: Of both axes.
-        size_px: Width and height; the camera's axis goes through the middle.
-        u: (h, w) by pixels of the lens.
-        v: Likewise.
+        focal_px: Focal length of both axes.
+        size_px: Width and height; the principal point is in the middle.
+        u: Column in the undistorted image for each pixel of the lens, (h, w).
+        v: Row in the undistorted image for each pixel of the lens, (h, w).
     """
 
     focal_px: float
@@ -55,7 +55,7 @@ class Flat:
     v: Levels
 
     def backdrop(self, colours: NDArray[np.uint8]) -> Backdrop:
-        """The image (h, w, 3) as the lens images it, grey but for paper, which has no blue."""
+        """Distort an image, (h, w, 3), which is grey except for the target's paper, which has no blue."""
         red, blue = (np.asarray(colours[..., channel], dtype=np.float32) for channel in (0, 2))
         paper = 1 - blue / np.maximum(red, 1)
         levels, share = (cv2.remap(each, self.u, self.v, cv2.INTER_LINEAR) for each in (red, paper * (red > 0)))
@@ -63,10 +63,10 @@ class Flat:
 
 
 def undistorted_camera(lens: Camera) -> Flat:
-    """A camera without distortion for a lens.
+    """A camera without distortion that covers the field of view of a lens.
 
     Raises:
-        InputError: if the lens has no size, or sees too far to the sides.
+        InputError: if the lens has no image size, or its field of view is too wide.
     """
     width, height = checked_size(lens)
     focal = float(lens.focal.mean())
@@ -75,7 +75,7 @@ def undistorted_camera(lens: Camera) -> Flat:
     plane, seen = _plane(lens, np.array(sides, dtype=np.float64))
     reach = 2 * np.ceil(focal * np.abs(plane).max(0)) + 2 if seen else np.full(2, np.inf)
     if not (reach[0] < _LARGEST_WIDENING * width and reach[1] < _LARGEST_WIDENING * height):
-        raise InputError("the lens sees too far to the sides to be drawn with what stands around")
+        raise InputError("the field of view of the lens is too wide to draw the surroundings")
     size = (int(reach[0]), int(reach[1]))
     v, u = np.mgrid[:height, :width].astype(np.float64)
     at = focal * _plane(lens, np.stack([u, v], -1))[0] + (np.array(size) - 1) / 2
@@ -83,14 +83,14 @@ def undistorted_camera(lens: Camera) -> Flat:
 
 
 def _plane(lens: Camera, pixels: Array) -> tuple[Array, bool]:
-    """Where pixels (..., 2) look on the plane one metre ahead, and whether all look ahead."""
+    """Points on the plane z = 1 of pixels, (..., 2), and whether all pixels have rays with z > 0."""
     rays, valid = lens.undistort(pixels)
     with np.errstate(all="ignore"):
         return rays[..., :2] / rays[..., 2:], bool(valid.all() and (rays[..., 2] > 0).all())
 
 
 def print_targets(camera: Camera, views: Sequence[View], backdrop: Backdrop, settings: RenderSettings) -> Array:
-    """Radiance on the sensor before noise and rounding, (h, w): the backdrop, its paper printed with targets.
+    """Radiance on the sensor before noise and rounding, (h, w): the backdrop with targets printed on its paper.
 
     Raises:
         InputError: if the camera has no size, or a target is not printed.

@@ -1,4 +1,4 @@
-"""Drawing of the printed sheet, with every marker's black cells as rectangles."""
+"""Drawing of printed sheets, with the black cells of markers as rectangles."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from basecal.vision.kinds.ways import black_cells
 
 
 def target_drawing(target: Target) -> tuple[Sheet, ...]:
-    """The sheets of a printed target, their markers as rectangles.
+    """The sheets of a printed target, with markers replaced by rectangles.
 
     Raises:
         InputError: if the target is not printed, or its dictionary cannot be drawn.
@@ -25,7 +25,7 @@ def target_drawing(target: Target) -> tuple[Sheet, ...]:
 
 
 def _cells(marker: Marker) -> Array:
-    """Black cells joined along each row, (n, 4) [m]."""
+    """Black cells of a marker as rectangles, joined along each row, (n, 4) [m]."""
     black = np.rot90(black_cells(marker.dictionary, marker.number, marker.border), -marker.turns)
     cell = marker.size_m / len(black)
     steps = np.diff(np.pad(black.astype(np.int8), ((0, 0), (1, 1))), axis=1)

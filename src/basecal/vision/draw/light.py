@@ -1,4 +1,4 @@
-"""Images of small lights: photons through a Gaussian point spread, counted, read out and rounded."""
+"""Images of LEDs: photons with a Gaussian point spread, shot noise, read-out noise and rounding."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from basecal.geometry import Array, Camera
 from basecal.vision.detection import Image
 from basecal.vision.draw.render import SceneSettings, background, checked_size, quantise
 
-_REACH_SIGMAS = 8.0  # sigmas: beyond, a spot has less than a double can add to it
+_REACH_SIGMAS = 8.0  # sigmas of a spot, beyond which its levels are below double precision
 
 
 @dataclass(frozen=True)
 class LightSettings(SceneSettings):
-    """How lights are imaged, in a scene whose photons are counted like theirs.
+    """Exposure of LEDs and of their scene.
 
     Attributes:
-        photons: Mean count of one light's photons in an exposure; 0 is the light off.
-        spot_px: Sigma of the spot, besides the pixel's own square.
-        photons_per_level: Photons that raise a pixel by one level.
-        read_noise: Sigma of the read-out.
-        scene: Seed of the texture, the same for one scene.
+        photons: Mean number of photons of one LED in an exposure; 0 if it is off.
+        spot_px: Sigma of the spot, without the integration over the pixel's square.
+        photons_per_level: Number of photons per grey level.
+        read_noise: Sigma of the read-out noise, in grey levels.
+        scene: Seed of the texture, equal for all images of a scene.
     """
 
     photons: float = 30_000.0
@@ -37,13 +37,13 @@ class LightSettings(SceneSettings):
 def render_light(
     camera: Camera, points_in_camera: Array, settings: LightSettings | None = None, seed: int = 0
 ) -> Image:
-    """An image of lights, (h, w); a level too bright for the image stays at its highest.
+    """Render an image of LEDs, (h, w), saturated at the highest level.
 
     Args:
-        camera: Its lens; `size_px` must be known.
-        points_in_camera: (n, 3) [m]; those the camera does not see are left out.
-        settings: How they are exposed.
-        seed: Of the photons and the read-out.
+        camera: The lens; `size_px` must be known.
+        points_in_camera: Positions of the LEDs, (n, 3) [m]; invisible ones are left out.
+        settings: Exposure of the LEDs.
+        seed: Seed of the photon and read-out noise.
 
     Raises:
         InputError: if the camera has no size.
@@ -53,7 +53,7 @@ def render_light(
 
 
 def expose_light(levels: Array, settings: LightSettings, seed: int = 0) -> Image:
-    """Mean levels with the noise of photons and read-out, rounded and clipped to the range of the image, (h, w)."""
+    """Add photon and read-out noise to mean levels, round, and clip to the range of the image, (h, w)."""
     rng = np.random.default_rng([seed, 3])
     photons = rng.poisson(np.maximum(levels, 0.0) * settings.photons_per_level)
     counted = photons / settings.photons_per_level + settings.read_noise * rng.standard_normal(levels.shape)
@@ -61,7 +61,7 @@ def expose_light(levels: Array, settings: LightSettings, seed: int = 0) -> Image
 
 
 def light_levels(camera: Camera, points_in_camera: Array, settings: LightSettings) -> Array:
-    """The mean level of each pixel without noise, (h, w).
+    """Mean level of each pixel without noise, (h, w).
 
     Raises:
         InputError: if the camera has no size.
@@ -78,7 +78,7 @@ def light_levels(camera: Camera, points_in_camera: Array, settings: LightSetting
 
 
 def _shares(centre: float, sigma: float, extent: int) -> tuple[slice, Array]:
-    """Shares of a spot that pixels along an axis receive, for the pixels within its reach."""
+    """Pixels within the reach of a spot along an axis, and the share of the spot in each."""
     low = int(np.clip(np.floor(centre - _REACH_SIGMAS * sigma), 0, extent))
     high = int(np.clip(np.ceil(centre + _REACH_SIGMAS * sigma) + 1, low, extent))
     borders = np.arange(low, high + 1) - 0.5

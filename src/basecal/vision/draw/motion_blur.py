@@ -1,4 +1,4 @@
-"""Images taken while something moves: levels smeared along a line."""
+"""Motion blur: levels averaged along a line."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import numpy as np
 
 from basecal.geometry import Array
 
-_INVISIBLE_PX = 0.02  # of a smear: a tenth of what detectors tell apart
-_LONGEST_PX = 400.0  # what moves further within an exposure is gone
+_INVISIBLE_PX = 0.02  # length of a blur: a tenth of the detectors' resolution
+_LONGEST_PX = 400.0  # length of a blur, above which nothing remains visible
 
 
 def blur_motion(levels: Array, way_px: Array) -> Array:
-    """Levels (h, w) averaged along a way (2,) [px] that everything in them moves while the shutter is open."""
+    """Average levels, (h, w), along the motion of the image content during the exposure, `way_px`, (2,) [px]."""
     length = float(np.linalg.norm(way_px))
     if length < _INVISIBLE_PX:
         return levels

@@ -1,7 +1,7 @@
 """Images of printed targets through a lens, with blur and noise: exact edges, no GPU.
 
-The outlines of what is black are projected through the lens. The area they cover of each pixel is computed, so that an
-edge's place is right to a thousandth of a pixel. Then come the point spread, the noise and the grey levels.
+The outlines of black areas are projected through the lens. The area that they cover in each pixel is computed, so that
+edges are correct to a thousandth of a pixel. Point spread, noise and quantisation follow.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detection import Image
 from basecal.vision.draw.drawing import target_drawing
 
-_EDGE_PX = 3.0  # between cuts of an edge: in between, even a strong lens bends it by a thousandth of a pixel
-_MOST_CUTS = 4000  # of one edge: of one as long as the widest image
+_EDGE_PX = 3.0  # length of a straight piece of an edge: even a strong lens bends it by only a thousandth of a pixel
+_MOST_CUTS = 4000  # pieces of one edge, enough for one as long as the widest image
 _REACH_SIGMAS = 4.5  # sigmas of the point spread: the rest is below a thousandth of a level
 _TEXTURE_PX = (8, 32, 128)  # scales of the background's structure: of corners, of boards, of shadows
-_SUPERSAMPLING = 2  # a Gaussian sampled once a pixel would leave steps of half a percent in an edge
-_DISC_SIDES = 120  # of the same area: the outline is nowhere off by 0.0003 of the radius
+_SUPERSAMPLING = 2  # a Gaussian sampled once per pixel would leave steps of half a percent in an edge
+_DISC_SIDES = 120  # of a polygon of the same area: its outline deviates by less than 0.0003 of the radius
 
 Levels = NDArray[np.float32]
 View = tuple[Target, SE3]
@@ -32,12 +32,12 @@ View = tuple[Target, SE3]
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """The backdrop of a scene; levels are in grey levels of an 8-bit image, whatever `bits` is.
+    """The backdrop of a scene; levels are grey levels of an 8-bit image for any `bits`.
 
     Attributes:
-        background: Level around what is drawn.
-        texture: Standard deviation of the structure of the background; 0 is plain.
-        bits: Of the image, 8 or 16.
+        background: Mean level of the background.
+        texture: Standard deviation of the background's texture; 0 for a plain background.
+        bits: Bits of the image, 8 or 16.
     """
 
     background: float = field(default=110.0, kw_only=True)
@@ -47,13 +47,13 @@ class SceneSettings:
 
 @dataclass(frozen=True)
 class RenderSettings(SceneSettings):
-    """How a print is exposed.
+    """Exposure of a print.
 
     Attributes:
-        black: Level of print.
+        black: Level of ink.
         white: Level of paper.
-        blur_px: Sigma of the Gaussian point spread, besides the pixel's own square.
-        noise: Sigma of Gaussian noise.
+        blur_px: Sigma of the Gaussian point spread, without the integration over the pixel's square.
+        noise: Sigma of Gaussian noise, in grey levels.
     """
 
     black: float = 30.0
@@ -65,14 +65,14 @@ class RenderSettings(SceneSettings):
 def render(
     camera: Camera, target: Target, camera_from_target: SE3, settings: RenderSettings | None = None, seed: int = 0
 ) -> Image:
-    """An image of a printed target, (h, w).
+    """Render an image of a printed target, (h, w).
 
     Args:
-        camera: Its lens; `size_px` must be known.
+        camera: The lens; `size_px` must be known.
         target: A printed target.
-        camera_from_target: Where it is.
-        settings: How it is exposed.
-        seed: Of the noise and the background's texture.
+        camera_from_target: Pose of the target.
+        settings: Exposure of the print.
+        seed: Seed of the noise and the background's texture.
 
     Raises:
         InputError: if the camera has no size, or the target is not printed.
@@ -82,7 +82,7 @@ def render(
 
 
 def radiance(camera: Camera, views: Sequence[View], settings: RenderSettings, seed: int = 0) -> Array:
-    """Radiance on the sensor, before noise and rounding, (h, w) in grey levels; nearer sheets hide others.
+    """Radiance on the sensor before noise and rounding, (h, w) in grey levels; nearer sheets occlude others.
 
     Raises:
         InputError: if the camera has no size, or a target is not printed.
@@ -93,12 +93,12 @@ def radiance(camera: Camera, views: Sequence[View], settings: RenderSettings, se
 
 
 def supersample(levels: Levels) -> Levels:
-    """Levels in the finer pixels that are painted on."""
+    """Repeat levels, (h, w), onto the supersampled grid, (2 h, 2 w)."""
     return levels.repeat(_SUPERSAMPLING, axis=0).repeat(_SUPERSAMPLING, axis=1)
 
 
 def paint_targets(fine: Levels, camera: Camera, views: Sequence[View], settings: RenderSettings) -> Levels:
-    """An image of finer pixels with targets painted on it, in place; nearer sheets hide others.
+    """Paint targets onto a supersampled image in place and return it; nearer sheets occlude others.
 
     Raises:
         InputError: if a target is not printed.
@@ -125,7 +125,7 @@ def paint_targets(fine: Levels, camera: Camera, views: Sequence[View], settings:
 
 
 def apply_point_spread(fine: Levels, settings: RenderSettings, size_px: tuple[int, int]) -> Array:
-    """An image of finer pixels under its point spread, in pixels, (h, w)."""
+    """Blur a supersampled image by the point spread and reduce it to pixels, (h, w)."""
     return np.asarray(
         cv2.resize(blur_image(fine, _SUPERSAMPLING * settings.blur_px), size_px, interpolation=cv2.INTER_AREA),
         dtype=np.float64,
@@ -133,7 +133,7 @@ def apply_point_spread(fine: Levels, settings: RenderSettings, size_px: tuple[in
 
 
 def expose(levels: Array, settings: RenderSettings, seed: int = 0) -> Image:
-    """Grey levels with noise, rounded and clipped to the range of the image, (h, w)."""
+    """Add noise to grey levels, round, and clip to the range of the image, (h, w)."""
     noisy = np.random.default_rng([seed, 1]).standard_normal(levels.shape, dtype=np.float32)
     noisy *= np.float32(settings.noise)
     noisy += levels
@@ -141,7 +141,7 @@ def expose(levels: Array, settings: RenderSettings, seed: int = 0) -> Image:
 
 
 def quantise(levels: Array | Levels, bits: int) -> Image:
-    """Levels of an 8-bit image rounded to `bits`, (h, w).
+    """Scale levels of an 8-bit image to `bits`, round and clip, (h, w).
 
     Raises:
         InputError: if `bits` is neither 8 nor 16.
@@ -157,7 +157,7 @@ def checked_size(camera: Camera) -> tuple[int, int]:
     """Width and height of a camera's images.
 
     Raises:
-        InputError: if they are not known.
+        InputError: if the camera has no size.
     """
     if camera.size_px is None:
         raise InputError("the camera has no size_px; an image needs a width and a height")
@@ -165,7 +165,7 @@ def checked_size(camera: Camera) -> tuple[int, int]:
 
 
 def background(size_px: tuple[int, int], level: float, texture: float, seed: int) -> Array:
-    """A plain or structured background, (h, w): noise of three scales, smooth down to some pixels."""
+    """A plain or textured background, (h, w); the texture is smooth noise of three scales."""
     width, height = size_px
     image = np.full((height, width), float(level))
     rng = np.random.default_rng([seed, 2])
@@ -176,7 +176,7 @@ def background(size_px: tuple[int, int], level: float, texture: float, seed: int
 
 
 def blur_image(image: Levels, sigma_px: float) -> Levels:
-    """An image under a Gaussian point spread, (h, w)."""
+    """Blur an image by a Gaussian point spread, (h, w)."""
     if sigma_px <= 0:
         return image
     half = int(np.ceil(_REACH_SIGMAS * sigma_px))
@@ -184,7 +184,7 @@ def blur_image(image: Levels, sigma_px: float) -> Levels:
 
 
 def _window(edges: Array, shape: tuple[int, ...]) -> tuple[slice, slice] | None:
-    """Rows and columns of the finer image that edges reach; None if they miss it."""
+    """Rows and columns of the supersampled image that edges cover; None if they are outside."""
     if not len(edges):
         return None
     low = np.maximum(np.floor(edges.min(axis=(0, 1))), 0).astype(int)
@@ -199,7 +199,7 @@ def _coverage(edges: Array, window: tuple[slice, slice]) -> Levels:
 
 
 def _tiles(sheet: Sheet) -> Array:
-    """The paper in tiles about a pitch wide, so that what a lens cannot show is left out piece by piece."""
+    """Tiles of the paper, about a pitch wide, (n, 4, 2), so that only tiles outside the lens's field are left out."""
     left, top, right, bottom = sheet.paper
     columns, rows = (max(1, round(float(extent) / sheet.pitch)) for extent in (right - left, bottom - top))
     x, y = np.linspace(left, right, columns + 1), np.linspace(top, bottom, rows + 1)
@@ -216,7 +216,7 @@ def _boxes(rectangles: Array) -> Array:
 
 
 def _project_edges(camera: Camera, camera_from_sheet: SE3, loops: Array) -> Array:
-    """Edges of the loops' images, (m, 2, 2) in the finer image, cut so short that a lens bends none visibly."""
+    """Project loops into the supersampled image as edges, (m, 2, 2), so short that distortion bends none visibly."""
     shown = Camera(camera.model, camera.parameters).sees(camera_from_sheet @ _plane_levels(loops)).all(axis=1)
     start = loops[shown]
     end = np.roll(start, -1, axis=1)
@@ -226,7 +226,7 @@ def _project_edges(camera: Camera, camera_from_sheet: SE3, loops: Array) -> Arra
     count = np.clip(np.ceil(length / _EDGE_PX), 1, _MOST_CUTS).astype(np.int64)
     which = np.repeat(np.arange(len(start)), count)
     step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-    # Weighed so that an edge and its reverse pass the same points.
+    # Weighted so that an edge and its reverse pass through the same points.
     shares = [((step + k) / count[which])[:, None] for k in (0, 1)]
     ends = [start[which] * (1 - share) + end[which] * share for share in shares]
     fine: Array = np.stack([camera.project(camera_from_sheet @ _plane_levels(each)) for each in ends], axis=1)
@@ -241,8 +241,8 @@ def coverage(outlines: Array, size_px: tuple[int, int]) -> Array:
     """Area of each pixel inside closed outlines that do not overlap, (h, w), in [0, 1].
 
     Args:
-        outlines: (m, 2, 2) edges, start and end in pixels; the centre of the top-left pixel is (0, 0). Together they
-            are closed, and clockwise on the screen.
+        outlines: (m, 2, 2) edges, start and end in pixels; the centre of the top-left pixel is (0, 0). The edges form
+            closed outlines, clockwise on the screen.
         size_px: Width and height.
     """
     width, height = size_px
@@ -261,7 +261,7 @@ def coverage(outlines: Array, size_px: tuple[int, int]) -> Array:
 
 
 def _cut(edges: Array, axis: int) -> Array:
-    """Edges cut wherever the coordinate `axis` is a whole number, (n, 2, 2)."""
+    """Split edges at integers of the coordinate `axis`, (n, 2, 2)."""
     low, high = np.sort(edges[:, :, axis], axis=1).T
     first = np.floor(low)
     count = np.maximum(np.ceil(high) - first, 1).astype(np.int64)
@@ -269,7 +269,7 @@ def _cut(edges: Array, axis: int) -> Array:
     step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
     start, end = edges[which, 0], edges[which, 1]
     rising = end[:, axis] >= start[:, axis]
-    # Pieces are counted from the low end; a falling edge gives them in reverse.
+    # Pieces are counted from the low end, in reverse for a falling edge.
     floor, top = low[which], high[which]
     below = np.clip(first[which] + step, floor, top)
     above = np.clip(first[which] + step + 1, floor, top)

@@ -1,1 +1,1 @@
-"""Shapes fitted to pieces of an image."""
+"""Fits of parametric shapes to image patches."""

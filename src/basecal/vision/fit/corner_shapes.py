@@ -1,13 +1,14 @@
-"""Ideal corners under a Gaussian point spread, as functions of place, with their derivatives.
+"""Ideal corners under a Gaussian point spread, as functions of position, with their derivatives.
 
-A corner has six parameters, (n, 6). The first four are its place x, y [px] and the directions of its two lines [rad].
-The others are the logarithm of the point spread's sigma, and the sharpening of the image by the camera, 0 for none. The
-sides of a line are given by the signed distance to the right of its direction.
+A corner has six parameters, (n, 6). The first four are its position x, y [px] and the directions of its two lines
+[rad]. The others are the logarithm of the point spread's sigma, and the sharpening of the image by the camera, 0 for
+none. The side of a line is the sign of the distance to the right of its direction.
 
-A wedge is the chance that a place, moved by the point spread, is to the right of both lines. This is the normal
-distribution function Phi2(a, b; r) of both distances in sigmas, with the cosine r between the lines. Its derivatives
-are phi(a) Phi((b - r a) / sqrt(1 - r^2)) to a, likewise to b, and the density phi2(a, b; r) to r (Price's theorem). A
-saddle is 4 Phi2(a, b; r) - 2 Phi(a) - 2 Phi(b) + 1.
+The value of a wedge is the probability that a point, displaced by the point spread, is to the right of both lines. This
+is the bivariate normal distribution function Phi2(a, b; r) of both distances in sigmas, with the cosine r between the
+lines. Its derivative with respect to a is phi(a) Phi((b - r a) / sqrt(1 - r^2)), with a and b exchanged for b. The
+derivative with respect to r is the density phi2(a, b; r) (Price's theorem). A saddle is 4 Phi2(a, b; r) - 2 Phi(a) -
+2 Phi(b) + 1.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from scipy.special import ndtr
 from basecal.geometry import Array, BoolArray
 
 LEAST_LOG_SPREAD = float(np.log(0.25))
-"""Of a spread in pixels: a pixel's own square has a sigma of 0.29 px, so that no edge is much sharper."""
+"""Smallest logarithm of a spread in pixels: the pixel's square alone has a sigma of 0.29 px."""
 
-_MOST_LOG = 4.0  # of a width in pixels: 55 px is beyond every window, and no exponential overflows on the way
-_MASK_PX = 1.2  # sigma of the blur that cameras sharpen with, in the middle of what is usual
-_LEAST_SINE2 = 1e-6  # of lines a thousandth of a radian apart: nearer, there is no corner
+_MOST_LOG = 4.0  # of a width in pixels: 55 px exceeds every window, and no exponential overflows
+_MASK_PX = 1.2  # typical sigma of the blur in a camera's unsharp masking
+_LEAST_SINE2 = 1e-6  # of lines a thousandth of a radian apart: closer lines form no corner
 _DENSITY = 1 / np.sqrt(2 * np.pi)
 _NODES, _WEIGHTS = (0.5 * each for each in np.polynomial.legendre.leggauss(4))
 
@@ -35,8 +36,8 @@ class Corner:
     """A corner's image; see `Shape`.
 
     Attributes:
-        crossed: Whether its lines go on both ways: +1 where both have a place on like sides, -1 elsewhere. If not, 1
-            where a place is to the right of both, 0 elsewhere.
+        crossed: Whether its lines extend in both directions. The value is then +1 at points on the same side of both
+            lines, and -1 elsewhere. Otherwise the value is 1 to the right of both lines, and 0 elsewhere.
     """
 
     crossed: bool
@@ -58,8 +59,8 @@ class Corner:
             return values, _chain_slopes(sides, slopes, free)
         masked = _sharpened_spread(log_spread)
         blurred, others = self._slopes(_scale_sides(sides, masked))
-        # What a further blur would take from it, added: unsharp masking.
-        rate = np.exp(2 * (log_spread - masked))  # of the blurred spread's logarithm to the sharp one's
+        # Unsharp masking: the difference to a blurred copy is added.
+        rate = np.exp(2 * (log_spread - masked))  # derivative of the blurred spread's logarithm to the sharp one's
         both = _Slopes(*((1 + share) * mine - share * theirs for mine, theirs in zip(slopes, others, strict=True)))
         both = both._replace(spread=(1 + share) * slopes.spread - share * rate * others.spread)
         jacobian = _chain_slopes(sides, both, min(free, 5))
@@ -74,7 +75,7 @@ class Corner:
         return np.asarray(first * second + _overlap(sides))
 
     def _slopes(self, sides: _Scaled) -> tuple[Array, _Slopes]:
-        """Values, and their derivatives at a spread."""
+        """Values, and their derivatives."""
         a, b, r = sides.first, sides.second, sides.cosine
         root = np.sqrt(np.maximum(1 - r * r, _LEAST_SINE2))
         a_given_b, b_given_a = (a - r * b) / root, (b - r * a) / root
@@ -89,10 +90,10 @@ class Corner:
 
 
 saddle = Corner(crossed=True)
-"""A chessboard's corner."""
+"""Corner of a chessboard."""
 
 wedge = Corner(crossed=False)
-"""A dark or bright corner."""
+"""Corner of a dark or bright area."""
 
 
 class _Sides(NamedTuple):
@@ -120,8 +121,8 @@ def _sides(q: Array, xy: Array) -> _Sides:
 class _Scaled(NamedTuple):
     """Distances from both lines in sigmas of the point spread, (n, p), their cosine and 1 / sigma [1/px], (n, 1).
 
-    `bounded`, (n, 1), is true if the spread is within its bounds. Otherwise the spread is held at a bound, since an
-    edge between two pixels could be anywhere between their middles.
+    `bounded`, (n, 1), is true if the spread is within its bounds. Otherwise the spread is clipped to a bound, since an
+    infinitely sharp edge could be anywhere between the centres of two pixels.
     """
 
     first: Array
@@ -138,12 +139,12 @@ def _scale_sides(sides: _Sides, log_spread: Array) -> _Scaled:
 
 
 def _sharpened_spread(log_spread: Array) -> Array:
-    """The logarithm of the spread after a camera's blur besides."""
+    """Logarithm of the spread after an additional blur by the camera's unsharp mask."""
     return np.asarray(0.5 * np.logaddexp(2 * log_spread, 2 * np.log(_MASK_PX)))
 
 
 class _Slopes(NamedTuple):
-    """Derivatives to distances from the lines [1/px], the cosine between them and the spread's logarithm, (n, p)."""
+    """Derivatives with respect to distances from the lines [1/px], their cosine and the log spread, (n, p) each."""
 
     first: Array
     second: Array
@@ -152,7 +153,7 @@ class _Slopes(NamedTuple):
 
 
 def _chain_slopes(sides: _Sides, slopes: _Slopes, free: int) -> Array:
-    """Derivatives to the first of place, directions and spread, (n, free, p)."""
+    """Derivatives with respect to the first `free` of position, directions and spread, (n, free, p)."""
     (c1, c2), (s1, s2) = (np.split(each, 2, axis=1) for each in (sides.cosines, sides.sines))
     turned = slopes.cosine * sides.sine
     columns = (
@@ -166,11 +167,11 @@ def _chain_slopes(sides: _Sides, slopes: _Slopes, free: int) -> Array:
 
 
 def _overlap(sides: _Scaled) -> Array:
-    """The normal probability that two correlated numbers are both positive, beyond the product, (n, p).
+    """Bivariate normal distribution function minus the product of its marginals, (n, p).
 
-    Its derivative to the correlation is the density (Price's theorem). The density is integrated by Gauss-Legendre
-    quadrature over the arcsine of the correlation, in which it is smooth up to correlation one. Source: Drezner &
-    Wesolowsky 1990.
+    The derivative with respect to the correlation is the density (Price's theorem). The density is integrated by
+    Gauss-Legendre quadrature over the arcsine of the correlation, in which it is smooth up to correlation one. Source:
+    Drezner & Wesolowsky 1990.
     """
     product, squares = sides.first * sides.second, 0.5 * (sides.first**2 + sides.second**2)
     total = np.zeros_like(product)

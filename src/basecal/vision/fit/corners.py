@@ -1,8 +1,8 @@
-"""Corners to a hundredth of a pixel, each with its sigma: an ideal corner fitted to the image around it.
+"""Refinement of corners to a hundredth of a pixel, with sigmas, by a fit of an ideal corner to the image.
 
-Where a corner is and how its two lines run is known roughly; the fit finds them, the point spread and the light. What
-is left over is the noise, and with it the fit's covariance is the corner's. The window is a cross along the two lines,
-so that what is printed in the next square stays outside.
+The position of a corner and the directions of its two lines are roughly known. The fit estimates them, the point spread
+and the illumination. The residuals give the noise, and so the covariance of the corner. The window is a cross along the
+two lines, so that the print in adjacent squares stays outside.
 """
 
 from __future__ import annotations
@@ -18,30 +18,31 @@ from basecal.vision.fit.corner_shapes import LEAST_LOG_SPREAD
 from basecal.vision.fit.patch_fit import CONVERGED_SIGMAS, Fit, Patches, Shape, fit_shapes, pack_patches
 
 BOARD_ARM_PX = 7.0
-"""Arms along lines that go on both ways: at 12 px a lens of k1 = -0.35 makes errors a quarter larger than sigmas."""
+"""Arms along lines that extend in both directions. With 12 px, distortion of k1 = -0.35 makes errors exceed sigmas by
+25 %."""
 
 _GUARD_SIGMAS = (
-    2.0  # sigmas of the point spread; an edge further away changes a level by less than a fortieth of its step
+    2.0  # sigmas of the point spread; an edge beyond that changes a level by less than a fortieth of its step
 )
-_START_SPREAD_PX = 1.0  # [px] where the fit of the point spread begins: a sharp camera has half of it, a soft one twice
+_START_SPREAD_PX = 1.0  # [px] initial point spread: a sharp camera has half of it, a soft one twice
 _MODEL_ERROR_PX = 0.0015  # rms error of a corner in rendered images without noise
-_SHARP_ERROR_PX = 0.075  # likewise without blur, lines along the pixels: `test_found_flat_and_sharp` holds it
+_SHARP_ERROR_PX = 0.075  # rms error without noise and blur for lines along pixels; see `test_found_flat_and_sharp`
 _SQUARE_VARIANCE = 1 / 12  # of a pixel's square [px^2]
-_LEAST_WIDTH_PX = 1.6  # of a band that the guard leaves: pixels on both sides of a line, whatever its direction
-_MOST_SPREAD_PX = 6.0  # of one corner: wider fills the window
+_LEAST_WIDTH_PX = 1.6  # of a band within the guard: it has pixels on both sides of a line of any direction
+_MOST_SPREAD_PX = 6.0  # of one corner: a wider spread fills the window
 _SPREAD_LIMITS = (LEAST_LOG_SPREAD, -0.5), (np.log(_MOST_SPREAD_PX), 3.0)
-_SPREAD_CORNERS = 12  # that tell the point spread, at most: their median is as good as that of all, in less time
+_SPREAD_CORNERS = 12  # from which the point spread is estimated, at most: the median of more is hardly better
 _MEDIAN_SIGMAS = 1.2533  # sigma of the median of normal numbers over that of their mean
 _CERTAIN_SIGMAS = 2.0  # sigmas of zero within which a camera does not sharpen
-_SLIGHT_SHARPENING = 0.1  # of sharpening: what more of it changes in the spread is not linear
+_SLIGHT_SHARPENING = 0.1  # of sharpening, up to which its effect on the spread is linear
 _ROUGH_SHARE = 0.1  # of the residuals' norm: a hundredth of the cost of some hundred pixels is one sigma of the corner
-_THINNING = 5  # of so many pixels one tells where a corner roughly is, like a knight's move from the next
-_LEAST_THINNED_PIXELS = 40  # pixels that are then left: with fewer, all are taken
-_LEAST_CONTRAST = 2.0  # step of a line in sigmas of a pixel's noise: with less no detector sees a corner
-_DIAGONAL_FACTOR = 1.4  # of an arm: how far the cross reaches at an angle
-_LEAST_FREEDOMS = 8  # pixels beyond the parameters: the noise they show is then known to a quarter
-_MOST_SIGMA_PX = 1.0  # of a place: beyond, it is no measurement
-_MOST_MOVED_PX = 3.0  # from the rough place: further away is another corner
+_THINNING = 5  # one of five pixels is used for the rough fit, in a pattern of knight's moves
+_LEAST_THINNED_PIXELS = 40  # of a thinned patch: with fewer, all pixels are used
+_LEAST_CONTRAST = 2.0  # step of a line in sigmas of a pixel's noise: no detector finds a corner with less
+_DIAGONAL_FACTOR = 1.4  # reach of a rotated cross over its arm
+_LEAST_FREEDOMS = 8  # degrees of freedom of the residuals, which determine the noise to 25 %
+_MOST_SIGMA_PX = 1.0  # of a position, above which it is rejected
+_MOST_MOVED_PX = 3.0  # from the initial position, beyond which it is another corner
 
 
 Levels = NDArray[Any]
@@ -50,14 +51,14 @@ Levels = NDArray[Any]
 
 @dataclass(frozen=True)
 class Window:
-    """The cross around a corner in which the image is as the ideal corner, in units of the pitch along each axis.
+    """The cross around a corner in which the image follows the ideal corner, in units of the pitch along each axis.
 
     Attributes:
-        arm_px: How far along its lines [px], where a lens bends them by too little to matter.
-        arm: How far along its lines.
-        inside: How far from both lines at once, where both coordinates are positive.
-        outside: The same, elsewhere.
-        before: How far towards negative coordinates at all.
+        arm_px: Largest distance along the lines [px], so that distortion bends them negligibly.
+        arm: Largest distance along the lines.
+        inside: Largest distance from the nearer line, at points with two positive coordinates.
+        outside: Largest distance from the nearer line, at other points.
+        before: Largest distance towards negative coordinates.
     """
 
     arm_px: float
@@ -69,7 +70,7 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Refined corners: `pixels` (n, 2), `sigma_px` (n,) per coordinate, whether each can be `trusted`, (n,)."""
+    """Refined corners: `pixels` (n, 2), `sigma_px` (n,) per coordinate, `trusted` (n,) and `gain` (n,) [levels]."""
 
     pixels: Array
     sigma_px: Array
@@ -78,21 +79,21 @@ class Corners:
 
 
 def refine_corners(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Corners:
-    """Corners near `start`.
+    """Refine corners near `start`.
 
     Args:
         image: (h, w) grey levels.
         shape: `saddle` or `wedge`.
-        start: Rough places, (n, 2) [px].
-        axes: What a pitch along the corner's first and second line is in the image, (n, 2, 2) [px], a line a row.
-        window: Where the image is as the ideal corner.
+        start: Initial positions, (n, 2) [px].
+        axes: Image of a pitch along the corner's first and second line, (n, 2, 2) [px], a row for each line.
+        window: The area in which the image follows the ideal corner.
     """
     if not len(start):
         return Corners(start, np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0))
     context, q = _Context(image, shape, axes, window), _parameters(start, axes)
     q[:, 4:] = _lens(image, shape, start, axes, window)
     rough = _fit_corners(context, q, held_count=1, tolerance=_ROUGH_SHARE)
-    # Again, in windows around the corners themselves.
+    # Repeat the fit in windows around the refined corners.
     q[:, :4] = np.where(_accepted_fits(rough, start)[:, None], rough.shape[:, :4], q[:, :4])
     fit = _fit_corners(context, q, held_count=1)
     model = _MODEL_ERROR_PX**2 + _pixel_error_px(fit.shape) ** 2
@@ -101,10 +102,10 @@ def refine_corners(image: Levels, shape: Shape, start: Array, axes: Array, windo
 
 
 def _pixel_error_px(shape: Array) -> Array:
-    """Errors (n,) of corners of parameters (n, 6) by the squares of pixels, which the model takes for Gaussian.
+    """Errors, (n,) [px], of corners with parameters, (n, 6), because the model assumes Gaussian pixels, not squares.
 
-    Such an error repeats with each pixel: it falls with the point spread like the first harmonic of a sampled Gaussian.
-    Along a line that crosses rows or columns its signs alternate.
+    The error is periodic in pixels: it decreases with the point spread like the first harmonic of a sampled Gaussian.
+    Along a line that crosses rows or columns, its signs alternate.
     """
     spread = np.exp(np.minimum(shape[:, 4], np.log(_MOST_SPREAD_PX)))
     blur = np.maximum(spread**2 - _SQUARE_VARIANCE, 0.0)
@@ -115,7 +116,7 @@ def _pixel_error_px(shape: Array) -> Array:
 
 
 def _lens(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Array:
-    """Point spread and sharpening as most of some corners show them; one alone hardly determines them apart."""
+    """Median log spread and sharpening of some corners, (2,); a single corner hardly separates the two."""
     some = slice(None, None, max(1, len(start) // _SPREAD_CORNERS))
     start, axes = start[some], axes[some]
     rough = _fit_corners(
@@ -129,7 +130,7 @@ def _lens(image: Levels, shape: Shape, start: Array, axes: Array, window: Window
     variance = free.covariance[:, 5, 5]
     doubt = _MEDIAN_SIGMAS * np.sqrt(np.median(variance) / len(share))
     if abs(np.median(share)) < min(_CERTAIN_SIGMAS * doubt, _SLIGHT_SHARPENING):
-        # Without sharpening, which halves the work; the spread as it then is.
+        # Without sharpening, which halves the work: condition the spread on zero sharpening.
         spread, share = spread - free.covariance[:, 4, 5] / variance * share, np.zeros(len(share))
     return np.asarray(np.median(np.column_stack([spread, share]), axis=0).clip(*_SPREAD_LIMITS))
 
@@ -143,7 +144,7 @@ def _parameters(start: Array, axes: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Context:
-    """The context that all rounds of refining share; see `refine_corners`."""
+    """Arguments that all rounds of refinement share; see `refine_corners`."""
 
     image: Levels
     shape: Shape
@@ -152,7 +153,7 @@ class _Context:
 
 
 def _fit_corners(context: _Context, q: Array, held_count: int, tolerance: float = CONVERGED_SIGMAS) -> Fit:
-    """A fit whose covariance is in pixels, with the noise that the residuals show; a rough one by a part of them."""
+    """Fit corners, with covariance from the noise of the residuals; a rough fit uses a fifth of the pixels."""
     middle = np.rint(q[:, :2])
     used = _pixels(context, q, middle, _THINNING if tolerance == _ROUGH_SHARE else 1)
     fit = fit_shapes(
@@ -173,7 +174,7 @@ def _fit_corners(context: _Context, q: Array, held_count: int, tolerance: float 
 
 
 def _pixels(context: _Context, q: Array, middle: Array, thinning: int) -> Patches:
-    """Pixels in the crosses of corners, counted from `middle`; one of so many where enough are left."""
+    """Pixels in the crosses of corners, relative to `middle`; thinned if enough remain."""
     patches = cut_patches(context.image, middle, int(np.ceil(_DIAGONAL_FACTOR * context.window.arm_px)), thinning)
     weights = patches.weights * _cross_mask(context, q, q[:, :2] - middle, patches.xy)
     used = pack_patches(patches, weights)
@@ -182,7 +183,7 @@ def _pixels(context: _Context, q: Array, middle: Array, thinning: int) -> Patche
 
 
 def _cross_mask(context: _Context, q: Array, places: Array, xy: Array) -> BoolArray:
-    """Which places, (n, p, 2), lie in the crosses of corners that stand at, (n, 2)."""
+    """Mask of positions, `xy`, (n, p, 2), in the crosses of corners at `places`, (n, 2)."""
     offset = xy - places[:, None]
     to_pitches = np.linalg.inv(context.axes)[:, None]
     pitches = [offset[..., 0] * to_pitches[..., 0, k] + offset[..., 1] * to_pitches[..., 1, k] for k in range(2)]
@@ -203,9 +204,9 @@ def _cross_mask(context: _Context, q: Array, places: Array, xy: Array) -> BoolAr
 
 
 def cut_patches(image: Levels, middle: Array, reach: int, thinning: int = 1) -> Patches:
-    """Square pieces around whole pixels, (n, 2), counted from them; pixels outside the image weigh nothing.
+    """Cut square patches around whole pixels, (n, 2), as origin; pixels outside the image have weight 0.
 
-    Of a thinned piece only one pixel of so many is there, in each row two columns further than in the one before.
+    A thinned patch keeps one of `thinning` pixels; the pattern shifts by two columns in each row.
     """
     height, width = image.shape
     steps = np.arange(-reach, reach + 1)

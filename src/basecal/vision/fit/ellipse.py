@@ -1,4 +1,4 @@
-"""A disc's image under a Gaussian point spread, as a function of place."""
+"""The image of a disc under a Gaussian point spread, as a function of position."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from scipy.special import ndtr
 
 from basecal.geometry import Array
 
-_MOST_LOG = 4.0  # of a width in pixels: 55 px is beyond every window, and no exponential overflows on the way
-_LEAST_DIVISOR = 1e-9  # [px, or 1] below which a quotient takes its limit: rounding of it is 1e-16 / 1e-9
+_MOST_LOG = 4.0  # of a width in pixels: 55 px exceeds every window, and no exponential overflows
+_LEAST_DIVISOR = 1e-9  # [px, or 1] below which a quotient is replaced by its limit: its rounding is 1e-16 / 1e-9
 _DIFFERENCE_STEP = 1e-5  # of a logarithm: curvature and rounding leave ten digits of a derivative
 
 
 class Ellipse:
-    """A disc's image: 1 inside, 0 outside; see `Shape`.
+    """The image of a disc: 1 inside, 0 outside; see `Shape`.
 
-    It has six parameters, (n, 6). The first two are the centre x, y [px]. The next three are a, b, c of the symmetric
-    matrix exp(a, b; b, c) that takes the unit circle to the outline [px]. The last is the logarithm of the point
-    spread's sigma.
+    An ellipse has six parameters, (n, 6). The first two are the centre x, y [px]. The next three are a, b, c of the
+    symmetric matrix exp(a, b; b, c) that maps the unit circle to the outline [px]. The last is the logarithm of the
+    point spread's sigma.
     """
 
     def __call__(self, q: Array, xy: Array) -> Array:
@@ -29,7 +29,7 @@ class Ellipse:
     def linearise_shape(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
         """See `Shape`."""
         at = _ellipse_terms(q, xy)
-        # Of z = s r (1 - r) / |o| with r^2 = offset . o and o = G offset, what a change of r^2 and one of |o|^2 make.
+        # Derivatives of z = s r (1 - r) / |o| to r^2 and |o|^2, with r^2 = offset . o and o = G offset.
         by_square = at.sharpness * (1 - 2 * at.radius) / (2 * at.radius * at.size)
         by_size = -0.5 * at.z / at.size**2
         u, v = at.offset
@@ -38,7 +38,7 @@ class Ellipse:
         rows = [by_square * -2 * du - 2 * by_size * (du * g11 + dv * g12)]
         rows.append(by_square * -2 * dv - 2 * by_size * (du * g12 + dv * g22))
         uu, uv, vv = u * u, 2 * u * v, v * v
-        # How G's entries change with a, b and c, by differences, which of so few numbers are soon made.
+        # Derivatives of G's entries with respect to a, b and c, by finite differences.
         for step in _DIFFERENCE_STEP * np.eye(3):
             less, more = (_symmetric_exp(*(-(q[:, 2:5] + side * step)).T) for side in (-1, 1))
             h11, h12, h22 = _entries((more @ more - less @ less) / (2 * _DIFFERENCE_STEP))
@@ -50,15 +50,15 @@ class Ellipse:
 
 
 class _Seen(NamedTuple):
-    """Places about ellipses, (n, p) each.
+    """Terms at positions near ellipses, (n, p) each.
 
     Attributes:
-        z: How far inside the outline, in sigmas of the point spread, to first order.
-        radius: Of the place once the outline is the unit circle, r.
+        z: Distance inside the outline in sigmas of the point spread, to first order.
+        radius: Radius r after the map of the outline to the unit circle.
         size: Length of `outward`.
-        offset: From the centre, u and v.
-        outward: The gradient of r^2 / 2, G offset.
-        metric: G's entries 11, 12 and 22, (n, 1).
+        offset: Offset from the centre, u and v.
+        outward: Gradient of r^2 / 2, G offset.
+        metric: Entries 11, 12 and 22 of G, (n, 1).
         sharpness: 1 / sigma of the point spread, (n, 1).
     """
 
@@ -83,7 +83,7 @@ def _ellipse_terms(q: Array, xy: Array) -> _Seen:
 
 
 def _entries(matrix: Array) -> tuple[Array, Array, Array]:
-    """11, 12 and 22, (n, 1) each."""
+    """Entries 11, 12 and 22 of symmetric matrices, (n, 1) each."""
     return matrix[:, 0, :1], matrix[:, 0, 1:], matrix[:, 1, 1:]
 
 
@@ -91,7 +91,7 @@ ellipse = Ellipse()
 
 
 def _symmetric_exp(a: Array, b: Array, c: Array) -> Array:
-    """The exponential of (a, b; b, c), (n, 2, 2)."""
+    """Exponential of the symmetric matrix (a, b; b, c), (n, 2, 2)."""
     a, b, c = (np.clip(each, -2 * _MOST_LOG, 2 * _MOST_LOG) for each in (a, b, c))
     mean, half = (a + c) / 2, (a - c) / 2
     radius = np.hypot(half, b)

@@ -1,4 +1,4 @@
-"""How a plane lies in an image around each of some points, from other points known in both."""
+"""Local maps from a plane to an image around given points, from points known in both."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import numpy as np
 
 from basecal.geometry import Array
 
-_REACH_PITCHES = 1.3  # pitches: eight neighbours on every side of a disc count, and hardly any more
-_FAR_WEIGHT = 1e-4  # weight of points far away: keeps a map defined where too few are near
-_RIDGE = 1e-9  # in squared pitches of one point: only points in a line need it
-_CUBIC_RIDGE = 1e-6  # likewise: a grid of two rows has no second derivative across them
+_REACH_PITCHES = 1.3  # pitches: the weight hardly extends beyond the eight neighbours of a disc
+_FAR_WEIGHT = 1e-4  # weight of distant points: determines a map with too few close points
+_RIDGE = 1e-9  # in squared pitches of one point: only collinear points need it
+_CUBIC_RIDGE = 1e-6  # in squared pitches of one point: a grid of two rows has no second derivative across them
 
 
 def local_axes(place: Array, plane: Array, pixels: Array, pitch: float) -> Array:
-    """Images of a pitch along x and along y of the plane, near places of the plane.
+    """Images of a pitch along x and along y of a plane, at given points of the plane.
 
     Args:
-        place: Where, (n, 2) [m].
-        plane: Known points, (m, 2) [m], three or more and not in a line.
-        pixels: The same in the image, (m, 2) [px].
-        pitch: Length [m], also how far points count: with exp(-(distance / pitch)^2 / 2).
+        place: Points of the plane, (n, 2) [m].
+        plane: Known points, (m, 2) [m], three or more and not collinear.
+        pixels: Images of the known points, (m, 2) [px].
+        pitch: Length [m], also the scale of the weight exp(-(distance / pitch)^2 / 2) of known points.
 
     Returns:
         (n, 2, 2) [px], a row for each axis.
@@ -33,16 +33,16 @@ def local_axes(place: Array, plane: Array, pixels: Array, pitch: float) -> Array
 
 
 def local_homographies(plane: Array, pixels: Array, pitch: float) -> tuple[Array, Array]:
-    """How the plane lies in perspective around each of its points, and how it is bent beyond that.
+    """Local homographies of a plane around each of its points, and the second derivatives of their residuals.
 
     Args:
-        plane: Points, (n, 2) [m], four or more and no three in a line.
-        pixels: The same in the image, (n, 2) [px].
-        pitch: Length [m]; points count with exp(-(distance / pitch / 1.3)^2 / 2).
+        plane: Points, (n, 2) [m], four or more and no three collinear.
+        pixels: Images of the points, (n, 2) [px].
+        pitch: Length [m]; points have weights exp(-(distance / pitch / 1.3)^2 / 2).
 
     Returns:
-        From pitches away from the point to pixels, (n, 3, 3), the last element 1.
-        Second derivatives xx, xy, yy of what perspective leaves over, (n, 3, 2) [px per pitch^2].
+        Homographies from offsets in pitches to pixels, (n, 3, 3), the last element 1.
+        Second derivatives xx, xy, yy of the residuals, (n, 3, 2) [px per pitch^2].
 
     Source: Hartley & Zisserman 2004, section 4.1.
     """
@@ -75,10 +75,10 @@ def _second_derivatives(offset: Array, weight: Array, values: Array) -> Array:
 
 
 def grid_axes(grid: Array) -> Array:
-    """Images of a step along columns and along rows, at each point of a grid.
+    """Steps in the image to the next column and to the next row, at each point of a grid.
 
     Args:
-        grid: (rows, columns, 2) [px], two or more of each.
+        grid: (rows, columns, 2) [px], at least two rows and two columns.
 
     Returns:
         (rows * columns, 2, 2) [px], a row for each axis.
@@ -88,7 +88,7 @@ def grid_axes(grid: Array) -> Array:
 
 
 def orient_grid(grid: Array) -> Array:
-    """A grid in the image with its rows in the order in which a print is seen from its front, (rows, columns, 2)."""
+    """Order the rows of a grid in the image as for a print viewed from its front, (rows, columns, 2)."""
     along, down = np.moveaxis(grid_axes(grid), 1, 0)
     turn = along[:, 0] * down[:, 1] - along[:, 1] * down[:, 0]
     return grid if np.median(turn) > 0 else grid[::-1]

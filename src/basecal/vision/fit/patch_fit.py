@@ -1,7 +1,7 @@
-"""Least squares of a shape to many small pieces of an image at once.
+"""Least-squares fit of a shape to many image patches as a batch.
 
-A piece is `gain * shape(q, xy) + offset (+ slope. xy)`. The shape's own parameters q are sought. Gain, offset and slope
-belong to the illumination, and are solved for along the way. Each piece is a problem of its own.
+The model of a patch is `gain * shape(q, xy) + offset (+ slope. xy)`. The parameters q of the shape are estimated. Gain,
+offset and slope describe the illumination and are eliminated. Each patch is an independent problem.
 Source: Golub & Pereyra 1973 (variable projection), in Kaufman's form.
 """
 
@@ -15,31 +15,31 @@ import numpy as np
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 
-_FIT_ROUNDS = 30  # half of the pieces need five, one in thirty more than these
-_RIDGE = 1e-9  # of the diagonal: what one grey level of noise leaves undetermined stays finite
+_FIT_ROUNDS = 30  # half of the patches need five, one in thirty more than 30
+_RIDGE = 1e-9  # of the diagonal: keeps undetermined parameters finite
 
 CONVERGED_SIGMAS = 1e-3
-"""Of the residuals' norm: a step that gains less than a millionth of the cost is the last."""
+"""Convergence tolerance relative to the residuals' norm: a step that gains less than 1e-6 of the cost is the last."""
 
 
 class Shape(Protocol):
-    """Values as a function of place, by parameters, each of which should count in pixels, radians or a logarithm."""
+    """A function of position and parameters, each parameter in pixels, radians or as a logarithm."""
 
     def __call__(self, q: Array, xy: Array) -> Array:
-        """Values, (n, p), by parameters, (n, k), at places, (n, p, 2) [px]."""
+        """Values, (n, p), for parameters, (n, k), at positions, (n, p, 2) [px]."""
 
     def linearise_shape(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
-        """Values, (n, p), and their derivatives to the first `free` parameters, (n, free, p)."""
+        """Values, (n, p), and their derivatives with respect to the first `free` parameters, (n, free, p)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Pieces of an image.
+    """Image patches.
 
     Attributes:
-        xy: Places of pixels, (n, p, 2) [px] from wherever the piece's shape counts.
+        xy: Positions of pixels, (n, p, 2) [px], relative to the origin of the patch's shape.
         values: Grey levels, (n, p).
-        weights: 1 / variance up to a common factor, (n, p); 0 leaves a pixel out.
+        weights: 1 / variance up to a common factor, (n, p); 0 excludes a pixel.
     """
 
     xy: Array
@@ -52,14 +52,14 @@ class Patches:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Shapes fitted to pieces.
+    """Shapes fitted to patches.
 
     Attributes:
         shape: Parameters of the shapes, (n, k).
         light: Gain and offset, and slopes if requested, (n, 2) or (n, 4).
-        covariance: Of what is free in `shape`, if 1 / weight is the variance of a pixel, (n, k, k).
-        residuals: Levels beyond the fit, (n, p).
-        converged: (n,).
+        covariance: Covariance of the free parameters, if 1 / weight is the variance of a pixel, (n, free, free).
+        residuals: Levels minus the fit, (n, p).
+        converged: Whether each fit converged, (n,).
     """
 
     shape: Array
@@ -70,7 +70,7 @@ class Fit:
 
 
 def pack_patches(patches: Patches, weights: Array) -> Patches:
-    """The pixels that weigh anything, in as many columns as the piece with most of them has, with those weights."""
+    """Pack the pixels with positive weights into as few columns as the patch with the most such pixels needs."""
     most = max(int((weights > 0).sum(axis=1).max(initial=0)), 1)
     kept = np.argsort(weights == 0, axis=1, kind="stable")[:, :most]
     rows = np.arange(len(kept))[:, None]
@@ -85,15 +85,15 @@ def fit_shapes(
     held_count: int = 0,
     tolerance: float = CONVERGED_SIGMAS,
 ) -> Fit:
-    """The shapes nearest to pieces of an image.
+    """Fit shapes to image patches by least squares.
 
     Args:
         shape: The model.
-        start: Its parameters to begin with, (n, k).
-        patches: The pieces.
-        has_slope: Whether the light may change linearly across a piece.
-        held_count: How many of the last parameters stay as they are.
-        tolerance: What may be left to go, of the residuals' norm.
+        start: Initial parameters, (n, k).
+        patches: The patches.
+        has_slope: Whether the illumination may vary linearly across a patch.
+        held_count: Number of last parameters that are fixed.
+        tolerance: Convergence tolerance relative to the residuals' norm.
     """
     pieces = _Pieces(shape, patches, has_slope, start.shape[1] - held_count)
     optima = levenberg_marquardt(pieces, start, Stop(_FIT_ROUNDS, sigmas=tolerance))
@@ -103,7 +103,7 @@ def fit_shapes(
 
 
 class _Lit(NamedTuple):
-    """Pieces in their best light: of the light its rows (n, 2 or 4, p) and itself, and the residuals (n, p)."""
+    """Patches with fitted illumination: its basis (n, 2 or 4, p), its coefficients (n, 2 or 4), residuals (n, p)."""
 
     basis: Array
     light: Array
@@ -112,7 +112,7 @@ class _Lit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """Pieces and the first `free` parameters of their shapes, as Levenberg-Marquardt knows them; see `System`."""
+    """Patches and the first `free` parameters of their shapes, as a `System` for Levenberg-Marquardt."""
 
     shape: Shape
     patches: Patches
@@ -120,7 +120,7 @@ class _Pieces:
     free: int
 
     def linearise(self, q: Array) -> Quadratic:
-        """See `System`; the light is eliminated."""
+        """See `System`; the illumination is eliminated."""
         free, weights = self.free, self.patches.weights
         values, derivatives = self.shape.linearise_shape(q, self.patches.xy, free)
         lit = self.fit_light(values)
@@ -141,7 +141,7 @@ class _Pieces:
         return _Pieces(self.shape, self.patches[rows], self.sloped, self.free)
 
     def fit_light(self, values: Array) -> _Lit:
-        """The pieces about values of their shapes, (n, p), in the light that suits them best."""
+        """Fit the illumination for given values of the shapes, (n, p)."""
         patches = self.patches
         slopes = [patches.xy[..., 0], patches.xy[..., 1]] if self.sloped else []
         basis = np.stack([values, np.ones_like(values), *slopes], axis=1)
@@ -151,12 +151,12 @@ class _Pieces:
 
 
 def _solve_systems(matrix: Array, right: Array) -> Array:
-    """Solutions of positive semidefinite systems, (n, k, m), barely regularised in their own units."""
+    """Solve positive semidefinite systems, (n, k, m), with a slight regularisation in the units of each."""
     return np.asarray(np.linalg.solve(_add_ridge(matrix), right))
 
 
 def _add_ridge(matrix: Array) -> Array:
-    """Matrices with their diagonals raised by a trace alone."""
+    """Matrices with slightly increased diagonals."""
     diagonal = np.diagonal(matrix, axis1=1, axis2=2)
     raised = _RIDGE * diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300
     return np.asarray(matrix + raised[..., None] * np.eye(matrix.shape[1]))

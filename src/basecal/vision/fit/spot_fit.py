@@ -1,7 +1,7 @@
-"""A Gaussian spot fitted to a piece of an image, weighed by the noise the piece shows.
+"""Fit of a Gaussian spot to an image patch, weighted by the noise in the patch.
 
-Photons are counted, so that the variance of a pixel is linear in its level; both terms are estimated from what the
-fit leaves over. The spot is summed over each pixel's square, which is a product of one factor along x and one along y.
+By shot noise the variance of a pixel is linear in its level; both coefficients are estimated from the residuals. The
+spot is integrated over each pixel's square, which gives a product of a factor along x and one along y.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 
 _ROUNDING_VARIANCE = 1 / 12
-_ROUGH_ROUNDS = 12  # twice what starts a pixel off need
-_NEAR_SIGMAS = 1.0  # what may be left to the weighted rounds, which end within 1e-6 px from there
+_ROUGH_ROUNDS = 12  # twice the number for an initial error of one pixel
+_NEAR_SIGMAS = 1.0  # tolerance of the unweighted fit; the weighted rounds then converge to 1e-6 px
 _WEIGHTED_ROUNDS = 3
-_MOST_LOG_WIDTH = 5.0  # of a width in pixels, either way: beyond, the piece shows no spot
+_MOST_LOG_WIDTH = 5.0  # largest absolute log width in pixels: beyond, the patch has no spot
 _DENSITY = 1 / math.sqrt(2 * math.pi)
 _UNIT_ROWS = np.eye(6)
 
 
 class Spot(NamedTuple):
-    """A spot: x, y [px] in the piece, sigma of its place per coordinate [px], widths along x and y [px], brightness."""
+    """A spot: x, y [px] in the patch, sigma of the position per coordinate [px], widths in x, y [px], brightness."""
 
     x: float
     y: float
@@ -38,7 +38,7 @@ class Spot(NamedTuple):
 
 
 class _At(NamedTuple):
-    """The spot's own level and the residuals, (p,), and the Jacobian (6, p), at parameters."""
+    """Levels of the spot without background, (p,), residuals, (p,), and the Jacobian, (6, p), at parameters."""
 
     level: Array
     residuals: Array
@@ -46,12 +46,12 @@ class _At(NamedTuple):
 
 
 def fit_spot(levels: Array, mask: BoolArray, start: tuple[float, float, float]) -> Spot | None:
-    """The spot in a piece of an image; None if none can be fitted.
+    """Fit a spot to an image patch; None if the fit fails.
 
     Args:
-        levels: (h, w).
-        mask: Which pixels count, (h, w).
-        start: x, y and width [px], roughly.
+        levels: Grey levels, (h, w).
+        mask: Pixels to use, (h, w).
+        start: Initial x, y and width [px].
     """
     x, y, width = start
     offset = float(np.median(levels))
@@ -80,9 +80,10 @@ def fit_spot(levels: Array, mask: BoolArray, start: tuple[float, float, float]) 
 
 
 def _variance_factor(fit: _At, weights: Array) -> float:
-    """How much wider than a normal distribution's the place's variance is, since a few pixels give their own noise.
+    """Factor of the position's variance, since the noise is estimated from few pixels.
 
-    As of Student's distribution, with as many degrees of freedom as pixels that hold the place.
+    The factor is that of Student's t distribution, with the effective number of pixels that determine the position as
+    degrees of freedom.
     """
     held = weights * (fit.jacobian[0] ** 2 + fit.jacobian[1] ** 2)
     freedom = max(float(held.sum() ** 2 / (held @ held)), 4.0)
@@ -90,14 +91,14 @@ def _variance_factor(fit: _At, weights: Array) -> float:
 
 
 def _inverse(matrix: Array) -> Array | None:
-    """The inverse of a symmetric positive matrix; None of any other. LAPACK itself: NumPy's checks take longer."""
+    """Inverse of a symmetric positive definite matrix; None for others. Calls LAPACK directly, as NumPy is slower."""
     _, inverse, failed = dposv(matrix, _UNIT_ROWS)
     return None if failed else np.asarray(inverse)
 
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A piece whose usable pixels weigh the same, a batch of one, as Levenberg-Marquardt knows it; see `System`."""
+    """A patch with fixed weights, as a `System` with a batch of one for Levenberg-Marquardt."""
 
     levels: Array
     weights: Array
@@ -136,7 +137,7 @@ def _linearise_spot(q: Array, levels: Array) -> _At:
 
 
 def _shares(centre: float, log_width: float, count: int) -> tuple[Array, Array, Array]:
-    """Shares of a spot in each of `count` pixels along one axis, and their derivatives to centre and log width."""
+    """Shares of a spot in `count` pixels along an axis, with derivatives with respect to centre and log width."""
     inverse = math.exp(-min(max(log_width, -_MOST_LOG_WIDTH), _MOST_LOG_WIDTH))
     borders = (np.arange(count + 1) - (0.5 + centre)) * inverse
     share = ndtr(borders)
@@ -146,9 +147,9 @@ def _shares(centre: float, log_width: float, count: int) -> tuple[Array, Array, 
 
 
 def _variance(fit: _At, weights: Array, covariance: Array) -> Array:
-    """Variance of each pixel, (p,), linear in the spot's level: maximum likelihood by Fisher's scoring.
+    """Variance of each pixel, (p,), linear in the spot's level: maximum likelihood by Fisher scoring.
 
-    Squared residuals are raised by what the fit follows of its own pixels.
+    Squared residuals are corrected by the leverage of their pixels.
     """
     leverage = weights * ((covariance @ fit.jacobian) * fit.jacobian).sum(axis=0)
     level, count = np.maximum(fit.level, 0.0), weights > 0

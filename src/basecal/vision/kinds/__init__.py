@@ -1,1 +1,1 @@
-"""How a target of each kind is found in an image."""
+"""Detectors for each kind of target."""

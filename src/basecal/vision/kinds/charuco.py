@@ -1,4 +1,4 @@
-"""ChArUco boards: OpenCV finds the markers and rough corners, each corner is then fitted in the image."""
+"""ChArUco boards: OpenCV finds the markers and rough corners, each corner is then refined in the image."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refine_corners
 from basecal.vision.fit.local_map import local_axes
 from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best_result, charuco_board, marker_corners
 
-_ARM_SQUARES = 0.7  # squares: the next corner and its blur stay outside
-_ENOUGH_SHARE = 0.7  # of the corners: a board with fewer may be blurred, dark or small, and is searched in other ways
+_ARM_SQUARES = 0.7  # squares, which excludes the next corner and its blur
+_ENOUGH_SHARE = 0.7  # of the corners: with fewer the board may be blurred, dark or small, and other ways are tried
 
 
 def detect(image: Image, target: Target) -> Detection | None:
-    """The corners of a ChArUco board, by OpenCV's ids, or None.
+    """Detect the corners of a ChArUco board, with OpenCV's ids; None if there are none.
 
     Args:
         image: (h, w), uint8 or uint16.
@@ -40,7 +40,7 @@ def detect(image: Image, target: Target) -> Detection | None:
     if rough is None:
         return None
     at, printed = target.points[rough.ids, :2], marker_corners(target)
-    own = rough.marker_ids < len(printed)  # OpenCV also lists markers of the dictionary that the board has not
+    own = rough.marker_ids < len(printed)  # OpenCV also lists markers of the dictionary that the board does not have
     by_marker, markers = printed[rough.marker_ids[own]].reshape(-1, 2), rough.markers.reshape(-1, 4, 2)[own]
     plane, pixels = np.concatenate([at, by_marker]), np.concatenate([rough.corners, markers.reshape(-1, 2)])
     pitch = float(target.options["square_m"])
@@ -53,7 +53,7 @@ def detect(image: Image, target: Target) -> Detection | None:
 
 @dataclass(frozen=True, eq=False)
 class _Rough:
-    """Corners by their ids, (n,) and (n, 2) [px]; corners of markers by their ids, (m,) and (4 m, 2) [px]."""
+    """Ids, (n,), and corners, (n, 2) [px]; ids of markers, (m,), and their corners, (4 m, 2) [px]."""
 
     ids: IntArray
     corners: Array

@@ -1,4 +1,4 @@
-"""How many squares a ChArUco board has, by where its markers stand: their numbers count row by row."""
+"""The number of squares of a ChArUco board, from the positions of its markers, whose numbers count row by row."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.geometry import Array
 from basecal.vision.kinds.ways import MARKER_SETS, Grey, detect_markers, dictionary, marker_corners
 
-_FEWEST_MARKERS = 6  # markers that tell a board from another: a plane's image has four points to itself
+_FEWEST_MARKERS = 6  # markers that distinguish boards: any four points are consistent with a homography
 _MOST_COLUMNS = 40
 _BOARD_TRIES = 3  # boards to try
-_NEAR_SHARE = 0.2  # of the distance to the next marker: a wide lens bends a board by less
+_NEAR_SHARE = 0.2  # of the distance to the next marker: distortion of a wide lens is less
 
-Seen = Mapping[int, Array]  # where the middles of markers are, (2,) [px], by number
+Seen = Mapping[int, Array]  # centres of markers, (2,) [px], by number
 
 
 def likely_boards(images: Sequence[Grey], target: Target) -> Iterator[Target]:
-    """Boards whose markers stand as they are seen, in the order of how well they do, as small as all numbers allow.
+    """Boards whose markers fit the images, best first; each is the smallest that has all the numbers seen.
 
     Args:
-        images: Those in which it is not found.
-        target: As stated; its sizes are kept.
+        images: Images in which the board is not found.
+        target: The stated board, whose lengths are kept.
     """
     names = next((names for names in MARKER_SETS if target.options["dictionary"] in names), ())
     if not names:
@@ -56,7 +56,7 @@ def _boards(target: Target, name: str, highest: int) -> Iterator[Target]:
 
 
 def _layout_error(board: Target, markers: Seen) -> float:
-    """Rms of how far markers are from where a board has them, seen in perspective [distances to the next marker]."""
+    """Rms residual of markers after a homography from a board, in units of the smallest distance between markers."""
     numbers = sorted(markers)
     plane = marker_corners(board)[numbers].mean(1) / board.options["square_m"]
     pixels = np.array([markers[number] for number in numbers])

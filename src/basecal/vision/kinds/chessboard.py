@@ -1,8 +1,8 @@
-"""Chessboards: OpenCV finds the grid, each corner is then fitted in the image.
+"""Chessboards: OpenCV finds the grid, each corner is then refined in the image.
 
-A board looks the same after half a turn if its numbers of inner corners are both even or both odd. If they are equal,
-it looks the same after a quarter turn. Ids may then count from either end, which only all views of a recording together
-determine. Otherwise ids count from the corner whose outer square is black.
+A board looks the same after half a turn if its numbers of inner corners are both even or both odd. If the numbers are
+equal, the board looks the same after a quarter turn. Ids may then count from either end, which only all views of a
+recording together determine. Otherwise ids count from the corner whose outer square is black.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from basecal.vision.fit.corners import BOARD_ARM_PX, Corners, Window, refine_cor
 from basecal.vision.fit.local_map import grid_axes, orient_grid
 from basecal.vision.kinds.ways import Way
 
-_FEWEST_CORNERS = 3  # corners each way: OpenCV looks for no smaller board
-# Quickest first, with OpenCV's flags. Normalised, images of even light lose boards that uneven ones need it for; a
-# quarter of the pixels is searched in a quarter of the time; where that leaves a corner out, all pixels are.
+_FEWEST_CORNERS = 3  # corners per side of the smallest board that OpenCV searches
+# Fastest first, with OpenCV's flags. Normalisation helps with uneven light, but loses boards in even light. Half scale
+# takes a quarter of the time; if it misses a corner, the full scale is searched.
 _WAYS = (
     (Way(0.5), 0),
     (Way(0.5), cv2.CALIB_CB_NORMALIZE_IMAGE),
@@ -33,21 +33,21 @@ _WAYS = (
     (Way(2.0, stretched=True), 0),
 )
 _LEAST_SHARE = 0.5  # of the corners
-_ARM_SQUARES = 0.7  # squares: the next corner and its blur stay outside
+_ARM_SQUARES = 0.7  # squares, which excludes the next corner and its blur
 _CORNER_WINDOW = Window(
     arm_px=BOARD_ARM_PX, arm=_ARM_SQUARES, inside=_ARM_SQUARES, outside=_ARM_SQUARES, before=_ARM_SQUARES
 )
 
 
 def detect(image: Image, target: Target) -> Detection | None:
-    """The inner corners of a chessboard, row-major, or None; the board must be seen whole.
+    """Detect the inner corners of a chessboard, row-major; None if the board is not entirely visible.
 
     Args:
         image: (h, w), uint8 or uint16.
         target: The board.
 
     Raises:
-        InputError: if the image is not grey of 8 or 16 bits, or the board too small to be found.
+        InputError: if the image is not grey of 8 or 16 bits, or the board has too few corners.
     """
     columns, rows = target.options["corners"]
     if min(columns, rows) < _FEWEST_CORNERS:
@@ -62,11 +62,11 @@ def detect(image: Image, target: Target) -> Detection | None:
             fitted = once
         if way.scale >= 1 or fitted.trusted.all():
             break
-    # Marks within the squares, as of a ChArUco board, leave few corners that look as they must.
+    # On a board with marks in its squares, such as a ChArUco board, few corners can be trusted.
     if fitted is None or fitted.trusted.sum() < _LEAST_SHARE * len(target.ids):
         return None
     row, column = np.indices((rows, columns))
-    # Gains as the first corner has them: positive where its outer square is bright.
+    # Gains with the sign of the first corner: positive if its outer square is bright.
     outward = fitted.gain.reshape(rows, columns) * (-1.0) ** (row + column)
     turned = (columns + rows) % 2 and np.median(outward) > 0
     ids, kept = target.ids[::-1] if turned else target.ids, fitted.trusted
@@ -74,7 +74,7 @@ def detect(image: Image, target: Target) -> Detection | None:
 
 
 def _grids(image: NDArray[np.uint8], size: tuple[int, int]) -> Iterator[tuple[Way, Array]]:
-    """OpenCV's corners, (n, 2) [px], by each of its ways that finds all of them; of one scale, by the first."""
+    """OpenCV's corners, (n, 2) [px], from each way that finds all of them; only the first way of each scale."""
     scale = 0.0
     for way, flags in _WAYS:
         if way.scale != scale and way.suits(image):

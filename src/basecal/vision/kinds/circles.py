@@ -1,8 +1,8 @@
 """Grids of circles: OpenCV finds the grid, an ellipse is then fitted to each disc's edge.
 
-The centre of a disc is not at the centre of its ellipse in the image. The difference follows from how the grid lies in
-the image, and is subtracted. Source: Heikkila 2000, doi:10.1109/34.879788. As with a chessboard, ids may count from
-either end where half a turn leaves the grid as it is.
+The centre of a disc is not imaged at the centre of its ellipse. The difference follows from the local homography of the
+grid, and is subtracted. Source: Heikkila 2000, doi:10.1109/34.879788. As with a chessboard, ids may count from either
+end if the grid is symmetric under half a turn.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from basecal.vision.fit.local_map import local_axes, local_homographies
 from basecal.vision.fit.patch_fit import Patches, fit_shapes, pack_patches
 from basecal.vision.kinds.ways import Grey, Way, best_result
 
-_MODEL_ERROR_PX = 0.0007  # of a centre in rendered images without noise, besides what the lens bends
-_BENT_SHARE = 0.05  # of what a lens bends, as uncertain
-_LEAST_REACH_PX, _MOST_REACH_PX = 4, 40  # of a window from its disc's middle: an outline needs some, time bounds it
-_MOST_MOVED_PX = 3.0  # from OpenCV's centre: further away is not the disc
-# As most images are; dark or noisy ones; blurred; small.
+_MODEL_ERROR_PX = 0.0007  # of a centre in rendered images without noise and distortion
+_BENT_SHARE = 0.05  # uncertain share of the correction for distortion
+_LEAST_REACH_PX, _MOST_REACH_PX = 4, 40  # half side of a window: enough for an outline, bounded for run time
+_MOST_MOVED_PX = 3.0  # from OpenCV's centre, beyond which it is not the disc
+# For typical images, dark or noisy ones, blurred ones, and small targets.
 _WAYS = (Way(), Way(0.5, stretched=True), Way(stretched=True, sharpened=True), Way(2.0, stretched=True))
-_MOST_BLOBS = 10  # for each circle: from more than that OpenCV needs minutes and finds no grid
-_FEWEST_DISCS = 4  # discs: a homography needs them
-_LEAST_AREA_PX2 = 12.0  # of a disc: four pixels across, less has no outline to fit
+_MOST_BLOBS = 10  # per circle: with more OpenCV needs minutes and finds no grid
+_FEWEST_DISCS = 4  # that determine a homography
+_LEAST_AREA_PX2 = 12.0  # of a disc, four pixels wide: smaller ones have no outline to fit
 _LARGEST_SHARE = 0.05  # of the image, for a disc of a grid of at least four
-_LEAST_APART_PX = 3.0  # between middles of discs: below the least that two such discs can stand apart
+_LEAST_APART_PX = 3.0  # between centres of discs: less than the distance of any two such discs
 _LEAST_CONTRAST = 3.0  # of a disc to the paper, in sigmas of a pixel's noise
-# Of the print's contrast, what ellipses leave of the image besides noise: 0.02 of discs, 0.15 and more of squares.
+# Residual beyond noise, as a share of the print's contrast: 0.02 for discs, 0.15 and more for squares.
 _MOST_SHARED_RESIDUAL = 0.1
-_DARK_BRIGHT_PERCENT = (3, 97)  # levels of print and paper in a window, past a pixel or two that are neither
-_FEWEST_WHOLE_DISCS = 2  # of a row in the image: one dark spot may be anything
-_DISC_SHARE = 0.8  # of a row's places with a disc: one may be covered
+_DARK_BRIGHT_PERCENT = (3, 97)  # levels of print and paper in a window, excluding one or two outlying pixels
+_FEWEST_WHOLE_DISCS = 2  # of a row inside the image: a single dark spot is no evidence
+_DISC_SHARE = 0.8  # share of a row's positions with a disc: one may be covered
 
 
 def detect(image: Image, target: Target) -> Detection | None:
-    """The centres of a grid of circles, dark or bright, row-major, or None; the grid must be seen whole.
+    """Detect the centres of a grid of dark or bright circles, row-major; None if it is not entirely visible.
 
     Args:
         image: (h, w), uint8 or uint16.
@@ -60,7 +60,7 @@ def _detect_dark(image: Image, target: Target) -> Detection | None:
         return None
     plane, spacing = target.points[:, :2], float(target.options["spacing_m"])
     from_front = np.median(np.linalg.det(local_axes(plane, plane, centres, spacing))) > 0
-    if not from_front:  # a print cannot be seen from behind: its rows were found in the other order
+    if not from_front:  # a print is not visible from behind: its rows were found in reverse order
         columns, rows = target.options["circles"]
         centres = centres.reshape(rows, columns, 2)[::-1].reshape(-1, 2)
     outlines = _fit_outlines(image, target, centres)
@@ -73,17 +73,17 @@ def _detect_dark(image: Image, target: Target) -> Detection | None:
 
 
 def is_seen(image: Grey, target: Target) -> bool:
-    """Whether the grid is in an image of the usual light and size, (h, w)."""
+    """Whether OpenCV finds the grid in an image, (h, w), without changes of scale or levels."""
     return any(len(_centres(target, levels, Way())) > 0 for levels in (image, eight_bit(_invert(image))))
 
 
 def _invert(image: Image) -> Image:
-    """The image with dark and bright exchanged, so that bright discs are dark ones."""
+    """Invert an image, so that bright discs become dark."""
     return np.asarray(cv2.bitwise_not(image))
 
 
 def _centres(target: Target, image: Grey, way: Way) -> Array:
-    """OpenCV's centres of all circles, (n, 2) [px], or of none."""
+    """OpenCV's centres of all circles, (n, 2) [px]; empty if it does not find the grid."""
     kind = cv2.CALIB_CB_ASYMMETRIC_GRID if target.options["asymmetric"] else cv2.CALIB_CB_SYMMETRIC_GRID
     dark = cv2.SimpleBlobDetector.Params()  # discs of any size that a grid can have in the image
     dark.minArea, dark.maxArea = _LEAST_AREA_PX2, max(image.size * _LARGEST_SHARE, _LEAST_AREA_PX2)
@@ -92,7 +92,7 @@ def _centres(target: Target, image: Grey, way: Way) -> Array:
     if len(finder.detect(image)) > _MOST_BLOBS * len(target.ids):
         return way.places(())
     seen, centres = cv2.findCirclesGrid(image, tuple(target.options["circles"]), flags=kind, blobDetector=finder)
-    # OpenCV finds a part of a larger symmetric grid as well, another one in every image.
+    # OpenCV also finds a part of a larger symmetric grid, a different one in every image.
     columns, rows = target.options["circles"]
     grid = np.reshape(centres, (rows, columns, 2)) if seen else np.zeros((0, 0, 2))
     part = seen and not target.options["asymmetric"] and has_further_row(image, grid.astype(np.float64))
@@ -100,9 +100,9 @@ def _centres(target: Target, image: Grey, way: Way) -> Array:
 
 
 class _Outlines(NamedTuple):
-    """Ellipses, (n, 6) as `ellipse` takes them, the variance of their centres (n,), whether each can be trusted.
+    """Fitted ellipses, (n, 6) parameters of `ellipse`, the variance of their centres (n,), and whether to trust each.
 
-    With them what they leave of the image, over its contrast, (n,).
+    `left`, (n,), is the residual beyond noise over the contrast.
     """
 
     shape: Array
@@ -115,7 +115,7 @@ def _fit_outlines(image: Image, target: Target, start: Array) -> _Outlines:
     plane = target.points[:, :2]
     axes = local_axes(plane, plane, start, float(target.options["spacing_m"]))
     middle, used = _windows(image, start, axes, target)
-    # Rough outlines of the discs, as `ellipse` takes them, (n, 3): as the grid lies, as large as what is dark.
+    # Initial outlines as parameters of `ellipse`, (n, 3): shapes from the grid's axes, sizes from the dark areas.
     seen = np.where(used.weights > 0, used.values, np.nan)
     low, high = np.nanpercentile(seen, _DARK_BRIGHT_PERCENT, axis=1)
     dark = np.maximum((seen < ((low + high) / 2)[:, None]).sum(axis=1), 1)
@@ -136,7 +136,7 @@ def _fit_outlines(image: Image, target: Target, start: Array) -> _Outlines:
 
 
 def _shared_residual(patches: Patches, residuals: Array) -> Array:
-    """Root mean square, (n,), of the part of residuals, (n, p), that neighbours share: noise is each pixel's own."""
+    """Root mean square, (n,), of the part of residuals, (n, p), that is equal in neighbours, which noise is not."""
     weights = patches.weights > 0
     pairs = weights[:, 1:] & weights[:, :-1]
     products = np.where(pairs, residuals[:, 1:] * residuals[:, :-1], 0.0)
@@ -144,7 +144,7 @@ def _shared_residual(patches: Patches, residuals: Array) -> Array:
 
 
 def _windows(image: Image, start: Array, axes: Array, target: Target) -> tuple[Array, Patches]:
-    """Whole pixels, (n, 2), and pieces around them, up to half the way to the next disc."""
+    """Whole pixels, (n, 2), and patches around them, up to half the distance to the next disc."""
     room = 0.5 * (np.sqrt(2) if target.options["asymmetric"] else 1.0)
     reach = int(np.clip(np.ceil(room * np.linalg.norm(axes, axis=2).max()), _LEAST_REACH_PX, _MOST_REACH_PX))
     middle = np.rint(start)
@@ -155,10 +155,10 @@ def _windows(image: Image, start: Array, axes: Array, target: Target) -> tuple[A
 
 
 def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Array]:
-    """How far the centres of ellipses are from the images of the discs' centres, (n, 2) [px], in two parts.
+    """Offsets of the ellipses' centres from the images of the discs' centres, (n, 2) [px], in two parts.
 
-    The first part is that of perspective. In the axes of the grid around each disc, a circle of radius r has the dual
-    conic diag(r^2, r^2, -1). The second is due to the distortion of the grid by the lens beyond that.
+    The first part is due to perspective. In the axes of the grid around each disc, a circle of radius r has the dual
+    conic diag(r^2, r^2, -1). The second part is due to distortion by the lens.
     """
     pixels_from_plane, bend = local_homographies(plane, shape[:, :2], spacing)
     jacobian = pixels_from_plane[:, :2, :2] - pixels_from_plane[:, :2, 2:] * pixels_from_plane[:, 2:, :2]
@@ -167,7 +167,7 @@ def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Ar
     circle = np.stack([squared, squared, -np.ones_like(squared)], axis=1)[:, :, None] * np.eye(3)
     conic = pixels_from_plane @ circle @ np.swapaxes(pixels_from_plane, 1, 2)
     perspective = conic[:, :2, 2] / conic[:, 2:, 2] - pixels_from_plane[:, :2, 2]
-    # Per squared radius (3 xx + yy) / 8 of the bend along x shifts along x of the grid, xy / 4 along y; y likewise.
+    # Per squared radius, a bend along x shifts by (3 xx + yy) / 8 along x and xy / 4 along y; y with x, y exchanged.
     xx, xy, yy = np.moveaxis(bend @ np.swapaxes(np.linalg.inv(jacobian), 1, 2), 1, 0)
     x = (3 * xx[:, 0] + yy[:, 0]) / 8 + xy[:, 1] / 4
     y = (3 * yy[:, 1] + xx[:, 1]) / 8 + xy[:, 0] / 4
@@ -176,11 +176,11 @@ def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Ar
 
 
 def has_further_row(image: Grey, grid: Array) -> bool:
-    """Whether beyond a side of a grid there is another row of discs.
+    """Whether there is another row of discs beyond a side of a grid.
 
     Args:
         image: (h, w).
-        grid: Centres of discs, (rows, columns, 2) [px], two or more each way.
+        grid: Centres of discs, (rows, columns, 2) [px], at least two rows and two columns.
     """
     gaps = (grid[1:, 1:] + grid[:-1, :-1]) / 2
     middle = (np.median(_levels(image, grid)) + np.median(_levels(image, gaps))) / 2
@@ -190,7 +190,7 @@ def has_further_row(image: Grey, grid: Array) -> bool:
 
 
 def _has_discs(image: Grey, grid: Array, middle: float) -> bool:
-    """Whether a row before the first of a grid has discs, and paper between them."""
+    """Whether there are discs with paper between them in a row before the first of a grid."""
     before = 2 * grid[0] - grid[1]
     between = (before[1:] + before[:-1]) / 2
     inside = np.all((before >= 0) & (before <= np.array(image.shape[::-1]) - 1), axis=-1)
@@ -202,7 +202,7 @@ def _has_discs(image: Grey, grid: Array, middle: float) -> bool:
 
 
 def _levels(image: Grey, places: Array) -> Array:
-    """The level of the nearest pixel, places outside the image at its border."""
+    """Levels of the nearest pixels; positions outside the image are clipped to its border."""
     column, row = np.moveaxis(np.rint(places).astype(np.int64), -1, 0)
     height, width = image.shape
     return np.asarray(image[row.clip(0, height - 1), column.clip(0, width - 1)], dtype=np.float64)

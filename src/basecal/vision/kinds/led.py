@@ -1,4 +1,4 @@
-"""Lights: bright spots, each with a Gaussian fitted in the image; with an image of the light off, in the difference."""
+"""LEDs: bright spots, each with a fitted Gaussian; with an image of the LED off, spots in the difference."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from basecal.numerics.robust_step import NORMAL_MAD
 from basecal.vision.detection import Detection, Image, check_image, full_scale
 from basecal.vision.fit.spot_fit import Spot, fit_spot
 
-_MOST_CANDIDATES = 8  # candidates: what the choice among them by all views takes
-_LEAST_HEIGHT_SHARE = 0.25  # of the brightest spot's height, that another must reach to be taken for the light as well
-_NOISE_SIGMAS = 6.0  # sigmas above the middle: normal noise passes it once in 1e9 pixels
-_LEAST_STEP = 0.5  # levels above the middle, where an image has no noise at all
-_NOISE_STRIDE = 6  # pixels of the image at half its size between those that tell its middle and noise
+_MOST_CANDIDATES = 8  # largest number for the choice among candidates by all views
+_LEAST_HEIGHT_SHARE = 0.25  # of the brightest spot's height, which another candidate must reach
+_NOISE_SIGMAS = 6.0  # sigmas above the median: normal noise exceeds it once in 1e9 pixels
+_LEAST_STEP = 0.5  # levels above the median, if an image has no noise
+_NOISE_STRIDE = 6  # rows and columns of the half-size image between the pixels that give median and noise
 _LARGEST_PX = 48  # of a spot: larger bright areas are windows and walls
-_LEAST_WIDTH_PX, _MOST_WIDTH_PX = 0.2, 16.0  # sigma of a spot: narrower is a hot pixel, wider a third of the largest
-_MOST_SIGMA_PX = 1.0  # of its place: beyond, it is no measurement
-_LEAST_DISTANCE_PX = 1.0  # between two spots: nearer they are one, found twice
-# A Gaussian is 3.3 sigmas wide at a quarter of its height; five on either side hold all of it and some round it.
+_LEAST_WIDTH_PX, _MOST_WIDTH_PX = 0.2, 16.0  # sigma of a spot: from a hot pixel to a third of the largest spot
+_MOST_SIGMA_PX = 1.0  # of a position, above which the spot is rejected
+_LEAST_DISTANCE_PX = 1.0  # between two spots, below which they are the same
+# A Gaussian is 3.3 sigmas wide at a quarter of its height; five sigmas to both sides contain it with a margin.
 _EXTENT_SIGMAS = 3.3
 _REACH_EXTENTS, _REACH_MORE_PX = 1.4, 3
-_FIRST_WIDTH_PX = 0.6  # a pixel's square seen as a Gaussian has half of it
+_FIRST_WIDTH_PX = 0.6  # smallest initial sigma: twice that of a pixel's square
 
 
 def detect(image: Image, target: Target, background: Image | None = None) -> Detection | None:
-    """The light, or where several spots are bright, candidates without ids, brightest first; None if all is dark.
+    """Detect the LED; several bright spots are candidates without ids, brightest first; None if there is no spot.
 
     Args:
         image: (h, w), uint8 or uint16.
-        target: A single light; of several at once it is not known which is which, and nothing is detected.
-        background: The same with the light off.
+        target: A single LED; several LEDs cannot be distinguished and are not detected.
+        background: The same image with the LED off.
 
     Raises:
         InputError: if an image is not grey of 8 or 16 bits, or the two differ in shape or type.
@@ -60,7 +60,7 @@ def detect(image: Image, target: Target, background: Image | None = None) -> Det
 
 
 class _Place(NamedTuple):
-    """Where a bright spot is, and how wide [px]."""
+    """Position and width of a bright spot [px]."""
 
     x: float
     y: float
@@ -68,7 +68,7 @@ class _Place(NamedTuple):
 
 
 def _bright_spots(levels: Image) -> list[_Place]:
-    """The brightest spots, roughly, in the image at half its size."""
+    """Approximate positions and widths of the brightest spots, from the image at half its size."""
     half = cv2.resize(levels, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     some = half[::_NOISE_STRIDE, ::_NOISE_STRIDE]
     middle = float(np.median(some))
@@ -89,7 +89,7 @@ def _bright_spots(levels: Image) -> list[_Place]:
 
 
 def _fit_place(image: Image, background: Image | None, full: float, place: _Place) -> Spot | None:
-    """The spot at a place; None if it is none."""
+    """Fit the spot at a position; None if it is implausible for an LED."""
     reach = int(np.ceil(_REACH_EXTENTS * place.extent)) + _REACH_MORE_PX
     column, row = round(place.x), round(place.y)
     left, top = max(column - reach, 0), max(row - reach, 0)

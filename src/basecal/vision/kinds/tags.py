@@ -1,7 +1,7 @@
-"""AprilTags and ArUco markers: OpenCV reads them, each corner is then fitted in the image.
+"""AprilTags and ArUco markers: OpenCV reads them, each corner is then refined in the image.
 
-Black squares that touch the corners of tags join their outlines, so that OpenCV misses some of such a grid. Those are
-looked for where the tags beside them say they are: four corners that look as they must are the tag's.
+In a grid with black squares at the tags' corners the outlines merge, so that OpenCV misses some tags. These are
+searched at positions predicted from neighbouring tags, and accepted if all four corners can be trusted.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ _TAG_CORNERS = 4
 _ENOUGH_SHARE = (
     0.7  # of the tags: with fewer the image may be blurred, dark or the tags small, and other ways are tried
 )
-_ARM_PX = 12.0  # along a tag's edges, which end at its corner: half as much bends as of lines that go on both ways
+_ARM_PX = 12.0  # along a tag's edges, which end at its corner: distortion bends them less than continued lines
 _ARM_SHARE = 0.5  # of a tag's side: the other half of an edge belongs to its other corner
-_NEIGHBOUR_PITCHES = 1.5  # pitches between tags that stand side by side or corner to corner
-_GUIDE_COUNT = 3  # nearest tags that say where one is: the fewer, the less a lens bends what they say
+_NEIGHBOUR_PITCHES = 1.5  # pitches between tags that are adjacent by side or corner
+_GUIDE_COUNT = 3  # nearest tags that predict a position: with more, distortion has more effect
 
 
 def detect(image: Image, target: Target) -> Detection | None:
-    """The corners of a target's tags, or None.
+    """Detect the corners of a target's tags; None if there are none.
 
-    A tag seen twice in the image is left out.
+    Tags that appear twice in the image are left out.
 
     Args:
         image: (h, w), uint8 or uint16.
-        target: One with `tags`.
+        target: A target with `tags`.
 
     Raises:
         InputError: if the image is not grey of 8 or 16 bits, or OpenCV does not know the family.
     """
     if target.tags is None:
         return None
-    # Programs differ in how wide they print the border: the other width is tried where the usual one gives nothing.
+    # Programs print borders of different widths: the other width is tried if the stated one gives nothing.
     for border in (target.tags.border, 3 - target.tags.border):
         of = _Look(np.asarray(image), target.tags, dictionary(target.tags.family).markerSize + 2 * border, border)
         read = best_result(eight_bit(image), MARKER_WAYS, partial(_quads, of), _ENOUGH_SHARE * len(of.tags.numbers))
@@ -60,7 +60,7 @@ def detect(image: Image, target: Target) -> Detection | None:
 
 
 def _quads(look: _Look, image: Grey, way: Way) -> dict[int, Array]:
-    """Corners, (4, 2) [px], of tags that are read once, by their rows among the target's."""
+    """Corners, (4, 2) [px], of tags that are read exactly once, by their row in the target's tags."""
     numbers, quads = detect_markers(_detector(look.tags.family, look.border), image)
     seen, first, count = np.unique(numbers, return_index=True, return_counts=True)
     _, rows, at = np.intersect1d(look.tags.numbers, seen[count == 1], return_indices=True)
@@ -76,7 +76,7 @@ def _detector(family: str, border: int) -> Any:
 
 
 class _Look(NamedTuple):
-    """An image, the tags sought in it, how many cells one is across, and those of its border."""
+    """An image, the tags to find, the number of cells across a tag, and the width of its border in cells."""
 
     image: Image
     tags: Tags
@@ -86,7 +86,7 @@ class _Look(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """Tags, (k,) rows among a target's, with pixels (k, 4, 2), their sigmas and whether to trust each, (k, 4)."""
+    """Tags: rows in the target's tags, (k,), pixels, (k, 4, 2), their sigmas and whether to trust each, (k, 4)."""
 
     rows: IntArray
     pixels: Array
@@ -98,7 +98,7 @@ class _Seen:
 
     @property
     def trusted_tags(self) -> _Seen:
-        """Tags of which all four corners can be trusted."""
+        """Tags with four trusted corners."""
         return self[np.asarray(self.trusted.all(axis=1))]
 
     def concatenate(self, additions: _Seen) -> _Seen:
@@ -109,7 +109,7 @@ class _Seen:
 
 
 def _fit_quads(look: _Look, rows: IntArray, quads: Array) -> _Seen:
-    """Tags whose corners are fitted in the image near `quads`, (k, 4, 2) [px]."""
+    """Refine the corners of tags near `quads`, (k, 4, 2) [px]."""
     axes = look.cells * np.array([_first_cells(quad, look.cells) for quad in quads]).reshape(-1, 2, 2)
     inside, square = look.border / look.cells, look.tags.squares
     if not square:
@@ -118,7 +118,7 @@ def _fit_quads(look: _Look, rows: IntArray, quads: Array) -> _Seen:
         corners = refine_corners(look.image, wedge, quads.reshape(-1, 2), axes, window)
         trusted = corners.trusted
     else:
-        # Black squares touch them, dark inside the tag and across; where that is bright it is another place.
+        # Black squares touch the corners: dark inside the tag and opposite to it; otherwise it is another position.
         window = Window(arm_px=BOARD_ARM_PX, arm=_ARM_SHARE, inside=inside, outside=square, before=square)
         corners = refine_corners(look.image, saddle, quads.reshape(-1, 2), axes, window)
         trusted = corners.trusted & (corners.gain < 0)
@@ -128,7 +128,7 @@ def _fit_quads(look: _Look, rows: IntArray, quads: Array) -> _Seen:
 
 
 def _first_cells(quad: Array, cells: int) -> Array:
-    """The first cell along each line of each corner in the image, (4, 2, 2) [px], seen in perspective."""
+    """Images of a cell's side along both lines of each corner, under perspective, (4, 2, 2) [px]."""
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
     image_from_square = cv2.getPerspectiveTransform(square, quad.astype(np.float32))
     lines = np.stack([np.roll(square, -1, axis=0) - square, np.roll(square, 1, axis=0) - square], axis=1)
@@ -137,9 +137,9 @@ def _first_cells(quad: Array, cells: int) -> Array:
 
 
 def _grow_grid(look: _Look, target: Target, read: _Seen) -> _Seen:
-    """The tags of a flat grid that are sure, and those beside them that are found by that, again and again.
+    """Trusted tags of a flat grid, extended repeatedly by their neighbours at predicted positions.
 
-    One that was read with a corner wrong is looked for like one that was not read; what is sure of it stays.
+    A tag with an untrusted corner is searched like a missing tag; if that fails, its trusted corners are kept.
     """
     corners = target.points[target.rows(look.tags.corner_ids.ravel()), :2].reshape(-1, _TAG_CORNERS, 2)
     centres = corners.mean(axis=1)

@@ -1,4 +1,4 @@
-"""Ways to search an image in which a target is blurred, dark or small: at another scale, brighter, sharper."""
+"""Preprocessing of images with blurred, dark or small targets: another scale, stretched levels, sharpening."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.errors import InputError
 from basecal.geometry import Array, BoolArray, IntArray
 
-_DARK_BRIGHT_PERCENT = (1, 99)  # levels that become black and white: past reflections, lamps and dead pixels
-_LEVEL_STRIDE = 4  # rows and columns between those whose levels tell the darkest and the brightest
-_BLUR_PX, _SHARPENING_GAIN = 3.0, 1.5  # unsharp masking: markers blurred by 3 px are read that were not
-_MOST_PIXELS = 2**22  # of an enlarged image: in 4 megapixels nothing is too small, and more take seconds
-_LEAST_SIDE_PX = 16  # of any image: OpenCV's detectors fail in less
+_DARK_BRIGHT_PERCENT = (1, 99)  # levels that become black and white, excluding reflections, lamps and dead pixels
+_LEVEL_STRIDE = 4  # rows and columns between the pixels that determine these levels
+_BLUR_PX, _SHARPENING_GAIN = 3.0, 1.5  # of unsharp masking, with which markers blurred by 3 px are read
+_MOST_PIXELS = 2**22  # of an enlarged image: 4 megapixels resolve all targets, and more take seconds
+_LEAST_SIDE_PX = 16  # of any image: OpenCV's detectors fail with less
 
 Grey = NDArray[np.uint8]
 S = TypeVar("S", bound=Sized)
@@ -34,15 +34,15 @@ MARKER_SETS = (
         for name in ("DICT_ARUCO_ORIGINAL", "DICT_ARUCO_MIP_36h12", "tag16h5", "tag25h9", "tag36h10", "tag36h11")
     ),
 )
-"""Dictionaries that OpenCV knows; those of one tuple are the beginning of its last."""
+"""OpenCV's dictionaries; those of one tuple are prefixes of its last."""
 
 
 class Way(NamedTuple):
-    """A change of an image before it is searched.
+    """A preprocessing of an image before the search.
 
     Attributes:
-        scale: Of its sides.
-        stretched: Whether its levels are stretched over all there are.
+        scale: Scale factor of its sides.
+        stretched: Whether its levels are stretched to the full range.
         sharpened: Whether it is sharpened.
     """
 
@@ -51,12 +51,12 @@ class Way(NamedTuple):
     sharpened: bool = False
 
     def suits(self, image: Grey) -> bool:
-        """Whether an image is of a size that can be searched so."""
+        """Whether the size of an image suits this preprocessing."""
         sides = [round(self.scale * side) for side in image.shape]
         return min(sides) >= _LEAST_SIDE_PX and (self.scale <= 1 or sides[0] * sides[1] <= _MOST_PIXELS)
 
     def apply(self, image: Grey) -> Grey:
-        """The image as it is searched."""
+        """Preprocess an image."""
         if self.stretched:
             low, high = np.percentile(image[::_LEVEL_STRIDE, ::_LEVEL_STRIDE], _DARK_BRIGHT_PERCENT)
             levels = (np.arange(256) - low) * (255.0 / max(high - low, 1.0))
@@ -70,23 +70,23 @@ class Way(NamedTuple):
         return image
 
     def places(self, pixels: object) -> Array:
-        """Where pixels of the image that was searched are in the image itself, (n, 2) [px]."""
+        """Convert pixels of the preprocessed image to the original image, (n, 2) [px]."""
         found = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         return (found + 0.5) / self.scale - 0.5
 
 
 MARKER_WAYS = (Way(), Way(stretched=True), Way(stretched=True, sharpened=True), Way(2.0, stretched=True))
-"""Of markers: as most images are, dark, blurred, and small ones."""
+"""Preprocessings for markers: for typical images, dark ones, blurred ones, and small markers."""
 
 
 def best_result(image: Grey, ways: Iterable[Way], search: Callable[[Grey, Way], S], enough_count: float) -> S | None:
-    """The most that is found by some of the ways, tried in turn until one finds enough; None if it is nothing.
+    """Search with each preprocessing until one finds enough, and return the largest result; None if all are empty.
 
     Args:
         image: (h, w).
-        ways: The quickest first.
-        search: What is found in an image as a way shows it.
-        enough_count: How many are.
+        ways: The preprocessings, fastest first.
+        search: Function that searches a preprocessed image.
+        enough_count: Size of a result that ends the search.
     """
     most: S | None = None
     for way in ways:
@@ -102,10 +102,10 @@ def best_result(image: Grey, ways: Iterable[Way], search: Callable[[Grey, Way], 
 
 @cache
 def dictionary(name: str) -> Any:
-    """OpenCV's dictionary of a name such as `DICT_4X4_50` or `tag36h11`.
+    """OpenCV's dictionary with a name such as `DICT_4X4_50` or `tag36h11`.
 
     Raises:
-        InputError: if OpenCV has none of that name.
+        InputError: if OpenCV has no dictionary with that name.
     """
     family = _FAMILY.fullmatch(name)
     number = getattr(cv2.aruco, f"DICT_APRILTAG_{family[1]}" if family else name, None)
@@ -123,7 +123,7 @@ def detect_markers(detector: Any, image: NDArray[np.uint8]) -> tuple[IntArray, A
 
 
 def black_cells(dictionary_name: str, marker: int, border: int = 1) -> BoolArray:
-    """Which cells of a marker are black, its border among them, (cells, cells) by row and column.
+    """Mask of a marker's black cells with its border, (cells, cells) by row and column.
 
     Raises:
         InputError: if the dictionary is not known or has no such marker.
@@ -137,7 +137,7 @@ def black_cells(dictionary_name: str, marker: int, border: int = 1) -> BoolArray
 
 
 def charuco_board(target: Target) -> Any:
-    """OpenCV's board of a ChArUco target.
+    """OpenCV's board for a ChArUco target.
 
     Raises:
         InputError: if its dictionary has too few markers.

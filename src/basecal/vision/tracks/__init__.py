@@ -1,1 +1,1 @@
-"""Points of a static scene that several images show: features, matches that a rigid scene can have, and tracks."""
+"""Points of a static scene in several images: features, geometrically verified matches, and tracks."""

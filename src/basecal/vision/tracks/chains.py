@@ -1,4 +1,4 @@
-"""Matches of many pairs of images chained into tracks."""
+"""Tracks from matches of many pairs of images."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from basecal.vision.tracks.matching import Matches
 
 
 class Chains(NamedTuple):
-    """Features by the track that they are of: view, feature and track, (n,) each."""
+    """Features of tracks: index of view, of feature and of track, (n,) each."""
 
     view: IntArray
     feature: IntArray
@@ -21,12 +21,12 @@ class Chains(NamedTuple):
 
 
 def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Matches], min_images: int) -> Chains:
-    """Tracks that so many images show, without the images in which one would have two features.
+    """Chain matches into tracks; images in which a track has several features are left out of it.
 
     Args:
-        counts: Features of each image.
-        matches: By the indices of two images.
-        min_images: Images of a track.
+        counts: Number of features of each image.
+        matches: Matches by the indices of two images.
+        min_images: Smallest number of images of a track.
     """
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     pairs = [(first[i] + each.first, first[j] + each.second) for (i, j), each in matches.items()]
@@ -43,7 +43,7 @@ def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Match
 
 
 def longest_chains(chains: Chains, max_count: int) -> Chains:
-    """The longest tracks, so many, by the number of images that show them."""
+    """The `max_count` tracks in the largest numbers of images."""
     images = np.bincount(chains.track)
     chosen = np.sort(np.argsort(-images, kind="stable")[:max_count])
     kept = np.isin(chains.track, chosen)

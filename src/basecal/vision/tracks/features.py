@@ -1,4 +1,4 @@
-"""Features of an image: places that look the same from other directions, spread evenly, with their descriptors."""
+"""SIFT features of an image, evenly distributed, with their descriptors."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from basecal.errors import DatasetError, InputError
 from basecal.geometry import Array, IntArray
 from basecal.vision.detection import Image, eight_bit
 
-MAX_FEATURES = 2500  # of an image
-_CELLS = 24, 16  # of an image, each of which keeps its clearest features first
-_CONTRAST = 0.02  # half of OpenCV's: what is too many is thinned evenly
-_CLIP, _TILES = 2.0, (8, 8)  # of the equalised histogram
-_HULL_GROWS = 1.3  # of what a mask covers, about its middle
+MAX_FEATURES = 2500  # per image
+_CELLS = 24, 16  # of the grid in which features are distributed, strongest first
+_CONTRAST = 0.02  # half of OpenCV's default: too many features are thinned evenly
+_CLIP, _TILES = 2.0, (8, 8)  # of the histogram equalisation
+_HULL_GROWS = 1.3  # factor by which a mask is enlarged about its centre
 
-_LEVELS = 255.0  # of a descriptor's numbers, which are between 0 and 1, in a byte
+_LEVELS = 255.0  # levels in a byte for a descriptor's numbers between 0 and 1
 
 Descriptors = NDArray[np.float32]
 VERSION = 1
-"""Raised whenever features are found otherwise."""
+"""Version of the features: increase it whenever their computation changes."""
 
 _FOLDER = Path("derived", "features")
 
@@ -51,14 +51,14 @@ class Features:
 
 
 def find_features(image: Image, excluded_pixels: Sequence[Array] = ()) -> Features:
-    """At most `MAX_FEATURES` features, outside of what is covered.
+    """Detect at most `MAX_FEATURES` features outside of excluded areas.
 
-    SIFT (Lowe 2004) with the image upscaled to true positions; without it all are a quarter pixel off. Descriptors are
-    square roots of shares (Arandjelovic & Zisserman 2012).
+    The features are SIFT (Lowe 2004) with precise upscaling, without which all positions are offset by a quarter pixel.
+    Descriptors are RootSIFT (Arandjelovic & Zisserman 2012).
 
     Args:
         image: Grey levels.
-        excluded_pixels: (k, 2) pixels each, of targets that move with a robot; their hulls and some more are left out.
+        excluded_pixels: Pixels of moving targets, (k, 2) each; their enlarged convex hulls are excluded.
     """
     grey = cv2.createCLAHE(_CLIP, _TILES).apply(eight_bit(image))
     finder = cv2.SIFT.create(contrastThreshold=_CONTRAST, enable_precise_upscale=True)
@@ -73,10 +73,10 @@ def find_features(image: Image, excluded_pixels: Sequence[Array] = ()) -> Featur
 
 
 def named_features(names: IntArray, pixels: Array) -> Features:
-    """Features whose points have names: the descriptor is a random direction that the name alone determines.
+    """Features of identified points: the descriptor is a pseudo-random direction seeded by the point's number.
 
     Args:
-        names: (n,) of the points.
+        names: Numbers of the points, (n,).
         pixels: (n, 2) [px].
     """
     looks = np.array([np.random.default_rng(int(name) % 2**64).standard_normal(DESCRIPTOR) for name in names])
@@ -84,12 +84,12 @@ def named_features(names: IntArray, pixels: Array) -> Features:
 
 
 def descriptor_levels(descriptors: Descriptors) -> NDArray[np.uint8]:
-    """Descriptors in bytes."""
+    """Quantise descriptors to bytes."""
     return np.round(descriptors * _LEVELS).astype(np.uint8)
 
 
 def unit_descriptors(rows: NDArray[np.generic]) -> Descriptors:
-    """Descriptors from sums or levels of them, (n, 128), of unit length; zero remains zero."""
+    """Normalise sums or levels of descriptors, (n, 128), to unit length; zero remains zero."""
     numbers = rows.astype(np.float32)
     return np.asarray(numbers / np.maximum(np.linalg.norm(numbers, axis=1, keepdims=True), 1e-9), dtype=np.float32)
 
@@ -106,7 +106,7 @@ def _mask(shape: tuple[int, ...], excluded_pixels: Sequence[Array]) -> NDArray[n
 
 
 def _spread(pixels: Array, response: Array, shape: tuple[int, ...]) -> NDArray[np.int64]:
-    """Indices of features, the clearest of each cell first, one of each place."""
+    """Indices of evenly distributed features: the strongest of each cell first, one per position."""
     clear = np.argsort(-response, kind="stable")
     clear = clear[np.sort(np.unique(np.round(pixels[clear], 2), axis=0, return_index=True)[1])]
     columns, rows = _CELLS
@@ -120,13 +120,13 @@ def _spread(pixels: Array, response: Array, shape: tuple[int, ...]) -> NDArray[n
 
 
 def kept_features(folder: Path, image_key: str, image: Image, excluded_pixels: Sequence[Array]) -> Features:
-    """The features of an image: those kept, or found now and kept.
+    """Features of an image, from the cache or detected and then cached.
 
     Args:
-        folder: Of the cell.
+        folder: The cell's folder.
         image_key: Hash of the image's file.
         image: Grey levels.
-        excluded_pixels: Of targets that move; see `find_features`.
+        excluded_pixels: Pixels of moving targets; see `find_features`.
     """
     parts = [str(VERSION).encode(), image_key.encode(), *(each.tobytes() for each in excluded_pixels)]
     path = folder / _FOLDER / hashlib.sha256(b"|".join(parts)).hexdigest()
@@ -134,7 +134,7 @@ def kept_features(folder: Path, image_key: str, image: Image, excluded_pixels: S
     if kept is None:
         found = find_features(image, excluded_pixels)
         kept = found.pixels, descriptor_levels(found.descriptors)
-        with suppress(InputError):  # a folder that cannot be written to is only slower the next time
+        with suppress(InputError):  # without a writable folder there is no cache
             write_atomically(path, places_to_bytes(*kept), base_folder=folder, durable=False)
     return Features(kept[0], unit_descriptors(kept[1]))
 

@@ -1,4 +1,4 @@
-"""Features found where points of the scene are predicted, against those found by chance beside these places."""
+"""Matching of features to predicted points of the scene, with an estimate of chance matches."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 from basecal.geometry import Array, IntArray
 from basecal.vision.tracks.features import Descriptors, Features
 
-_MOST_DISTANCE = 0.35  # squared distance of descriptors: matches of one point have 0.1 to 0.4, others 0.6 and more
-_BESIDE_PX = 50.0  # [px] beside a prediction, where only chance finds a feature alike
+_MOST_DISTANCE = 0.35  # squared distance of descriptors: correct matches have 0.1 to 0.4, others 0.6 and more
+_BESIDE_PX = 50.0  # [px] offset from a prediction, at which only chance matches occur
 _DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
 
@@ -19,9 +19,9 @@ class Guided(NamedTuple):
     """Observations of predicted points in an image.
 
     Attributes:
-        point: (n,) index of the prediction.
-        feature: (n,) index of the feature that was found there.
-        by_chance: How many are found on average beside the predictions.
+        point: Index of the prediction, (n,).
+        feature: Index of the matched feature, (n,).
+        by_chance: Mean number of matches at offset predictions, which are chance matches.
     """
 
     point: IntArray
@@ -30,13 +30,13 @@ class Guided(NamedTuple):
 
 
 def match_predictions(features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float) -> Guided:
-    """Features near predictions that look like their points.
+    """Match features to predictions by position and descriptor.
 
     Args:
-        features: Of the image.
-        predicted_px: (p, 2) [px]; NaN where a point is not seen.
-        descriptors: (p, 128) of the points.
-        radius_px: How far a feature may be from its prediction [px].
+        features: Features of the image.
+        predicted_px: (p, 2) [px]; NaN for points that are not visible.
+        descriptors: Descriptors of the points, (p, 128).
+        radius_px: Largest distance of a feature from its prediction [px].
     """
     point, feature = _nearest_features(features, predicted_px, descriptors, radius_px)
     beside = [
@@ -48,7 +48,7 @@ def match_predictions(features: Features, predicted_px: Array, descriptors: Desc
 def _nearest_features(
     features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float
 ) -> tuple[IntArray, IntArray]:
-    """Predictions and their most similar features, each feature once."""
+    """Indices of predictions and of their most similar features, (n,) each, without repetition."""
     seen = np.flatnonzero(np.isfinite(predicted_px).all(1))
     none = np.zeros(0, dtype=np.int64)
     if not len(seen) or not len(features):
@@ -62,7 +62,7 @@ def _nearest_features(
     apart = 2 - 2 * np.einsum("nk,nk->n", descriptors[point], features.descriptors[feature])
     order = np.argsort(apart, kind="stable")
     order = order[apart[order] < _MOST_DISTANCE]
-    # The most alike first: each prediction and each feature once.
+    # Most similar first: each prediction and each feature once.
     order = order[np.sort(np.unique(point[order], return_index=True)[1])]
     order = order[np.sort(np.unique(feature[order], return_index=True)[1])]
     return point[order].astype(np.int64), feature[order].astype(np.int64)

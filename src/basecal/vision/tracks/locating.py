@@ -1,4 +1,4 @@
-"""Where a camera is that sees points of a known scene."""
+"""Localisation of a camera in a scene of known points."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.vision.tracks.features import Descriptors, Features
 from basecal.vision.tracks.matching import CONFIDENCE, MOST_ITERATIONS, match
 
-FEWEST_POINTS = 30  # that agree on one pose
-_TAIL_PX = 3.0  # [px] from where the pose has a point
+FEWEST_POINTS = 30  # inliers of a pose
+_TAIL_PX = 3.0  # [px] largest reprojection error of an inlier
 
 
 class Located(NamedTuple):
-    """A pose, and which points are seen as which features, (n,) each."""
+    """A pose, and the indices of its inlier points and features, (n,) each."""
 
     camera_from_world: SE3
     point: IntArray
@@ -24,13 +24,13 @@ class Located(NamedTuple):
 
 
 def locate_camera(features: Features, descriptors: Descriptors, points: Array, lens: Camera) -> Located | None:
-    """The pose that most matches agree on; None if these are too few. Source: Ke & Roumeliotis 2017 (three points).
+    """Estimate a camera's pose by P3P RANSAC; None if there are too few inliers. Source: Ke & Roumeliotis 2017 (P3P).
 
     Args:
-        features: Of the image.
-        descriptors: (p, 128) of the points.
-        points: (p, 3) in the world [m].
-        lens: Of the camera.
+        features: Features of the image.
+        descriptors: Descriptors of the points, (p, 128).
+        points: Points in the world, (p, 3) [m].
+        lens: Lens of the camera.
     """
     found = match(descriptors, features.descriptors)
     unit, valid = lens.undistort(features.pixels[found.second])

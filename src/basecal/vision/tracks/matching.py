@@ -1,4 +1,4 @@
-"""Matches of two images: features that look the same, of those the ones that a rigid scene can have."""
+"""Matches of two images by descriptors, verified by epipolar geometry."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import numpy as np
 from basecal.geometry import Array, IntArray
 from basecal.vision.tracks.features import Descriptors, Features
 
-MIN_MATCHES = 15  # matches of a pair that an essential matrix explains: fewer agree by chance
-_RATIO = 0.8  # of the distance to the best over that to the second best (Lowe 2004)
-_TAIL_PX = 2.0  # [px] from the epipolar geometry
-_STILL_PX = 3.0  # [px] of features that ride with the camera
+MIN_MATCHES = 15  # inliers of an essential matrix: fewer occur by chance
+_RATIO = 0.8  # of the distances to the nearest and to the second nearest descriptor (Lowe 2004)
+_TAIL_PX = 2.0  # [px] largest epipolar error of an inlier
+_STILL_PX = 3.0  # [px] smallest motion: features on the camera's own mount do not move
 MOST_ITERATIONS, CONFIDENCE = 2000, 0.999
-"""Of consensus: trials of the fewest points that define a geometry, and the chance that one of them is right."""
+"""Parameters of RANSAC: the largest number of samples, and the probability of an outlier-free sample."""
 
 
 class Matches(NamedTuple):
-    """Indices of features of two images that show one point, (n,) each."""
+    """Indices of matched features of two images, (n,) each."""
 
     first: IntArray
     second: IntArray
 
 
 def match(first: Descriptors, second: Descriptors) -> Matches:
-    """Features that are each other's nearest, and clearly nearer than the second nearest."""
+    """Match features that are mutual nearest neighbours and pass the ratio test."""
     if min(len(first), len(second)) < 2:
         return Matches(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
     alike = first @ second.T
@@ -39,17 +39,17 @@ def match(first: Descriptors, second: Descriptors) -> Matches:
     # Of unit vectors the squared distance is 2 - 2 cos.
     is_clear = 1 - value < _RATIO**2 * (1 - runner_up)
     mutual = np.flatnonzero(is_clear & (alike.max(0)[best] == value))
-    kept = mutual[np.sort(np.unique(best[mutual], return_index=True)[1])]  # of equal ones the first
+    kept = mutual[np.sort(np.unique(best[mutual], return_index=True)[1])]  # the first of equal matches
     return Matches(kept.astype(np.int64), best[kept].astype(np.int64))
 
 
 def match_rigid(first: Features, second: Features, planes: tuple[Array, Array], focal_px: float) -> Matches | None:
-    """Matches of one epipolar geometry; None if there are too few.
+    """Matches that are inliers of an epipolar geometry; None if there are too few.
 
     Args:
-        first: Of the first image.
-        second: Of the second.
-        planes: (n, 2) and (m, 2) undistorted features at unit depth.
+        first: Features of the first image.
+        second: Features of the second image.
+        planes: Undistorted features of both images at unit depth, (n, 2) and (m, 2).
         focal_px: Focal length [px].
     """
     found = match(first.descriptors, second.descriptors)
