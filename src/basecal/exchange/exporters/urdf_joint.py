@@ -1,4 +1,4 @@
-"""A URDF in which the origin of a fixed joint is what was found."""
+"""Export of a URDF with an estimated transform as the origin of a fixed joint."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from basecal.kinematics.urdf import LARGEST_BYTES
 
 
 def export_text(request: Wanted) -> str:
-    """The URDF given, its links the frames of the transform as the cell's `frames` name them, or as the cell does.
+    """Set the transform in the given URDF; its links have the names of `frames` in the cell, or the cell's names.
 
     Raises:
-        FrameNotFound: if a link does not exist.
-        InputError: if not one URDF is given and one transform wanted, or which joint is meant is not clear.
+        InputError: if there is not exactly one URDF and one transform, a link does not exist, or the joint is missing
+            or ambiguous.
         DatasetError: if the URDF cannot be used.
     """
     if len(request.urdfs) != 1:
