@@ -310,7 +310,7 @@ class Cell:
         given: dict[str, Robot | CellCamera | CellTarget] = {**self.robots, **self.cameras, **self.targets}
         for name, thing in given.items():
             if thing.name != name:
-                raise InputError(f"{name!r} is the name under which {thing.name!r} is given: expected one name")
+                raise InputError(f"{thing.name!r} is listed under the name {name!r}: expected the same name")
         carriers = {thing.name: thing.on for thing in self._things if thing.on != WORLD}
         for about, robot in {"reference": self.reference, **{name: name for name in self.bases}, **carriers}.items():
             if robot not in self.robots and robot not in self.plates:

@@ -79,7 +79,7 @@ def _chain(transforms: Mapping[str, PoseEstimate], parent: str, child: str) -> l
                     waiting.append(other)
     if child not in chains:
         raise InputError(
-            f"{parent!r} and {child!r} move against each other, or nothing leads from one to the other. "
-            f"These stand still relative to {parent!r}: {', '.join(waiting[1:])}"
+            f"{parent!r} and {child!r} are not rigidly connected by known transforms. "
+            f"Frames rigidly connected to {parent!r}: {', '.join(waiting[1:])}"
         )
     return chains[child]

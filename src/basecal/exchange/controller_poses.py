@@ -106,7 +106,7 @@ class Reading:
         if self.angle_rad is None:
             return own
         if not own.has_angles:
-            raise InputError(f"{self.name} writes no angles: leave --deg and --rad away")
+            raise InputError(f"{self.name} writes no angles: remove --deg and --rad")
         return replace(own, angle=self.angle_rad)
 
     @property
@@ -166,7 +166,7 @@ def read_pose_rows(path: str, reading: Reading, is_stream: bool = False, robot: 
     """Read the poses of a file; see `read_controller_poses`. Without a robot's name, poses of all robots are read."""
     found = _pose_rows(path, reading, is_stream, robot)
     if is_stream and any(row.stamp_s is None for row in found.rows):
-        raise DatasetError(path, "no time in its rows, which a stream takes: a column stamp_s [s], the first of all")
+        raise DatasetError(path, "rows of a stream need times: add a column stamp_s [s], without a header the first")
     return found
 
 
@@ -212,7 +212,7 @@ def _table_text(path: str, reading: Reading) -> str:
     if not is_job(text):
         return text
     if reading.name != "yaskawa":
-        raise DatasetError(path, f"a job of a Yaskawa, read as of {reading.name}: give --format yaskawa")
+        raise DatasetError(path, f"is a job of a Yaskawa, not a file of {reading.name}: give --format yaskawa")
     return job_positions(text, path)
 
 
@@ -272,7 +272,7 @@ def _column_hint(columns: set[str]) -> str:
     if are_joints:
         return "; these look like joints: record poses, or use basecal import joints"
     is_ascii = all(column.isascii() for column in columns)
-    return ": name them so in the header" + ("" if is_ascii else ", and save the file in UTF-8")
+    return ": use these names in the header" + ("" if is_ascii else ", and save the file in UTF-8")
 
 
 def plain_column(column: str) -> str:
@@ -296,12 +296,10 @@ def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
         units, used = _possible_units(place, reading.convention)
         if unit[2] not in units:
             expected = f"expected {list_names(tuple(units))}" if units else "expected no unit"
-            raise DatasetError(path, f"the column says {unit[2]}, {expected}", field=column)
+            raise DatasetError(path, f"the unit is {unit[2]}, {expected}", field=column)
         if units[unit[2]].size != used:
             option = units[unit[2]].option
-            raise DatasetError(
-                path, f"the column says {unit[2]}, and it is read otherwise: give {option}", field=column
-            )
+            raise DatasetError(path, f"the unit is {unit[2]}, but another is read: give {option}", field=column)
 
 
 def _possible_units(place: int, convention: AnyConvention) -> tuple[Mapping[str, _Unit], float]:
@@ -325,10 +323,10 @@ def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: A
     if convention.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
         odd = np.flatnonzero(np.abs(angles).max(axis=1) > _FULL_TURN).tolist()
         if len(odd) > _FEW_ROWS * len(angles):
-            raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
+            raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are not radians: give --deg")
         value, where = np.abs(angles[odd[0]]).max(), list_names([str(lines[k]) for k in odd])
         raise DatasetError(
-            path, f"{value:.4g} is no angle in radians: correct line {where}, or give --deg", lines[odd[0]]
+            path, f"{value:.4g} is not an angle in radians: correct line {where}, or give --deg", lines[odd[0]]
         )
     # The length of a rotation vector is the angle; all angles about axes are small only if nothing rotates.
     is_small = (
@@ -337,8 +335,8 @@ def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: A
     if convention.angle == DEGREE and is_small and reading.angle_rad is None:
         raise DatasetError(
             path,
-            f"no angle of {len(numbers)} poses is beyond {np.abs(angles).max():.3g}: these look like radians, "
-            "give --rad, or --deg where they are degrees",
+            f"the angles of {len(numbers)} poses reach only {np.abs(angles).max():.3g}: they look like radians. "
+            "Give --rad, or --deg if they are degrees",
         )
 
 

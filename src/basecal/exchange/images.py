@@ -35,7 +35,7 @@ def list_images(folder: Path) -> tuple[Path, ...]:
         DatasetError: if the folder does not exist or has no images; the message lists its content.
     """
     if not folder.is_dir():
-        raise DatasetError(folder, "is no folder; give the folder of one camera's images")
+        raise DatasetError(folder, "is not a folder; give the folder of one camera's images")
     files = [path for path in folder.iterdir() if not path.name.startswith(".")]
     found = [path for path in files if path.suffix.lower() in ENDINGS and path.is_file()]
     if not found:
@@ -43,12 +43,12 @@ def list_images(folder: Path) -> tuple[Path, ...]:
             each.name for each in files if each.is_dir() and any(p.suffix.lower() in ENDINGS for p in each.iterdir())
         ]
         if inner:
-            what = f"holds no images but folders of them: {list_names(sorted(inner))}; import one camera's at a time"
+            what = f"holds no images, only folders of images: {list_names(sorted(inner))}; import one at a time"
             raise DatasetError(folder, what)
         others = Counter(path.suffix.lower() or "no ending" for path in files if path.is_file())
         there = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
         expected = f"expected {', '.join(ENDINGS)}"
-        raise DatasetError(folder, f"holds no images that are read, but {there}; {expected}")
+        raise DatasetError(folder, f"holds no supported images: {there}; {expected}")
     if len(found) > _MOST_IMAGES:
         raise DatasetError(folder, f"{len(found)} images, expected at most {_MOST_IMAGES}")
     return tuple(sorted(found, key=natural_order))
@@ -68,7 +68,7 @@ def check_image(path: Path) -> None:
     check_regular(path)
     with path.open("rb") as file:
         if not file.read(max(map(len, STARTS))).startswith(STARTS):
-            raise DatasetError(path, f"is no image, whatever its name; expected {', '.join(ENDINGS)}")
+            raise DatasetError(path, f"is not an image, despite its name; expected {', '.join(ENDINGS)}")
 
 
 def unreadable_images(folder: Path) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ def read_time(path: Path) -> float:
             return float(f"{whole}.{part or 0}") * _SINCE_1970[len(whole)]
         if part and len(whole) < min(_SINCE_1970):
             return float(f"{whole}.{part}")
-    raise InputError(f"{path}: the name is no time, expected one such as 1682512345.123.png")
+    raise InputError(f"{path}: the name is not a time, expected a name such as 1682512345.123.png")
 
 
 def missing_numbers(names: Sequence[str]) -> tuple[str, ...]:

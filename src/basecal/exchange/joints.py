@@ -74,7 +74,7 @@ def radians_finding(values: Array) -> str:
     most = np.abs(values).max(initial=0.0)
     if len(values) < _FEWEST_ROWS or most > math.pi or np.ptp(values, axis=0).max() == 0:
         return ""
-    return f"no joint of {len(values)} rows is beyond {most:.3g} degrees, these look like radians"
+    return f"no joint of {len(values)} rows is beyond {most:.3g} degrees, so they look like radians"
 
 
 def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialChain, in_degrees: bool) -> None:
@@ -82,7 +82,7 @@ def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialC
     lower = np.where(np.isfinite(chain.lower), chain.lower - LIMIT_EXCESS_RAD, -_UNLIMITED_RAD)
     upper = np.where(np.isfinite(chain.upper), chain.upper + LIMIT_EXCESS_RAD, _UNLIMITED_RAD)
     if in_degrees and (finding := radians_finding(values)):
-        raise DatasetError(table.path, f"{finding}: leave --deg away")
+        raise DatasetError(table.path, f"{finding}: remove --deg")
     outside = (joints < lower) | (joints > upper)
     if not outside.any():
         return
@@ -91,7 +91,7 @@ def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialC
     there = f"{joints[row, joint]:.4g} rad, its limits are {chain.lower[joint]:.4g} to {chain.upper[joint]:.4g}"
     turned, backwards = values * _DEGREE, joints[:, ::-1]
     if not in_degrees and np.abs(values).max() > _UNLIMITED_RAD and ((turned >= lower) & (turned <= upper)).all():
-        hint = "give --deg, these are degrees"
+        hint = "give --deg, they look like degrees"
     elif ((backwards >= lower) & (backwards <= upper)).all():  # the usual error of the order
         hint = f"the columns may be in another order, such as {', '.join(reversed(chain.joint_names))}"
     else:

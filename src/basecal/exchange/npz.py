@@ -62,7 +62,7 @@ def _unpack(name: str, key: str, archive: zipfile.ZipFile) -> dict[str, Array]:
     if key and key not in entries:
         raise DatasetError(name, f"has no array {key!r}; it holds {list_names(list(entries))}")
     if sum(entry.file_size for known, entry in entries.items() if key in ("", known)) > LARGEST_BYTES:
-        raise DatasetError(name, f"unpacks to more than {LARGEST_BYTES / 2**20:.0f} MB; ask for one, as {name}:key")
+        raise DatasetError(name, f"unpacks to more than {LARGEST_BYTES / 2**20:.0f} MB; choose one as {name}:key")
     found = {}
     for known, entry in entries.items():
         if key not in ("", known):
@@ -93,7 +93,7 @@ def _numbers(name: str, key: str, file: IO[bytes], size: int) -> Array:
         raise kind(name, f"not a NumPy archive of numbers: holds {shorten(str(dtype))}, expected numbers", field=key)
     count = math.prod(shape)
     if min(shape, default=0) < 0 or not count * dtype.itemsize <= min(size, LARGEST_BYTES):
-        raise DatasetError(name, f"a header of shape {shorten(list(shape))} does not suit {size} bytes", field=key)
+        raise DatasetError(name, f"a header of shape {shorten(list(shape))} does not match {size} bytes", field=key)
     content = file.read(count * dtype.itemsize)
     if len(content) != count * dtype.itemsize:
         raise DatasetError(name, "is cut off", field=key)

@@ -89,7 +89,7 @@ def _from_archive(path: str) -> Array:
     name, arrays = read_arrays(path)
     if len(arrays) != 1:
         raise DatasetError(
-            name, f"holds {', '.join(arrays) or 'nothing'}; say which, as {name}:{next(iter(arrays), 'key')}"
+            name, f"holds {', '.join(arrays) or 'nothing'}; choose one as {name}:{next(iter(arrays), 'key')}"
         )
     (key, matrices), *_ = arrays.items()
     if matrices.ndim != 3 or matrices.shape[1:] != (4, 4) or not len(matrices):

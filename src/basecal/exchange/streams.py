@@ -33,7 +33,7 @@ from basecal.geometry import Array, IntArray
 Thing = TypeVar("Thing")
 Inverted = Literal["base-from-flange", "eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
 _ALIASES = {"sample": ("samples",), "id": ("ids",), "u": ("u_px",), "v": ("v_px",)}
-_EXPECTED = "expected sample, id, u, v (one row a point; in an archive also pixels, (n, 2), for u and v)"
+_EXPECTED = "expected sample, id, u, v (one row per point; in an archive also pixels, (n, 2), for u and v)"
 
 
 @dataclass(frozen=True)
@@ -114,11 +114,11 @@ def read_streams(cell: str | Path, files: Streams, camera: str | None, target: s
 def _new_places(folder: str | Path, files: Streams, camera: str | None, target: str | None) -> Places:
     if files.pixels:
         make = f"basecal new {quote(str(folder))}"
-        raise InputError(f"{folder} has no cell.yaml, which must say what target and lens it is: {make}")
+        raise InputError(f"{folder} has no cell.yaml, which must describe the target and the lens: {make}")
     if not files.eye and not files.hand:
         raise InputError("no robot: give --eye-base-from-flange, --hand-base-from-flange or both")
     if camera not in (None, "camera") or target not in (None, "target"):
-        raise InputError(f"{folder} has no cell.yaml to name {camera or target!r}: leave names away, or write it first")
+        raise InputError(f"{folder} has no cell.yaml to name {camera or target!r}: omit the names, or write it first")
     return Places("camera", "target", "eye" if files.eye else None, "hand" if files.hand else None)
 
 
@@ -127,7 +127,7 @@ def _known_places(cell: Cell, files: Streams, camera: str | None, target: str | 
     eye = _carrier(cell, seeing, "--eye-base-from-flange", files.eye)
     hand = _carrier(cell, seen, "--hand-base-from-flange", files.hand)
     if eye is not None and eye == hand:
-        raise InputError(f"camera {seeing.name!r} and target {seen.name!r} are both on {eye!r}: nothing can be learnt")
+        raise InputError(f"camera {seeing.name!r} and target {seen.name!r} are both on {eye!r}: views are useless")
     return Places(seeing.name, seen.name, eye, hand)
 
 
@@ -142,10 +142,10 @@ def _carrier(cell: Cell, thing: CellCamera | CellTarget, option: str, file: str 
     """Robot that carries a camera or target; None for the world. Checks that a file of its poses is given."""
     if thing.on in cell.robots:
         if file is None:
-            raise InputError(f"{thing.name!r} is on robot {thing.on!r} in cell.yaml: give its poses by {option}")
+            raise InputError(f"{thing.name!r} is on robot {thing.on!r} in cell.yaml: give its poses with {option}")
         return thing.on
     if file is not None:
-        raise InputError(f"{thing.name!r} is on the world in cell.yaml, so {option} belongs to no robot")
+        raise InputError(f"{thing.name!r} is on the world in cell.yaml, so {option} has no robot")
     return None
 
 
@@ -153,7 +153,7 @@ def _read(files: Streams) -> dict[Inverted, PoseStream]:
     given = {option: file for option, file in files.option_files.items() if file is not None}
     strangers = [option for option in files.invert if option not in given]
     if strangers:
-        raise InputError(f"--invert {strangers[0]}, but no file is given by --{strangers[0]}")
+        raise InputError(f"--invert {strangers[0]}, but no file is given with --{strangers[0]}")
     streams = {option: read_poses(file, files.length_unit) for option, file in given.items()}
     for option in files.invert:
         streams[option] = replace(streams[option], poses=streams[option].poses.inverse())

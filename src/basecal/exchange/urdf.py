@@ -57,7 +57,7 @@ def corrected_urdf(
     chain = parse_chain(text, base_link, flange_link)
     for name, errors, size in (("joint offsets", offsets, chain.n), ("link parameters", links, chain.n + 1)):
         if errors is not None and len(errors) != size:
-            raise InputError(f"{len(errors)} {name} do not suit {chain.n} joints from {base_link!r} to {flange_link!r}")
+            raise InputError(f"{len(errors)} {name} do not fit {chain.n} joints from {base_link!r} to {flange_link!r}")
     # Right-multiplied corrections of each joint's origin, and of the tip
     tangents = np.zeros((chain.n + 1, 6)) if links is None else links
     turns = chain.axes * (np.zeros(chain.n) if offsets is None else offsets)[:, None]
@@ -71,7 +71,7 @@ def corrected_urdf(
         last = path_joint_names(text, base_link, flange_link)[-1]
         if last in chain.joint_names:
             raise InputError(
-                f"the calibration moves the tip of the chain, and {flange_link!r} hangs on the turning joint {last!r}. "
+                f"the calibration corrects the tip of the chain, but {last!r} above {flange_link!r} is not fixed. "
                 "End the chain at a link behind a fixed joint"
             )
         _move(by_name[last], tip_move)
@@ -286,10 +286,10 @@ def _joints_between(
 def _choose_joint(joints: Sequence[JointOrigin], name: str | None, frames: str) -> JointOrigin:
     turning = [joint.name for joint in joints if joint.kind != "fixed"]
     if turning:
-        raise InputError(f"joint {turning[0]!r} between {frames} is not fixed: their place is not one transform")
+        raise InputError(f"joint {turning[0]!r} between {frames} is not fixed: their relative pose is not constant")
     names = [joint.name for joint in joints]
     if name is None and len(joints) != 1:
-        raise InputError(f"between {frames} are {len(joints)} joints; say whose origin, with --joint: {names}")
+        raise InputError(f"there are {len(joints)} joints between {frames}; choose one with --joint: {names}")
     wanted = names[0] if name is None else name
     if wanted not in names:
         raise FrameNotFound(wanted, names)
@@ -321,7 +321,7 @@ def _root_link(part: RobotPart) -> tuple[str, SE3]:
     turning = [joint.name for joint in up if joint.kind != "fixed"]
     if turning:
         raise InputError(
-            f"{part.path}: joint {turning[0]!r} above {part.base_link!r} is not fixed: no base hangs there"
+            f"{part.path}: joint {turning[0]!r} above {part.base_link!r} is not fixed: a base needs a fixed joint"
         )
     return (up[-1].parent if up else part.base_link), _product(up)
 

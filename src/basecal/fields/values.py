@@ -222,7 +222,7 @@ PointMount = Annotated[UnknownEntry, AfterValidator(_point_unknown), BeforeValid
 
 def _check_path(text: str) -> str:
     if "\0" in text:
-        raise ValueError(f"{text!r} is no path: it holds the character of number 0")
+        raise ValueError(f"{text!r} is not a path: it holds a null character")
     return text
 
 

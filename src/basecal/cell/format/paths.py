@@ -36,7 +36,7 @@ def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
             raise InputError(f"{text[:_SHOWN_LENGTH]!r}... has more than {_LONGEST_PATH} characters; move the file up")
         path = posixpath.normpath(posixpath.join(relative_to, text))
         if not text or not text.isprintable() or "\\" in text or ":" in text[:2] or text.startswith("/"):
-            raise InputError(f"{text!r} is not a relative path with forward slashes, of letters that can be shown")
+            raise InputError(f"{text!r} is not a relative path with forward slashes and printable characters")
         if path == ".." or path.startswith("../"):
             raise InputError(f"{text!r} leaves the cell; copy the file into it")
         parent, _, name = path.rpartition("/")

@@ -156,7 +156,7 @@ def make_folder(folder: Path, base_folder: Path | None = None) -> None:
         for part in folder.relative_to(base_folder).parts:
             below /= part
             if below.is_symlink():
-                raise InputError(f"{below} is a link; what is written stays in the cell: put a folder there")
+                raise InputError(f"{below} is a link, and files are written only inside the cell: put a folder there")
     folder.mkdir(parents=True, exist_ok=True)
 
 

@@ -207,7 +207,7 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
     lines = text.splitlines()
     tab = next((number for number, written in enumerate(lines, start=1) if _TAB.match(written)), None)
     if tab is not None:
-        return Fault("a tab sets this line in, which YAML does not allow: replace it by spaces", tab)
+        return Fault("this line is indented with a tab, which YAML does not allow: use spaces", tab)
     if said.startswith(_BRACKET) and begun:
         expected = said[len(_BRACKET)]
         return Fault(f"the bracket that opens here is not closed: add {expected}", begun.line + 1)
@@ -215,12 +215,12 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
         return Fault("the quote that opens here is not closed: add another", begun.line + 1)
     if said.startswith(_UNEXPECTED_KEYS) and line is not None:
         if line > len(lines):
-            return Fault("it ends before anything is said: expected `key: value`", len(lines))
+            return Fault("the file ends without content: expected `key: value`", len(lines))
         return _key_fault(lines, line)
     if said == _UNEXPECTED_ENTRY:
-        return Fault("this line is indented unlike those beside it: give entries of one list the same spaces", line)
+        return Fault("this line is indented unlike its neighbours: indent all entries of a list equally", line)
     if found := _UNEXPECTED_BRACKET.search(said):
-        return Fault(f"a bracket {found[1]} closes that nothing opened: remove it", line)
+        return Fault(f"a closing bracket {found[1]} has no opening bracket: remove it", line)
     if found := _NO_TOKEN.search(said):
         return Fault(f"a value cannot start with {found[1]!r}: put it into quotes", line)
     return Fault(" ".join(said.split()), line)
@@ -236,7 +236,7 @@ def _key_fault(lines: list[str], line: int) -> Fault:
         return Fault("expected `key: value`, there is no colon", above)
     if _content(lines[line - 1]).count(": ") > 1:
         return Fault("two colons: put a value that holds one into quotes", line)
-    return Fault("this line is indented under a line that has its value already: set it in as the one above", line)
+    return Fault("this line is indented under a line that already has a value: indent it like that line", line)
 
 
 def _content(line: str) -> str:

@@ -101,7 +101,7 @@ def observation(
     if shape is None:
         raise place.error(f"{field}.target", f"points of {target!r} need its `kind` and shape in cell.yaml")
     if kind == "candidates" and not shape.is_point:
-        raise place.error(f"{field}.candidates", f"candidates are for a single light; {target!r} has several points")
+        raise place.error(f"{field}.candidates", f"candidates are for a single LED; {target!r} has several points")
     if kind != "points_in_camera_m" and cell.cameras[camera].intrinsics is None:
         raise place.error(f"{field}.camera", f"pixels of {camera!r} need its size_px and intrinsics in cell.yaml")
     return (camera, target), _points(kind, data, field, place, ids[target])
@@ -156,12 +156,12 @@ def _points(
 
 def _ids(data: dict[str, Any], field: str, place: Where, context: frozenset[int], points: Array) -> IntArray:
     if "ids" not in data and len(context) > 1:
-        raise place.error(f"{field}.ids", f"missing; {data['target']!r} has several points, say which were seen")
+        raise place.error(f"{field}.ids", f"missing; {data['target']!r} has several points, give their ids")
     written = data.get("ids", [0] * min(len(points), 1))
     ids = whole_numbers(place, f"{field}.ids", written)
     if len(context) == 1 and len(points) > 1:
-        several = f"{len(points)} places of {data['target']!r}, which is one point; bright spots of which one is it"
-        raise place.error(field, f"{several} are its `candidates`")
+        several = f"{len(points)} points of {data['target']!r}, which has one"
+        raise place.error(field, f"{several}: record uncertain detections as `candidates`")
     if len(points) > len(context):
         raise place.error(field, f"{len(points)} points, {data['target']!r} has {len(context)}")
     if len(ids) != len(points):

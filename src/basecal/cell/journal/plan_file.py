@@ -49,7 +49,7 @@ def parse_plan(lines: Iterable[bytes], path: str | Path, folder: str | Path, cel
         where = Where(str(path), number)
         read = sample_from_line(line, where, known)
         if not isinstance(read, Sample) or not read.robots:
-            raise where.error("robots", "expected where robots shall be, joints or poses of their flanges")
+            raise where.error("robots", "expected the planned joints or flange poses of robots")
         samples.append(Sample(read.sample, robots=read.robots))
     return tuple(samples)
 

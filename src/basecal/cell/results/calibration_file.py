@@ -72,7 +72,7 @@ def read_calibration_data(path: str | Path) -> Any:
         if "\\ud" in text.lower():  # only such an escape can be an unpaired surrogate
             json.dumps(data, ensure_ascii=False).encode()
     except UnicodeEncodeError:
-        raise DatasetError(str(file), "a text holds half a character (\\ud800 to \\udfff); calibrate again") from None
+        raise DatasetError(str(file), "text has an unpaired surrogate (\\ud800 to \\udfff); calibrate again") from None
     except json.JSONDecodeError as error:
         raise DatasetError(str(file), f"not JSON ({error.msg}); calibrate again", error.lineno) from None
     except (ValueError, RecursionError) as error:

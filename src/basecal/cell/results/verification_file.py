@@ -99,4 +99,4 @@ def _read(line: bytes, path: str, number: int) -> PastVerification:
         return _LINE.validate_json(line)
     except ValidationError as error:
         problem = collect_problems(error, _LINE)[0]
-        raise DatasetError(path, f"{problem.message}; take the line out", number, field_name(problem.loc)) from None
+        raise DatasetError(path, f"{problem.message}; remove the line", number, field_name(problem.loc)) from None

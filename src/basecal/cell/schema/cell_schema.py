@@ -98,7 +98,7 @@ class RobotEntry(Entry):
     @classmethod
     def _without_jitter(cls, value: Clock | None) -> Clock | None:
         if value is not None and value.jitter_s is not None:
-            raise ValueError("jitter_s stands at the clock of a camera: it is of a view against all that moves")
+            raise ValueError("jitter_s belongs to the clock of a camera, not of a robot")
         return value
 
     @checks_whole(mode="after")

@@ -42,7 +42,7 @@ def completed_cell_text(
         raise DatasetError(path, f"expected a mapping that starts with `schema: {SCHEMA}`, got {shorten(data)}")
     changed: list[Loc] = []
     for loc, value in _conflicts(data, additions, (), frozenset(replacements), changed):
-        stated = f"states {_value_text(value[0])}, imported data say {_value_text(value[1])}: correct the wrong one"
+        stated = f"is {_value_text(value[0])}, but {_value_text(value[1])} in the imported data: correct the wrong one"
         raise DatasetError(path, stated, lines.get(loc), field_name(loc))
     if not changed:
         return text, ()

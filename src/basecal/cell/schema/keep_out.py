@@ -29,7 +29,7 @@ class KeepOutEntry(PoseEntry):
         elif self.size_m is None or not {"t_m", "matrix"} & set(given_fields(self)):
             raise ValueError("expected size_m and t_m of a box, or table_z_m of a table")
         elif min(self.size_m) <= 0:
-            raise ValueError(f"size_m are three lengths above 0, got {self.size_m}")
+            raise ValueError(f"size_m: expected three lengths above 0, got {self.size_m}")
         return self
 
     def noun(self, name: str) -> KeepOut:

@@ -51,15 +51,15 @@ class MarkEntry(Entry):
     @checks_whole(mode="after")
     def _as_stated(self) -> MarkEntry:
         if self.points_m is None and (self.sigma_m is not None or self.exact):
-            raise ValueError("sigma_m and exact are of points_m, which is missing")
+            raise ValueError("sigma_m and exact belong to points_m, which is missing")
         if self.exact and self.sigma_m is not None:
-            raise ValueError("exact takes no sigma_m: leave one of them away")
+            raise ValueError("exact takes no sigma_m: remove one of them")
         if self.shape != "point" and self.points_m is not None:
             raise ValueError("a plane or an edge is stated by its mount: remove points_m")
         if self.shape == "point" and not self.is_plate and self.mount != UnknownEntry():
-            raise ValueError("mount is of a plate of several points_m; one mark is stated by points_m: [[x, y, z]]")
+            raise ValueError("mount is for a plate of several points_m; state a single mark as points_m: [[x, y, z]]")
         if self.is_plate and _is_line(self.points_m):
-            raise ValueError("marks of a plate that are on one line go along an axis of the plate: x, y or z")
+            raise ValueError("collinear marks of a plate must lie along an axis of the plate: x, y or z")
         return self
 
     @property

@@ -29,9 +29,9 @@ class TargetEntry(Entry):
     @model_validator(mode="after")
     def _size(self) -> Self:
         if self.exact and self.size_sigma is not None:
-            raise ValueError("exact takes no size_sigma: leave one of them away")
+            raise ValueError("exact takes no size_sigma: remove one of them")
         if self.scale and (self.exact or self.size_sigma is not None or type(self) is not TargetEntry):
-            raise ValueError("scale is of a target that is seen only as poses: leave kind, exact and size_sigma away")
+            raise ValueError("scale is for a target that is seen only as poses: remove kind, exact and size_sigma")
         return self
 
     def shape(self) -> Target | None:

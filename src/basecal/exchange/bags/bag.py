@@ -114,7 +114,7 @@ def _check_files(path: Path) -> None:
     if not path.exists():
         raise DatasetError(path, f"there is no such bag; {_EXPECTED}")
     if not path.is_dir() and path.suffix not in (_BAG1, *_BAG2):
-        raise DatasetError(path, f"is no bag by its name; {_EXPECTED}")
+        raise DatasetError(path, f"is not a bag: unknown file name extension; {_EXPECTED}")
     if path.is_dir() and not (path / _METADATA).exists():
         bags = sorted(each.name for each in path.iterdir() if each.suffix in (_BAG1, *_BAG2))
         held = f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is no bag"

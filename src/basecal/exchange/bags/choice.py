@@ -54,13 +54,13 @@ def _frames_of_robots(bag: Bag, tree: Tree, request: Asked, cell: KnownCell) -> 
     found = _usual_frames(tree)
     if known and set(found) != set(known):
         raise InputError(
-            f"which frames are {list_names(list(known))}? give --robot NAME=BASE,FLANGE for each; {hint(tree)}"
+            f"the frames of {list_names(list(known))} are unknown: give --robot NAME=BASE,FLANGE for each; {hint(tree)}"
         )
     if not found:
         topics = [topic.name for topic in bag.topics.values() if topic.kind == POSE]
         said = f"; topics of poses are: {list_names(topics)}" if topics else ""
         raise InputError(
-            f"no robot is found by the names of frames: give --robot NAME=BASE,FLANGE or NAME=/TOPIC; "
+            f"no robot was found from the names of frames: give --robot NAME=BASE,FLANGE or NAME=/TOPIC; "
             f"{hint(tree)}{said}"
         )
     return found
@@ -156,9 +156,7 @@ def _topics_of_cameras(survey: Survey, request: Asked, cell: KnownCell) -> dict[
     strangers = [name for name in found if known and name not in known]
     if strangers and not request.views:
         topics = list_names(list(found.values()))
-        raise InputError(
-            f"the cell has {list_names(known)}: say whose images are {topics}, --camera NAME=TOPIC for each"
-        )
+        raise InputError(f"the cell has {list_names(known)}: assign {topics} with --camera NAME=TOPIC for each")
     return {} if strangers else found
 
 
@@ -192,7 +190,7 @@ def _camera(
     if on is None:
         frame = survey.frame_ids[topic] or "of no name"
         why = f"its frame {frame} is not in tf" if len(robots) > 1 else "it is new"
-        raise InputError(f"what carries camera {name!r}? {why}: give --on {name}=ROBOT or {name}={WORLD}")
+        raise InputError(f"the carrier of camera {name!r} is unknown, {why}: give --on {name}=ROBOT or {name}={WORLD}")
     if on != WORLD and on not in robots and on not in cell.robots:
         raise InputError(f"camera {name!r} on {on!r}: there is no such robot; there are {list_names([*robots, WORLD])}")
     return CameraSource(topic, info if info in survey.infos else None, on)

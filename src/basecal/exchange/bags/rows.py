@@ -83,7 +83,7 @@ def write_images(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: 
         written[look].parent.mkdir(exist_ok=True)
         written[look].write_bytes(image.content)
     for look in looks - written.keys():
-        raise InputError(f"an image of {look.channel} at {look.stamp_s:.6f} s was there, and is not when read again")
+        raise InputError(f"an image of {look.channel} at {look.stamp_s:.6f} s is missing when the bag is read again")
     return written
 
 
@@ -165,11 +165,11 @@ def explain_no_stop(tracks: Tracks) -> str:
     """Message about the absence of stops, with its cause and a fix."""
     if not collect_looks(tracks):
         return "there is no image, and no --view names a topic of poses or tags: --list shows the topics"
-    do = "--streams takes all of it as it moves, each device by its own clock"
+    do = "--streams imports all data in motion, each device with its own clock"
     rare = [name for name, track in tracks.robots.items() if _usual_gap(track) > _MOST_APART_S]
     if rare:
         gap = _usual_gap(tracks.robots[rare[0]])
-        return f"{rare[0]} was recorded every {gap:.2g} s, and {_MOST_APART_S} s or less would show that it rests: {do}"
+        return f"{rare[0]} was recorded every {gap:.2g} s; {_MOST_APART_S} s or less is needed to detect stops: {do}"
     return f"no robot is at rest for {2 * _AROUND_S} s around an image: {do}"
 
 

@@ -51,7 +51,7 @@ def survey_bag(bag: Bag) -> Survey:
     for topic in (*images, *infos, *texts):
         first = next(bag.read([topic.name]), None)
         if first is None:
-            raise DatasetError(bag.path, f"{topic.name} says {topic.messages} messages and holds none: it is damaged")
+            raise DatasetError(bag.path, f"{topic.name} has none of its {topic.messages} messages: the bag is damaged")
         firsts[topic.name] = first.data
     return Survey(
         _tree(bag),

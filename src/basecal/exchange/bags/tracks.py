@@ -137,7 +137,7 @@ def _moving_frames(tree: Tree, source: ByFrames) -> list[str]:
     moving = [child for child in children if not tree.hangs[child].is_fixed]
     timed = [child for child in children if tree.hangs[child].is_timed]
     if not moving and not timed:
-        raise InputError(f"{source}: nothing but /tf_static is between them, so that nothing says when: other frames?")
+        raise InputError(f"{source}: only /tf_static connects these frames, without times: choose other frames")
     return moving or timed[:1]
 
 
@@ -198,7 +198,7 @@ def _tags(path: str, key: tuple[str, str], source: object, by_time: Mapping[floa
 def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, collection: _Gathered) -> Track:
     name = key if isinstance(key, str) else " seen by ".join(reversed(key))
     if not collection.times:
-        why = "its frames never have one stamp" if isinstance(source, ByFrames) else "no message says where it was"
+        why = "its frames never share a time stamp" if isinstance(source, ByFrames) else "no message holds its pose"
         raise InputError(f"{path}: {name}: {source}: {why}")
     times, values = collection.arrays()
     about = f"{path}: {name}: {source}"

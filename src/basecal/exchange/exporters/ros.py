@@ -17,7 +17,7 @@ def export_text(request: Wanted) -> str:
     """
     if len(request.transforms) != 1:
         names = ", ".join(one.name for one in request.transforms)
-        raise InputError(f"a message holds one pose: say which with --transform: {names}")
+        raise InputError(f"a message holds one pose: choose one with --transform: {names}")
     (one,) = request.transforms
     place, turn = one.estimate.mean.translation.tolist(), one.estimate.mean.quaternion.tolist()
     position = {key: value + 0.0 for key, value in zip("xyz", place, strict=True)}

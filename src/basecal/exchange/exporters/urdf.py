@@ -31,7 +31,7 @@ def export_text(request: Wanted) -> str:
     if cell is None or folder is None:
         raise InputError("a corrected URDF needs the cell and its folder")
     if of is None:
-        raise InputError(f"say whose URDF, with --robot: {', '.join(cell.robots)}")
+        raise InputError(f"choose a URDF with --robot: {', '.join(cell.robots)}")
     if of not in cell.robots:
         raise FrameNotFound(of, list(cell.robots))
     return corrected_text(cell, folder, calibration, of)
@@ -55,8 +55,8 @@ def corrected_text(cell: Cell, folder: Path, calibration: Calibration, name: str
     source = f"sha256:{hashlib.sha256(text).hexdigest()}"
     if calibration.inputs.get(robot.urdf) != source:
         raise InputError(
-            f"{robot.urdf} is not the file that was calibrated. It may hold the correction already, and twice is "
-            "wrong. Calibrate again, or restore the file that was calibrated"
+            f"{robot.urdf} is not the file that was calibrated. It may hold the correction already, which must "
+            "not be applied twice. Calibrate again, or restore the file that was calibrated"
         )
     note = f"made by basecal {program_version()} of {source}: {applied_kinds(calibration, name)} applied"
     return corrected_urdf(text, robot.base_link, robot.flange_link, turns, moves, note)

@@ -45,7 +45,7 @@ def export_text(request: Wanted) -> str:
     others = [name for name in cell.robots if name != cell.reference]
     for name in others:
         if cell.base_name(name) not in known:
-            raise InputError(f"where {name!r} stands is not known: there is no {cell.base_name(name)}")
+            raise InputError(f"the pose of {name!r} is unknown: there is no {cell.base_name(name)}")
     places = {name: known[cell.base_name(name)] for name in others}
     said = [
         f"{name}: {Path(part.path).name}, its base is the link {part.base_link}{corrections[name]}"

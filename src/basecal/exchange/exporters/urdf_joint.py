@@ -18,10 +18,10 @@ def export_text(request: Wanted) -> str:
         DatasetError: if the URDF cannot be used.
     """
     if len(request.urdfs) != 1:
-        raise InputError(f"say in which URDF, with --urdf FILE; {len(request.urdfs)} were given")
+        raise InputError(f"expected one --urdf FILE, {len(request.urdfs)} were given")
     if len(request.transforms) != 1:
         names = ", ".join(one.name for one in request.transforms)
-        raise InputError(f"an origin is one transform: say which with --transform: {names}")
+        raise InputError(f"an origin is one transform: choose one with --transform: {names}")
     (one,), (path,) = request.transforms, request.urdfs
     remarks = comments([*request.remarks, describe_transform(one, "m")], "")
     text, mean = read_bounded(path, LARGEST_BYTES), one.estimate.mean

@@ -17,7 +17,7 @@ def choose_camera(request: Wanted) -> str:
         return request.camera
     names = _names(request)
     if len(names) != 1:
-        raise InputError(f"say whose lens, with --camera: {', '.join(names) or 'no lens is known'}")
+        raise InputError(f"choose a lens with --camera: {', '.join(names) or 'no lens is known'}")
     return names[0]
 
 

@@ -70,7 +70,7 @@ def _find_transform(calibration: Calibration, cell: Cell | None, name: str) -> N
         if not named:
             raise FrameNotFound(name, list(calibration.transforms))
         if parent == child:
-            raise InputError(f"{name} is of one frame: name two, such as {next(iter(calibration.transforms), '')}")
+            raise InputError(f"{name} has one frame twice: name two, such as {next(iter(calibration.transforms), '')}")
         estimate = calibration.frame_between(parent, child)
         if not _is_covariance(estimate):
             raise InputError(f"the covariance of {name} is none, a variance is negative or not finite: calibrate again")

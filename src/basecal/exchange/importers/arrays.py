@@ -114,7 +114,7 @@ def record_of_arrays(
     counts = {f"R_{name}": len(pose) for name, pose in zip(wanted, poses, strict=True)}
     if len(set(counts.values())) > 1:
         told = ", ".join(f"{name} has {count}" for name, count in counts.items())
-        raise InputError(f"{source}: {told}: expected as many of each, a pose a sample")
+        raise InputError(f"{source}: {told}: expected the same number, one pose per sample")
     for name, pose in zip(wanted[:-1], poses[:-1], strict=True):
         if np.array_equal(pose.matrix, poses[-1].matrix):
             raise InputError(f"{source}: {name} and {wanted[-1]} are the same poses: one was given for both")
@@ -189,7 +189,9 @@ def _poses(arrays: Mapping[str, ArrayLike], name: str, metres: float) -> SE3:
     )
     translation = _numbers(arrays, f"t_{name}", ((3,),)) * metres
     if len(rotation) != len(translation):
-        raise InputError(f"R_{name} has {len(rotation)} entries and t_{name} {len(translation)}, expected as many")
+        raise InputError(
+            f"R_{name} has {len(rotation)} entries and t_{name} {len(translation)}, expected equal numbers"
+        )
     return SE3(rotation, translation)
 
 
@@ -209,7 +211,7 @@ def _numbers(arrays: Mapping[str, ArrayLike], key: str, shapes: tuple[tuple[int,
         plain = np.asarray(arrays[key])
         is_complex, values = np.iscomplexobj(plain), np.asarray(plain.real, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{key} is no array of numbers: its entries differ in shape, or are none") from None
+        raise InputError(f"{key} is not an array of numbers: its entries differ in shape, or are not numbers") from None
     if is_complex:
         raise InputError(f"{key} is a complex array, expected real numbers")
     if not values.size:

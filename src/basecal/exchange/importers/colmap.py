@@ -93,11 +93,11 @@ def read_colmap(
         sight = Sight(choose_name("camera", camera, known.cameras), target, on, target_on)
         return _poses(cell, str(file), camera_id, images, sight, streams)
     if streams:
-        raise UsageError("--streams is of poses, and not of a lens: add --target NAME")
+        raise UsageError("--streams needs poses: add --target NAME")
     lenses = read_colmap_lenses(file)
     chosen = next(iter(lenses)) if camera_id is None and len(lenses) == 1 else camera_id
     if chosen is None or chosen not in lenses:
-        raise InputError(f"{file} has cameras {list_names(list(map(str, lenses)))}: say which one by --camera-id")
+        raise InputError(f"{file} has cameras {list_names(list(map(str, lenses)))}: choose one with --camera-id")
     return lens_of_file(cell, lenses[chosen], file, camera, on, status)
 
 
@@ -129,7 +129,7 @@ def _select_images(file: str, camera_id: int | None, pattern: str) -> list[Recon
     numbers = list_names([str(number) for number in sorted({image.camera for image in named})])
     chosen = [image for image in named if camera_id in (None, image.camera)]
     if len({image.camera for image in chosen}) != 1:
-        raise InputError(f"{file} has images of cameras {numbers}: say which one by --camera-id")
+        raise InputError(f"{file} has images of cameras {numbers}: choose one with --camera-id")
     twice = [name for name, count in Counter(plain_name(image.name) for image in chosen).items() if count > 1]
     if twice:
         folder = chosen[0].name.rpartition("/")[0] or "FOLDER"

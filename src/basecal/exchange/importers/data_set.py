@@ -96,7 +96,7 @@ def read_data_set_record(
     images = tuple(_image(entry.find("image"), folder) for entry in entries)
     static = root.first("static_camera")
     if static is not None and camera_on_robot is not None and static.boolean() == camera_on_robot:
-        raise static.error("is the opposite of what --camera-on, or cell.yaml, says")
+        raise static.error("contradicts --camera-on or cell.yaml")
     on_robot = camera_on_robot if static is None else not static.boolean()
     if on_robot is None:
         raise root.error(
@@ -160,7 +160,7 @@ def _target(root: Field, path: str | Path | None) -> dict[str, Any] | None:
     for name, read in _TARGETS.items():
         if name in kind.text():
             return read(place)
-    raise kind.error(f"{kind.data!r} has no equal here; there are: {list_names(list(_TARGETS))}")
+    raise kind.error(f"{kind.data!r} is not supported; there are: {list_names(list(_TARGETS))}")
 
 
 def _charuco(place: Field) -> dict[str, Any]:

@@ -128,7 +128,7 @@ def _arrangement(root: Field, on_robot: bool | None) -> _Arrangement:
     """
     stated = _stated_arrangement(root)
     if on_robot is not None and stated is not None and stated.on_robot != on_robot:
-        raise root.error(f"{stated.by}, the opposite of what --camera-on, or cell.yaml, says")
+        raise root.error(f"{stated.by}, which contradicts --camera-on or cell.yaml")
     found = stated or (None if on_robot is None else _Arrangement(on_robot, "as stated"))
     found = found or _sibling_arrangement(Path(root.path)) or _arrangement_from_name(Path(root.path))
     if found is None:

@@ -73,7 +73,7 @@ def read_kalibr(
     chosen = next(iter(lenses)) if camera_of_file is None and len(lenses) == 1 else camera_of_file
     chosen = camera if chosen is None and camera in lenses else chosen
     if chosen is None or chosen not in lenses:
-        raise InputError(f"{file} has {list_names(list(lenses))}: say which one by --camera-of-file")
+        raise InputError(f"{file} has {list_names(list(lenses))}: choose one with --camera-of-file")
     mount = mount_by_chain(known, tuple(lenses.values()), chosen)
     return lens_of_file(cell, lenses[chosen], file, camera, on, status, mount)
 
@@ -95,10 +95,10 @@ def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:
 def _lens(camera: Field, name: str) -> StatedLens:
     projection = camera.find("camera_model")
     if projection.text() != _PROJECTION:
-        raise projection.error(f"{projection.data!r} has no equal here: calibrate with pinhole-radtan or pinhole-equi")
+        raise projection.error(f"{projection.data!r} is not supported: calibrate with pinhole-radtan or pinhole-equi")
     distortion = camera.find("distortion_model")
     if distortion.text() not in _MODELS:
-        raise distortion.error(f"{distortion.data!r} has no equal here; there are: {list_names(list(_MODELS))}")
+        raise distortion.error(f"{distortion.data!r} is not supported; there are: {list_names(list(_MODELS))}")
     model, count = _MODELS[distortion.data]
     terms = camera.find("distortion_coeffs").numbers(count) if count else []
     width, height = camera.find("resolution").size()
@@ -132,13 +132,13 @@ def read_target(path: str | Path) -> dict[str, Any]:
     root = read_fields(path)
     kind = root.find("target_type")
     if kind.text() not in _TARGETS:
-        raise kind.error(f"{kind.data!r} is no target of Kalibr's; there are: {list_names(list(_TARGETS))}")
+        raise kind.error(f"{kind.data!r} is not a target of Kalibr; there are: {list_names(list(_TARGETS))}")
     return _TARGETS[kind.data](root)
 
 
 def _aprilgrid(root: Field) -> dict[str, Any]:
     if (first := root.first("codeOffset")) is not None and first.integer(0):
-        raise first.error("the tags of a grid here begin with number 0: print one that does")
+        raise first.error("tags of a grid must start with number 0: print such a grid")
     return {
         "kind": "aprilgrid",
         "tags": [root.find("tagCols").integer(), root.find("tagRows").integer()],
@@ -151,7 +151,7 @@ def _aprilgrid(root: Field) -> dict[str, Any]:
 def _checkerboard(root: Field) -> dict[str, Any]:
     across, down = root.find("colSpacingMeters"), root.find("rowSpacingMeters")
     if abs(across.number() - down.number()) > _EQUAL_SIDES * abs(across.number()):
-        raise down.error(f"is {down.data}, colSpacingMeters {across.data}: the squares of a board here are square")
+        raise down.error(f"is {down.data}, colSpacingMeters {across.data}: fields of a board must be square")
     corners = [root.find("targetCols").integer(2), root.find("targetRows").integer(2)]
     return {"kind": "chessboard", "corners": corners, "square_m": across.number()}
 

@@ -109,7 +109,7 @@ def read_lerobot(
     if calibration is not None and unit != "normalised":
         raise UsageError("--calibration belongs to --unit normalised")
     if episode < 0 or not every_s >= 0:
-        raise UsageError("--episode and --every-s are at least 0")
+        raise UsageError("--episode and --every-s must be at least 0")
     if camera is None and (film is not None or on is not None):
         raise UsageError("--film and --on belong to --camera")
     model = joint_model(cell, robot, urdf, base_link, flange_link, offset_sigma_deg)
@@ -234,7 +234,7 @@ def _choose_feature(folder: Path, name: str | None) -> str:
     if len(chosen) == 1:
         return chosen[0]
     short = list_names([key.removeprefix(_PREFIX) for key in films])
-    raise DatasetError(folder, f"has the films {short}: say which one by --film")
+    raise DatasetError(folder, f"has the films {short}: choose one with --film")
 
 
 def _shared_film(folder: Path, number: int, key: str) -> Film:
@@ -245,5 +245,5 @@ def _shared_film(folder: Path, number: int, key: str) -> Film:
         raise DatasetError(folder, f"has the film of episode {number} in chunk {chunk:g}, file {file:g}")
     path = folder / "videos" / key / f"chunk-{int(chunk):03d}" / f"file-{int(file):03d}.mp4"
     if not path.is_file():
-        raise DatasetError(path, "is not there, though meta/episodes names it")
+        raise DatasetError(path, "is missing, although meta/episodes names it")
     return Film(path, start_s)

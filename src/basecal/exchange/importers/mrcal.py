@@ -71,8 +71,8 @@ def read_cameramodel(path: str | Path) -> StatedLens:
     kind = root.find("lensmodel", "lens_model", "distortion_model")
     name = kind.text().replace("DISTORTION", "LENSMODEL")
     if name not in _TERMS:
-        advice = "mrcal-convert-lensmodel fits one that has"
-        raise kind.error(f"{shorten(name)} has no equal here ({list_names(list(_TERMS))}): {advice}")
+        advice = "mrcal-convert-lensmodel fits a supported model"
+        raise kind.error(f"{shorten(name)} is not supported ({list_names(list(_TERMS))}): {advice}")
     values = root.find("intrinsics")
     width, height = root.find("imagersize").size()
     camera = made_camera(values, "pinhole", values.numbers(4 + _TERMS[name]), (width, height))

@@ -80,7 +80,7 @@ def read_opencv(
     lens = read_opencv_lens(file, model, which)
     stated = lens.camera.size_px
     if size_px is not None and stated not in (None, size_px):
-        raise InputError(f"{file} is of {stated[0]} x {stated[1]} px: leave --size-px away, or correct the file")
+        raise InputError(f"{file} is of {stated[0]} x {stated[1]} px: omit --size-px, or correct the file")
     if size_px is not None:
         lens = replace(lens, camera=Camera(lens.camera.model, lens.camera.parameters, size_px))
     return lens_of_file(cell, lens, file, camera, on, status)
@@ -104,7 +104,7 @@ def read_opencv_lens(path: str | Path, model: str | None = None, number: int | N
     else:
         root = read_file_storage(path)
     if (ros := root.first("distortion_model")) is not None:
-        raise ros.error("says how ROS distorts, which OpenCV does not write: basecal import camera-info")
+        raise ros.error("belongs to a file of ROS, not of OpenCV: basecal import camera-info")
     named = _fields_by_name(root)
     suffix = "" if number is None else str(number)
     matrix = _first_matrix(named, (f"{each}{suffix}" for each in _MATRIX), _MATRIX_SIZE)
@@ -137,7 +137,7 @@ def _scalars(fields: dict[str, Field], names: Sequence[str]) -> list[float]:
 def _no_matrix(root: Field, fields: dict[str, Field], number: int | None) -> DatasetError:
     """Error about a file without a camera matrix, or with two."""
     if number is None and _first_matrix(fields, (f"{each}1" for each in _MATRIX), _MATRIX_SIZE) is not None:
-        return root.error(f"holds two cameras ({list_names(root.names())}): say which by --which 1 or --which 2")
+        return root.error(f"holds two cameras ({list_names(root.names())}): choose --which 1 or --which 2")
     expected = "expected camera_matrix, cameraMatrix, mtx or K, 3 x 3"
     return root.error(f"has no camera matrix; it has {list_names(root.names())}: {expected}")
 

@@ -62,11 +62,11 @@ def read_points(
     table = PointTable.read(str(file), None if length_unit is None else unit_length_m(length_unit))
     names = table.targets or ((target,) * len(table.rows) if target else ())
     if not names or (table.targets and target):
-        raise UsageError("say which reflector was measured, either by --target or by a column `target`")
+        raise UsageError("name the measured reflector with either --target or a column `target`")
     known = known_cell(cell)
     new = [name for name in dict.fromkeys(names) if name not in known.targets]
     if new and robot is None:
-        raise UsageError(f"--robot is missing: the one that carries {', '.join(new)}")
+        raise UsageError(f"--robot is missing: give the carrier of {', '.join(new)}")
     reflector = {"on": robot, "kind": "points", "points_m": [[0.0, 0.0, 0.0]]}
     entry: dict[str, dict[str, object]] = {"targets": {name: dict(reflector) for name in new}}
     if camera not in known.cameras:
@@ -139,7 +139,7 @@ def _unit(path: str, columns: list[str], length_m: float | None) -> tuple[str, f
     found = {column_unit(column) for column in columns} - {None}
     sizes = {size for _, size in filter(None, found)} | (set() if length_m is None else {length_m})
     if len(sizes) != 1:
-        why = "do not say their unit: give --length-unit" if not sizes else "have several units, or another than stated"
+        why = "have no unit: give --length-unit" if not sizes else "have several units, or another than --length-unit"
         raise DatasetError(path, f"{', '.join(columns)} {why}")
     size = sizes.pop()
     return next((name for name, _ in filter(None, found)), f"{1e3 * size:g} mm"), size

@@ -34,7 +34,7 @@ def read_poses(
     /,
     *,
     robot: str | None = None,
-    format: Annotated[str | None, OneOf("Whose numbers they are", tuple(CONTROLLERS))] = None,
+    format: Annotated[str | None, OneOf("Controller's format of the poses", tuple(CONTROLLERS))] = None,
     length_unit: LengthUnit | None = None,
     deg: bool = False,
     rad: bool = False,
@@ -132,7 +132,7 @@ def read_poses(
 def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:
     """Whether a table holds inverse poses; raises UsageError if `invert` names another file."""
     if others := [each for each in invert if each != direction]:
-        raise UsageError(f"--invert {others[0]}, but no file is given by --{others[0]}: here it is {direction}")
+        raise UsageError(f"--invert {others[0]}, but no file is given with --{others[0]}: here it is {direction}")
     return bool(invert)
 
 
@@ -154,11 +154,11 @@ def table_reading(file: str, format: str | None, unit: LengthUnit | None, deg: b
     if name is not None and name not in CONTROLLERS:
         raise UsageError(f"--format {FrameNotFound(name, list(CONTROLLERS))}")
     if deg and rad:
-        raise UsageError("--deg and --rad cannot both be")
+        raise UsageError("--deg and --rad exclude each other")
     angle = math.radians(1) if deg else 1.0 if rad else None
     name = name or guessed_format(file)
     if not name:
-        raise DatasetError(file, f"does not state what its numbers are: give --format {list_names(list(CONTROLLERS))}")
+        raise DatasetError(file, f"does not state its format: give --format {list_names(list(CONTROLLERS))}")
     return Reading(name, None if unit is None else unit_length_m(unit), angle)
 
 

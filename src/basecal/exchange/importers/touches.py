@@ -40,7 +40,7 @@ def read_touches(
     meets: str | None = None,
     clamp: str | None = None,
     hinge: bool = False,
-    format: Annotated[str | None, OneOf("Whose numbers they are", tuple(CONTROLLERS))] = None,
+    format: Annotated[str | None, OneOf("Controller's format of the poses", tuple(CONTROLLERS))] = None,
     length_unit: LengthUnit | None = None,
     deg: bool = False,
     rad: bool = False,
@@ -88,7 +88,7 @@ def read_touches(
         InputError: if the file cannot be read, or names no marks.
     """
     if sum(each is not None for each in (mark, meets, clamp)) > 1:
-        raise UsageError("--mark, --meets and --clamp exclude one another: say what the robot touched")
+        raise UsageError("--mark, --meets and --clamp exclude each other: give one of them")
     own_tip, known, places = tip or f"{robot}_tip", known_cell(cell), controller_places([robot])
     rows, names, how, advice, writer = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
     entry: dict[str, Any] = {"robots": {robot: {} if writer is None else {"controller": {"format": writer}}}}
@@ -152,7 +152,7 @@ def touch_names(path: str, names: Sequence[str], robot: str, mark: str | None) -
     marks = table.names("mark", "touch", "point", "target")
     if (marks is None) == (mark is None):
         why = "the table has no column `mark`" if mark is None else "the table has a column `mark`, too"
-        raise UsageError(f"{why}: say by --mark or by the column what was touched")
+        raise UsageError(f"{why}: name the touched mark with either --mark or the column")
     return [mark or ""] * len(table.rows) if marks is None else marks
 
 

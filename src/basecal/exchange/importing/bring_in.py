@@ -135,7 +135,7 @@ def _repeat_row(imports: Imported, recording: Recording) -> Imported:
         InputError: if the rows differ, or nothing is recorded.
     """
     if not recording.samples:
-        raise InputError(f"{imports.source}: comes first: --still is for an arm at rest, after what moves is imported")
+        raise InputError(f"{imports.source}: --still is for an arm at rest: import the moving robots and cameras first")
     first = imports.rows[0].robots
     for row in imports.rows:
         if not all(is_same_state(state, first[name], _REST_TOLERANCE) for name, state in row.robots.items()):

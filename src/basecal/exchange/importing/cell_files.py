@@ -46,7 +46,7 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
                 made.append(target)
                 _place_file(source, target, link)
             elif not target.is_file() or not filecmp.cmp(source, target, shallow=False):
-                raise InputError(f"{target} is there already, and is another file than {source}: it is not overwritten")
+                raise InputError(f"{target} exists and differs from {source}: it is not overwritten")
         yield
     except OSError as error:
         _remove_files(made, folder, existed)
@@ -80,7 +80,7 @@ def _place_file(source: Path, target: Path, link: bool) -> None:
             os.link(source, target)
         except OSError as error:
             why = f"{source} cannot be linked into {target.parent} ({error.strerror})"
-            raise InputError(f"{why}: hard links need one disk; leave --link away to copy") from None
+            raise InputError(f"{why}: hard links need one disk; omit --link to copy") from None
         return
     write_atomically(target, read_bounded(source, _LARGEST_BYTES), durable=False)
 

@@ -142,12 +142,12 @@ def _single_carrier(cell: KnownCell, sight: Sight) -> str:
         InputError: if there are several such robots, or the cell has no robots yet.
     """
     if not cell.robots:
-        raise InputError(f"say what carries the target {sight.target!r}: --target-on ROBOT or --target-on world")
+        raise InputError(f"give the carrier of the target {sight.target!r}: --target-on ROBOT or --target-on world")
     carrier = sight.camera_on or cell.cameras[sight.camera].on
     others = [robot for robot in cell.robots if robot != carrier]
     if len(others) > 1 or (not others and carrier == WORLD):
         options = " or ".join(f"--target-on {each}" for each in (*others, WORLD) if each != carrier)
-        raise InputError(f"say what carries the target {sight.target!r}: {options}")
+        raise InputError(f"give the carrier of the target {sight.target!r}: {options}")
     return others[0] if others else WORLD
 
 

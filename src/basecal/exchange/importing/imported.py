@@ -183,12 +183,12 @@ def choose_carrier(
     known = things[name].on if name in things else stated_carrier
     if stated_carrier not in (None, known):
         found = f"{kind} {name!r} is on {known!r} in cell.yaml, not on {stated_carrier!r}"
-        raise InputError(f"{found}: leave {option} away, or correct it")
+        raise InputError(f"{found}: omit {option}, or correct it")
     if not robots and known == WORLD and not may_be_world:
         raise InputError(f"{kind} {name!r} on the world needs a robot, and there is no cell.yaml: import poses first")
     if known is None and len(robots) != 1:
         choices = list_names([*robots, WORLD]) if robots else f"a robot{f' or {WORLD}' if may_be_world else ''}"
-        raise InputError(f"{kind} {name!r} is new: say what carries it, {option} with one of: {choices}")
+        raise InputError(f"{kind} {name!r} is new: give its carrier with {option}, one of: {choices}")
     return known or robots[0]
 
 

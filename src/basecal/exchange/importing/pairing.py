@@ -112,7 +112,7 @@ def _own_samples(imports: Imported, samples: Sequence[Sample]) -> Pairing:
     if again and (not is_apart or _holds_copies(imports.rows, samples)):
         do = "add --session for other samples, or --replace for better ones"
         if imports.is_session:
-            do = "all of it is in recorded samples, and no session of its own; nothing needs to be imported"
+            do = "nothing needs to be imported"
         raise InputError(f"{imports.source}: {list_names(again)} is recorded already: {do}")
     if again and imports.is_stream:
         _check_times(imports, samples)
@@ -181,7 +181,7 @@ def _pair_by_name(imports: Imported, samples: Sequence[Sample], samples_by_name:
         return numbers
     if not samples_by_name:
         raise InputError(
-            f"{imports.source}: the recording names no images to pair by. Leave `--by name` away to pair in "
+            f"{imports.source}: the recording names no images to pair by. Omit `--by name` to pair in "
             "order, or import tables with a column `image` into another folder"
         )
     first = max(sample.sample for sample in samples) + 1
@@ -195,7 +195,7 @@ def _pair_by_order(imports: Imported, samples: Sequence[Sample]) -> list[int | N
         counts = f"{list_names(gaps)} missing in the numbering of its images; {counts}" if gaps else counts
         raise InputError(
             f"{counts} without it. Row i belongs to sample i, unless a table's column `image` or `sample`, or --by "
-            "name of images, states otherwise. Give --session if it was recorded apart, --still for one row"
+            "name of images, states otherwise. Give --session if it was recorded separately, --still for one row"
         )
     return [sample.sample for sample in samples]
 

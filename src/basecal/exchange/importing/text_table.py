@@ -134,7 +134,7 @@ def _check_summaries(rows: Sequence[TextRow], path: str) -> None:
     """Check that no row is a summary of the others, such as a mean."""
     for row in rows:
         if word := next((cell for cell in row.cells.values() if _SUMMARY.fullmatch(cell)), None):
-            raise DatasetError(path, f"{shorten(word)} is not one of the measured rows: leave the row out", row.line)
+            raise DatasetError(path, f"{shorten(word)} is not a measured row: remove the row", row.line)
 
 
 def _heading(
@@ -170,7 +170,7 @@ def select_robot(table: TextTable, robot: str) -> TextTable:
     rows = tuple(row for row, name in zip(table.rows, names, strict=True) if name == robot)
     if not rows:
         known = list_names(list(dict.fromkeys(names)))
-        raise DatasetError(table.path, f"no row is of robot {robot!r}; there are: {known}")
+        raise DatasetError(table.path, f"no row belongs to robot {robot!r}; there are: {known}")
     return replace(table, rows=rows)
 
 
@@ -184,7 +184,7 @@ def parse_number(cell: str, path: str, line: int, name: str) -> float:
     try:
         value = written_number(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
     except ValueError:
-        cause = ": it has thousands separators, leave them out" if _THOUSANDS.fullmatch(text) else ""
+        cause = ": remove the thousands separators" if _THOUSANDS.fullmatch(text) else ""
         cause = ": write its unit in the header" if _WITH_UNIT.fullmatch(text) else cause
         raise DatasetError(path, f"{shorten(text)} is not a number{cause}", line, name) from None
     if not abs(value) <= _LARGEST:
@@ -233,7 +233,7 @@ def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path
         if bracketed is None or _SETTING.search(line) or (has_marks and not _URSCRIPT_POSE.search(line)):
             continue
         if _has_several_poses(bracketed, len(names)):
-            raise DatasetError(path, "several poses in one line: write each in a line of its own", number)
+            raise DatasetError(path, "several poses in one line: write one pose per line", number)
         values = _named_values(bracketed, names) or _listed_values(bracketed, names)
         if values is not None:
             yield TextRow(number, _leading_image(line, bracketed) | dict(zip(names, values, strict=True)))

@@ -66,7 +66,7 @@ def camera_info_lens(root: Field) -> StatedLens:
     parameters = matrix_parameters(matrix, matrix.matrix(9))
     if named not in _MODELS:
         known = list_names(sorted(_MODELS.keys() - {""}))
-        raise root.find("distortion_model").error(f"{named!r} has no equal here; there are: {known}")
+        raise root.find("distortion_model").error(f"{named!r} is not supported; there are: {known}")
     is_fisheye = _MODELS[named] == fisheye.MODEL
     if is_fisheye and len(values) != _FISHEYE_TERMS:
         raise root.error(f"{len(values)} distortion coefficients, {named} has {_FISHEYE_TERMS}")
@@ -89,11 +89,11 @@ def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
     """
     for axis in ("binning_x", "binning_y"):
         if (binning := root.first(axis)) is not None and binning.integer(0) > 1:
-            raise binning.error("the matrix is of the unbinned image, the images are not: give that of the images")
+            raise binning.error("the matrix is of the full image, the images are binned: give the matrix of the images")
     if (part := root.first("roi")) is not None:
         sides = tuple(part.find(side).integer(0) for side in ("width", "height"))
         if all(sides) and sides != size:
-            raise part.error("the matrix is of the whole image, the images are a part of it: give that of the images")
+            raise part.error("the matrix is of the full image, the images are cropped: give the matrix of the images")
 
 
 _MODELS["fisheye"] = fisheye.MODEL

@@ -149,7 +149,7 @@ def _lens(entry: _Entry) -> StatedLens:
             f"no model {shorten(entry.model)}{nearest(entry.model, known)}; there are: {list_names(known)}"
         )
     if model.lens is None:
-        raise entry.where.error(f"{entry.model} has no equal here: calibrate with OPENCV or OPENCV_FISHEYE")
+        raise entry.where.error(f"{entry.model} is not supported: calibrate with OPENCV or OPENCV_FISHEYE")
     if len(entry.parameters) != model.count:
         raise entry.where.error(f"{len(entry.parameters)} parameters, {entry.model} has {model.count}")
     at = Field(entry.where.path, list(entry.parameters), entry.where.lines, entry.where.loc)

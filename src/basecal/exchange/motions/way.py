@@ -44,7 +44,7 @@ class Way:
             InputError: if there are several: a controller's program moves only its own arm.
         """
         if len(self.robots) != 1:
-            raise InputError(f"a program is of one robot: say whose with --robot: {', '.join(self.robots)}")
+            raise InputError(f"a program is for one robot: choose one with --robot: {', '.join(self.robots)}")
         return next(iter(self.robots))
 
     def has_joints(self, robot: str) -> bool:
@@ -69,8 +69,8 @@ class Way:
         chain = self.robots[robot].chain
         if chain is None or not self.has_joints(robot):
             raise InputError(
-                f"{robot} is planned by poses, its joints are not known. Add urdf, base_link and flange_link to "
-                "cell.yaml and teach poses by joints, or take `--to csv` or `--to ur-script`"
+                f"{robot} is planned with poses, its joints are unknown. Add urdf, base_link and flange_link to "
+                "cell.yaml and teach joints, or use `--to csv` or `--to ur-script`"
             )
         return chain.joint_names
 
