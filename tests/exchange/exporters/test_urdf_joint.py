@@ -42,7 +42,7 @@ def test_what_is_missing_is_said(scene):
     both = (*wanted(BASE).transforms, *wanted(MOUNT).transforms)
     for given, message in (
         (wanted(BASE), "expected one --urdf FILE, 0 were given"),
-        (replace(wanted(BASE), transforms=both, urdfs=(scene,)), "say which with --transform"),
+        (replace(wanted(BASE), transforms=both, urdfs=(scene,)), "choose one with --transform"),
         (replace(wanted(BASE), urdfs=(scene,)), "choose one with --joint"),
         (replace(wanted(BASE, cell=None), urdfs=(scene,)), "no 'eye_base'.*links are named by `frames"),
     ):
