@@ -152,7 +152,7 @@ SLIPS = (
         r"divide their lengths by 1000",
     ),
     Slip("21a", "decimal commas between commas", poses.decimal_commas, r"decimal comma", r"separator"),
-    Slip("21b", "thousands separators", poses.thousands, r"thousands separator", r"leave them out"),
+    Slip("21b", "thousands separators", poses.thousands, r"thousands separator", r"remove the thousands separators"),
     Slip("21c", "an Excel file", poses.excel),
     Slip("22", "`--on ur5` for `ur`", statements.on_ur5, r"no robot '?ur5", r"did you mean '?ur"),
     Slip("23", "a column `image` beside matrices", poses.image_of_matrices),

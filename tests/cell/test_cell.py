@@ -93,7 +93,7 @@ def test_names_that_disagree_are_refused_at_once():
     """A key that is not the name, a carrier and a reference that are no robots."""
     eye, wrist = {"eye": Robot("eye")}, {"wrist": CellCamera("wrist", "eye")}
     for wrong, told in (
-        (lambda: Cell("eye", {"eye": Robot("left")}), "'eye' is the name under which 'left' is given"),
+        (lambda: Cell("eye", {"eye": Robot("left")}), "'left' is listed under the name 'eye'"),
         (lambda: Cell("eye", {"eyes": Robot("eyes")}), "reference: no robot 'eye'.*did you mean 'eyes'"),
         (lambda: Cell("eye", eye, cameras={"wrist": CellCamera("wrist", "hand")}), "wrist: no robot 'hand'"),
         (lambda: Cell("eye", eye, bases={"hand": FIXED}, cameras=wrist), "hand: no robot 'hand'"),
@@ -176,7 +176,7 @@ def test_what_is_wrong_with_a_rolling_shutter_is_said(data, said):
 
 def test_jitter_is_of_cameras_alone():
     """A robot has none: it is of a view against all that moves."""
-    with pytest.raises(ValidationError, match="jitter_s stands at the clock of a camera"):
+    with pytest.raises(ValidationError, match="jitter_s belongs to the clock of a camera"):
         RobotEntry.model_validate({"clock": {"jitter_s": 0.002}})
 
 

@@ -116,6 +116,6 @@ def test_frames_that_are_not_there_or_move_are_told():
     with pytest.raises(InputError) as caught:
         made.frame_between("wrist", "hand_base")
     assert str(caught.value) == (
-        "'wrist' and 'hand_base' move against each other, or nothing leads from one to the other. "
-        "These stand still relative to 'wrist': eye_flange, lamp"
+        "'wrist' and 'hand_base' are not rigidly connected by known transforms. "
+        "Frames rigidly connected to 'wrist': eye_flange, lamp"
     )

@@ -56,7 +56,7 @@ def test_runs_that_lead_out_are_refused(cell: Path, outside: Path, capsys: pytes
     (cell / "runs").rename(cell / "old")
     (cell / "runs").symlink_to(outside)
     assert main(["calibrate", str(cell)]) == 3
-    assert "runs is a link; what is written stays in the cell" in capsys.readouterr().err
+    assert "runs is a link, and files are written only inside the cell" in capsys.readouterr().err
 
 
 def test_a_run_that_leads_out_gets_no_page(cell: Path, outside: Path, tmp_path: Path) -> None:

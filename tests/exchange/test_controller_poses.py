@@ -222,23 +222,39 @@ def test_stated_units_count(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "reading", "said"),
     [
-        ("0.1,0.2,0.3,0,180,0\n", Reading("ur"), "angles up to 180 are no radians: give --deg"),
+        ("0.1,0.2,0.3,0,180,0\n", Reading("ur"), "angles up to 180 are not radians: give --deg"),
         (
             "x,y,z,rx,ry,rz\n" + "0.1,0.2,0.3,0,2,0\n" * 3 + "0.1,0.2,0.3,0,180,0\n",
             Reading("ur"),
-            ":5: 180 is no angle in radians: correct line 5, or give --deg",
+            ":5: 180 is not an angle in radians: correct line 5, or give --deg",
         ),
         (
             "100,20,30,0.1,0,0\n100,20,30,0.2,0,1\n100,20,30,-3,0,0\n",
             Reading("kuka"),
-            "these look like radians, give --rad",
+            "they look like radians. Give --rad",
         ),
-        ("x_mm,y,z,rx,ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "x_mm: the column says mm, and it is read otherwise"),
-        ("x,y,z,rx_deg,ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "rx_deg: the column says deg, and it is read otherwise"),
-        ("x [rad],y,z,rx,ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "x [rad]: the column says rad, expected m, mm"),
-        ("x,y,z,rx [m],ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "rx [m]: the column says m, expected deg, "),
-        ("x_mm,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n", Reading("ros"), "x_mm: the column says mm, and it is read otherwise"),
-        ("x,y,z,qx [m],qy,qz,qw\n1,2,3,0,0,0,1\n", Reading("ros"), "qx [m]: the column says m, expected no unit"),
+        ("x_mm,y,z,rx,ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "x_mm: the unit is mm, but another is read"),
+        (
+            "x,y,z,rx_deg,ry,rz\n1,2,3,0,0,0\n",
+            Reading("ur"),
+            "rx_deg: the unit is deg, but another is read",
+        ),
+        (
+            "x [rad],y,z,rx,ry,rz\n1,2,3,0,0,0\n",
+            Reading("ur"),
+            "x [rad]: the unit is rad, expected m, mm",
+        ),
+        ("x,y,z,rx [m],ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "rx [m]: the unit is m, expected deg, "),
+        (
+            "x_mm,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n",
+            Reading("ros"),
+            "x_mm: the unit is mm, but another is read",
+        ),
+        (
+            "x,y,z,qx [m],qy,qz,qw\n1,2,3,0,0,0,1\n",
+            Reading("ros"),
+            "qx [m]: the unit is m, expected no unit",
+        ),
         ("{X 1,Y 2,Z 3,A 4,B 5,C 6}\n", Reading("fanuc"), ":1: 6 numbers in brackets, expected X, Y, Z, W, P, R"),
         ("X,Y,Z,A,B,C\n1,2,3,0,0,0\n", Reading("ur"), "these columns suit --format kuka, doosan"),
         ("1,2,3,1,1,0,0\n", Reading("abb"), "poses.txt:1: q_xyzw has norm 1.41421"),
@@ -309,8 +325,8 @@ def test_the_format_is_guessed_only_where_it_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "what"),
     [
-        ("位置X,位置Y,位置Z,a,b,c", "name them so in the header, and save the file in UTF-8"),
-        ("posX1,posX2,z,a,b,c", "name them so in the header"),
+        ("位置X,位置Y,位置Z,a,b,c", "use these names in the header, and save the file in UTF-8"),
+        ("posX1,posX2,z,a,b,c", "use these names in the header"),
     ],
 )
 def test_columns_of_other_names_are_to_be_renamed(tmp_path: Path, header: str, what: str) -> None:

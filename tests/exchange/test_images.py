@@ -29,9 +29,9 @@ def test_numbers_count_as_numbers(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "said"),
     [
-        ((), "but nothing; expected .png"),
-        (("a.raw", "b.raw", "c.txt"), "but 2 of .raw, 1 of .txt; expected .png"),
-        (("left/a.png", "right/a.png"), "folders of them: left, right; import one camera's at a time"),
+        ((), ": nothing; expected .png"),
+        (("a.raw", "b.raw", "c.txt"), ": 2 of .raw, 1 of .txt; expected .png"),
+        (("left/a.png", "right/a.png"), "folders of images: left, right; import one at a time"),
     ],
 )
 def test_what_is_there_instead_is_said(tmp_path: Path, names: tuple[str, ...], said: str) -> None:
@@ -43,7 +43,7 @@ def test_what_is_there_instead_is_said(tmp_path: Path, names: tuple[str, ...], s
 def test_a_file_is_no_folder(tmp_path: Path) -> None:
     """Nor is nothing."""
     for name in ("a.png", "none"):
-        with pytest.raises(DatasetError, match="is no folder"):
+        with pytest.raises(DatasetError, match="is not a folder"):
             list_images(filled(tmp_path, "a.png") / name)
 
 
@@ -71,7 +71,7 @@ def test_times_that_are_names(name: str, stamp: float) -> None:
 @pytest.mark.parametrize("name", ["000012.png", "img12.5.png", "12345678901.png"])
 def test_numbers_are_no_times(name: str) -> None:
     """The message has a name that is one."""
-    with pytest.raises(InputError, match=re.escape(f"{name}: the name is no time, expected one such as 16825")):
+    with pytest.raises(InputError, match=re.escape(f"{name}: the name is not a time, expected a name such as 16825")):
         read_time(Path(name))
 
 

@@ -60,7 +60,7 @@ def test_degrees_where_they_are_said(tmp_path: Path, limited: SerialChain) -> No
 def test_degrees_taken_for_radians_are_named(tmp_path: Path, limited: SerialChain) -> None:
     """With the line, the joint, its limits and what to give."""
     name = limited.joint_names[0]
-    expected = rf"q.csv:1: {name}: is at 10 rad, its limits are -2.967 to 2.967: give --deg, these are degrees"
+    expected = rf"q.csv:1: {name}: is at 10 rad, its limits are -2.967 to 2.967: give --deg, they look like degrees"
     with pytest.raises(DatasetError, match=expected):
         read(tmp_path, lines(np.degrees(ROWS)), limited)
 
@@ -75,7 +75,7 @@ def test_joints_the_other_way_round_are_named(tmp_path: Path, limited: SerialCha
 
 def test_radians_taken_for_degrees_are_named(tmp_path: Path, limited: SerialChain) -> None:
     """No arm calibrates within three degrees of its zero."""
-    with pytest.raises(DatasetError, match="these look like radians: leave --deg away"):
+    with pytest.raises(DatasetError, match="they look like radians: remove --deg"):
         read(tmp_path, lines(ROWS / 2), limited, True)
 
 

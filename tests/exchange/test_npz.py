@@ -127,5 +127,5 @@ def test_arrays_that_are_cut_off(tmp_path):
     path = tmp_path / "a.npy"
     np.save(path, np.ones(4))
     path.write_bytes(path.read_bytes()[:-13])
-    with pytest.raises(DatasetError, match=r"does not suit 147 bytes|is cut off"):
+    with pytest.raises(DatasetError, match=r"does not match 147 bytes|is cut off"):
         read_arrays(str(path))

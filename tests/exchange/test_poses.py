@@ -105,7 +105,7 @@ BOTTOM = "0 0 0 1"
         ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,inf,1\n", 2, "not finite"),
         ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,?,1\n", 2, "'?' is not a number"),
         ("a.csv", "x,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n", None, "names the column 'x' twice"),
-        ("a.csv", "x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,1\n", None, "says mm, and it is read otherwise"),
+        ("a.csv", "x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,1\n", None, "is mm, but another is read"),
         ("a.csv", "x,y,z,qx,qy,qz,qw\n", None, "no row of numbers"),
         ("a.csv", "", None, "no row of numbers"),
     ],
@@ -128,7 +128,7 @@ def test_bad_archives(tmp_path: Path) -> None:
     (tmp_path / "rubbish.npz").write_bytes(b"\x00\x01rubbish")
     np.savez(tmp_path / "objects.npz", a=np.array([None, {}], dtype=object))
     for name, said in [
-        ("a.npz", "say which"),
+        ("a.npz", "choose one as"),
         ("a.npz:goood", "it holds good, bent"),
         ("a.npz:bent", "matrix 2"),
         ("a.npz:flat", r"expected \(n, 4, 4\)"),

@@ -78,10 +78,10 @@ def test_import_into_a_described_cell(
     text = Path(folder, "cell.yaml").read_text()
     base = ["import", "poses", folder, "--length-unit", "m"]
     assert main([*base, *options(files)]) == 3
-    assert "--hand-base-from-flange belongs to no robot" in capsys.readouterr().err
+    assert "--hand-base-from-flange has no robot" in capsys.readouterr().err
     seen = ["--camera-from-target", files["camera-from-target"]]
     assert main([*base, *seen]) == 3
-    assert "give its poses by --eye-base-from-flange" in capsys.readouterr().err
+    assert "give its poses with --eye-base-from-flange" in capsys.readouterr().err
     eye = ["--eye-base-from-flange", files["eye-base-from-flange"]]
     assert main([*base, *seen, *eye, "--camera", "cam"]) == 3
     assert "no 'cam' (did you mean 'camera'?)" in capsys.readouterr().err

@@ -82,7 +82,7 @@ def test_a_workbook_as_people_fill_it(tmp_path: Path) -> None:
         pytest.approx([0.0015, 0.002, 0.003]),
     ]
     (tmp_path / "kuka.xlsx").write_bytes(workbook([header, ("m", *units[1:]), rows[3]]))
-    with pytest.raises(DatasetError, match=r"X \[m\]: the column says m, and it is read otherwise"):
+    with pytest.raises(DatasetError, match=r"X \[m\]: the unit is m, but another is read"):
         read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", Reading("kuka"))
 
 

@@ -51,7 +51,7 @@ def test_positions_of_a_job(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "name", "message"),
     [
-        (JOB, "fanuc", "job.jbi: a job of a Yaskawa, read as of fanuc: give --format yaskawa"),
+        (JOB, "fanuc", "job.jbi: is a job of a Yaskawa, not a file of fanuc: give --format yaskawa"),
         (JOB.replace("RECTAN", "PULSE"), "yaskawa", "job.jbi:9: a position in pulses: save it as a relative job"),
         (JOB.replace("C0000", "D0000"), "yaskawa", "job.jbi: a Yaskawa job without positions: expected lines such as"),
         (JOB.replace("520.000", "52O"), "yaskawa", "job.jbi:10: X: '52O' is not a number"),

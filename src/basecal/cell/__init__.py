@@ -1,4 +1,4 @@
-"""The nouns of a calibration and their files."""
+"""Data classes of cells, recordings and calibrations, and their files."""
 
 from basecal.cell.calibration import (
     Calibration,

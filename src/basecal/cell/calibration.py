@@ -1,4 +1,4 @@
-"""The answer: transforms with covariance, the quality of the fit, and findings."""
+"""The calibration result: transforms with covariance, the quality of the fit, and findings."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ Verdict = Literal["good", "doubtful", "refused"]
 
 
 def _number_in_unit(factor: float) -> GetPydanticSchema:
-    """A number in another unit, which is NaN if a file has null."""
+    """Schema of a number that files store times `factor`; null in a file is read as NaN."""
     return as_written(Error, lambda value: math.nan if value is None else value / factor, lambda value: value * factor)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something the user should know.
+    """A problem or a remark for the user.
 
     Attributes:
         code: A kind from docs/findings.md, such as `unobservable-direction`.
-        severity: `error` refuses, `warning` makes doubtful, `info` does neither.
+        severity: `error` makes the verdict `refused`, `warning` makes it `doubtful`, `info` does not affect it.
         about: Names of samples, robots, cameras, targets or transforms.
         what: The problem, with its number and unit.
         do: What to do: sentences, or commands to copy.
@@ -67,7 +67,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class SampleResidual:
-    """How one view fits: rms over its coordinates [px], and the loop it closes [m, rad]; None if not defined."""
+    """Residuals of one view: rms over its coordinates [px], and the closure error of its loop; None if undefined."""
 
     sample: Whole
     camera: str
@@ -79,14 +79,14 @@ class SampleResidual:
 
 @dataclass(frozen=True)
 class Loop:
-    """A closed path over robots' bases, cameras and targets, and how far from closing it is.
+    """A closed path over robots' bases, cameras and targets, and its closure error.
 
     Attributes:
-        path: Names along it. Where it begins and ends at one base it goes around a ring; else the bases at its ends
-            are those whose transform closes it.
-        views: On how many it rests.
-        rms_m: Length by which it fails to close [m], rms over views, or of the ring.
-        rms_rad: Angle likewise [rad].
+        path: Names along the path. If it starts and ends at the same base, it is a ring; otherwise the transform
+            between the two end bases closes it.
+        views: Number of views used.
+        rms_m: Translation closure error [m], rms over views, or of the ring.
+        rms_rad: Rotation closure error [rad], rms over views, or of the ring.
     """
 
     path: tuple[str, ...]
@@ -97,7 +97,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class Residuals:
-    """How everything fits; None if no view defines it."""
+    """Residuals of all views; None if no view defines the number."""
 
     rms_px: Error = None
     median_px: Error = None
@@ -109,15 +109,15 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Outlier:
-    """An observation that was excluded, since it contradicts the rest.
+    """An observation that was excluded because it contradicts the others.
 
     Attributes:
         sample: Number of the sample.
-        camera: Which camera saw it.
-        target: What it saw.
-        ids: Which points; none if the whole view is left out.
-        reason: In words.
-        image: Path of its image as in the recording; None if none was recorded.
+        camera: Name of the camera.
+        target: Name of the target.
+        ids: Ids of the excluded points; empty if the whole view is excluded.
+        reason: The reason in words.
+        image: Path of the image as in the recording; None if not recorded.
     """
 
     sample: Whole
@@ -130,17 +130,18 @@ class Outlier:
 
 @dataclass(frozen=True)
 class Validation:
-    """How well held-out samples are predicted.
+    """Prediction errors of held-out samples.
 
     Attributes:
         kind: `k-fold`.
-        folds: How many.
-        rms_px: Of a coordinate, held out [px]; None without pixels.
-        target_m: Rms distance of `camera_from_target` from where the view alone has it [m]; None if it has none.
-        target_rad: Likewise its rms angle [rad].
-        base_change: Mean over folds of the squared change of the requested transforms, in units of its expectation by
-            the covariance. It is about 1 if the covariance is true; None if nothing requested is free.
-        rivals: The answer and other methods on the same views; none if they were not requested.
+        folds: Number of folds.
+        rms_px: Rms error of a held-out pixel coordinate [px]; None without pixels.
+        target_m: Rms distance of the predicted `camera_from_target` from the view's own pose [m]; None if views have
+            no pose.
+        target_rad: Rms angle between the same two poses [rad]; None if views have no pose.
+        base_change: Mean over folds of the squared change of the requested transforms, divided by the value expected
+            from the covariance. It is about 1 if the covariance is true; None if nothing requested is free.
+        rivals: This calibration and other methods on the same views; empty if they were not requested.
     """
 
     kind: str
@@ -154,12 +155,12 @@ class Validation:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Whether no other state fits better.
+    """Certificate of global optimality.
 
     Attributes:
-        gap: Cost over the proven lower bound, less one; None if no bound was found.
-        is_global: True where proven; None if it could not be decided.
-        reason: Why it could not; empty if it was.
+        gap: Cost divided by the proven lower bound, minus one; None if no bound was found.
+        is_global: True if the optimum is proven to be global; None if this could not be decided.
+        reason: Why optimality could not be decided; empty if it was.
     """
 
     gap: Real | None
@@ -169,7 +170,7 @@ class Certificate:
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """The offset from a device's stamps to the reference's, and its sigma [s]; 0 if it is fixed."""
+    """Offset to add to a device's stamps to convert them to the reference clock [s], and its sigma; 0 if fixed."""
 
     offset_s: float
     sigma_s: float
@@ -177,7 +178,7 @@ class ClockOffset:
 
 @dataclass(frozen=True)
 class LineTime:
-    """How long after a row of a camera's images the next is seen, and its sigma [s]; 0 if it is fixed."""
+    """Time between successive rows of a camera's images [s], and its sigma [s]; 0 if fixed."""
 
     line_time_s: float
     sigma_s: float
@@ -185,12 +186,12 @@ class LineTime:
 
 @dataclass(frozen=True, eq=False)
 class HeldGauge:
-    """Uncertainty of transforms by parameters of a robot that a gauge holds at zero.
+    """Uncertainty of transforms due to parameters of a robot that a gauge fixes at zero.
 
     Attributes:
-        robot: Its name.
+        robot: Name of the robot.
         parameters: Kinds of the parameters.
-        covariance: (6 n, 6 n) [m, rad] of the transforms of `Calibration.order`, part of their covariance.
+        covariance: (6 n, 6 n) [m, rad] contribution to the covariance of the transforms of `Calibration.order`.
     """
 
     robot: str
@@ -200,38 +201,38 @@ class HeldGauge:
 
 @dataclass(frozen=True, eq=False)
 class Calibration(Exports):
-    """The answer, with all that is needed to trust it.
+    """The calibration result with its uncertainty, quality and findings.
 
     Attributes:
         verdict: `good`, `doubtful` or `refused`.
         transforms: Estimates by name; a transform with an unobservable direction is left out.
         status: `fixed`, `prior` or `free` of each of `transforms`.
         points: Names of the transforms whose rotation is not defined (mounts of a single point).
-        cameras: Lenses with the covariance of their parameters, by camera; those not fixed.
-        robot_parameters: By kind, then by robot; of those given by joints whose parameters are not fixed.
-        clocks: Of the cameras and robots whose clocks were not all taken for one, by name.
-        line_times: Of the cameras whose rows are seen one after another, by name.
+        cameras: Estimated lenses with the covariance of their parameters, by camera; fixed lenses are left out.
+        robot_parameters: Estimated kinematic parameters by kind, then by robot.
+        clocks: Clock offsets of cameras and robots by name; empty if all share one clock.
+        line_times: Line times of the rolling-shutter cameras by name.
         noise: Sigmas used or estimated, such as `pixel_px`, `pose_m` and `touch_m`, and by robot.
         order: Names of the transforms of `joint_covariance`, 6 rows each.
         joint_covariance: (6 n, 6 n) [m, rad].
-        gauges: What of it comes of parameters that are held at zero, robot by robot.
-        residuals: How everything fits.
-        outliers: What was not used, and why; None if it was not looked for.
-        validation: How well held-out samples are predicted; None if it was not computed.
-        certificate: Whether the optimum is proven; None if it was not asked.
-        condition: Condition number of the whitened, scaled information.
-        unobservable: Directions that the data leave open, in words.
+        gauges: Per robot, the part of `joint_covariance` due to parameters that a gauge fixes at zero.
+        residuals: Residuals of the views.
+        outliers: Excluded observations with reasons; None if outliers were not searched for.
+        validation: Prediction errors of held-out samples; None if not computed.
+        certificate: Certificate of global optimality; None if not requested.
+        condition: Condition number of the whitened, scaled information matrix.
+        unobservable: Unobservable directions in words.
         budget: The error at the task by source, the largest first; None if no task is named.
         error_map: The error over the workspace; None if no task is named.
         local: Parts of the workspace calibrated separately; None if no task is named.
-        meeting: The error of one flange against another at the work; None if nothing found is placed between robots.
-        findings: What the user should know.
-        verdicts: Of each of `transforms`, by the findings that concern it.
-        tolerance: How the answer compares with what is needed; None if no tolerance was given.
-        settings: What was asked of the solver, and `tolerance_m` where it is stated how well the answer must be known.
+        meeting: The error of one flange against another at the work; None if no transform between robots was estimated.
+        findings: Problems and remarks for the user.
+        verdicts: Verdict on each of `transforms`, from the findings that concern it.
+        tolerance: Comparison of the error with the tolerance; None if no tolerance was given.
+        settings: Settings of the solver, and `tolerance_m` if a tolerance is stated.
         inputs: `sha256:...` of each file read.
-        versions: Of the programs that were used, by name.
-        scene: Points of the static scene, if it took part; they are kept in a file of their own.
+        versions: Versions of the programs used, by name.
+        scene: Points of the static scene, if it was used; they are stored in a separate file.
     """
 
     verdict: Verdict
@@ -265,40 +266,40 @@ class Calibration(Exports):
     scene: Fingerprint | None = None
 
     def known_transforms(self, cell: Cell) -> dict[str, SE3]:
-        """The known transforms of the calibrated cell, by name: fixed there, or found here."""
+        """Known transforms of the calibrated cell by name: fixed in the cell, or estimated."""
         fixed = {name: u.mean for name, u in cell.transforms.items() if u.status == "fixed" and u.mean is not None}
         return fixed | {name: estimate.mean for name, estimate in self.transforms.items()}
 
     def parameters_of_robot(self, robot: str) -> dict[str, RobotParameters]:
-        """Estimates of a robot's own kinematics, by kind."""
+        """Estimated kinematic parameters of a robot, by kind."""
         return {kind: found[robot] for kind, found in self.robot_parameters.items() if robot in found}
 
     def gauge_covariances(self, name: str) -> dict[str, Array]:
-        """The part of a transform's covariance by a robot's held parameters, (6, 6) [m, rad], by robot."""
+        """Part of a transform's covariance due to parameters that gauges fix at zero, (6, 6) [m, rad], by robot."""
         if name not in self.order:
             return {}
         at = slice(6 * self.order.index(name), 6 * self.order.index(name) + 6)
         return {gauge.robot: gauge.covariance[at, at] for gauge in self.gauges if np.any(gauge.covariance[at, at])}
 
     def between(self, robot: str, other_robot: str) -> PoseEstimate:
-        """`<robot>_base_from_<other>_base` of any two robots, by what both share too.
+        """Estimate of `<robot>_base_from_<other>_base` for any two robots, with their correlation.
 
-        The covariance (6, 6) [m, rad] is in the right tangent, in the axes of the other's base. Bases that the same
-        views place are known better relative to each other than to the reference's.
+        The covariance (6, 6) [m, rad] is in the right tangent, in the axes of the other robot's base. Bases observed
+        by the same views are known better relative to each other than to the reference.
 
         Raises:
-            FrameNotFound: if there is no such robot, or its base was not found.
+            FrameNotFound: if a robot does not exist, or its base was not estimated.
         """
         return base_between(self.transforms, self.order, self.joint_covariance, robot, other_robot)
 
     def frame_between(self, parent: str, child: str) -> PoseEstimate:
-        """`<parent>_from_<child>` of any two frames that do not move against each other, such as two of one flange.
+        """Estimate of `<parent>_from_<child>` for two rigidly connected frames, such as two on one flange.
 
-        The covariance (6, 6) [m, rad] is as of `between`.
+        The covariance (6, 6) [m, rad] is in the right tangent, in the axes of `child`.
 
         Raises:
-            FrameNotFound: if there is no such frame, or its pose was not found.
-            InputError: if the frames move against each other, or one is a single point, which has no rotation.
+            FrameNotFound: if a frame does not exist, or its pose was not estimated.
+            InputError: if the frames move relative to each other, or one is a single point, which has no rotation.
         """
         placed = {name: estimate for name, estimate in self.transforms.items() if name not in self.points}
         for frame in (parent, child):
@@ -308,7 +309,7 @@ class Calibration(Exports):
         return frame_between(placed, self.order, self.joint_covariance, parent, child)
 
     def __repr__(self) -> str:
-        """One line."""
+        """Return a one-line summary."""
         told = "; ".join(f"{name} {estimate.words()}" for name, estimate in self.transforms.items())
         return f"<{self.verdict} calibration: {told or 'no transform'}>"
 
@@ -320,7 +321,7 @@ class Calibration(Exports):
         """The estimate of a transform, such as `calibration["eye_base_from_hand_base"]`.
 
         Raises:
-            FrameNotFound: if it was not found or does not exist.
+            FrameNotFound: if the transform does not exist or was not estimated.
         """
         if name not in self.transforms:
             raise FrameNotFound(name, list(self.transforms))
@@ -329,12 +330,13 @@ class Calibration(Exports):
 
 @dataclass(frozen=True)
 class Rival:
-    """How well another method predicts the held-out views.
+    """Prediction errors of a method on the held-out views.
 
     Attributes:
-        name: Of the method.
-        target_m: Rms distance of `camera_from_target` from where the view alone has it [m]; None where it fails.
-        target_rad: Likewise its rms angle [rad].
+        name: Name of the method.
+        target_m: Rms distance of the predicted `camera_from_target` from the view's own pose [m]; None if the method
+            fails.
+        target_rad: Rms angle between the same two poses [rad]; None if the method fails.
     """
 
     name: str

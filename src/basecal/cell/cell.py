@@ -24,22 +24,22 @@ SensorKind = Literal["camera", "tracker", "tip", "clamp"]
 Contact = Literal["plane", "edge", "clamp", "hinge"]
 _Timed = TypeVar("_Timed", "Clock", "RollingShutter")
 WORLD = "world"
-_MOST_JITTER_S = 1.0  # of a clock: with more an image tells nothing of an arm that moves
-_LONGEST_LINE_S = 1e-3  # of a row: an image of a thousand then takes a second. Below 0 if the bottom row comes first.
+_MOST_JITTER_S = 1.0  # of a clock; with more jitter, images of a moving arm carry no information
+_LONGEST_LINE_S = 1e-3  # per row: an image of 1000 rows then takes 1 s. Negative if the bottom row is read first.
 
 
 def grip_name(clamp: str) -> str:
-    """Name of the end of a part at the robot that holds it second."""
+    """Name of the part's end at the second robot of a clamp."""
     return f"{clamp}_grip"
 
 
 @dataclass(frozen=True, eq=False)
 class Unknown:
-    """A rigid transform and what is known of it beforehand.
+    """A rigid transform and the prior knowledge of it.
 
     Attributes:
         status: `fixed` (exactly `mean`), `prior` (`mean` with `sigma`) or `free`.
-        mean: The value, the prior's mean, or for a free one the guess if there is any.
+        mean: The fixed value, the prior's mean, or the initial guess of a free transform; None if there is none.
         sigma: (6,) [m, rad] in the right tangent of `mean`; with `prior` only.
     """
 
@@ -64,9 +64,9 @@ class Clock:
 
     Attributes:
         status: `fixed` (exactly `offset_s`), `prior` (`offset_s` with `sigma_s`) or `free` (`offset_s` is a guess).
-        offset_s: What is added to its stamps to make them the reference's [s].
-        sigma_s: Of the prior [s]; with `prior` only.
-        jitter_s: Sigma of what each stamp is off alone [s]; None if it is to be estimated. Of cameras only.
+        offset_s: Offset to add to the device's stamps to convert them to the reference clock [s].
+        sigma_s: Sigma of the prior [s]; with `prior` only.
+        jitter_s: Sigma of the independent error of each stamp [s]; None if it is to be estimated. Cameras only.
     """
 
     __pydantic_config__: ClassVar = _AS_STATED
@@ -81,12 +81,12 @@ class Clock:
 
 @dataclass(frozen=True)
 class RollingShutter:
-    """Prior knowledge of the time from a row of a camera's images to the next.
+    """Prior knowledge of the time between successive rows of a camera's images.
 
     Attributes:
         status: `fixed` (exactly `line_time_s`), `prior` (`line_time_s` with `sigma_s`) or `free` (a guess).
-        line_time_s: Row v is seen so many times v after the stamp [s].
-        sigma_s: Of the prior [s]; with `prior` only.
+        line_time_s: Time per row [s]: row v is exposed v * line_time_s after the stamp.
+        sigma_s: Sigma of the prior [s]; with `prior` only.
     """
 
     __pydantic_config__: ClassVar = _AS_STATED
@@ -108,11 +108,11 @@ class RollingShutter:
 
 @dataclass(frozen=True, eq=False)
 class Driver:
-    """Which program talks to a robot or a camera.
+    """The driver that communicates with a robot or a camera.
 
     Attributes:
         kind: The driver's name.
-        options: What it has to know, as plain data; it checks them when it is opened.
+        options: The driver's options as plain data; the driver validates them when it is opened.
     """
 
     kind: str
@@ -124,19 +124,19 @@ class Robot:
     """A robot arm.
 
     Attributes:
-        name: Its name in the cell.
-        noise: (6,) [m, rad] sigmas of its recorded pose in flange axes, drawn once per stop; None if not stated.
-        chain: Its kinematics, where joints are recorded.
-        parameters: What is known of the parameters of its kinematics, by kind; those that are not there are fixed.
+        name: The robot's name in the cell.
+        noise: (6,) [m, rad] sigmas of the recorded pose in flange axes, drawn once per stop; None if not stated.
+        chain: The robot's kinematics, if joints are recorded.
+        parameters: Prior knowledge of the kinematic parameters, by kind; kinds that are missing are fixed.
         urdf: Path of the URDF relative to the cell; None if poses are recorded.
         base_link: Name of the chain's root in the URDF.
         flange_link: Name of the chain's tip in the URDF.
         frames: Names of `base` and `flange` in other programs, for export.
-        controller: `format` of its poses, and the `base` and `tool` frames of it in which they were recorded.
-        clock: Of the stamps of its poses; None if nothing is stated.
-        driver: What talks to it while a recording is made; None if nothing does.
-        reach_m: Farthest place of its flange from its base; None if it is not stated.
-        is_total_noise: Whether `noise` is of all that its poses are off by; else it is of its repeatability.
+        controller: `format` of the poses, and the controller's `base` and `tool` frames in which they were recorded.
+        clock: Clock of the pose stamps; None if not stated.
+        driver: Driver of the robot during recording; None if it has none.
+        reach_m: Largest distance of the flange from the base [m]; None if not stated.
+        is_total_noise: Whether `noise` covers the total pose error; if False, it covers the repeatability.
     """
 
     name: str
@@ -160,11 +160,11 @@ class Intrinsics:
 
     Attributes:
         status: `fixed`, `prior` or `free`.
-        camera: Its value, prior mean or guess; None if free and nothing is stated.
+        camera: The fixed lens, the prior's mean or the initial guess; None if free and not stated.
         sigma: (4 + terms,) sigmas of fx, fy, cx, cy [px] and the distortion; with `prior` only.
-        distortion_terms: How many distortion coefficients are estimated where `camera` is None; the model's usual
-            number where None.
-        exact: Whether a fixed lens has no error; otherwise it has that of a usual calibration.
+        distortion_terms: Number of distortion coefficients to estimate if `camera` is None; the model's usual
+            number if None.
+        exact: Whether a fixed lens has no error; if False, it has the error of a usual calibration.
     """
 
     status: Status = "fixed"
@@ -179,17 +179,17 @@ class CellCamera:
     """A camera in the cell.
 
     Attributes:
-        name: Its name in the cell.
-        on: The robot whose flange carries it, or `world`.
+        name: The camera's name in the cell.
+        on: The robot whose flange carries the camera, or `world`.
         mount: `<robot>_flange_from_<camera>`, or `<reference>_base_from_<camera>`.
-        model: Name of its lens model.
-        size_px: Width and height of its images; None if it gives only poses or 3-D points.
-        intrinsics: None if it gives only poses or 3-D points.
-        clock: Of the stamps of its images; None if nothing is stated.
-        driver: What gives its images while a recording is made; None if nothing does.
-        rolling_shutter: Of its rows; None if all are seen at once.
-        kind: A `tracker` measures points in space all around it; a `tip` touches at its origin; a `clamp` holds a part.
-        frame: Name of its optical frame in other programs; None if it is not stated.
+        model: Name of the lens model.
+        size_px: Width and height of the images; None if the camera measures only poses or 3-D points.
+        intrinsics: Prior knowledge of the lens; None if the camera measures only poses or 3-D points.
+        clock: Clock of the image stamps; None if not stated.
+        driver: Driver of the camera during recording; None if it has none.
+        rolling_shutter: Prior knowledge of the line time; None for a global shutter.
+        kind: A `tracker` measures 3-D points in all directions; a `tip` touches at its origin; a `clamp` holds a part.
+        frame: Name of the optical frame in other programs; None if not stated.
     """
 
     name: str
@@ -206,12 +206,12 @@ class CellCamera:
 
     @property
     def touches(self) -> bool:
-        """Whether it is the tip of a tool, or holds a part."""
+        """Whether this sensor is the tip of a tool or a clamp."""
         return self.kind in ("tip", "clamp")
 
     @property
     def distortion_terms(self) -> int:
-        """How many distortion terms its lens has, or is to have; 0 if it gives only poses or 3-D points."""
+        """Number of distortion terms of the lens, known or to be estimated; 0 if the camera has no lens."""
         if self.intrinsics is None:
             return 0
         if self.intrinsics.camera is not None:
@@ -225,13 +225,13 @@ class CellTarget:
     """A target in the cell.
 
     Attributes:
-        name: Its name in the cell.
-        on: The robot whose flange carries it, or `world`.
+        name: The target's name in the cell.
+        on: The robot or plate that carries the target, or `world`.
         mount: `<robot>_flange_from_<target>`, or `<reference>_base_from_<target>`.
-        target: Its shape; None if it is seen only as poses.
-        size_sigma: Sigma of its size as a share, 0 if shape and size are exact, infinite of poses up
-            to scale; None if unstated.
-        contact: What a tip or a clamp touches, if that is not a point: a plane z = 0, an edge or a hinge along z.
+        target: The target's shape; None if it is seen only as poses.
+        size_sigma: Relative sigma of the size; None if not stated. It is 0 if shape and size are exact, and infinite
+            if poses are known only up to scale.
+        contact: Geometry that a tip or a clamp touches, if not a point: a plane z = 0, an edge or a hinge along z.
     """
 
     name: str
@@ -243,24 +243,24 @@ class CellTarget:
 
     @property
     def has_free_scale(self) -> bool:
-        """Whether its poses are up to scale."""
+        """Whether the target's poses are known only up to scale."""
         return self.size_sigma == math.inf
 
     @property
     def is_touched(self) -> bool:
-        """Whether it is a mark, a tip, or what a clamp holds."""
+        """Whether the target is touched: a mark, a tip, or a part in a clamp."""
         is_point = self.target is not None and self.target.kind in ("mark", "tip")
         return is_point or self.contact is not None
 
 
 @dataclass(frozen=True, eq=False)
 class KeepOut:
-    """A box that arms stay out of.
+    """A box that robots must not enter.
 
     Attributes:
-        name: Its name.
-        world_from_box: Its middle, and the directions of its sides.
-        size_m: (3,) lengths of its sides.
+        name: The box's name.
+        world_from_box: Pose of the box's centre, axes along its sides.
+        size_m: (3,) side lengths [m].
     """
 
     name: str
@@ -268,25 +268,25 @@ class KeepOut:
     size_m: Array
 
     def distance(self, points: Array) -> Array:
-        """Distances of points (..., 3) [m] in the world from its surface; 0 inside."""
+        """Distances of points (..., 3) [m] in the world from the box, (...) [m]; 0 inside."""
         beyond = np.abs(self.world_from_box.inverse() @ points) - 0.5 * self.size_m
         return np.asarray(np.linalg.norm(np.maximum(beyond, 0.0), axis=-1))
 
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """Everything that exists, and what is requested.
+    """A cell: robots, cameras, targets, and prior knowledge of their transforms.
 
     Attributes:
         reference: The robot whose base is `world`.
-        robots: By name, the reference among them.
+        robots: Robots by name, including the reference.
         bases: `<reference>_base_from_<robot>_base` of every other robot, by the robot's name.
-        cameras: By name.
-        targets: By name.
+        cameras: Cameras by name.
+        targets: Targets by name.
         pixel_px: Sigma of a pixel coordinate if an observation has no sigma; None if it is to be estimated.
-        correlated_px: Sigma of an error that all points of a view share, per coordinate; None for none.
-        keep_out: Boxes that arms stay out of, by name.
-        sees_scene: Whether the static scene is what cameras see, in place of a target.
+        correlated_px: Sigma per coordinate of an error that all points of a view share; None if there is none.
+        keep_out: Boxes that robots must not enter, by name.
+        sees_scene: Whether cameras observe the static scene instead of a target.
         plates: `<reference>_base_from_<plate>` of rigid plates that carry marks, by name.
     """
 
@@ -302,15 +302,15 @@ class Cell:
     plates: Mapping[str, Unknown] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse names that disagree.
+        """Check that names are consistent.
 
         Raises:
-            InputError: if a thing goes by another name than its own, or something names a robot that is not there.
+            InputError: if a key differs from the item's own name, or a name refers to an unknown robot.
         """
         given: dict[str, Robot | CellCamera | CellTarget] = {**self.robots, **self.cameras, **self.targets}
         for name, thing in given.items():
             if thing.name != name:
-                raise InputError(f"{name!r} is the name under which {thing.name!r} is given: expected one name")
+                raise InputError(f"{thing.name!r} is listed under the name {name!r}: expected the same name")
         carriers = {thing.name: thing.on for thing in self._things if thing.on != WORLD}
         for about, robot in {"reference": self.reference, **{name: name for name in self.bases}, **carriers}.items():
             if robot not in self.robots and robot not in self.plates:
@@ -318,7 +318,7 @@ class Cell:
                 raise InputError(f"{about}: no robot {robot!r}{nearest(robot, self.robots)}; there are: {there}")
 
     def __repr__(self) -> str:
-        """One line."""
+        """Return a one-line summary."""
         carried = [f"{thing.name} on {thing.on}" for thing in self._things]
         return f"<cell of {list_names(list(self.robots))}: {list_names(carried)}>"
 
@@ -331,7 +331,7 @@ class Cell:
         return f"{self.reference}_base_from_{plate}"
 
     def base_name(self, robot: str) -> str:
-        """Name of the transform from the base of `robot` to the reference's, `a_from_b`."""
+        """Name of the transform from the base of `robot` to the reference's base, `a_from_b`."""
         return f"{self.reference}_base_from_{robot}_base"
 
     def mount_name(self, name: str) -> str:
@@ -350,7 +350,7 @@ class Cell:
 
     @property
     def transforms(self) -> dict[str, Unknown]:
-        """Every unknown transform by name: bases, then mounts of cameras, then of targets."""
+        """Prior knowledge of every transform by name: bases, plates, then mounts of cameras and of targets."""
         others = [robot for robot in self.robots if robot != self.reference]
         named = {self.base_name(robot): self.bases.get(robot, Unknown()) for robot in others}
         named |= {self.plate_name(plate): mount for plate, mount in self.plates.items()}
@@ -359,7 +359,7 @@ class Cell:
         return named
 
     def with_transform(self, name: str, unknown: Unknown) -> Cell:
-        """The cell with something else known of one of its `transforms`."""
+        """Return a copy of the cell with new prior knowledge of one of its `transforms`."""
         bases = {r: unknown for r in self.robots if r != self.reference and self.base_name(r) == name}
         cameras = {k: replace(c, mount=unknown) if self.mount_name(k) == name else c for k, c in self.cameras.items()}
         targets = {k: replace(c, mount=unknown) if self.mount_name(k) == name else c for k, c in self.targets.items()}
@@ -368,7 +368,7 @@ class Cell:
 
     @property
     def requested_transforms(self) -> list[str]:
-        """Names of the transforms the cell is calibrated for: the bases not fixed, else the mounts not fixed."""
+        """Names of the requested transforms: the bases that are not fixed, else all transforms that are not fixed."""
         wanted = [name for name, unknown in self.transforms.items() if unknown.status != "fixed"]
         bases = {self.base_name(robot) for robot in self.robots}
         return [name for name in wanted if name in bases] or wanted

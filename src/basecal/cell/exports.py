@@ -1,4 +1,4 @@
-"""Exports of a calibration as methods of it."""
+"""Export methods of a calibration."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.methods import METHODS
 
 
 class Export(Protocol):
-    """`basecal.export` of one calibration, to one kind."""
+    """`basecal.export` of a calibration to a fixed kind."""
 
     def __call__(
         self,
@@ -26,7 +26,7 @@ class Export(Protocol):
         folder: str | Path | None = None,
         run: str | None = None,
     ) -> str:
-        """The text of the file."""
+        """Return the text of the exported file."""
 
 
 class Exports:
@@ -63,5 +63,5 @@ class Exports:
             return partial(METHODS["export"], self, kind)
 
     def __dir__(self) -> Iterable[str]:
-        """Attributes, with those of the kinds."""
+        """Return the attributes, including the export methods."""
         return [*super().__dir__(), *Exports.__annotations__]

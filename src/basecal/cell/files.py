@@ -1,4 +1,4 @@
-"""Every file of a cell, read and written: the one module to import for that."""
+"""Functions that read and write the files of a cell."""
 
 from basecal.cell.journal.completing import completed_recording_text
 from basecal.cell.journal.plan_file import parse_plan, read_plan, write_plan

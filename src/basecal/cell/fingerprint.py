@@ -1,4 +1,4 @@
-"""Points of the static scene by which a cell is recognised later."""
+"""Points of the static scene, used to recognise the scene later."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from basecal.geometry import Array
 
 @dataclass(frozen=True, eq=False)
 class Fingerprint:
-    """Points of a scene, and what they look like.
+    """Points of a scene and their descriptors.
 
     Attributes:
         points: (n, 3) in `world` [m].
-        descriptors: (n, 128) levels of numbers between 0 and 1, of unit length each.
+        descriptors: (n, 128) unit vectors with entries between 0 and 1, quantized to bytes.
     """
 
     points: Array

@@ -1,7 +1,7 @@
-"""How any frame stands to any other that it does not move against, of estimates that share errors.
+"""Transforms between rigidly connected frames from correlated estimates.
 
-Along a chain T = T_1 ... T_n the tangent of T is the sum of Ad((T_k+1 ... T_n)^-1) x_k to first order; a transform that
-the chain goes through backwards has -Ad(T) x in place of x.
+Along a chain T = T_1 ... T_n the tangent of T is the sum of Ad((T_k+1 ... T_n)^-1) x_k to first order; for a transform
+that is inverted in the chain, -Ad(T) x replaces x.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ _FROM, _BASE = "_from_", "_base"
 def base_between(
     transforms: Mapping[str, PoseEstimate], order: Sequence[str], joint: Array | None, robot: str, other_robot: str
 ) -> PoseEstimate:
-    """`<robot>_base_from_<other>_base` with its covariance; see `frame_between`.
+    """Estimate of `<robot>_base_from_<other>_base` with its covariance; see `frame_between`.
 
     Raises:
-        FrameNotFound: if there is no such robot, or its base was not found.
+        FrameNotFound: if a robot does not exist, or its base was not estimated.
     """
     bases = {frame for name in transforms for frame in name.split(_FROM) if frame.endswith(_BASE)}
     for name in (robot, other_robot):
@@ -34,18 +34,18 @@ def base_between(
 def frame_between(
     transforms: Mapping[str, PoseEstimate], order: Sequence[str], joint: Array | None, parent: str, child: str
 ) -> PoseEstimate:
-    """`<parent>_from_<child>` with its covariance (6, 6) [m, rad], in the axes of the child.
+    """Estimate of `<parent>_from_<child>` with its covariance (6, 6) [m, rad], in the axes of the child.
 
     Args:
-        transforms: Estimates by name, that have a rotation.
-        order: Names of those that `joint` is of; the others are known exactly.
-        joint: (6 n, 6 n) covariance of their right tangents [m, rad]; None if none has any.
-        parent: A frame that one of them names, such as `hand_base`.
-        child: Another.
+        transforms: Estimates by name; each has a rotation.
+        order: Names of the transforms of `joint`; the others are exact.
+        joint: (6 n, 6 n) covariance of the right tangents of `order` [m, rad]; None if all transforms are exact.
+        parent: A frame in a transform's name, such as `hand_base`.
+        child: Another frame.
 
     Raises:
         FrameNotFound: if no transform names one of the frames.
-        InputError: if no transforms lead from one to the other.
+        InputError: if no chain of transforms connects the two frames.
     """
     frames = list(dict.fromkeys(frame for name in transforms for frame in name.split(_FROM)))
     for frame in (parent, child):
@@ -66,7 +66,7 @@ def frame_between(
 
 
 def _chain(transforms: Mapping[str, PoseEstimate], parent: str, child: str) -> list[tuple[str, bool]]:
-    """The fewest transforms that lead from parent to child, each with whether it is gone through backwards."""
+    """Shortest chain of transforms from parent to child, each with whether it is inverted."""
     chains: dict[str, list[tuple[str, bool]]] = {parent: []}
     waiting = [parent]
     for frame in waiting:  # grows
@@ -79,7 +79,7 @@ def _chain(transforms: Mapping[str, PoseEstimate], parent: str, child: str) -> l
                     waiting.append(other)
     if child not in chains:
         raise InputError(
-            f"{parent!r} and {child!r} move against each other, or nothing leads from one to the other. "
-            f"These stand still relative to {parent!r}: {', '.join(waiting[1:])}"
+            f"{parent!r} and {child!r} are not rigidly connected by known transforms. "
+            f"Frames rigidly connected to {parent!r}: {', '.join(waiting[1:])}"
         )
     return chains[child]

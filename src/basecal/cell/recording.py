@@ -1,4 +1,4 @@
-"""The recording: robots' poses and cameras' observations, an instant at a time."""
+"""The recording: robot poses and camera observations, sample by sample."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from basecal.geometry.rotation import nearest_rotation
 
 @dataclass(frozen=True, eq=False)
 class RobotState:
-    """Where a robot was: `base_from_flange`, or `joints_rad`, (n,)."""
+    """Recorded state of a robot: `base_from_flange`, or `joints_rad`, (n,)."""
 
     base_from_flange: SE3 | None = None
     joints_rad: Array | None = None
@@ -30,7 +30,7 @@ class RobotState:
         return np.concatenate([pose.translation, pose.rotation.ravel()])
 
     def with_vector(self, vector: Array) -> RobotState:
-        """A state of this kind by another vector; its rotation is the nearest one."""
+        """Return a state of the same kind from another vector; the matrix is projected to the nearest rotation."""
         if self.joints_rad is not None:
             return RobotState(joints_rad=vector)
         return RobotState(SE3(nearest_rotation(vector[3:].reshape(3, 3)), vector[:3]))
@@ -43,10 +43,10 @@ class PixelObservation:
     Attributes:
         camera: Name of the camera.
         target: Name of the target.
-        ids: (n,) which points.
+        ids: (n,) ids of the points.
         pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
         sigma_px: (n,) per coordinate [px]; None if not stated.
-        detected: Whether `sigma_px` is a detector's own, which weighs points against one another and states nothing.
+        detected: Whether `sigma_px` comes from a detector: it then sets relative weights, not the noise level.
     """
 
     camera: str
@@ -59,7 +59,7 @@ class PixelObservation:
 
 @dataclass(frozen=True, eq=False)
 class CandidateObservation:
-    """Bright spots of which at most one is the light: `pixels` (n, 2) [px], `sigma_px` (n,) or None, and `detected`."""
+    """Bright spots, at most one of them the LED: `pixels` (n, 2) [px], `sigma_px` (n,) or None, and `detected`."""
 
     camera: str
     target: str
@@ -70,7 +70,7 @@ class CandidateObservation:
 
 @dataclass(frozen=True, eq=False)
 class PoseObservation:
-    """A target's pose as another program measured it, with sigmas (6,) [m, rad] in the target's axes, or None."""
+    """A target's pose measured by another program, with sigmas (6,) [m, rad] in the target's axes, or None."""
 
     camera: str
     target: str
@@ -91,14 +91,14 @@ class PointObservation:
 
 @dataclass(frozen=True, eq=False)
 class TouchObservation:
-    """A tip at a mark, or at the tip of another robot; or a part in the grip of two robots.
+    """A touch of a tip at a mark or at another robot's tip, or a part held by two robots.
 
     Attributes:
         tip: Name of the tip, or of the part.
-        mark: Name of what it meets.
-        sigma_m: Per axis [m]; None if not stated.
-        kind: The field of `samples.jsonl` that says so.
-        sigma_rad: Of the directions of a part [rad]; None if not stated.
+        mark: Name of the touched mark or tip, or of the part's other end.
+        sigma_m: Sigma of the position per axis [m]; None if not stated.
+        kind: The field of `samples.jsonl` for this kind of observation.
+        sigma_rad: Sigma of the direction of a held part [rad]; None if not stated.
     """
 
     tip: str
@@ -109,18 +109,18 @@ class TouchObservation:
 
     @property
     def camera(self) -> str:
-        """The tip or the part, which takes the place of a camera."""
+        """Name of the tip or the part, which serves as the camera."""
         return self.tip
 
     @property
     def target(self) -> str:
-        """The touched target, at its own origin."""
+        """Name of the touched target."""
         return self.mark
 
 
 @dataclass(frozen=True, eq=False)
 class TrackObservation:
-    """Points of the static scene in an image, whose places nobody knows.
+    """Points of the static scene in an image; their positions in space are unknown.
 
     Attributes:
         camera: Name of the camera.
@@ -138,16 +138,16 @@ Observation = PixelObservation | CandidateObservation | PoseObservation | PointO
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One instant.
+    """Robot states and observations recorded at one time.
 
     Attributes:
-        sample: Its number.
-        stamp_s: Its time; None if not recorded.
-        robots: Where each robot was, by name.
-        observations: What the cameras saw.
-        images: Paths relative to the cell, by camera.
-        background: Images with the light off, by camera.
-        tracks: What the cameras saw of the static scene.
+        sample: Number of the sample.
+        stamp_s: Time stamp [s]; None if not recorded.
+        robots: States of the robots by name.
+        observations: Observations of targets.
+        images: Paths of images relative to the cell, by camera.
+        background: Paths of images with the LED off, by camera.
+        tracks: Observations of the static scene.
     """
 
     sample: int
@@ -161,12 +161,12 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """All instants.
+    """The samples of a cell.
 
     Attributes:
-        samples: In the order of the file.
-        findings: What was found wrong while reading them (a truncated last line, a sample given twice).
-        folder: The cell's folder, from which the paths of images count; None if it was not read from one.
+        samples: Samples in the order of the file.
+        findings: Problems found while reading (a truncated last line, a duplicate sample).
+        folder: The cell's folder, to which image paths are relative; None if it was not read from a folder.
     """
 
     samples: tuple[Sample, ...] = ()
@@ -174,10 +174,10 @@ class Recording:
     folder: str | None = None
 
     def __repr__(self) -> str:
-        """One line."""
+        """Return a one-line summary."""
         views = sum(len(sample.observations) for sample in self.samples)
         return f"<recording of {len(self.samples)} samples, {views} views>"
 
     def image_paths(self) -> dict[tuple[int, str], str]:
-        """Paths of the images, by number of the sample and camera."""
+        """Return the paths of the images by sample number and camera."""
         return {(s.sample, camera): path for s in self.samples for camera, path in s.images.items()}

@@ -1,4 +1,4 @@
-"""The target of a camera: named points of a rigid body, and how they are printed and seen."""
+"""Calibration targets: numbered points of a rigid body, and their printed patterns."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Tags:
     """Tags whose corners are points of a target.
 
     Attributes:
-        family: Their dictionary or family.
-        numbers: (m,) which of the family.
-        corner_ids: (m, 4) ids of the points at their corners, clockwise from the top left of a tag as OpenCV draws it.
+        family: Dictionary or family of the tags.
+        numbers: (m,) numbers of the tags in the family.
+        corner_ids: (m, 4) ids of the corner points, clockwise from the top left of a tag as OpenCV draws it.
         border: Black cells between a tag's outer edge and its code.
-        squares: Size of the black squares that touch the corners, of a tag's; 0 for none.
+        squares: Size of the black squares at the corners, relative to the tag's size; 0 if there are none.
     """
 
     family: str
@@ -38,14 +38,15 @@ class Target:
     """The points of a target in its own frame.
 
     Attributes:
-        kind: What it is.
-        ids: (n,) names of the points, rising.
+        kind: Kind of the target, such as `charuco`.
+        ids: (n,) ids of the points, in ascending order.
         points: (n, 3) [m] in the target's frame.
-        options: The fields of `cell.yaml` it was made from, as plain data.
-        sheets: What is printed; nothing of lights and measured points.
-        found_by: How it is found in images; None if it is not.
-        tags: The tags that its points are corners of, where it has any.
-        alike_turned: Whether it looks the same turned by half a turn in its plane: point k is then point n - 1 - k.
+        options: Fields of the target in `cell.yaml`, as plain data.
+        sheets: Printed sheets; empty for LEDs and measured points.
+        found_by: Detector for images; None if the target is not detected in images.
+        tags: The tags whose corners are the points; None if it has none.
+        alike_turned: Whether the target looks the same after a rotation of 180 deg in its plane, which maps point k
+            to point n - 1 - k.
     """
 
     kind: str
@@ -63,14 +64,14 @@ class Target:
 
     @property
     def is_point(self) -> bool:
-        """Whether it is one point, whose mount has a position and no rotation."""
+        """Whether the target is a single point, whose mount has a position and no rotation."""
         return len(self.points) == 1
 
     def rows(self, ids: IntArray) -> IntArray:
-        """Where `ids` stand among `self.ids`, (m,).
+        """Indices of `ids` in `self.ids`, (m,).
 
         Raises:
-            InputError: if one is not on the target.
+            InputError: if an id is not on the target.
         """
         rows = np.searchsorted(self.ids, ids).clip(max=len(self.ids) - 1)
         missing = ids[self.ids[rows] != ids]
@@ -85,13 +86,13 @@ class Marker:
     """A square marker of a dictionary.
 
     Attributes:
-        dictionary: Name of its dictionary or family.
-        number: Which of the dictionary.
-        left: Its outer black edge on the sheet [m].
-        top: Likewise [m].
-        size_m: Outer black edge to outer black edge.
-        border: Black cells between its outer edge and its code.
-        turns: Quarter turns clockwise by which it is printed against how OpenCV draws it.
+        dictionary: Name of the dictionary or family.
+        number: Number of the marker in the dictionary.
+        left: x of the left outer black edge on the sheet [m].
+        top: y of the top outer black edge on the sheet [m].
+        size_m: Distance between opposite outer black edges [m].
+        border: Black cells between the outer edge and the code.
+        turns: Quarter turns clockwise from OpenCV's drawing to the printed marker.
     """
 
     dictionary: str
@@ -109,15 +110,15 @@ def _no_shapes(columns: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A flat print in its own axes: x right, y down, seen from the side that z points away from.
+    """A flat print in its own axes: x right, y down, z into the print.
 
     Attributes:
         paper: Left, top, right and bottom of the white sheet, (4,) [m].
-        pitch: Size of what is drawn on it: a square, a tag or a spacing [m].
-        rectangles: Black: left, top, right, bottom, (n, 4) [m]; they do not overlap.
-        discs: Black: centre x, y and radius, (n, 3) [m].
-        markers: Printed on the white of the sheet.
-        target_from_sheet: Where it is on the target.
+        pitch: Size of the pattern's unit: a square, a tag or a spacing [m].
+        rectangles: Black rectangles, left, top, right, bottom, (n, 4) [m]; they do not overlap.
+        discs: Black discs, centre x, y and radius, (n, 3) [m].
+        markers: Markers on the white parts of the sheet.
+        target_from_sheet: Pose of the sheet on the target.
     """
 
     paper: Array
@@ -129,7 +130,7 @@ class Sheet:
 
 
 def black_squares(columns: int, rows: int, square_m: float, parity: int = 0) -> Array:
-    """Squares (column, row) of a board with (column + row) % 2 == parity, (n, 4) [m] from its outer corner."""
+    """Squares of a board with (column + row) % 2 == parity: left, top, right, bottom, (n, 4) [m] from its corner."""
     row, column = np.mgrid[0:rows, 0:columns]
     black = (row + column) % 2 == parity
     corner = np.stack([column[black], row[black]], -1) * square_m

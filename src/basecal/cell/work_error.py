@@ -1,4 +1,4 @@
-"""The error where the work is done: of meetings, by source, over the workspace, and against a tolerance."""
+"""The error at the work: between flanges, by source, over the workspace, and compared with a tolerance."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ _BETTER_VERDICT = as_written(
 )
 
 PlaceKind = Literal["task point", "task box", "recorded places"]
-"""The places at which an error is expected: those of the task that is named, or where the arms worked."""
+"""Places at which the error is evaluated: those of the named task, or the recorded ones."""
 
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """The part of one source in the error at the task.
+    """Contribution of one source to the error at the task.
 
     Attributes:
-        source: In words, with the name of what it is of.
-        rms_m: Root of the variance that comes of it [m]; those of all sources add up in squares.
-        share: Of the whole variance.
-        halved_rms_m: What the whole error would be with the source's sigma half as large [m].
+        source: The source in words, with the name of the robot, camera or target.
+        rms_m: Rms contribution of the source [m]; the squares of all contributions add up to the variance.
+        share: Share of the total variance.
+        halved_rms_m: Total rms error if the source's sigma were half as large [m].
     """
 
     source: str
@@ -52,12 +52,12 @@ class BudgetEntry:
 
 @dataclass(frozen=True, eq=False)
 class ErrorMap:
-    """The error to be expected where two robots meet.
+    """Expected error between two robots over the workspace.
 
     Attributes:
-        points_m: (n, 3) in the reference's base [m].
-        length_95_m: (n,) the distance that 95 of 100 errors stay below [m].
-        angle_95_rad: (n,) likewise the angle [rad].
+        points_m: (n, 3) points in the reference's base [m].
+        length_95_m: (n,) 95 % quantile of the distance error [m].
+        angle_95_rad: (n,) 95 % quantile of the angle error [rad].
     """
 
     points_m: Annotated[Array, array_form(list[Annotated[list[Number], THREE]], shape=(-1, 3))]
@@ -66,7 +66,7 @@ class ErrorMap:
 
     @property
     def worst(self) -> int:
-        """The row with the longest error."""
+        """Index of the point with the largest distance error."""
         return int(self.length_95_m.argmax())
 
 
@@ -75,13 +75,14 @@ class LocalFit:
     """A part of the workspace, calibrated separately.
 
     Attributes:
-        centre_m: (3,) its middle in the reference's base [m].
-        samples: Numbers of the samples in it.
-        global_m: Root of the mean square of where targets of held-out samples in it are off, by the fit of all [m].
-        local_m: Likewise by a fit to which samples far from its middle count little; None, both, where one has no end.
-        chance: Of a local fit so far from that of all where there is noise alone.
-        is_better: Whether the local fit is recommended there.
-        transforms: The requested ones, by the local fit of all samples.
+        centre_m: (3,) centre of the part in the reference's base [m].
+        samples: Numbers of the samples in the part.
+        global_m: Rms target position error of the part's held-out samples with the global fit [m].
+        local_m: Rms error of the same samples with a local fit, which down-weights samples far from the centre [m].
+            Both errors are None if one of the fits does not converge.
+        chance: p-value: probability of a local fit this different from the global fit under noise alone.
+        is_better: Whether the local fit is recommended in this part.
+        transforms: Requested transforms from the local fit of all samples.
     """
 
     centre_m: Vector3
@@ -95,12 +96,12 @@ class LocalFit:
 
 @dataclass(frozen=True)
 class MeetingError:
-    """The error of one flange against another where the work is done: base, joints, links and stops together.
+    """The error of one flange relative to another at the work: base, joints, links and stops together.
 
     Attributes:
-        expected_95_m: The distance that 95 of 100 meetings stay below [m].
-        where: At the task named, or where targets were seen.
-        sigma_m: 1 sigma per axis, root of the mean square over places and axes [m].
+        expected_95_m: 95 % quantile of the distance error [m].
+        where: Places of evaluation: the named task, or the recorded places.
+        sigma_m: 1 sigma per axis, rms over places and axes [m].
     """
 
     expected_95_m: Length
@@ -109,19 +110,19 @@ class MeetingError:
 
     @property
     def variance_m2(self) -> float:
-        """The mean square of the distance [m^2]."""
+        """Mean squared distance error [m^2]."""
         return 3 * self.sigma_m**2
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Whether the error at the work is as small as is needed.
+    """Comparison of the error at the work with the tolerance.
 
     Attributes:
-        asked_m: What is needed [m].
-        expected_95_m: The distance that 95 of 100 meetings stay below [m]. If nothing meets, it is that of the position
-            errors of the requested transforms; None if these were not found.
-        met: Whether that is within the tolerance and the verdict is good, without which it proves nothing.
+        asked_m: The tolerance [m].
+        expected_95_m: 95 % quantile of the distance error between flanges [m]. Without two flanges to compare, it is
+            that of the position errors of the requested transforms; None if these were not estimated.
+        met: Whether the expected error is within the tolerance and the verdict is `good`.
     """
 
     asked_m: Annotated[Length, Field(gt=0)]
@@ -130,5 +131,5 @@ class Tolerance:
 
     @property
     def is_within(self) -> bool:
-        """Whether the expected error is within the tolerance, whatever the verdict."""
+        """Whether the expected error is within the tolerance, regardless of the verdict."""
         return self.expected_95_m is not None and self.expected_95_m <= self.asked_m

@@ -1,1 +1,1 @@
-"""Conventions of other programs, each translated once."""
+"""Import from and export to the formats of other programs."""

@@ -1,4 +1,4 @@
-"""CSV tables whose header names the columns."""
+"""Reading of CSV tables with a header."""
 
 from __future__ import annotations
 
@@ -23,33 +23,33 @@ from basecal.geometry import Array
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of numbers by name, and the line of the file each row stood in."""
+    """Columns of numbers by name, and the line number of each row in the file."""
 
     values: Mapping[str, Array]
     lines: Sequence[int]
 
     def stack(self, names: Sequence[str]) -> Array:
-        """Columns side by side, (rows, len(names))."""
+        """Stack columns to an array, (rows, len(names))."""
         return np.stack([self.values[name] for name in names], -1)
 
 
 LARGEST_BYTES = 2**26
-"""Of a text: 64 MB, two million points."""
+"""Largest text file [bytes]: 64 MB, two million points."""
 
-_LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
+_LARGEST = 1e12  # limit of any number: times in seconds since 1970 are about 2e9
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-_BINARY = re.compile(r"[\x00-\x08\x0e-\x19]")  # control characters that no text has
-_MINUS = "\u2212"  # as word processors write it
-_ARCHIVE, _OLD_SHEET = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # how .xlsx and .ods begin, and .xls
+_BINARY = re.compile(r"[\x00-\x08\x0e-\x19]")  # control characters that do not occur in text
+_MINUS = "\u2212"  # minus sign of word processors
+_ARCHIVE, _OLD_SHEET = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes of .xlsx and .ods, and of .xls
 MOST_POSES = 200_000
-"""Of a stream: as many as a recording may have samples."""
+"""Largest number of poses in a stream: that of samples in a recording."""
 
 
 def read_table_text(path: str, content: str) -> str:
-    """The text of a file in UTF-8, UTF-16 or cp1252, without a byte order mark; of an Excel workbook, its first sheet.
+    """Read the text of a file in UTF-8, UTF-16 or cp1252, or the first sheet of an Excel workbook.
 
     Raises:
-        DatasetError: naming the file, if it cannot be read, is too large or is no text; it says what was `content`.
+        DatasetError: if the file cannot be read, is too large or is not text; the message names the expected `content`.
     """
     data = read_bounded(path, LARGEST_BYTES)
     if data.startswith(_ARCHIVE):
@@ -66,7 +66,7 @@ def read_table_text(path: str, content: str) -> str:
 
 
 def _eight_bit_text(data: bytes) -> str:
-    """UTF-8, or else the code page of Windows in Western Europe, in which degree signs and umlauts are one byte."""
+    """Decode UTF-8, or else cp1252, the Windows code page of Western Europe."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -74,14 +74,14 @@ def _eight_bit_text(data: bytes) -> str:
 
 
 def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Table:
-    """A table of finite numbers.
+    """Read a table of finite numbers.
 
     Args:
-        path: Comma-separated text; its first line is the header and may begin with `#`.
-        aliases: Other names of a column by the name it is given here; case does not count.
+        path: Comma-separated text; the first line is the header and may start with `#`.
+        aliases: Alternative names of columns by the name in the result; case is ignored.
 
     Raises:
-        DatasetError: naming the file and line, if a cell is not a finite number or a row has another length.
+        DatasetError: with file and line, if a cell is not a finite number or the length of a row differs.
     """
     name = str(path)
     rows = _rows(name, read_table_text(name, "comma-separated values"))
@@ -93,7 +93,7 @@ def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Tabl
     header = [known.get(cell, cell) for cell in plain]
     if len(set(header)) != len(header):
         raise DatasetError(name, f"names a column twice: {list_names(header)}", line)
-    # As bytes, since lists of lists take forty times as much.
+    # Arrays of bytes, because lists of lists need forty times the memory.
     values, lines = array("d"), array("q")
     for line, row in rows:
         values.extend(_numbers(name, line, row, header))
@@ -105,10 +105,10 @@ def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Tabl
 
 
 def _rows(path: str, text: str) -> Iterator[tuple[int, list[str]]]:
-    """Line and cells of each row that is not empty.
+    """Line number and cells of each non-empty row.
 
     Raises:
-        DatasetError: if it is not CSV.
+        DatasetError: if the text is not CSV.
     """
     reader = csv.reader(StringIO(text, newline=""), skipinitialspace=True)
     try:

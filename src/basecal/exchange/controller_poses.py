@@ -1,4 +1,4 @@
-"""Flange poses of a file in a controller's convention, row by row with what says where each belongs."""
+"""Reading of flange poses in a controller's convention, with the keys that assign each row to a sample."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from basecal.geometry import SE3, Array
 
 
 class _Unit(NamedTuple):
-    """A unit that a column may name: its size in SI, and the option that has the column read in it."""
+    """A unit of a column: its size in SI, and the option that selects it."""
 
     size: float
     option: str
@@ -55,7 +55,7 @@ _KEYS = {
 }
 _PLACE = r"(?:.*[ ._/])?(?:pos|position|trans|translation)"
 _TURN = r"(?:.*[ ._/])?(?:rot|rotation|orientation|quat|quaternion)"
-# Other names of a number by the one its controller has, in small letters, as patterns. UR's logs number the TCP's pose.
+# Patterns of alternative column names in lower case, by the controller's name. UR's logs number the TCP pose.
 _ALIASES = {
     **{axis: rf"t_?{axis}|p{axis}|{_PLACE}[ ._/]*{axis}|actual_tcp_pose_{k}" for k, axis in enumerate("xyz")},
     **{f"r{axis}": rf"{_TURN}[ ._/]*r?{axis}|actual_tcp_pose_{k}" for k, axis in enumerate("xyz", start=3)},
@@ -69,24 +69,24 @@ _LENGTHS: dict[str, _Unit] = {name: _Unit(size, f"--length-unit {name}") for nam
 _LENGTHS["in"] = _LENGTHS["inch"]
 _ANGLES = {"deg": _Unit(DEGREE, "--deg"), "°": _Unit(DEGREE, "--deg"), "rad": _Unit(RADIAN, "--rad")}
 _FULL_TURN = 2 * np.pi  # [rad]
-_SMALL_TURN = np.pi  # degrees up to which angles of arms that calibrate never all stay
+_SMALL_TURN = np.pi  # [deg]: in a calibration some angle always exceeds it
 _SHORT_MATRIX = 12  # numbers of a matrix without its last row
 _ROW = 4  # numbers of a row of a matrix
 _VECTOR_LENGTHS = 6, 7  # numbers of a position with three angles, and with a quaternion
-_LONGEST_ARM_M = 20.0  # farther than any flange is in metres, and nearer than any is in millimetres
+_LONGEST_ARM_M = 20.0  # larger than any flange position in metres, smaller than any in millimetres
 _FEWEST_JOINTS = 4  # columns with names of joints
-_FEW_ROWS = 0.3  # share of rows, up to which these are wrong and not the unit of all
-_FEWEST_POSES = 3  # poses of which all are turned little, before that is taken for a unit
+_FEW_ROWS = 0.3  # share of rows: up to it single rows are wrong, above it the unit
+_FEWEST_POSES = 3  # poses with small angles needed to conclude a wrong unit
 
 
 @dataclass(frozen=True)
 class Reading:
-    """How a file of poses is to be read.
+    """Format of a file of poses.
 
     Attributes:
-        name: Of the controller.
-        length_m: A length in the file [m]; the controller's own where None.
-        angle_rad: An angle in the file [rad]; likewise.
+        name: Name of the controller.
+        length_m: Unit of length in the file [m]; the controller's unit if None.
+        angle_rad: Unit of angle in the file [rad]; the controller's unit if None.
     """
 
     name: str
@@ -98,7 +98,7 @@ class Reading:
         """The controller's convention in the file's units.
 
         Raises:
-            InputError: if the unit of angles is stated and it writes none.
+            InputError: if a unit of angle is stated and the controller writes no angles.
         """
         own = CONTROLLERS[self.name]
         if self.length_m is not None:
@@ -106,7 +106,7 @@ class Reading:
         if self.angle_rad is None:
             return own
         if not own.has_angles:
-            raise InputError(f"{self.name} writes no angles: leave --deg and --rad away")
+            raise InputError(f"{self.name} writes no angles: remove --deg and --rad")
         return replace(own, angle=self.angle_rad)
 
     @property
@@ -122,12 +122,12 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class PoseStream:
-    """Poses from one file, in its order.
+    """Poses of one file, in the order of the file.
 
     Attributes:
-        path: Where they were read.
+        path: Path of the file.
         poses: (n,) transforms, lengths in metres.
-        stamps_s: (n,) times; None if the file has none.
+        stamps_s: (n,) time stamps [s]; None if the file has none.
     """
 
     path: str
@@ -136,7 +136,7 @@ class PoseStream:
 
 
 class PoseRows(NamedTuple):
-    """Poses of a file, (n,), and for each a row with what says where it belongs."""
+    """Poses of a file, (n,), and one row per pose with the keys that assign it to a sample."""
 
     poses: SE3
     rows: tuple[Row, ...]
@@ -145,17 +145,17 @@ class PoseRows(NamedTuple):
 def read_controller_poses(
     path: str, robot: str, reading: Reading, is_stream: bool = False, is_inverted: bool = False
 ) -> tuple[Row, ...]:
-    """Rows with the pose of a robot.
+    """Read rows with the poses of a robot.
 
     Args:
-        path: Text: with or without a header, in any usual separator, or as a controller's program has poses.
-        robot: Its name.
+        path: Table with or without a header and with any usual separator, or a controller's program.
+        robot: Name of the robot.
         reading: The convention and the units.
-        is_stream: Whether every row has a time, the first column where there is no header.
-        is_inverted: Whether they are those of the base in the flange.
+        is_stream: Whether every row has a time stamp; it is the first column if there is no header.
+        is_inverted: Whether the file holds poses of the base in the flange's frame.
 
     Raises:
-        DatasetError: naming the file and line, if it holds anything else; also where angles are in the other unit.
+        DatasetError: with file and line, if the content is invalid or the angles are in the wrong unit.
     """
     found = read_pose_rows(path, reading, is_stream, robot)
     poses = found.poses.inverse() if is_inverted else found.poses
@@ -163,15 +163,15 @@ def read_controller_poses(
 
 
 def read_pose_rows(path: str, reading: Reading, is_stream: bool = False, robot: str | None = None) -> PoseRows:
-    """Poses of a file, likewise; whosever they are if no robot is named."""
+    """Read the poses of a file; see `read_controller_poses`. Without a robot's name, poses of all robots are read."""
     found = _pose_rows(path, reading, is_stream, robot)
     if is_stream and any(row.stamp_s is None for row in found.rows):
-        raise DatasetError(path, "no time in its rows, which a stream takes: a column stamp_s [s], the first of all")
+        raise DatasetError(path, "rows of a stream need times: add a column stamp_s [s], without a header the first")
     return found
 
 
 def read_poses(path: str | Path, length_unit: LengthUnit) -> PoseStream:
-    """Poses of a file that says alone how they are written, without what says where they belong but their times."""
+    """Read poses and time stamps of a file whose format can be guessed; other keys of rows are ignored."""
     name = str(path)
     reading = Reading(guessed_format(name) or "ros", unit_length_m(length_unit))
     poses, rows = read_pose_rows(name, reading)
@@ -203,7 +203,7 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool, robot: str | None) 
 
 
 def _table_text(path: str, reading: Reading) -> str:
-    """The rows of a table, of the positions of a Yaskawa job, or of what `tf2_echo` printed."""
+    """Text of the rows of a table, of a Yaskawa job's positions, or of the output of `tf2_echo`."""
     text = read_table_text(path, "a table of poses")
     if reading.name == "ros" and (echoed := transform_rows(text)):
         return echoed
@@ -212,12 +212,12 @@ def _table_text(path: str, reading: Reading) -> str:
     if not is_job(text):
         return text
     if reading.name != "yaskawa":
-        raise DatasetError(path, f"a job of a Yaskawa, read as of {reading.name}: give --format yaskawa")
+        raise DatasetError(path, f"is a job of a Yaskawa, not a file of {reading.name}: give --format yaskawa")
     return job_positions(text, path)
 
 
 def _is_stacked(path: str) -> bool:
-    """Whether a file is an archive, or has the four rows of a matrix one below the other."""
+    """Whether a file is an archive, or has each matrix on four lines."""
     if is_archive(path):
         return True
     lines = (line.split("#")[0].replace(",", " ").split() for line in read_table_text(path, "matrices").splitlines())
@@ -225,7 +225,7 @@ def _is_stacked(path: str) -> bool:
 
 
 def guessed_format(path: str) -> str:
-    """The format of a file that says it alone: of matrices, or of a header with quaternions as of ROS; else empty."""
+    """Guess a file's format: `matrix`, `ros` for a header with quaternions, or empty if unknown."""
     if is_archive(path):
         return "matrix"
     lines = read_table_text(path, "a table of poses").splitlines()
@@ -237,12 +237,12 @@ def guessed_format(path: str) -> str:
 
 
 def _is_vector(lines: Sequence[str]) -> bool:
-    """Whether the first row of a text is as long as a position with angles or a quaternion."""
+    """Whether the first row has as many numbers as a position with angles or a quaternion."""
     return next((count for count in map(count_numbers, lines) if count >= _ROW), 0) in _VECTOR_LENGTHS
 
 
 def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[str]:
-    """The columns that hold the numbers of a convention, in its order."""
+    """Names of the columns with the numbers of a convention, in the convention's order."""
     if table.header is None:
         first = {name.lower(): name for name in table.rows[0].cells}
         return [first.get(name.lower(), name) for name in names]
@@ -264,7 +264,7 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
 
 
 def _column_hint(columns: set[str]) -> str:
-    """Advice on other columns, as the end of a sentence: the import that they suit, or other names."""
+    """Advice on unexpected columns, as the end of a sentence: the matching import, or a renaming."""
     formats = [name for name, each in CONTROLLERS.items() if {column.lower() for column in each.names} <= columns]
     if formats:
         return f"; these columns suit --format {list_names(formats)}"
@@ -272,23 +272,23 @@ def _column_hint(columns: set[str]) -> str:
     if are_joints:
         return "; these look like joints: record poses, or use basecal import joints"
     is_ascii = all(column.isascii() for column in columns)
-    return ": name them so in the header" + ("" if is_ascii else ", and save the file in UTF-8")
+    return ": use these names in the header" + ("" if is_ascii else ", and save the file in UTF-8")
 
 
 def plain_column(column: str) -> str:
-    """A column's name in small letters without its unit."""
+    """A column's name in lower case without its unit."""
     return (_UNIT.sub(r"\1", column.strip().lower())).strip()
 
 
 def column_unit(column: str) -> tuple[str, float] | None:
-    """The unit of length that a column names, and its size [m]; None if it names none."""
+    """Unit of length in a column's name, and its size [m]; None if the name has no such unit."""
     found = _UNIT.match(column.strip().lower())
     unit = None if found is None else _LENGTHS.get(found[2])
     return None if found is None or unit is None else (found[2], unit.size)
 
 
 def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
-    """A unit that a column names must be the one it is read in."""
+    """Check that units in the names of columns agree with the units in which they are read."""
     for place, column in enumerate(columns):
         unit = _UNIT.match(column.strip().lower())
         if unit is None:
@@ -296,16 +296,14 @@ def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
         units, used = _possible_units(place, reading.convention)
         if unit[2] not in units:
             expected = f"expected {list_names(tuple(units))}" if units else "expected no unit"
-            raise DatasetError(path, f"the column says {unit[2]}, {expected}", field=column)
+            raise DatasetError(path, f"the unit is {unit[2]}, {expected}", field=column)
         if units[unit[2]].size != used:
             option = units[unit[2]].option
-            raise DatasetError(
-                path, f"the column says {unit[2]}, and it is read otherwise: give {option}", field=column
-            )
+            raise DatasetError(path, f"the unit is {unit[2]}, but another is read: give {option}", field=column)
 
 
 def _possible_units(place: int, convention: AnyConvention) -> tuple[Mapping[str, _Unit], float]:
-    """The units that a number of a convention may have, and the one it is read in; none of numbers without unit."""
+    """Units allowed for a number of a convention, and the size of the unit in use; empty for unitless numbers."""
     if isinstance(convention, MatrixConvention):
         row, column = divmod(place, 4)
         is_length = (row if convention.is_by_columns else column) == 3 and place < len(convention.names) - 1
@@ -316,7 +314,7 @@ def _possible_units(place: int, convention: AnyConvention) -> tuple[Mapping[str,
 
 
 def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: AnyConvention, reading: Reading) -> None:
-    """Degrees taken for radians, and radians taken for degrees, where no other reading can be."""
+    """Check that angles are not degrees read as radians, or radians read as degrees."""
     if not convention.has_angles:
         return
     angles = numbers[:, 3:]
@@ -325,25 +323,25 @@ def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: A
     if convention.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
         odd = np.flatnonzero(np.abs(angles).max(axis=1) > _FULL_TURN).tolist()
         if len(odd) > _FEW_ROWS * len(angles):
-            raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
+            raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are not radians: give --deg")
         value, where = np.abs(angles[odd[0]]).max(), list_names([str(lines[k]) for k in odd])
         raise DatasetError(
-            path, f"{value:.4g} is no angle in radians: correct line {where}, or give --deg", lines[odd[0]]
+            path, f"{value:.4g} is not an angle in radians: correct line {where}, or give --deg", lines[odd[0]]
         )
-    # A rotation vector is as long as the turn; angles about axes may all be small only where nothing turns.
+    # The length of a rotation vector is the angle; all angles about axes are small only if nothing rotates.
     is_small = (
         len(numbers) >= _FEWEST_POSES and np.abs(angles).max() <= _SMALL_TURN and np.ptp(angles, axis=0).max() > 0
     )
     if convention.angle == DEGREE and is_small and reading.angle_rad is None:
         raise DatasetError(
             path,
-            f"no angle of {len(numbers)} poses is beyond {np.abs(angles).max():.3g}: these look like radians, "
-            "give --rad, or --deg where they are degrees",
+            f"the angles of {len(numbers)} poses reach only {np.abs(angles).max():.3g}: they look like radians. "
+            "Give --rad, or --deg if they are degrees",
         )
 
 
 def _other_controllers(numbers: Array, convention: AnyConvention, reading: Reading) -> str:
-    """Finding of lengths and angles that are both in the units of other controllers; nothing if they need not be."""
+    """Advice if lengths and angles are both in the units of other controllers; empty if they need not be."""
     if reading.length_m is not None or reading.angle_rad is not None or len(numbers) < _FEWEST_POSES:
         return ""
     length, angle = (float(np.abs(part).max()) for part in (numbers[:, :3], numbers[:, 3:]))
@@ -364,10 +362,10 @@ def _other_controllers(numbers: Array, convention: AnyConvention, reading: Readi
 
 
 def keyed_rows(table: TextTable) -> list[Row]:
-    """A row for each of a table, with what says where it belongs: its columns `image`, `sample` and `stamp_s`.
+    """Convert a table to rows with the keys of its columns `image`, `sample` and `stamp_s`.
 
     Raises:
-        DatasetError: if a sample is no whole number, or a time no number.
+        DatasetError: if a sample is not a whole number, or a time is not a number.
     """
     there = {plain_column(column): column for column in table.rows[0].cells}
     image, sample, stamp = (next((there[n] for n in names if n in there), None) for names in _KEYS.values())

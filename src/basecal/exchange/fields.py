@@ -1,4 +1,4 @@
-"""YAML and JSON of other programs, requested by the names of their fields; an error names path, line and field."""
+"""Access to YAML and JSON files of other programs by field names; errors name path, line and field."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from basecal.fields.problems import Loc, field_name, line_number, shorten
 from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3
 
-_END = re.compile(r"(\n(---|\.\.\.)[ \t]*)+\s*\Z")  # ROS ends every message that it prints with one
+_END = re.compile(r"(\n(---|\.\.\.)[ \t]*)+\s*\Z")  # ROS prints a separator after every message
 
 
 def written_number(text: str) -> float:
-    """The number that a text is to other programs: not 1_0, which is 10 to Python alone.
+    """Parse a number without Python's underscore notation, such as 1_0 for 10.
 
     Raises:
-        ValueError: if it is none.
+        ValueError: if the text is not a number.
     """
     if "_" in text:
         raise ValueError(text)
@@ -31,13 +31,13 @@ def written_number(text: str) -> float:
 
 @dataclass(frozen=True)
 class Field:
-    """A place in a file, and what is written there.
+    """A location in a file, and its content.
 
     Attributes:
-        path: The file.
-        data: What stands there, as plain data.
-        lines: Of the file, from 1, by place.
-        loc: Keys and indices that lead there.
+        path: Path of the file.
+        data: Content at the location, as plain data.
+        lines: Line numbers of the file, from 1, by location.
+        loc: Keys and indices of the location.
     """
 
     path: str
@@ -46,19 +46,19 @@ class Field:
     loc: Loc = ()
 
     def error(self, message: str) -> DatasetError:
-        """The error at this place, to be raised."""
+        """Create an error about this location."""
         return DatasetError(self.path, message, line_number(self.loc, self.lines), field_name(self.loc) or None)
 
     def first(self, *names: str) -> Field | None:
-        """The first of these fields that is written; None if none is, or this is no mapping."""
+        """Return the first existing field of these names; None if there is none, or this is not a mapping."""
         found = [name for name in names if isinstance(self.data, dict) and self.data.get(name) is not None]
         return Field(self.path, self.data[found[0]], self.lines, (*self.loc, found[0])) if found else None
 
     def find(self, *names: str) -> Field:
-        """The first of these fields that is written.
+        """Return the first existing field of these names.
 
         Raises:
-            DatasetError: if none is.
+            DatasetError: if there is none.
         """
         if (found := self.first(*names)) is not None:
             return found
@@ -68,14 +68,14 @@ class Field:
         raise self.error(f"has no {' or '.join(names)}{nearest(names[0], there)}; it has {list_names(there)}")
 
     def names(self) -> list[str]:
-        """Names of the fields of a mapping; none if it is no mapping."""
+        """Return the names of a mapping's fields; empty if this is not a mapping."""
         return [str(name) for name in self.data] if isinstance(self.data, dict) else []
 
     def items(self, kind: str) -> list[Field]:
-        """The entries of a list of `kind`, at least one.
+        """Return the entries of a non-empty list; `kind` describes them in errors.
 
         Raises:
-            DatasetError: if it is no list, or an empty one.
+            DatasetError: if this is not a list, or the list is empty.
         """
         if not isinstance(self.data, list) or not self.data:
             found = "an empty list" if self.data == [] else shorten(self.data)
@@ -83,30 +83,30 @@ class Field:
         return [Field(self.path, item, self.lines, (*self.loc, i)) for i, item in enumerate(self.data)]
 
     def text(self) -> str:
-        """A word.
+        """Return the content as text.
 
         Raises:
-            DatasetError: if it is none.
+            DatasetError: if the content is not text.
         """
         if not isinstance(self.data, str):
             raise self.error(f"is {shorten(self.data)}, expected text")
         return self.data
 
     def boolean(self) -> bool:
-        """Yes or no, also as a number, as the FileStorage of OpenCV has it.
+        """Return the content as a boolean; 0 and 1 are allowed, as in OpenCV's FileStorage.
 
         Raises:
-            DatasetError: if it is neither.
+            DatasetError: if the content is not a boolean.
         """
         if not isinstance(self.data, int) or self.data not in (0, 1):
             raise self.error(f"is {shorten(self.data)}, expected true or false")
         return bool(self.data)
 
     def number(self) -> float:
-        """A finite number of a size that arithmetic bears.
+        """Return the content as a finite number within +-1e6.
 
         Raises:
-            DatasetError: if it is none.
+            DatasetError: if the content is not such a number.
         """
         data = self.data
         is_number = isinstance(data, int | float) and not isinstance(data, bool)
@@ -117,10 +117,10 @@ class Field:
         return float(data)
 
     def integer(self, low: int = 1) -> int:
-        """A whole number from `low`.
+        """Return the content as a whole number of at least `low`.
 
         Raises:
-            DatasetError: if it is none.
+            DatasetError: if the content is not such a number.
         """
         number = self.number()
         if number != int(number) or number < low:
@@ -128,13 +128,13 @@ class Field:
         return int(number)
 
     def numbers(self, *counts: int) -> list[float]:
-        """A list of numbers, also one of lists, row by row.
+        """Return a list of numbers; a list of lists is flattened row by row.
 
         Args:
-            counts: How many there may be; any where none is given.
+            counts: Allowed lengths; any length if not given.
 
         Raises:
-            DatasetError: if it is something else.
+            DatasetError: if the content is not such a list.
         """
         entries = self.items("numbers") if self.data != [] else []
         if entries and all(isinstance(entry.data, list) for entry in entries):
@@ -146,14 +146,14 @@ class Field:
         return values
 
     def matrix(self, *counts: int) -> list[float]:
-        """The numbers of a matrix, which may stand beside its `rows` and `cols`; otherwise as `numbers`."""
+        """Return the numbers of a matrix, which may be in a field `data` of a mapping; see `numbers`."""
         return (self.find("data") if isinstance(self.data, dict) else self).numbers(*counts)
 
     def size(self) -> tuple[int, int]:
-        """Width and height, a list of two whole numbers.
+        """Return width and height from a list of two whole numbers.
 
         Raises:
-            DatasetError: if it is none.
+            DatasetError: if the content is not such a list.
         """
         sides = self.items("width and height")
         if len(sides) != 2:
@@ -161,10 +161,10 @@ class Field:
         return sides[0].integer(), sides[1].integer()
 
     def pose(self) -> SE3:
-        """A transform in metres: `translation` and `rotation` as ROS writes them, x ... qw beside each other, or 4x4.
+        """Return a transform [m]: `translation` and `rotation` as in ROS, a mapping x ... qw, or a 4x4 matrix.
 
         Raises:
-            DatasetError: if it is none.
+            DatasetError: if the content is not a transform.
         """
         try:
             if isinstance(self.data, list):
@@ -181,23 +181,23 @@ class Field:
 
 
 def read_fields(path: str | Path, largest: int = LARGEST_BYTES) -> Field:
-    """All of a YAML or JSON file.
+    """Read a YAML or JSON file.
 
     Args:
-        path: The file.
-        largest: How many bytes it may have.
+        path: Path of the file.
+        largest: Largest allowed size [bytes].
 
     Raises:
-        DatasetError: if it cannot be read.
+        DatasetError: if the file cannot be read.
     """
     return parse_fields(read_text(Path(path), "", largest), str(path))
 
 
 def parse_fields(text: str, path: str) -> Field:
-    """All of a YAML or JSON text.
+    """Parse a YAML or JSON text.
 
     Raises:
-        DatasetError: if it is neither.
+        DatasetError: if the text is neither.
     """
     document = parse_yaml(_END.sub("\n", text), path)
     return Field(path, document.data, document.lines)

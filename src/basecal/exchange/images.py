@@ -1,4 +1,4 @@
-"""A folder of images: which they are, in the order that people mean, and when they were taken by their names."""
+"""Folders of images: listing in natural order, image sizes, and times from file names."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from basecal.errors import DatasetError, InputError, list_names
 from basecal.vision.image_header import STARTS, header
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
-"""Of images that can be read, in small letters."""
+"""Extensions of readable images, in lower case."""
 
 _OTHER_IMAGES = frozenset(
     (".heic", ".heif", ".gif", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".dng", ".exr", ".jp2", ".avif", ".npy")
 ) | {".mp4", ".avi", ".mov", ".mkv", ".bag", ".mcap"}
-_HEADER_BYTES = 2**24  # of an image in which its size stands: metadata before it fill less
-_MOST_IMAGES = 200_000  # as many as a recording may have samples
+_HEADER_BYTES = 2**24  # bytes read to find the image's size; metadata before it are shorter
+_MOST_IMAGES = 200_000  # largest number of samples in a recording
 _PARTS = re.compile(r"(\d+)")
 _STAMP = re.compile(r"\d+(?:[._]\d+)?")
-# Digits before the point of a time since 1970 in each unit, and the unit [s].
+# Number of digits before the point of a time since 1970, and the unit [s].
 _SINCE_1970 = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
 
 
-_FEWEST_NUMBERED = 3  # names that make a numbering
+_FEWEST_NUMBERED = 3  # names needed to recognise a numbering
 
 
 def list_images(folder: Path) -> tuple[Path, ...]:
-    """The images of a folder; 2.png stands before 10.png.
+    """List the images of a folder in natural order: 2.png before 10.png.
 
     Raises:
-        DatasetError: if there is none, or the folder is not one; it says what is there instead.
+        DatasetError: if the folder does not exist or has no images; the message lists its content.
     """
     if not folder.is_dir():
-        raise DatasetError(folder, "is no folder; give the folder of one camera's images")
+        raise DatasetError(folder, "is not a folder; give the folder of one camera's images")
     files = [path for path in folder.iterdir() if not path.name.startswith(".")]
     found = [path for path in files if path.suffix.lower() in ENDINGS and path.is_file()]
     if not found:
@@ -43,46 +43,46 @@ def list_images(folder: Path) -> tuple[Path, ...]:
             each.name for each in files if each.is_dir() and any(p.suffix.lower() in ENDINGS for p in each.iterdir())
         ]
         if inner:
-            what = f"holds no images but folders of them: {list_names(sorted(inner))}; import one camera's at a time"
+            what = f"holds no images, only folders of images: {list_names(sorted(inner))}; import one at a time"
             raise DatasetError(folder, what)
         others = Counter(path.suffix.lower() or "no ending" for path in files if path.is_file())
         there = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
         expected = f"expected {', '.join(ENDINGS)}"
-        raise DatasetError(folder, f"holds no images that are read, but {there}; {expected}")
+        raise DatasetError(folder, f"holds no supported images: {there}; {expected}")
     if len(found) > _MOST_IMAGES:
         raise DatasetError(folder, f"{len(found)} images, expected at most {_MOST_IMAGES}")
     return tuple(sorted(found, key=natural_order))
 
 
 def is_image(path: Path) -> bool:
-    """Whether a file is an image by its name."""
+    """Whether a file has the extension of an image."""
     return path.suffix.lower() in ENDINGS
 
 
 def check_image(path: Path) -> None:
-    """Check that a file begins as images do: others are never copied under the name of one.
+    """Check that a file has the header of an image, so that no other file is copied as an image.
 
     Raises:
-        DatasetError: if not, or it cannot be read.
+        DatasetError: if the file is not an image or cannot be read.
     """
     check_regular(path)
     with path.open("rb") as file:
         if not file.read(max(map(len, STARTS))).startswith(STARTS):
-            raise DatasetError(path, f"is no image, whatever its name; expected {', '.join(ENDINGS)}")
+            raise DatasetError(path, f"is not an image, despite its name; expected {', '.join(ENDINGS)}")
 
 
 def unreadable_images(folder: Path) -> tuple[str, ...]:
-    """Names of files beside the images that are images, or films, of a kind that is not read."""
+    """Names of files in a folder with unsupported formats of images or films."""
     return tuple(sorted(path.name for path in folder.iterdir() if path.suffix.lower() in _OTHER_IMAGES))
 
 
 def usual_size(sizes: Sequence[tuple[int, int]]) -> tuple[int, int]:
-    """The size that most images have; the first of those that are as frequent."""
+    """Most frequent size of images; the first one in case of a tie."""
     return Counter(sizes).most_common(1)[0][0]
 
 
 def image_size(path: Path) -> tuple[int, int] | None:
-    """Width and height of an image [px]; None if they cannot be read."""
+    """Read width and height of an image [px]; None if they cannot be read."""
     try:
         with path.open("rb") as file:
             found = header(file.read(_HEADER_BYTES))
@@ -92,13 +92,13 @@ def image_size(path: Path) -> tuple[int, int] | None:
 
 
 def read_time(path: Path) -> float:
-    """The time [s] that is an image's name, such as 1682512345.123.png or 1682512345123456789.png.
+    """Parse the time [s] in an image's name, such as 1682512345.123.png or 1682512345123456789.png.
 
     Ten digits before the point are seconds since 1970, 13 milliseconds, 16 microseconds and 19 nanoseconds. Fewer than
-    ten, with a point, are seconds from an origin of their own.
+    ten, with a point, are seconds from an arbitrary origin.
 
     Raises:
-        InputError: if the name is none of these.
+        InputError: if the name is not a time.
     """
     if _STAMP.fullmatch(path.stem):
         whole, _, part = path.stem.replace("_", ".").partition(".")
@@ -106,14 +106,14 @@ def read_time(path: Path) -> float:
             return float(f"{whole}.{part or 0}") * _SINCE_1970[len(whole)]
         if part and len(whole) < min(_SINCE_1970):
             return float(f"{whole}.{part}")
-    raise InputError(f"{path}: the name is no time, expected one such as 1682512345.123.png")
+    raise InputError(f"{path}: the name is not a time, expected a name such as 1682512345.123.png")
 
 
 def missing_numbers(names: Sequence[str]) -> tuple[str, ...]:
-    """Numbers that a few of numbered names leave out between the first and the last; none if names are not numbered.
+    """Missing numbers between the first and last of numbered names; empty if names are not numbered or gaps are many.
 
     Args:
-        names: Of images, such as `0001.png`.
+        names: Names of images, such as `0001.png`.
     """
     found = [re.search(r"(\d+)\D*$", Path(name).stem) for name in names]
     numbers = {int(each[1]): len(each[1]) for each in found if each is not None}
@@ -124,6 +124,6 @@ def missing_numbers(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def natural_order(path: Path) -> tuple[tuple[int | str, ...], str]:
-    """A key by which numbers in names count as numbers."""
+    """Sort key that compares numbers in names by value."""
     parts = _PARTS.split(path.stem.lower())
     return tuple(int(part) if i % 2 else part for i, part in enumerate(parts)), path.name

@@ -1,4 +1,4 @@
-"""Joints of a file, in the order of a chain, row by row with what says where each belongs."""
+"""Reading of joint values in the order of a chain, with the keys that assign each row to a sample."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from basecal.geometry import Array
 from basecal.kinematics import SerialChain, read_chain
 from basecal.kinematics.chain import LIMIT_EXCESS_RAD
 
-_UNLIMITED_RAD = 2.2 * math.pi  # of a joint without limits: a turn and a bit
-_FEWEST_ROWS = 3  # rows in which nothing moves beyond some degrees, before that is taken for a unit
+_UNLIMITED_RAD = 2.2 * math.pi  # largest angle of a joint without limits: a bit more than one revolution
+_FEWEST_ROWS = 3  # rows with small angles needed to conclude a wrong unit
 _DEGREE = math.radians(1)
 # How controllers number joints: j1, q1, a1 (KUKA), joint_1, theta1; from 0 or from 1.
 _NUMBERED = re.compile(r"(?:joint|axis|theta|j|q|a)[_ ]?(\d+)(?:[_. ]?(?:deg|rad|pos))?", re.IGNORECASE)
-_WIDEST_DEG = 45.0  # of a joint's offset: beyond this nothing is known of it
+_WIDEST_DEG = 45.0  # largest sigma of a joint offset: a larger one is no information
 
 
 def read_joints(path: str, robot: str, chain: SerialChain, in_degrees: bool) -> tuple[Row, ...]:
-    """Rows with the joints of a robot [rad].
+    """Read rows with the joints of a robot [rad].
 
     Args:
-        path: Text in any usual separator, with a header that names the chain's joints or numbers them (j1, q1, A1), or
-            none.
-        robot: Its name.
-        chain: Its kinematics.
-        in_degrees: Whether they are in degrees, not radians.
+        path: Table with any usual separator; its header names the chain's joints or numbers them (j1, q1, A1), or is
+            missing.
+        robot: Name of the robot.
+        chain: Kinematics of the robot.
+        in_degrees: Whether values are in degrees; if False, in radians.
 
     Raises:
-        DatasetError: naming the file and line, if it holds anything else, or if a joint is beyond its limits. It is
-            also raised if values that are stated in degrees look like radians.
+        DatasetError: with file and line, if the content is invalid or a joint exceeds its limits. It is also raised if
+            values stated in degrees look like radians.
     """
     text = read_table_text(path, "a table of joints")
     table = select_robot(read_text_table(text, path, chain.joint_names), robot)
@@ -53,7 +53,7 @@ def read_joints(path: str, robot: str, chain: SerialChain, in_degrees: bool) -> 
 
 
 def _columns(table: TextTable, chain: SerialChain) -> list[str]:
-    """The columns of the chain's joints, in its order."""
+    """Names of the columns of the chain's joints, in the chain's order."""
     names = chain.joint_names
     if table.header is None or all(name in table.header for name in names):
         return list(names)
@@ -70,19 +70,19 @@ def _columns(table: TextTable, chain: SerialChain) -> list[str]:
 
 
 def radians_finding(values: Array) -> str:
-    """Finding of joints (n, joints) that are stated in degrees and look like radians; empty if they do not."""
+    """Message if joints (n, joints) stated in degrees look like radians; empty if they do not."""
     most = np.abs(values).max(initial=0.0)
     if len(values) < _FEWEST_ROWS or most > math.pi or np.ptp(values, axis=0).max() == 0:
         return ""
-    return f"no joint of {len(values)} rows is beyond {most:.3g} degrees, these look like radians"
+    return f"no joint of {len(values)} rows is beyond {most:.3g} degrees, so they look like radians"
 
 
 def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialChain, in_degrees: bool) -> None:
-    """Check that every joint is within its limits, or a turn, by a margin."""
+    """Check that every joint is within its limits with a margin, or within 2.2 pi without limits."""
     lower = np.where(np.isfinite(chain.lower), chain.lower - LIMIT_EXCESS_RAD, -_UNLIMITED_RAD)
     upper = np.where(np.isfinite(chain.upper), chain.upper + LIMIT_EXCESS_RAD, _UNLIMITED_RAD)
     if in_degrees and (finding := radians_finding(values)):
-        raise DatasetError(table.path, f"{finding}: leave --deg away")
+        raise DatasetError(table.path, f"{finding}: remove --deg")
     outside = (joints < lower) | (joints > upper)
     if not outside.any():
         return
@@ -91,8 +91,8 @@ def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialC
     there = f"{joints[row, joint]:.4g} rad, its limits are {chain.lower[joint]:.4g} to {chain.upper[joint]:.4g}"
     turned, backwards = values * _DEGREE, joints[:, ::-1]
     if not in_degrees and np.abs(values).max() > _UNLIMITED_RAD and ((turned >= lower) & (turned <= upper)).all():
-        hint = "give --deg, these are degrees"
-    elif ((backwards >= lower) & (backwards <= upper)).all():  # the one slip of order that is usual
+        hint = "give --deg, they look like degrees"
+    elif ((backwards >= lower) & (backwards <= upper)).all():  # the usual error of the order
         hint = f"the columns may be in another order, such as {', '.join(reversed(chain.joint_names))}"
     else:
         hint = "check the order of the joints, and that the URDF is this robot's"
@@ -104,9 +104,9 @@ class JointModel:
     """The kinematics of a robot whose joints are imported.
 
     Attributes:
-        chain: From its base to its flange.
-        entry: What `cell.yaml` must have for it.
-        files: Files that go into the cell, by their path there.
+        chain: Chain from the base to the flange.
+        entry: Entries to add to `cell.yaml`.
+        files: Files to copy into the cell, by their path in it.
     """
 
     chain: SerialChain
@@ -122,19 +122,19 @@ def joint_model(
     flange_link: str | None,
     offset_sigma_deg: float | None,
 ) -> JointModel:
-    """The kinematics of the cell, or of a URDF that comes with the joints.
+    """Kinematics of a robot from the cell, or from a URDF imported with the joints.
 
     Args:
-        folder: The cell, or where one is to be made.
-        robot: Its name.
-        urdf: Its URDF, if the cell has none.
-        base_link: Link of that URDF that the robot stands on.
-        flange_link: Link of that URDF that is the flange.
-        offset_sigma_deg: Sigma of a prior of each joint's offset [deg]; no prior if None.
+        folder: Folder of the cell, or of a new cell.
+        robot: Name of the robot.
+        urdf: The robot's URDF, if the cell has none.
+        base_link: Base link of the robot in that URDF.
+        flange_link: Flange link of the robot in that URDF.
+        offset_sigma_deg: Prior sigma of each joint's offset [deg]; no prior if None.
 
     Raises:
-        UsageError: if a URDF is given without its links, or links without it, or the sigma is out of range.
-        InputError: if none is given, and the cell has none.
+        UsageError: if only some of URDF and links are given, or the sigma is out of range.
+        InputError: if neither the arguments nor the cell have a URDF.
     """
     links = (urdf, base_link, flange_link)
     if any(each is not None for each in links) and None in links:

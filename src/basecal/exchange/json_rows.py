@@ -1,4 +1,4 @@
-"""JSON lists of poses as rows of a table: lists of numbers, or objects of numbers by name."""
+"""Conversion of JSON lists of poses to rows of a table: lists of numbers, or objects of numbers by name."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from io import StringIO
 from typing import Any
 
-_SEPARATOR = "."  # between the names of an object and of one in it
+_SEPARATOR = "."  # between the names of nested objects
 
 
 def json_rows(text: str) -> str:
-    """Rows of a list of JSON, with a header if they have names; empty if it is none, or holds other things."""
+    """Convert a JSON list to rows of text, with a header if items are objects; empty for any other text."""
     if not text.lstrip().startswith(("[", "{")):
         return ""
     try:
@@ -34,7 +34,7 @@ def json_rows(text: str) -> str:
 
 
 def _leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Values of nested objects and lists by their names."""
+    """Values of nested objects and lists, with their joined names."""
     inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, each in inner:
         full = f"{name}{_SEPARATOR}{key}" if name else str(key)

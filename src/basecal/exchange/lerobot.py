@@ -1,4 +1,4 @@
-"""LeRobot's recordings: joints of an episode, in degrees or normalised to a motor's range, the gripper left out.
+"""Reading of LeRobot's datasets: joints of an episode, in degrees or normalised to a motor's range, without gripper.
 
 A dataset has meta/info.json and data/**/*.parquet with the columns observation.state, timestamp and episode_index.
 Degrees are (ticks - middle of the range) * 360 / 4095. Normalised values are -100 to 100 over the range, with the sign
@@ -34,9 +34,9 @@ JointUnit = Literal["deg", "rad", "normalised"]
 
 LARGEST_INFO = 2**24  # bytes
 _LARGEST_CALIBRATION = 2**20  # bytes
-_TICKS = 4096 - 1  # of a whole turn, as lerobot counts them
+_TICKS = 4096 - 1  # per revolution, as lerobot counts them
 _STATE = "observation.state"
-_REST_S = 0.15  # before and after a frame at rest: from frame to frame slow motion is less than an encoder's step
+_REST_S = 0.15  # before and after a frame at rest: slow motion is invisible between successive frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +44,9 @@ class Episode:
     """The recorded data of one episode.
 
     Attributes:
-        names: Of the motors.
-        values: (frames, motors), as they are written.
-        stamps_s: (frames,).
+        names: Names of the motors.
+        values: (frames, motors) in the unit of the dataset.
+        stamps_s: (frames,) time stamps [s].
     """
 
     names: tuple[str, ...]
@@ -55,11 +55,11 @@ class Episode:
 
 
 def read_episode(folder: Path, number: int) -> Episode:
-    """One episode of a dataset's folder, read by a process of its own.
+    """Read an episode of a dataset in a separate process.
 
     Raises:
-        MissingExtra: if the library of parquet is not installed.
-        DatasetError: if the folder is no dataset of LeRobot, or has no such episode.
+        MissingExtra: if the parquet library is not installed.
+        DatasetError: if the folder is not a dataset of LeRobot, or has no such episode.
     """
     features = read_fields(folder / "meta" / "info.json", LARGEST_INFO).find("features")
     told = features.find(_STATE).find("names")
@@ -70,18 +70,18 @@ def read_episode(folder: Path, number: int) -> Episode:
 
 
 def read_columns(folder: Path, tables: Path, number: int, columns: Sequence[str], width: int | None = None) -> Array:
-    """Rows of an episode, (n, numbers of all columns), from the tables of a dataset.
+    """Read columns of an episode from the tables of a dataset, (n, width).
 
     Args:
-        folder: Of the dataset.
-        tables: Folder of its tables.
-        number: Of the episode.
-        columns: Their names.
-        width: How many numbers a row has; as many as columns if None.
+        folder: Folder of the dataset.
+        tables: Folder of the tables.
+        number: Number of the episode.
+        columns: Names of the columns; the last may hold lists.
+        width: Count of numbers in a row; the count of columns if None.
 
     Raises:
-        MissingExtra: if the library of parquet is not installed.
-        DatasetError: if they cannot be read, or have no such episode.
+        MissingExtra: if the parquet library is not installed.
+        DatasetError: if the tables cannot be read, or have no such episode.
     """
     if find_spec("pyarrow") is None:
         raise MissingExtra("lerobot", "a recording of LeRobot")
@@ -117,10 +117,10 @@ def _frames(folder: Path, tables: Path, number: int, columns: Sequence[str]) -> 
 
 
 def select_motors(episode: Episode, pattern: str) -> Episode:
-    """The motors whose names match a pattern such as `left_*`, named without what precedes its star.
+    """Select the motors whose names match a pattern such as `left_*`; the prefix before a final `*` is removed.
 
     Raises:
-        InputError: if none does.
+        InputError: if no name matches.
     """
     places = [i for i, name in enumerate(episode.names) if fnmatchcase(name, pattern)]
     if not places:
@@ -131,10 +131,10 @@ def select_motors(episode: Episode, pattern: str) -> Episode:
 
 
 def still_frames(episode: Episode, every_s: float) -> IntArray:
-    """Frame of each period about which the motors moved least: image and joints may be of different instants.
+    """Frame of each period with the least motion around it, since image and joints may differ in time.
 
     Args:
-        episode: With the motors of all arms, so that each import of it takes the same frames.
+        episode: The episode with the motors of all arms, so that each import takes the same frames.
         every_s: The period [s]; 0 for all frames.
     """
     values, stamps_s = episode.values, episode.stamps_s
@@ -151,7 +151,7 @@ def still_frames(episode: Episode, every_s: float) -> IntArray:
 
 
 def nearest_frames(episode: Episode, times_s: Array) -> IntArray:
-    """The frames nearest to some times [s], each once; those nearer than `LARGEST_DIFFERENCE_S`."""
+    """Unique indices of the frames nearest to the given times [s], if they are within `LARGEST_DIFFERENCE_S`."""
     apart = np.abs(episode.stamps_s[:, None] - times_s)
     nearest = apart.argmin(0)
     return np.unique(nearest[apart[nearest, np.arange(len(times_s))] <= LARGEST_DIFFERENCE_S])
@@ -165,18 +165,18 @@ def joint_rows(
     calibration: Mapping[str, Mapping[str, float]] | None,
     frame_indices: IntArray,
 ) -> tuple[Row, ...]:
-    """Rows with a robot's joints [rad] at some frames; the gripper is no joint of the chain.
+    """Rows with a robot's joints [rad] at the given frames, without the gripper.
 
     Args:
-        episode: What was recorded.
+        episode: The recorded episode.
         robot: Name of the robot.
-        chain: Its kinematics; motors are found by its joints' names, else in order without the gripper.
-        unit: Of what was recorded.
-        calibration: Ranges of the motors, which normalised values need.
-        frame_indices: (n,) which frames.
+        chain: The robot's kinematics; motors are matched by joint names, else in order without the gripper.
+        unit: Unit of the recorded values.
+        calibration: Ranges of the motors, required for normalised values.
+        frame_indices: (n,) indices of the frames.
 
     Raises:
-        InputError: if the motors do not suit the chain, the calibration lacks one, or degrees look like radians.
+        InputError: if the motors do not match the chain, a motor's range is missing, or degrees look like radians.
     """
     places = motor_places(episode.names, chain.joint_names)
     if unit == "deg" and (finding := radians_finding(episode.values[:, places])):
@@ -188,10 +188,10 @@ def joint_rows(
 
 
 def motor_places(motors: Sequence[str], joints: Sequence[str]) -> list[int]:
-    """The place of each joint's motor: by its name if all are named, else in order without the gripper.
+    """Index of each joint's motor: by name if all joints are found, else in order without the gripper.
 
     Raises:
-        InputError: if neither fits, or the order contradicts a name.
+        InputError: if the numbers differ, or the order contradicts a name.
     """
     if set(joints) <= set(motors):
         return [motors.index(joint) for joint in joints]
@@ -207,10 +207,10 @@ def motor_places(motors: Sequence[str], joints: Sequence[str]) -> list[int]:
 
 
 def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
-    """Range and direction of each motor of a calibration file of LeRobot.
+    """Read the range and direction of each motor from a calibration file of LeRobot.
 
     Raises:
-        DatasetError: if it is none.
+        DatasetError: if the file is invalid.
     """
     root = read_fields(path, _LARGEST_CALIBRATION)
     keys = ("range_min", "range_max", "drive_mode")

@@ -1,6 +1,6 @@
-"""The process that reads the tables of a LeRobot dataset: rows of one episode, a few at a time.
+"""Subprocess that reads the tables of a LeRobot dataset: rows of one episode, in batches.
 
-Words are the episode, the columns and the tables.
+The arguments are the episode, the columns and the tables.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from basecal.errors import InputError
 from basecal.geometry import Array
 
 _EPISODE = "episode_index"
-_MOST_ROWS = 20_000_000  # of a table: 100 hours at 50 Hz
-_AT_ONCE = 2**14  # rows
+_MOST_ROWS = 20_000_000  # limit of a table: 100 hours at 50 Hz
+_AT_ONCE = 2**14  # rows per batch
 
 
 def read_frames(words: Sequence[str]) -> Iterator[Frame]:
-    """`[numbers of a row, first episode, last episode]` of some rows, with the numbers of those of the episode."""
-    pa.set_memory_pool(pa.system_memory_pool())  # the others reserve more than they use
+    """Frames `[numbers per row, first episode, last episode]` of batches, with the numbers of the episode's rows."""
+    pa.set_memory_pool(pa.system_memory_pool())  # other memory pools reserve more than they use
     columns = words[1].split(",")
     for path in words[2:]:
         try:
             yield from _frames(path, int(words[0]), columns)
         except (MemoryError, InputError):
             raise
-        except Exception as error:  # of Arrow, of a dozen kinds
+        except Exception as error:  # Arrow raises many types of errors
             if is_own_fault(error):
                 raise
             expected = f"expected {', '.join(columns)} and {_EPISODE}"
@@ -51,10 +51,10 @@ def _frames(path: str, episode: int, columns: Sequence[str]) -> Iterator[Frame]:
 
 
 def _numbers(batch: pa.RecordBatch, name: str) -> Array:
-    """A column (rows, numbers of each), of one number or a list of them a row.
+    """Read a column of numbers or of lists of equal length, (rows, numbers per row).
 
     Raises:
-        ArrowException: if it holds anything else.
+        ArrowException: if the column holds anything else.
     """
     column = batch.column(name)
     is_list = column.type.num_fields > 0

@@ -1,6 +1,6 @@
-"""The process that decodes a film: images at given times, in grey, one after another.
+"""Subprocess that decodes a film: grey images at given times.
 
-Words are the film and the times [s].
+The arguments are the film and the times [s].
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from collections.abc import Iterator, Sequence
 from basecal.box import Frame
 from basecal.errors import InputError
 
-# A film may be a list of addresses in disguise: no other format is read, and nothing but this file is opened.
+# A file may be a disguised playlist of URLs: only these formats are read, and only local files are opened.
 _OPTIONS = "threads;1|format_whitelist;mov,mp4,m4a,3gp,3g2,mj2|protocol_whitelist;file"
-_MOST_FRAMES = 5_000_000  # of a film: 46 hours at 30 Hz
-_MOST_PIXELS = 2**25  # of an image
+_MOST_FRAMES = 5_000_000  # limit of a film: 46 hours at 30 Hz
+_MOST_PIXELS = 2**25  # limit of an image
 
 
 def read_frames(words: Sequence[str]) -> Iterator[Frame]:
-    """`[place of the time]` and an image as PNG, by rising times, as long as the film goes on."""
+    """Frames `[index of the time]` with an image as PNG, by ascending times, until the end of the film."""
     os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = _OPTIONS
     import cv2
 

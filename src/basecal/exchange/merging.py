@@ -1,4 +1,4 @@
-"""Cells recorded apart as one: what has one name in several must be the same thing, samples are numbered on."""
+"""Merging of cells that were recorded separately: equal names mean the same object, samples are renumbered."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import InputError
 from basecal.exchange.importing.cell_files import numbered_path, place_files
 
-_LABELS = ("controller", "frames")  # of a robot: a cell that states none contradicts nothing
+_LABELS = ("controller", "frames")  # fields of a robot that may be missing without a conflict
 _SECTIONS = ("robots", "bases", "cameras", "targets")
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A cell that is merged: its folder, what it describes and what was recorded in it."""
+    """A cell to be merged: its folder, description and recording."""
 
     folder: Path
     cell: Cell
@@ -41,10 +41,10 @@ class Merged:
     """Result of a merge.
 
     Attributes:
-        cell: Of all parts.
-        recording: Likewise.
-        parts: What was merged, in order.
-        first_numbers: Of each part's samples.
+        cell: The merged cell.
+        recording: The merged recording.
+        parts: The merged cells, in order.
+        first_numbers: New number of each part's first sample.
     """
 
     cell: Cell
@@ -54,15 +54,15 @@ class Merged:
 
 
 def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
-    """A new cell with all that is in several.
+    """Merge several cells into a new one.
 
     Args:
-        folders: Cells, two or more; the first one's text and reference are kept.
-        output: Where the new one is made.
+        folders: Two or more cells; the text and the reference of the first are kept.
+        output: Folder of the new cell.
 
     Raises:
-        DatasetError: if one cannot be read.
-        InputError: if they contradict one another, or there is a cell already.
+        DatasetError: if a cell cannot be read.
+        InputError: if the cells contradict each other, or the output exists.
     """
     parts = []
     for folder in folders:
@@ -76,7 +76,7 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
     for part in parts:
         _add_models(files, part)
         first = min((sample.sample for sample in part.recording.samples), default=None)
-        # Numbers go on behind those before.
+        # Numbers continue after those of the parts before.
         shift = max(sample.sample for sample in samples) + 1 - first if samples and first is not None else 0
         samples += _renumber_samples(part, shift, files)
         first_numbers.append(0 if first is None else first + shift)
@@ -91,10 +91,10 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
 
 
 def _check_absent(folder: Path, output: Path) -> None:
-    """Check that no file of a folder is in the output folder too.
+    """Check that no file of a folder exists in the output folder.
 
     Raises:
-        InputError: if one is.
+        InputError: if a file exists there.
     """
     for path in sorted(folder.rglob("*")):
         there = output / path.relative_to(folder)
@@ -103,10 +103,10 @@ def _check_absent(folder: Path, output: Path) -> None:
 
 
 def _join_texts(parts: Sequence[Part]) -> str:
-    """The text of the first `cell.yaml` with what only others have.
+    """Text of the first `cell.yaml` with the entries that only the other cells have.
 
     Raises:
-        InputError: if two have something of one name that differs.
+        InputError: if entries of the same name differ.
     """
     first, labels = parts[0], _robot_labels(parts)
     known = _entries(first, first, labels)
@@ -128,7 +128,7 @@ def _join_texts(parts: Sequence[Part]) -> str:
 
 
 def _robot_labels(parts: Sequence[Part]) -> dict[str, dict[str, Any]]:
-    """Labels by robot, of the first cell that states them."""
+    """Labels by robot, from the first cell that states them."""
     labels: dict[str, dict[str, Any]] = {}
     for name, entry in (item for part in reversed(parts) for item in cell_to_dict(part.cell)["robots"].items()):
         if stated := {key: entry[key] for key in _LABELS if key in entry}:
@@ -137,12 +137,10 @@ def _robot_labels(parts: Sequence[Part]) -> dict[str, dict[str, Any]]:
 
 
 def _entries(part: Part, first: Part, labels: Mapping[str, dict[str, Any]]) -> dict[tuple[str, str], tuple[Path, Any]]:
-    """Statements of a cell about each thing by section and name, and about its noise; a free base is none.
-
-    Guesses are no statements.
+    """Entries of a cell by section and name, and its noise, without guesses and free bases.
 
     Raises:
-        InputError: if its world is another robot's base, and something is stated in it.
+        InputError: if the cell has another reference than the first, and a pose is stated in its world.
     """
     data, is_other = cell_to_dict(part.cell), part.cell.reference != first.cell.reference
     found = {(section, name): entry for section in _SECTIONS for name, entry in (data.get(section) or {}).items()}
@@ -159,13 +157,13 @@ def _entries(part: Part, first: Part, labels: Mapping[str, dict[str, Any]]) -> d
 
 
 def _free(entry: dict[str, Any]) -> dict[str, Any]:
-    """A copy without the guess of a free mount."""
+    """Copy of an entry without the guess of a free mount."""
     is_free = entry.get("mount", {}).get("status") == "free"
     return {**entry, "mount": {"status": "free"}} if is_free else entry
 
 
 def _difference(entry: str, first: Path, ours: Any, second: Path, theirs: Any) -> str:
-    """Where two entries differ, to the field."""
+    """Message about the first field in which two entries differ."""
     if isinstance(ours, dict) and isinstance(theirs, dict):
         key = next(key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key))
         return _difference(f"{entry}.{key}", first, ours.get(key), second, theirs.get(key))
@@ -178,10 +176,10 @@ def _value_text(value: Any) -> str:
 
 
 def _check_times(parts: Sequence[Part]) -> None:
-    """Lines of robots alone are interpolated by time: two recordings at one time would be taken for one.
+    """Check that streams do not overlap in time, because robots and images on separate lines are joined by time.
 
     Raises:
-        InputError: if they would.
+        InputError: if recordings overlap and one of them is a stream.
     """
     spans = []
     for part in parts:
@@ -199,10 +197,10 @@ def _check_times(parts: Sequence[Part]) -> None:
 
 
 def _add_models(files: dict[str, Path], part: Part) -> None:
-    """The URDFs of a part, by their path in the new cell.
+    """Add the URDFs of a part to `files`, by their path in the new cell.
 
     Raises:
-        InputError: if another one has that path.
+        InputError: if a different URDF has the same path.
     """
     for robot in part.cell.robots.values():
         if robot.urdf is None:
@@ -214,7 +212,7 @@ def _add_models(files: dict[str, Path], part: Part) -> None:
 
 
 def _renumber_samples(part: Part, shift: int, files: dict[str, Path]) -> list[Sample]:
-    """The samples of a part renumbered; their images join `files`, under other names where theirs are taken."""
+    """Renumber the samples of a part and add their images to `files`, renamed if a path is taken."""
     moved = []
     for sample in part.recording.samples:
         number = sample.sample + shift
@@ -227,7 +225,7 @@ def _renumber_samples(part: Part, shift: int, files: dict[str, Path]) -> list[Sa
 
 
 def _image(part: Part, path: str, number: int, files: dict[str, Path]) -> str:
-    """Where an image is in the new cell; one that is missing keeps its path, to be found missing there."""
+    """Path of an image in the new cell; a missing image keeps its path and is reported later."""
     source = part.folder / path
     if not source.is_file():
         return path

@@ -1,4 +1,4 @@
-"""NumPy archives, without pickled objects."""
+"""Reading of NumPy archives, without pickled objects."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from basecal.fields.problems import CAUSE_LENGTH, shorten
 from basecal.geometry import Array
 
 LARGEST_BYTES = 2**27
-"""Of an array: 128 MB, sixteen million numbers."""
+"""Largest size of unpacked arrays [bytes]: 128 MB, sixteen million numbers."""
 
 _LARGEST_FILE = 2**28  # [bytes]
 _MOST_ARRAYS = 1000  # in an archive: each takes memory before it is read
@@ -28,15 +28,15 @@ _ENTRY, _ZIP, _NPY = b"PK\x01\x02", b"PK", b"\x93NUMPY"
 
 
 def read_arrays(path: str) -> tuple[str, dict[str, Array]]:
-    """The file's name, and its arrays of numbers by key; other arrays are passed over.
+    """Read the file's name, and its numeric arrays by key; other arrays are skipped.
 
-    Only what is requested is unpacked, and nothing that is larger than any recording.
+    Only requested arrays are unpacked, up to a size limit.
 
     Args:
-        path: `file.npy`, `file.npz`, or `file.npz:key` for one array alone.
+        path: `file.npy`, `file.npz`, or `file.npz:key` for a single array.
 
     Raises:
-        DatasetError: if it is missing, is not an archive of numbers, is too large, or has no such key.
+        DatasetError: if the file is missing, is not an archive of numbers, is too large, or has no such key.
     """
     name, key = path, ""
     if not Path(path).exists():
@@ -62,7 +62,7 @@ def _unpack(name: str, key: str, archive: zipfile.ZipFile) -> dict[str, Array]:
     if key and key not in entries:
         raise DatasetError(name, f"has no array {key!r}; it holds {list_names(list(entries))}")
     if sum(entry.file_size for known, entry in entries.items() if key in ("", known)) > LARGEST_BYTES:
-        raise DatasetError(name, f"unpacks to more than {LARGEST_BYTES / 2**20:.0f} MB; ask for one, as {name}:key")
+        raise DatasetError(name, f"unpacks to more than {LARGEST_BYTES / 2**20:.0f} MB; choose one as {name}:key")
     found = {}
     for known, entry in entries.items():
         if key not in ("", known):
@@ -77,11 +77,11 @@ def _unpack(name: str, key: str, archive: zipfile.ZipFile) -> dict[str, Array]:
 
 
 class _NotNumbers(DatasetError):
-    """An array of text, objects or the like."""
+    """Error about a non-numeric array."""
 
 
 def _numbers(name: str, key: str, file: IO[bytes], size: int) -> Array:
-    """The array in a file of so many bytes; its header is believed only as far as these go."""
+    """Read the array in a file of `size` bytes; the header may not promise more data than that."""
     try:
         version = npy.read_magic(file)
         read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
@@ -93,7 +93,7 @@ def _numbers(name: str, key: str, file: IO[bytes], size: int) -> Array:
         raise kind(name, f"not a NumPy archive of numbers: holds {shorten(str(dtype))}, expected numbers", field=key)
     count = math.prod(shape)
     if min(shape, default=0) < 0 or not count * dtype.itemsize <= min(size, LARGEST_BYTES):
-        raise DatasetError(name, f"a header of shape {shorten(list(shape))} does not suit {size} bytes", field=key)
+        raise DatasetError(name, f"a header of shape {shorten(list(shape))} does not match {size} bytes", field=key)
     content = file.read(count * dtype.itemsize)
     if len(content) != count * dtype.itemsize:
         raise DatasetError(name, "is cut off", field=key)

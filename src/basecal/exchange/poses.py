@@ -1,4 +1,4 @@
-"""Units of lengths, and poses as 4x4 matrices one below the other, in text or NumPy archives."""
+"""Units of length, and reading of poses as 4x4 matrices in text or NumPy archives."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from basecal.geometry import SE3, Array
 
 LengthUnit = Literal["m", "mm", "inch"]
 METRES: dict[LengthUnit, float] = {"m": 1.0, "mm": 1e-3, "inch": 0.0254}
-"""Of a length in a unit."""
+"""Size of each unit of length [m]."""
 
 
 def unit_length_m(unit: str) -> float:
-    """The length of a unit [m].
+    """Size of a unit of length [m].
 
     Raises:
         InputError: if there is no such unit.
@@ -35,13 +35,13 @@ def unit_length_m(unit: str) -> float:
 
 
 def read_matrices(path: str) -> SE3:
-    """Poses of 4x4 matrices, (n,), with lengths as they are written.
+    """Read poses from 4x4 matrices, (n,), with lengths in the unit of the file.
 
     Args:
-        path: Text of matrices one below the other, or a NumPy archive, as `file.npz:key` where it holds several arrays.
+        path: Text with matrices below each other, or a NumPy archive, as `file.npz:key` if it has several arrays.
 
     Raises:
-        DatasetError: naming the file and line, if it holds anything else or no rotation.
+        DatasetError: with file and line, if the content is invalid or a matrix is not a rigid transform.
     """
     matrices, lines = (_from_archive(path), None) if is_archive(path) else _from_text(path)
     if len(matrices) > MOST_POSES:
@@ -59,13 +59,13 @@ def read_matrices(path: str) -> SE3:
 
 
 def is_archive(path: str) -> bool:
-    """Whether a file is one of NumPy by its name."""
+    """Whether a path has the name of a NumPy file."""
     return ".npz" in path.lower() or path.lower().endswith(".npy")
 
 
 def _from_text(path: str) -> tuple[Array, Sequence[int]]:
     whole = read_table_text(path, "rows of 4 numbers, or a name that ends in .csv or .npz")
-    # As bytes, since lists of lists take forty times as much.
+    # Arrays of bytes, because lists of lists need forty times the memory.
     values, lines = array("d"), array("q")
     for number, text in enumerate(StringIO(whole), start=1):
         words = text.split("#")[0].replace(",", " ").split()
@@ -89,7 +89,7 @@ def _from_archive(path: str) -> Array:
     name, arrays = read_arrays(path)
     if len(arrays) != 1:
         raise DatasetError(
-            name, f"holds {', '.join(arrays) or 'nothing'}; say which, as {name}:{next(iter(arrays), 'key')}"
+            name, f"holds {', '.join(arrays) or 'nothing'}; choose one as {name}:{next(iter(arrays), 'key')}"
         )
     (key, matrices), *_ = arrays.items()
     if matrices.ndim != 3 or matrices.shape[1:] != (4, 4) or not len(matrices):

@@ -1,4 +1,4 @@
-"""A transform as ROS 2 says it: `parent_from_child`, metres, quaternion (x, y, z, w)."""
+"""Transforms and covariances in ROS 2: `parent_from_child`, metres, quaternion (x, y, z, w)."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ def publisher_arguments(parent_from_child: SE3, frame_id: str, child_frame_id: s
 
 
 def static_transform_publisher(parent_from_child: SE3, frame_id: str, child_frame_id: str) -> str:
-    """The command that publishes a transform on `/tf_static`, names quoted for a shell; likewise."""
+    """Shell command that publishes a transform on `/tf_static`; see `publisher_arguments`."""
     words = publisher_arguments(parent_from_child, frame_id, child_frame_id)
     return " ".join(["ros2 run tf2_ros static_transform_publisher", *map(quote, words)])
 
 
 def ros_covariance(parent_from_child: PoseEstimate) -> Array:
-    """Covariance of a pose as `geometry_msgs/PoseWithCovariance` has it, (6, 6) [m, rad].
+    """Convert a covariance to the convention of `geometry_msgs/PoseWithCovariance`, (6, 6) [m, rad].
 
-    Our covariance is along the axes of the child. The covariance of ROS is of x, y, z of the child's origin in the
-    parent, then of small rotations. Their axes pass through that origin and are parallel to the parent's. Both halves
-    are therefore rotated, and no lever arm enters.
+    Our covariance is in the axes of the child. The covariance of ROS is of x, y, z of the child's origin in the
+    parent, then of small rotations. Their axes pass through that origin and are parallel to the parent's axes. Both
+    halves are therefore rotated, without a lever arm.
 
     Source: geometry_msgs/PoseWithCovariance.msg, "fixed-axis representation".
     """

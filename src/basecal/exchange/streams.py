@@ -1,4 +1,4 @@
-"""Files of poses of all robots and of a target, or of points that a camera saw, as one recording."""
+"""Import of parallel files of robot poses and of target poses or pixels as one recording."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from basecal.geometry import Array, IntArray
 Thing = TypeVar("Thing")
 Inverted = Literal["base-from-flange", "eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
 _ALIASES = {"sample": ("samples",), "id": ("ids",), "u": ("u_px",), "v": ("v_px",)}
-_EXPECTED = "expected sample, id, u, v (one row a point; in an archive also pixels, (n, 2), for u and v)"
+_EXPECTED = "expected sample, id, u, v (one row per point; in an archive also pixels, (n, 2), for u and v)"
 
 
 @dataclass(frozen=True)
 class Streams:
-    """The files of one import, and how to read them."""
+    """Files of an import, and the options to read them."""
 
     eye: str | None
     hand: str | None
@@ -59,13 +59,13 @@ class Streams:
 
     @property
     def files(self) -> list[str]:
-        """All files, as the user named them."""
+        """All files, as given by the user."""
         return [file for file in (*self.option_files.values(), self.pixels) if file is not None]
 
 
 @dataclass(frozen=True)
 class Places:
-    """The names that the cell gives: None if camera or target stands on the world."""
+    """Names in the cell; a robot is None if the camera (`eye`) or the target (`hand`) is fixed to the world."""
 
     camera: str
     target: str
@@ -74,16 +74,16 @@ class Places:
 
 
 def read_streams(cell: str | Path, files: Streams, camera: str | None, target: str | None) -> Imported:
-    """A recording of the files, and a `cell.yaml` for a folder that has none.
+    """Read a recording from the files, with a new `cell.yaml` if the folder has none.
 
     Args:
-        cell: The cell's folder, or where one is to be made.
-        files: What is read.
-        camera: Which camera saw the target; the only one of the cell if None.
-        target: Likewise the target.
+        cell: Folder of the cell, or of a new cell.
+        files: The files and their options.
+        camera: Name of the camera; the cell's only camera if None.
+        target: Name of the target; the cell's only target if None.
 
     Raises:
-        InputError: if files and cell do not fit.
+        InputError: if the files and the cell are inconsistent.
     """
     known = known_cell(cell)
     if isinstance(known, NoCell):
@@ -114,11 +114,11 @@ def read_streams(cell: str | Path, files: Streams, camera: str | None, target: s
 def _new_places(folder: str | Path, files: Streams, camera: str | None, target: str | None) -> Places:
     if files.pixels:
         make = f"basecal new {quote(str(folder))}"
-        raise InputError(f"{folder} has no cell.yaml, which must say what target and lens it is: {make}")
+        raise InputError(f"{folder} has no cell.yaml, which must describe the target and the lens: {make}")
     if not files.eye and not files.hand:
         raise InputError("no robot: give --eye-base-from-flange, --hand-base-from-flange or both")
     if camera not in (None, "camera") or target not in (None, "target"):
-        raise InputError(f"{folder} has no cell.yaml to name {camera or target!r}: leave names away, or write it first")
+        raise InputError(f"{folder} has no cell.yaml to name {camera or target!r}: omit the names, or write it first")
     return Places("camera", "target", "eye" if files.eye else None, "hand" if files.hand else None)
 
 
@@ -127,7 +127,7 @@ def _known_places(cell: Cell, files: Streams, camera: str | None, target: str | 
     eye = _carrier(cell, seeing, "--eye-base-from-flange", files.eye)
     hand = _carrier(cell, seen, "--hand-base-from-flange", files.hand)
     if eye is not None and eye == hand:
-        raise InputError(f"camera {seeing.name!r} and target {seen.name!r} are both on {eye!r}: nothing can be learnt")
+        raise InputError(f"camera {seeing.name!r} and target {seen.name!r} are both on {eye!r}: views are useless")
     return Places(seeing.name, seen.name, eye, hand)
 
 
@@ -139,13 +139,13 @@ def _choose(kind: str, name: str | None, things: Mapping[str, Thing]) -> Thing:
 
 
 def _carrier(cell: Cell, thing: CellCamera | CellTarget, option: str, file: str | None) -> str | None:
-    """The robot that carries a camera or target, where it is one; its poses must have been given."""
+    """Robot that carries a camera or target; None for the world. Checks that a file of its poses is given."""
     if thing.on in cell.robots:
         if file is None:
-            raise InputError(f"{thing.name!r} is on robot {thing.on!r} in cell.yaml: give its poses by {option}")
+            raise InputError(f"{thing.name!r} is on robot {thing.on!r} in cell.yaml: give its poses with {option}")
         return thing.on
     if file is not None:
-        raise InputError(f"{thing.name!r} is on the world in cell.yaml, so {option} belongs to no robot")
+        raise InputError(f"{thing.name!r} is on the world in cell.yaml, so {option} has no robot")
     return None
 
 
@@ -153,7 +153,7 @@ def _read(files: Streams) -> dict[Inverted, PoseStream]:
     given = {option: file for option, file in files.option_files.items() if file is not None}
     strangers = [option for option in files.invert if option not in given]
     if strangers:
-        raise InputError(f"--invert {strangers[0]}, but no file is given by --{strangers[0]}")
+        raise InputError(f"--invert {strangers[0]}, but no file is given with --{strangers[0]}")
     streams = {option: read_poses(file, files.length_unit) for option, file in given.items()}
     for option in files.invert:
         streams[option] = replace(streams[option], poses=streams[option].poses.inverse())
@@ -161,13 +161,13 @@ def _read(files: Streams) -> dict[Inverted, PoseStream]:
 
 
 def read_pixels(path: str | Path) -> dict[int, tuple[IntArray, Array]]:
-    """Ids (n,) and pixels (n, 2) [px] by sample, counted from 0, in the order of the ids.
+    """Read ids (n,) and pixels (n, 2) [px] by sample, counted from 0, sorted by id.
 
     Args:
-        path: A `.csv` with the columns sample, id, u, v, or a `.npz` with arrays of those names.
+        path: A `.csv` with the columns sample, id, u, v, or a `.npz` with arrays of these names.
 
     Raises:
-        DatasetError: if it holds anything else, or one id of a sample twice.
+        DatasetError: if the content is invalid, or a sample has an id twice.
     """
     name = str(path)
     columns = _from_archive(name) if ".npz" in name.lower() else read_columns(name, _ALIASES).values
@@ -222,18 +222,18 @@ def recording_from_streams(
     pixels: Mapping[int, tuple[IntArray, Array]] | None = None,
     sigma_px: float | None = None,
 ) -> Recording:
-    """A recording whose sample i is the i-th pose of every stream; a robot of one pose stands still.
+    """Create a recording whose sample i has the i-th pose of every stream; a single pose means a robot at rest.
 
     Args:
         robots: `base_from_flange` by robot.
-        camera: Which camera saw the target.
-        target: Which target it saw.
-        camera_from_target: Its pose, where another program found it.
-        pixels: Ids and pixels by sample, where only its points were found; a sample may have none.
-        sigma_px: Of the pixels, per coordinate [px]; None if not stated.
+        camera: Name of the camera.
+        target: Name of the target.
+        camera_from_target: Poses of the target measured by another program, if there are any.
+        pixels: Ids (n,) and pixels (n, 2) [px] by sample, if there are any; samples may be missing.
+        sigma_px: Sigma of the pixels per coordinate [px]; None if not stated.
 
     Raises:
-        InputError: if the streams differ in length, or pixels belong to a sample that is not there.
+        InputError: if the streams differ in length, or pixels belong to a missing sample.
     """
     streams = [*robots.values(), *([camera_from_target] if camera_from_target else [])]
     lengths = {stream.path: len(stream.poses) for stream in streams}

@@ -1,4 +1,4 @@
-"""Transforms that `tf2_echo` of ROS 2 and `tf_echo` of ROS 1 print, as rows of x, y, z, qx, qy, qz, qw."""
+"""Conversion of the output of `tf2_echo` (ROS 2) and `tf_echo` (ROS 1) to rows of x, y, z, qx, qy, qz, qw."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _ROTATION = re.compile(r"-? *Rotation: in Quaternion[^\[]*\[([^\]]*)\]")
 
 
 def transform_rows(text: str) -> str:
-    """A row for each transform, in the line of its rotation; other lines are empty. Empty if it is another text."""
+    """Convert each transform to a row on the line of its rotation; other lines are empty. Empty for other texts."""
     rows, place = [], ""
     for line in map(str.strip, text.splitlines()):
         translation, rotation = _TRANSLATION.match(line), _ROTATION.match(line)

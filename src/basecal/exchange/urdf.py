@@ -1,4 +1,4 @@
-"""A transform as a URDF says it, and a URDF with a robot's calibration in it: metres, angles about fixed x, y, z."""
+"""URDF files with calibrated origins and joints: metres, and angles about fixed x, y, z axes [rad]."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Numbers to paste: fixed point, a space between, no negative zero."""
+    """Format numbers with nine decimals, separated by spaces, without negative zeros."""
     return " ".join(f"{round(float(value), 9) + 0.0:.9f}" for value in values)
 
 
 def origin_line(parent_from_child: SE3) -> str:
-    """The `<origin>` of the joint that holds the child's frame in the parent's."""
+    """Format the `<origin>` element of the joint from parent to child."""
     return f'<origin xyz="{numbers(parent_from_child.translation)}" rpy="{numbers(parent_from_child.rpy)}"/>'
 
 
@@ -36,30 +36,29 @@ def corrected_urdf(
     links: Array | None = None,
     note: str | None = None,
 ) -> str:
-    """A URDF whose robot stands at recorded joints where the calibrated one does.
+    """Apply calibrated joint offsets and link errors to a URDF.
 
-    An offset rotates what follows a joint about its axis. A link error moves an origin on its right before that:
-    origin' = origin @ SE3.exp(link) @ turn(axis, offset). All else of the URDF stays as it is.
+    With the result, recorded joints give the flange poses of the calibrated robot. Each joint origin becomes
+    origin' = origin @ SE3.exp(link) @ rotation(axis, offset). The rest of the URDF is unchanged.
 
     Args:
         text: The URDF.
-        base_link: Root of the chain that was calibrated.
-        flange_link: Its tip.
-        offsets: (n,) joint offsets [rad]; none if None.
-        links: (n + 1, 6) right tangents of the origins, then of the tip [m, rad]; none if None.
-        note: Where it comes from, written as a comment into it.
+        base_link: Root link of the calibrated chain.
+        flange_link: Tip link of the calibrated chain.
+        offsets: (n,) joint offsets [rad]; None for zeros.
+        links: (n + 1, 6) right tangents of the origins, then of the tip [m, rad]; None for zeros.
+        note: Source of the calibration, written as a comment.
 
     Raises:
         DatasetError: if the URDF cannot be used.
         FrameNotFound: if a link does not exist.
-        InputError: if the numbers of errors and joints differ, or the tip is moved and no fixed joint follows the last
-            one to hold it.
+        InputError: if the numbers of errors and joints differ, or the tip moves but the last joint is not fixed.
     """
     chain = parse_chain(text, base_link, flange_link)
     for name, errors, size in (("joint offsets", offsets, chain.n), ("link parameters", links, chain.n + 1)):
         if errors is not None and len(errors) != size:
-            raise InputError(f"{len(errors)} {name} do not suit {chain.n} joints from {base_link!r} to {flange_link!r}")
-    # What each joint's origin, and the tip, is moved by on its right
+            raise InputError(f"{len(errors)} {name} do not fit {chain.n} joints from {base_link!r} to {flange_link!r}")
+    # Right-multiplied corrections of each joint's origin, and of the tip
     tangents = np.zeros((chain.n + 1, 6)) if links is None else links
     turns = chain.axes * (np.zeros(chain.n) if offsets is None else offsets)[:, None]
     moved = [SE3.exp(tangents[i]) @ SE3.from_rotvec(turns[i], np.zeros(3)) for i in range(chain.n)]
@@ -72,7 +71,7 @@ def corrected_urdf(
         last = path_joint_names(text, base_link, flange_link)[-1]
         if last in chain.joint_names:
             raise InputError(
-                f"the calibration moves the tip of the chain, and {flange_link!r} hangs on the turning joint {last!r}. "
+                f"the calibration corrects the tip of the chain, but {last!r} above {flange_link!r} is not fixed. "
                 "End the chain at a link behind a fixed joint"
             )
         _move(by_name[last], tip_move)
@@ -80,13 +79,13 @@ def corrected_urdf(
 
 
 def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str = "robot") -> str:
-    """The URDF of a chain and nothing else.
+    """Create the URDF of a single chain.
 
     Args:
-        chain: The arm; a joint without limits is written as `continuous`.
-        base_link: What to call its root.
-        flange_link: What to call its tip.
-        name: What to call the robot.
+        chain: The chain; a joint without limits is written as `continuous`.
+        base_link: Name of the root link.
+        flange_link: Name of the tip link.
+        name: Name of the robot.
     """
     from xml.etree.ElementTree import Element, SubElement, indent
 
@@ -117,7 +116,7 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
 
 
 def parsed_urdf(text: str | bytes) -> Element:
-    """The root element of a URDF, comments inside it kept."""
+    """Parse a URDF and return its root element, with the comments inside it."""
     from xml.etree.ElementTree import TreeBuilder
 
     from defusedxml.ElementTree import XMLParser
@@ -129,7 +128,7 @@ def parsed_urdf(text: str | bytes) -> Element:
 
 
 def _move(joint: Element, move: SE3) -> None:
-    """Move an origin on its right."""
+    """Multiply a joint's origin by a transform from the right."""
     origin = joint.find("origin")
     words = {} if origin is None else origin.attrib
     rpy, xyz = ([float(word) for word in words.get(key, "0 0 0").split()] for key in ("rpy", "xyz"))
@@ -138,7 +137,7 @@ def _move(joint: Element, move: SE3) -> None:
 
 
 def set_origin(joint: Element, parent_from_child: SE3) -> None:
-    """Write the origin of a joint, with as many digits as bring it back exactly."""
+    """Set the origin of a joint, with enough digits to restore the numbers exactly."""
     from xml.etree.ElementTree import SubElement
 
     origin = joint.find("origin")
@@ -148,7 +147,7 @@ def set_origin(joint: Element, parent_from_child: SE3) -> None:
 
 
 def write_urdf(root: Element, remarks: Sequence[str] = ()) -> str:
-    """The text of a URDF, remarks first."""
+    """Format a URDF as text, with remarks as comments at its start."""
     from xml.etree.ElementTree import tostring
 
     for place, line in enumerate(remarks):
@@ -157,7 +156,7 @@ def write_urdf(root: Element, remarks: Sequence[str] = ()) -> str:
 
 
 def exactly(values: Array) -> str:
-    """Numbers with as many digits as bring them back."""
+    """Format numbers with enough digits to restore them exactly."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
@@ -170,12 +169,12 @@ _REFERRING = {"parent": "link", "child": "link", "mimic": "joint", "gazebo": "re
 
 @dataclass(frozen=True, eq=False)
 class RobotPart:
-    """A robot of a scene.
+    """A robot to be merged into a URDF of several robots.
 
     Attributes:
-        text: Its URDF.
-        base_link: The link of it whose place is known.
-        path: What to call the file in errors.
+        text: The robot's URDF.
+        base_link: The link whose pose is known.
+        path: Name of the file in errors.
     """
 
     text: bytes
@@ -184,7 +183,7 @@ class RobotPart:
 
 
 def link_names(text: bytes) -> list[str]:
-    """Names of the links of a URDF that has been read before."""
+    """Names of the links of a valid URDF."""
     return [str(element.get("name")) for element in parsed_urdf(text).findall("link")]
 
 
@@ -198,23 +197,23 @@ def patched_urdf(
     remarks: Sequence[str] = (),
     path: str = "<text>",
 ) -> str:
-    """A URDF in which one link stands in another as is said, by the origin of a fixed joint between them.
+    """Set the transform between two links of a URDF by the origin of a fixed joint between them.
 
-    The other joints between both links keep their origins, and so does all else.
+    The rest of the URDF is unchanged, including the origins of other joints between the links.
 
     Args:
         text: The URDF.
-        parent_link: A link.
-        child_link: Another.
-        parent_from_child: Where it is to stand in the first.
-        joint: Whose origin is replaced; needed where several joints are between both links.
-        remarks: Where it comes from, written as comments.
-        path: What to call the file in errors.
+        parent_link: Name of a link.
+        child_link: Name of another link.
+        parent_from_child: Pose of the child link in the parent link.
+        joint: Joint whose origin is replaced; required if several joints are between the links.
+        remarks: Source of the transform, written as comments.
+        path: Name of the file in errors.
 
     Raises:
-        DatasetError: if the text is no URDF.
-        FrameNotFound: if there is no such link, or no such joint between both.
-        InputError: if a joint between both is not fixed, or none of several is named.
+        DatasetError: if the text is not a URDF.
+        FrameNotFound: if a link does not exist, or the joint is not between the links.
+        InputError: if a joint between the links is not fixed, or `joint` is required but None.
     """
     above, links = joint_origins(text, path), link_names(text)
     for link in (parent_link, child_link):
@@ -235,16 +234,16 @@ def patched_urdf(
 def merged_urdf(
     parts: Mapping[str, RobotPart], reference: str, places: Mapping[str, SE3], remarks: Sequence[str] = ()
 ) -> str:
-    """A URDF of several robots, each link and joint of which has the name of its robot before its own.
+    """Merge the URDFs of several robots into one; names of links and joints are prefixed by the robot's name.
 
     Args:
         parts: The robots by name.
-        reference: The one that the others stand in.
+        reference: The robot to whose base link the others are attached.
         places: `reference_base_from_base` of each other robot.
-        remarks: Where it comes from, written as comments.
+        remarks: Source of the transforms, written as comments.
 
     Raises:
-        DatasetError: if a text is no URDF.
+        DatasetError: if a text is not a URDF.
         FrameNotFound: if a base link does not exist.
         InputError: if a joint between a root and its base link is not fixed.
     """
@@ -277,7 +276,7 @@ def _joints_to_root(parent_joints: Mapping[str, JointOrigin], link: str) -> list
 def _joints_between(
     parent_joints: Mapping[str, JointOrigin], first: str, second: str
 ) -> tuple[list[JointOrigin], list[JointOrigin]]:
-    """Joints from each of two links up to where they meet."""
+    """Joints from each of two links up to their common ancestor."""
     ups = _joints_to_root(parent_joints, first), _joints_to_root(parent_joints, second)
     common = {joint.name for joint in ups[0]} & {joint.name for joint in ups[1]}
     own = [[joint for joint in up if joint.name not in common] for up in ups]
@@ -287,10 +286,10 @@ def _joints_between(
 def _choose_joint(joints: Sequence[JointOrigin], name: str | None, frames: str) -> JointOrigin:
     turning = [joint.name for joint in joints if joint.kind != "fixed"]
     if turning:
-        raise InputError(f"joint {turning[0]!r} between {frames} is not fixed: their place is not one transform")
+        raise InputError(f"joint {turning[0]!r} between {frames} is not fixed: their relative pose is not constant")
     names = [joint.name for joint in joints]
     if name is None and len(joints) != 1:
-        raise InputError(f"between {frames} are {len(joints)} joints; say whose origin, with --joint: {names}")
+        raise InputError(f"there are {len(joints)} joints between {frames}; choose one with --joint: {names}")
     wanted = names[0] if name is None else name
     if wanted not in names:
         raise FrameNotFound(wanted, names)
@@ -298,7 +297,7 @@ def _choose_joint(joints: Sequence[JointOrigin], name: str | None, frames: str) 
 
 
 def _product(joints: Sequence[JointOrigin]) -> SE3:
-    """`top_from_link` of joints from a link upwards."""
+    """`top_from_link` along joints, ordered from the link upwards."""
     whole = SE3.identity()
     for joint in joints:
         whole = joint.parent_from_child @ whole
@@ -306,7 +305,7 @@ def _product(joints: Sequence[JointOrigin]) -> SE3:
 
 
 def _origin(joint: JointOrigin, up_from_a: list[JointOrigin], up_from_b: list[JointOrigin], a_from_b: SE3) -> SE3:
-    """The origin of a joint above b that puts b where it is to stand in a."""
+    """Origin of a joint above b for which the pose of b in a is `a_from_b`."""
     place = up_from_b.index(joint)
     child_from_b, top_from_parent = _product(up_from_b[:place]), _product(up_from_b[place + 1 :])
     top_from_b = _product(up_from_a) @ a_from_b
@@ -314,7 +313,7 @@ def _origin(joint: JointOrigin, up_from_a: list[JointOrigin], up_from_b: list[Jo
 
 
 def _root_link(part: RobotPart) -> tuple[str, SE3]:
-    """The root link of a robot, and `root_from_base`."""
+    """Root link of a robot, and `root_from_base`."""
     above, links = joint_origins(part.text, part.path), link_names(part.text)
     if part.base_link not in links:
         raise FrameNotFound(part.base_link, links)
@@ -322,7 +321,7 @@ def _root_link(part: RobotPart) -> tuple[str, SE3]:
     turning = [joint.name for joint in up if joint.kind != "fixed"]
     if turning:
         raise InputError(
-            f"{part.path}: joint {turning[0]!r} above {part.base_link!r} is not fixed: no base hangs there"
+            f"{part.path}: joint {turning[0]!r} above {part.base_link!r} is not fixed: a base needs a fixed joint"
         )
     return (up[-1].parent if up else part.base_link), _product(up)
 

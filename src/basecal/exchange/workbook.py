@@ -1,4 +1,4 @@
-"""The first sheet of an Excel workbook (.xlsx) as comma-separated text.
+"""Conversion of the first sheet of an Excel workbook (.xlsx) to comma-separated text.
 
 Source: ECMA-376, part 1, SpreadsheetML: `sheetData`, `row`, `c`, `v`, `is` and `sst`.
 """
@@ -18,20 +18,20 @@ from basecal.errors import DatasetError
 _SHEET = re.compile(r"xl/worksheets/sheet(\d+)\.xml")
 _STRINGS = "xl/sharedStrings.xml"
 _PLACE = re.compile(r"([A-Z]{1,3})\d+")
-_LARGEST_BYTES = 2**25  # of a part, unpacked: a hundred thousand poses
+_LARGEST_BYTES = 2**25  # size limit of an unpacked part: a hundred thousand poses
 _MOST_COLUMNS = 256
-_MOST_ROWS = 2**20  # of a sheet of Excel
+_MOST_ROWS = 2**20  # limit of Excel
 
 
 def workbook_text(data: bytes, path: str) -> str:
-    """Rows of the first sheet, a line each.
+    """Convert the first sheet to text, one line per row.
 
     Args:
-        data: The file.
-        path: What to call it in an error.
+        data: Content of the file.
+        path: Name of the file in errors.
 
     Raises:
-        DatasetError: if it is no workbook, or holds more than tables of poses do.
+        DatasetError: if the data are not a workbook, or a part is too large.
     """
     from defusedxml.common import DefusedXmlException
 
@@ -53,7 +53,7 @@ def workbook_text(data: bytes, path: str) -> str:
 
 
 def _part(archive: ZipFile, name: str, path: str) -> Any:
-    """The XML of a part."""
+    """Parse the XML of a part."""
     from defusedxml.ElementTree import fromstring
 
     with archive.open(name) as part:
@@ -64,7 +64,7 @@ def _part(archive: ZipFile, name: str, path: str) -> Any:
 
 
 def _rows(sheet: Any, strings: list[str]) -> Iterator[list[str]]:
-    """Rows at their numbers, from the first column on; rows and cells that the workbook leaves out are empty."""
+    """Cells of all rows from the first row and column on; rows and cells missing in the workbook are empty."""
     count = 0
     for row in (each for each in sheet.iter() if _tag(each) == "row"):
         number = min(int(row.get("r", count + 1)), _MOST_ROWS)
@@ -75,7 +75,7 @@ def _rows(sheet: Any, strings: list[str]) -> Iterator[list[str]]:
 
 
 def _text_cells(row: Any, strings: list[str]) -> Iterator[tuple[int, str]]:
-    """Column and text of each cell that holds something."""
+    """Column and text of each non-empty cell."""
     for count, cell in enumerate(each for each in row if _tag(each) == "c"):
         place = _PLACE.fullmatch(cell.get("r", ""))
         column = count if place is None else _column(place[1])

@@ -1,7 +1,8 @@
-"""Positions of a Yaskawa job (`.JBI`), as the rows of a table.
+"""Conversion of the positions of a Yaskawa job (`.JBI`) to rows of a table.
 
-Positions follow `///RECTAN` as `C00000=X,Y,Z,Rx,Ry,Rz` [mm, deg], and `///PULSE` as pulses of motors. Their frames are
-given by `///TOOL`, `///USER` and `///POSTYPE`. Instructions follow `//INST`. Source: Yaskawa, Relative Job Function.
+Positions after `///RECTAN` are `C00000=X,Y,Z,Rx,Ry,Rz` [mm, deg], those after `///PULSE` are motor pulses. Their frames
+are stated by `///TOOL`, `///USER` and `///POSTYPE`. Instructions follow `//INST`.
+Source: Yaskawa, Relative Job Function.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from basecal.errors import DatasetError
 
 _POSITION = re.compile(r"\s*(?:C|P|EC|BC|BP)\d+\s*=(.*)")
 _FRAME = re.compile(r"///(TOOL|USER|POSTYPE)\s+(\S+)")
-_NUMBERS = 6  # of a position; those of external axes follow
+_NUMBERS = 6  # numbers of a position; those of external axes follow
 
 
 def is_job(text: str) -> bool:
@@ -21,10 +22,10 @@ def is_job(text: str) -> bool:
 
 
 def job_positions(text: str, path: str) -> str:
-    """The positions as rows of six numbers, each in the line it has in the job; other lines are empty.
+    """Convert positions to rows of six numbers on the same lines as in the job; other lines are empty.
 
     Raises:
-        DatasetError: if a position is given by pulses of motors, or in another frame than one before; without any.
+        DatasetError: if a position is given in motor pulses, the positions have different frames, or there are none.
     """
     rows, form, frames = [], "", dict[str, str]()
     for number, line in enumerate(text.splitlines(), start=1):

@@ -1,1 +1,1 @@
-"""Numbers, sigmas, poses and entries as files hold them, and what is wrong with one, in one line."""
+"""Types of numbers, sigmas, poses and entries in files, and reports of their problems."""

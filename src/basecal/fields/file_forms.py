@@ -1,4 +1,4 @@
-"""Numbers and arrays of results, as pydantic types: in one form and unit in memory, in another in files."""
+"""Pydantic types of numbers and arrays in results, with conversion between memory and file units."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from pydantic_core import core_schema
 
 from basecal.geometry import SE3, Array, read_only
 
-_FARTHEST = 1e9  # [m, px]: a thousand times what a cell may hold; squares of it are far from overflow
+_FARTHEST = 1e9  # [m, px]: a thousand times the limit of a cell; its square does not overflow
 FARTHEST_S = 1e12
-"""[s]: as far as stamps may be."""
+"""Largest absolute value of a time stamp [s]."""
 
 LARGEST_NUMBER = 1e150
-"""Of any field: beyond it a square overflows, and nothing that is measured is as large."""
+"""Largest number of any field: larger than any measured value, while its square does not overflow."""
 
 
 def as_written(form: Any, read: Callable[[Any], Any], write: Callable[[Any], Any]) -> GetPydanticSchema:
-    """The annotation of a value that files hold in another form, a type; it is checked there before it is read."""
+    """Annotation of a value that files store as type `form`; file values are validated as `form` before `read`."""
 
     def schema(_: Any, handler: Any) -> core_schema.CoreSchema:
-        """The form's own, with both conversions."""
+        """Return the schema of `form` with both conversions."""
         writing = core_schema.plain_serializer_function_ser_schema(write)
         return core_schema.no_info_after_validator_function(read, handler(form), serialization=writing)
 
@@ -31,21 +31,21 @@ def as_written(form: Any, read: Callable[[Any], Any], write: Callable[[Any], Any
 
 
 def number_form(form: Any, factor: float) -> GetPydanticSchema:
-    """The annotation of a number that is `factor` times as large in files, or null there."""
+    """Annotation of a number that files store times `factor`, or as null."""
 
     def read(value: float | None) -> float | None:
-        """The number in memory."""
+        """Convert the number from a file."""
         return None if value is None else value / factor
 
     def write(value: float | None) -> float | None:
-        """The number in files."""
+        """Convert the number for a file."""
         return None if value is None else value * factor
 
     return as_written(form, read, write)
 
 
 def array_form(form: Any, factor: float = 1.0, shape: tuple[int, ...] = (-1,)) -> GetPydanticSchema:
-    """The annotation of an array that files hold as lists of numbers `factor` times as large."""
+    """Annotation of an array that files store as lists of numbers times `factor`."""
     return as_written(
         form,
         lambda rows: read_only(np.array(rows, dtype=np.float64).reshape(shape) / factor),
@@ -54,7 +54,7 @@ def array_form(form: Any, factor: float = 1.0, shape: tuple[int, ...] = (-1,)) -
 
 
 def _square(rows: list[list[float | None]]) -> Array:
-    """A square matrix whose variances are not negative; a number that is not known is NaN."""
+    """Convert rows to a square matrix with non-negative variances; null becomes NaN."""
     if any(len(row) != len(rows) for row in rows):
         raise ValueError(f"expected a square, got {len(rows)} rows of {' or '.join(map(str, {len(r) for r in rows}))}")
     values = read_only(np.array(rows, dtype=np.float64).reshape(len(rows), len(rows)))
@@ -73,7 +73,7 @@ Number = Annotated[float, Strict(), Field(ge=-_FARTHEST, le=_FARTHEST)]
 Length = Annotated[float, Strict(), Field(ge=0, le=_FARTHEST)]
 Seconds = Annotated[float, Strict(), Field(ge=-FARTHEST_S, le=FARTHEST_S)]
 Sigma = Annotated[float, Strict(), Field(ge=0, le=LARGEST_NUMBER)]
-# An error of a fit; None where nothing defines it.
+# An error of a fit; None if undefined.
 Error = Annotated[float, Strict(), Field(ge=0, le=LARGEST_NUMBER)] | None
 ErrorInMm = Annotated[float | None, number_form(Error, 1e3)]
 ErrorInDeg = Annotated[float | None, number_form(Error, float(np.degrees(1)))]
@@ -89,16 +89,16 @@ class WrittenPose(BaseModel):
     q_xyzw: Annotated[list[Real], Field(min_length=4, max_length=4)]
 
     def transform(self) -> SE3:
-        """The transform.
+        """Return the transform.
 
         Raises:
-            InputError: if the quaternion is not of norm 1.
+            InputError: if the norm of the quaternion is not 1.
         """
         return SE3.from_quaternion(self.q_xyzw, self.t_m)
 
 
 def pose_data(pose: SE3) -> dict[str, Any]:
-    """The data of a transform, without negative zeros."""
+    """Convert a transform to `t_m` and `q_xyzw` without negative zeros."""
     return {"t_m": (pose.translation + 0.0).tolist(), "q_xyzw": (pose.quaternion + 0.0).tolist()}
 
 

@@ -1,4 +1,4 @@
-"""Fields of `cell.yaml` for parameters of a robot of any kind."""
+"""Entries of `cell.yaml` for a robot's kinematic parameters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from basecal.fields.values import Entry, Status
 
 
 class Parameters(Entry):
-    """Prior knowledge of parameters of a robot, with a prior about zero; a kind of them adds its sigmas."""
+    """Prior knowledge of a robot's parameters, with prior mean zero; each kind adds its sigmas."""
 
     status: Status = "fixed"
 

@@ -1,4 +1,4 @@
-"""Everything wrong with a file, listed at once, each with its line and field."""
+"""Problems of a file, reported together, each with its line and field."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from basecal.errors import DatasetError
 
 Loc = tuple[str | int, ...]
 SHORT_LENGTH = 60
-"""Characters of a value in a message: what a line still has room for."""
+"""Largest number of characters of a value in a message."""
 
 CAUSE_LENGTH = 200
-"""Characters of another library's message, of which the first say what is wrong."""
+"""Largest number of characters quoted from another library's message."""
 
-_LONGEST_NAME = 100  # characters of a key in a message: those that people write are shorter
-_HUGE_BITS = 64  # of a whole number that is not written out
+_LONGEST_NAME = 100  # characters of a key in a message: usual keys are shorter
+_HUGE_BITS = 64  # larger whole numbers are not printed in messages
 
 
 class Problem(NamedTuple):
-    """A problem at a place of a file; `loc` are the keys and indices that lead there."""
+    """A problem at a location of a file; `loc` is the path of keys and indices."""
 
     loc: Loc
     message: str
 
 
 def field_name(loc: Loc) -> str:
-    """The place as a reader would write it, on one short line: `cameras.wrist.size_px[0]`."""
+    """Format a location on one short line: `cameras.wrist.size_px[0]`."""
     text = ""
     for part in loc:
         name = str(part).replace("\n", "\\n")
@@ -36,7 +36,7 @@ def field_name(loc: Loc) -> str:
 
 
 def shorten(value: Any) -> str:
-    """A value in a few characters, whatever it is."""
+    """Format any value in a few characters."""
     if isinstance(value, dict):
         return "a mapping"
     if isinstance(value, list):
@@ -48,7 +48,7 @@ def shorten(value: Any) -> str:
 
 
 def line_number(loc: Loc, lines: Mapping[Loc, int]) -> int | None:
-    """Line of a place, or of the nearest thing around it that is written."""
+    """Line of a location, or of its nearest enclosing location with a line; None if there is none."""
     for end in range(len(loc), -1, -1):
         if loc[:end] in lines:
             return lines[loc[:end]]
@@ -56,7 +56,7 @@ def line_number(loc: Loc, lines: Mapping[Loc, int]) -> int | None:
 
 
 def dataset_error(path: str, problems: Iterable[Problem], lines: Mapping[Loc, int]) -> DatasetError:
-    """One error that lists every problem on a line of its own, in the order of the file."""
+    """Combine problems into one error with one line per problem, in the order of the file."""
     distinct = {(line_number(p.loc, lines) or 0, field_name(p.loc), p.message): p for p in problems}
     errors = [
         DatasetError(path, problem.message, line or None, field or None)

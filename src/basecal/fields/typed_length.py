@@ -1,4 +1,4 @@
-"""Lengths with their unit, and counts, as they are typed: 0.5mm, 5x7."""
+"""Parsing of lengths with units and of counts in options: 0.5mm, 5x7."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _COUNTS = re.compile(r"\s*([0-9]{1,4})\s*[xX,]\s*([0-9]{1,4})\s*")
 
 
 def length_m(text: str, option: str = "--tolerance", example: str = "0.5mm", suffix: str = "") -> float:
-    """The length that an option states [m], or per second, "/s", the speed [m/s]; the example shows how one is written.
+    """Parse the length of an option [m], or with the suffix "/s" the speed [m/s]; errors quote the example.
 
     Raises:
-        UsageError: if it is no positive number with a unit of length.
+        UsageError: if the text is not a positive number with a unit of length.
     """
     is_text = isinstance(text, str) and text.endswith(suffix)
     found = _LENGTH.fullmatch(text.removesuffix(suffix)) if is_text else None
@@ -30,10 +30,10 @@ def length_m(text: str, option: str = "--tolerance", example: str = "0.5mm", suf
 
 
 def columns_rows(text: str, option: str) -> tuple[int, int]:
-    """The columns and rows that an option states.
+    """Parse the columns and rows of an option.
 
     Raises:
-        UsageError: if it is no two numbers.
+        UsageError: if the text is not two numbers.
     """
     found = _COUNTS.fullmatch(text) if isinstance(text, str) else None
     if found is None:
@@ -42,10 +42,10 @@ def columns_rows(text: str, option: str) -> tuple[int, int]:
 
 
 def parse_name_options(option: str, arguments: Iterable[str], form: str) -> dict[str, str]:
-    """Words by the names before their equals signs.
+    """Parse arguments of the form `name=value` to values by name.
 
     Raises:
-        UsageError: if one has none, or a name comes twice.
+        UsageError: if an argument has another form, or a name occurs twice.
     """
     found: dict[str, str] = {}
     for each in arguments:

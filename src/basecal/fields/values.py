@@ -1,6 +1,6 @@
-"""Numbers, sigmas and poses as `cell.yaml` may hold them, as pydantic types.
+"""Pydantic types of numbers, sigmas and poses in `cell.yaml`.
 
-Limits on size keep later arithmetic finite: no length of a cell reaches 1e6 m and no sigma lies under 1e-12.
+Limits on size keep later arithmetic finite: no length in a cell exceeds 1e6 m, and no sigma is below 1e-12.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from basecal.fields.problems import SHORT_LENGTH, shorten
 from basecal.geometry import SE3
 
 LARGEST_VALUE = 1e6
-"""Of any number, [m, px, rad]: a thousand kilometres; its square times any number of samples is far from overflow."""
+"""Largest number [m, px, rad]: a thousand kilometres; sums of its square over samples do not overflow."""
 
 SMALLEST_LENGTH_M, LARGEST_LENGTH_M = 1e-6, 1e3
-"""Of what is printed or measured with a ruler, such as a square: from what a microscope resolves to a kilometre."""
+"""Limits of printed or measured lengths, such as a square: from a microscope's resolution to a kilometre."""
 
 SMALLEST_SIGMA = 1e-12
-"""[m, px, rad]: below what any instrument has; the inverse of its square is far from overflow."""
+"""Smallest sigma [m, px, rad]: below that of any instrument; the inverse of its square does not overflow."""
 
-_IDENTITY_TOLERANCE = 1e-9  # of a rotation matrix from the identity: beyond the digits in which it was written
-_FULL_TURN_RAD = 2 * np.pi * 1.001  # [rad] with room for the digits in which a turn was written
+_IDENTITY_TOLERANCE = 1e-9  # of a rotation matrix from the identity: larger than the rounding of written digits
+_FULL_TURN_RAD = 2 * np.pi * 1.001  # [rad] with a margin for the rounding of written digits
 _ROTATIONS = ("q_xyzw", "rotvec_rad", "rpy_deg")
 
 
 def _sigmas(count: int | None) -> Callable[[Any], list[float]]:
-    """A check of one positive number or `count` of them (any number where None)."""
+    """Create a validator for one positive number or a list of `count`; any length if None."""
 
     def check(value: Any) -> list[float]:
-        """The numbers as a list."""
+        """Return the numbers as a list."""
         single = not isinstance(value, list)
         values = [value] * (count or 1) if single else value
         if count not in (None, len(values)) or not values or not all(map(_is_sigma, values)):
@@ -56,10 +56,10 @@ def _is_sigma(value: Any) -> bool:
 
 
 def known_names(kind: str, names: tuple[str, ...]) -> AfterValidator:
-    """A check that a name is one of those known."""
+    """Create a validator for known names."""
 
     def check(name: str) -> str:
-        """The name, if it is known."""
+        """Return the name if it is known."""
         if name not in names:
             raise ValueError(
                 f"no {kind} {name[:SHORT_LENGTH]!r}{nearest(name[:SHORT_LENGTH], names)}; there are: {', '.join(names)}"
@@ -70,7 +70,7 @@ def known_names(kind: str, names: tuple[str, ...]) -> AfterValidator:
 
 
 def empty(value: Any) -> Any:
-    """An entry, also one with nothing after its colon."""
+    """Convert a missing value after a colon to an empty entry."""
     return {} if value is None else value
 
 
@@ -88,9 +88,9 @@ _Row = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
 _PAIR = Field(min_length=2, max_length=2)
 MOST_POINTS = 1000
-"""Squares along a side, or tags of a target: more than any detector finds."""
+"""Largest number of squares along a side, or of tags of a target: more than any detector finds."""
 
-_LARGEST_SIDE_PX = 100_000  # [px] of an image, ten times what sensors have
+_LARGEST_SIDE_PX = 100_000  # of an image: ten times the size of sensors
 # Two whole numbers: the sides of an image [px], squares or corners along both sides of a board.
 ImageSize = Annotated[list[Annotated[int, Field(ge=1, le=_LARGEST_SIDE_PX)]], _PAIR]
 Squares = Annotated[list[Annotated[int, Field(ge=3, le=MOST_POINTS)]], _PAIR]
@@ -98,13 +98,13 @@ Corners = Annotated[list[Annotated[int, Field(ge=2, le=MOST_POINTS)]], _PAIR]
 
 
 class Entry(BaseModel):
-    """A mapping of known fields."""
+    """Base class of entries: strict, immutable mappings of known fields."""
 
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True, defer_build=True)
 
 
 class PoseEntry(Entry):
-    """A pose as written by hand."""
+    """A pose in one of the notations of `cell.yaml`."""
 
     t_m: Vector | None = None
     q_xyzw: _Row | None = None
@@ -136,7 +136,7 @@ class PoseEntry(Entry):
 
 
 class UnknownEntry(PoseEntry):
-    """A transform that is known, known roughly, or not."""
+    """A transform with its status: fixed, with a prior, or free."""
 
     status: Status = "free"
     sigma_t_m: Sigma3 | None = None
@@ -145,12 +145,12 @@ class UnknownEntry(PoseEntry):
 
 
 def given_fields(pose: PoseEntry) -> list[str]:
-    """Names of the fields of the pose that are written."""
+    """Names of the pose's fields that are set."""
     return [name for name in PoseEntry.model_fields if getattr(pose, name) is not None]
 
 
 def pose_se3(pose: PoseEntry) -> SE3:
-    """The transform of a checked pose; one of a position alone has no rotation."""
+    """Convert a validated pose to a transform; a position alone gives the identity rotation."""
     if pose.matrix is not None:
         return SE3.from_matrix(pose.matrix)
     if pose.q_xyzw is not None:
@@ -161,10 +161,10 @@ def pose_se3(pose: PoseEntry) -> SE3:
 
 
 def full_pose(pose: PoseEntry) -> PoseEntry:
-    """The pose itself, when it has a position and one rotation.
+    """Check that a pose has a position and exactly one rotation, and return it.
 
     Raises:
-        ValueError: if not.
+        ValueError: if it does not.
     """
     names = given_fields(pose)
     rotations = [name for name in names if name in _ROTATIONS]
@@ -222,9 +222,9 @@ PointMount = Annotated[UnknownEntry, AfterValidator(_point_unknown), BeforeValid
 
 def _check_path(text: str) -> str:
     if "\0" in text:
-        raise ValueError(f"{text!r} is no path: it holds the character of number 0")
+        raise ValueError(f"{text!r} is not a path: it holds a null character")
     return text
 
 
 PathText = Annotated[str, Field(min_length=1), AfterValidator(_check_path)]
-"""A path as it is typed, of characters that a system takes."""
+"""A path without null characters."""

@@ -73,7 +73,7 @@ def test_what_was_not_recorded(made, tmp_path):
     """A recording that is not there, or that lacks the robot, is an error."""
     with pytest.raises(DatasetError):
         open_robot(place(made, "eye", str(tmp_path)))
-    with pytest.raises(DatasetError, match="is no path: it holds the character of number 0"):
+    with pytest.raises(DatasetError, match="is not a path: it holds a null character"):
         open_robot(place(made, "eye", "a\0b"))
     robots = made[1].cell.robots
     third = {**robots, "third": replace(robots["eye"], name="third")}

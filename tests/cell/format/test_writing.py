@@ -119,7 +119,7 @@ def test_links_are_replaced_and_not_followed(tmp_path):
     assert not (cell / "a").is_symlink()
     (cell / "runs").symlink_to(outside)
     for path in (cell / "runs" / "b", cell / "runs" / "new" / "b"):
-        with pytest.raises(InputError, match="runs is a link; what is written stays in the cell"):
+        with pytest.raises(InputError, match="runs is a link, and files are written only inside the cell"):
             write_atomically(path, "x", base_folder=cell)
     (tmp_path / "named").symlink_to(cell)
     write_atomically(tmp_path / "named" / "c", "x", base_folder=tmp_path / "named")  # the cell itself may be one

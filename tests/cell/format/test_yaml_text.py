@@ -100,20 +100,20 @@ def test_what_a_parser_would_take_minutes_for_is_not_read(tmp_path):
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
-        ("a:\n  b: 1\n\tc: 2\n", 3, "a tab sets this line in"),
+        ("a:\n  b: 1\n\tc: 2\n", 3, "this line is indented with a tab"),
         ("a:\n  b:1\n  c: 2\n", 2, "a space after the colon is missing"),
         ("a:1\nb: 2\n", 1, "a space after the colon is missing"),
         ("a: [1, 2\nb: 3\n", 1, "the bracket that opens here is not closed: add ]"),
         ("a: {b: 1\nc: 2\n", 1, "the bracket that opens here is not closed: add }"),
         ("a: 'x\nb: 1\n", 1, "the quote that opens here is not closed"),
-        ("a:\n  b: 1\n c: 2\n", 3, "indented unlike those beside it"),
-        ("a:\n  b: 1\n   c: 2\n", 3, "indented under a line that has its value already"),
+        ("a:\n  b: 1\n c: 2\n", 3, "indented unlike its neighbours"),
+        ("a:\n  b: 1\n   c: 2\n", 3, "indented under a line that already has a value"),
         ("a: b: c\n", 1, "two colons"),
         ("on eye  # x: y\nb: 2\n", 1, "there is no colon"),
         ("a: @x\n", 1, "a value cannot start with '@'"),
-        ("%YAM\n", 1, "it ends before anything is said: expected `key: value`"),
-        ("a: }\n", 1, "a bracket } closes that nothing opened"),
-        ("a:\n  b: {c: d}}\n", 2, "a bracket } closes that nothing opened"),
+        ("%YAM\n", 1, "the file ends without content: expected `key: value`"),
+        ("a: }\n", 1, "a closing bracket } has no opening bracket"),
+        ("a:\n  b: {c: d}}\n", 2, "a closing bracket } has no opening bracket"),
     ],
 )
 def test_slips_of_the_hand_have_their_line_and_fix(text: str, line: int, words: str) -> None:
@@ -133,7 +133,7 @@ def test_slips_of_the_hand_have_their_line_and_fix(text: str, line: int, words: 
         (None, "mapping values are not allowed here", "mapping values are not allowed here"),
         ("while scanning a quoted scalar", "found unexpected end of stream", "found unexpected end of stream"),
         (None, "expected ',' or ']', but got it", "expected ',' or ']', but got it"),
-        (None, "but found ']'", "a bracket ] closes that nothing opened: remove it"),
+        (None, "but found ']'", "a closing bracket ] has no opening bracket: remove it"),
         (None, "found character '@' that cannot start any token", "a value cannot start with '@': put it into quotes"),
     ],
 )
@@ -152,4 +152,4 @@ def test_a_fault_is_on_the_line_of_its_mark():
     found = yaml_fault("a: 1\n" * 6, MarkedYAMLError(None, None, "something else", mark))
     assert found == ("something else", 5)
     tab = yaml_fault("a: 1\n  \tb: 2\n\tc: 3\n", MarkedYAMLError(None, None, "something else", mark))
-    assert tab == ("a tab sets this line in, which YAML does not allow: replace it by spaces", 2)
+    assert tab == ("this line is indented with a tab, which YAML does not allow: use spaces", 2)

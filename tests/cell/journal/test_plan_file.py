@@ -56,5 +56,5 @@ def test_a_sample_that_cannot_be_used_is_no_place_to_go_to(tmp_path):
     cell = Cell("eye", {"eye": Robot("eye")}, cameras={"wrist": CellCamera("wrist", "eye")}, targets={"board": target})
     seen = PointObservation("wrist", "board", np.array([7]), np.zeros((1, 3)))
     write_plan([Sample(0, robots=PLAN[0].robots, observations=(seen,))], tmp_path / "plan.jsonl", tmp_path)
-    with pytest.raises(DatasetError, match=r"plan\.jsonl:1: robots: expected where robots shall be, joints or poses"):
+    with pytest.raises(DatasetError, match=r"plan\.jsonl:1: robots: expected the planned joints or flange poses"):
         read_plan(tmp_path / "plan.jsonl", tmp_path, cell)

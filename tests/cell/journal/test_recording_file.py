@@ -290,7 +290,7 @@ def test_ids_not_on_the_board(folder: Path, ids: list[int], words: str) -> None:
         ("observations.0.sigma_px", [1, 2, 3], "observations[0].sigma_px", "or 2, got 3"),
         ("observations.0.sigma_m", 1, "observations[0].sigma_m", "unknown field"),
         ("observations.0.candidates", [[1, 2]], "observations[0]", "got pixels and candidates"),
-        ("observations.2.target", "board", "observations[2].candidates", "single light"),
+        ("observations.2.target", "board", "observations[2].candidates", "single LED"),
         ("observations.1.camera", "wrist", "observations[2]", "twice in one sample"),
         ("observations.2", {"camera": "wrist", "target": "light"}, "observations[2]", "got none"),
     ],

@@ -278,7 +278,7 @@ def test_a_run_is_found_by_its_name(tmp_path: Path) -> None:
         ('{"a": NaN}', "NaN is not JSON; calibrate again"),
         ('{"a": -Infinity}', "-Infinity is not JSON; calibrate again"),
         ("[" * 100_000, "nested too deeply"),
-        ('{"a": "\\uD800"}', r"a text holds half a character (\ud800 to \udfff); calibrate again"),
+        ('{"a": "\\uD800"}', r"text has an unpaired surrogate (\ud800 to \udfff); calibrate again"),
         ('\n{"a": }', "not JSON (Expecting value); calibrate again"),
     ],
 )

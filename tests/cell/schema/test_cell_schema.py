@@ -51,7 +51,7 @@ def test_robots_that_are_read(fields):
         ({**CHAIN, "link_parameters": PRIOR}, "takes sigma_m and sigma_rad, got sigma_rad"),
         ({**CHAIN, "link_parameters": {"status": "free", "sigma_m": 1.0}}, "status free takes no sigma, got sigma_m"),
         ({"noise": {"sigma_t_m": 1e-4}}, "sigma_r_rad"),
-        ({"clock": {"status": "free", "jitter_s": 1e-3}}, "jitter_s stands at the clock of a camera"),
+        ({"clock": {"status": "free", "jitter_s": 1e-3}}, "jitter_s belongs to the clock of a camera"),
     ],
 )
 def test_robots_that_are_refused(fields, message):

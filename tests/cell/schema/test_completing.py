@@ -39,7 +39,7 @@ def test_nothing_new_changes_nothing() -> None:
 def test_a_contradiction_is_named() -> None:
     """Another value is an error with line and field, and both values; where it is to be replaced it is."""
     added = {"cameras": {"cam": {"size_px": [640, 480]}}}
-    with pytest.raises(DatasetError, match=r"cell.yaml:9: cameras.cam.size_px: states .* say") as error:
+    with pytest.raises(DatasetError, match=r"cell.yaml:9: cameras.cam.size_px: is .* in the imported data") as error:
         completed_cell_text(TEXT, added, "cell.yaml")
     assert "[1280, 720]" in str(error.value)
     assert "[640, 480]" in str(error.value)

@@ -40,7 +40,7 @@ def test_plates_and_stated_marks_have_their_transforms():
         ({"marks": {"eye_tip": {}}}, "taken by"),
         ({"marks": {"plate": PLATE, "socket_1": {}}}, "taken by"),
         ({"marks": {"a": {"sigma_m": 1e-4}}}, "points_m, which is missing"),
-        ({"marks": {"a": {"points_m": [[0, 0, 0]], "mount": MOUNT}}}, "mount is of a plate"),
+        ({"marks": {"a": {"points_m": [[0, 0, 0]], "mount": MOUNT}}}, "mount is for a plate"),
     ],
 )
 def test_mistakes_are_named(section, words):

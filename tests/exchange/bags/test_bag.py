@@ -40,7 +40,7 @@ def test_a_header_without_time_is_of_when_it_was_recorded(tmp_path: Path) -> Non
     ("name", "content", "said"),
     [
         ("none.bag", None, "there is no such bag"),
-        ("a.txt", b"", "is no bag by its name"),
+        ("a.txt", b"", "is not a bag: unknown file name extension"),
         ("a.bag", b"", "is damaged or was cut off"),
         ("a.bag", b"#ROSBAG V1.2\n", "is damaged or was cut off"),
         ("a.db3", b"SQLite format 3\0", "is damaged or was cut off"),

@@ -70,7 +70,7 @@ def test_a_cell_says_its_frames() -> None:
     taken = choose_sources(bag_of(), Survey(tree(("root", "hand"))), Asked(), cell)
     assert taken.robots == {"a": ByFrames("root", "hand")}
     other = Cell("b", {"b": Robot("b")}, {}, {}, {})
-    with pytest.raises(InputError, match="which frames are b"):
+    with pytest.raises(InputError, match="the frames of b"):
         choose_sources(bag_of(), Survey(ARM), Asked(), other)
 
 
@@ -112,7 +112,7 @@ def test_cameras_by_usual_names() -> None:
     cell = Cell("arm", {"arm": Robot("arm")}, {}, {"wrist": CellCamera("wrist", "world")}, {})
     taken = choose_sources(bag_of(), Survey(ARM, **images("/w/image_raw")), Asked(), cell)
     assert (taken.cameras["wrist"].topic, taken.cameras["wrist"].on) == ("/w/image_raw", "world")
-    with pytest.raises(InputError, match="say whose images are"):
+    with pytest.raises(InputError, match=r"the cell has .*: assign"):
         choose_sources(bag_of(), Survey(ARM, **images("/w/image_raw", "/v/image_raw")), Asked(), cell)
     with pytest.raises(FrameNotFound):
         choose_sources(bag_of(), Survey(ARM, **images("/w/image_raw")), Asked(cameras={"wrist": "/w/image"}), cell)

@@ -72,5 +72,5 @@ def test_rectified_images_have_no_distortion(tmp_path: Path) -> None:
 
 def test_none_and_unknown(tmp_path: Path) -> None:
     assert bag_lens(info(tmp_path, k=np.zeros(9)), "x", "/eye/image_raw") is None
-    with pytest.raises(DatasetError, match="'odd' has no equal here"):
+    with pytest.raises(DatasetError, match="'odd' is not supported"):
         bag_lens(info(tmp_path, model="odd"), "x", "/eye/image_raw")

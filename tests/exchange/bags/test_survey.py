@@ -43,5 +43,5 @@ def test_all_that_may_be_taken(tmp_path: Path) -> None:
 def test_a_topic_that_holds_less_than_it_says() -> None:
     """As where a name in a bag is damaged."""
     bag = Bag("x.bag", {"/eye": Topic("/eye", IMAGE, 3)}, lambda names: iter(()))
-    with pytest.raises(DatasetError, match="/eye says 3 messages and holds none"):
+    with pytest.raises(DatasetError, match="/eye has none of its 3 messages"):
         survey_bag(bag)

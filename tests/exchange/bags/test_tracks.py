@@ -41,7 +41,7 @@ def test_stamps_that_never_meet(tmp_path: Path) -> None:
     for k in range(4):
         writer.transforms("/tf", BEGIN_S + k * 0.1, {("base", "elbow"): POSES[k]})
         writer.transforms("/tf", BEGIN_S + k * 0.1 + 0.03, {("elbow", "tool"): POSES[k]})
-    with pytest.raises(InputError, match="its frames never have one stamp"):
+    with pytest.raises(InputError, match="its frames never share a time stamp"):
         read(writer.close(), Taken({"arm": ByFrames("base", "tool")}))
 
 

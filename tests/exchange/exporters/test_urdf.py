@@ -78,7 +78,7 @@ def test_what_cannot_be_exported_is_said():
     for cell, folder in ((None, DATA), (CELL, None)):
         with pytest.raises(InputError, match="needs the cell and its folder"):
             urdf_of(cell, folder, good, "hand")
-    with pytest.raises(InputError, match="say whose URDF, with --robot: eye, hand"):
+    with pytest.raises(InputError, match="choose a URDF with --robot: eye, hand"):
         urdf_of(CELL, DATA, good, None)
     with pytest.raises(InputError, match="no joint offsets of 'hand'"):
         urdf_of(CELL, DATA, Calibration("good"), "hand")
@@ -95,14 +95,14 @@ def test_nothing_is_applied_twice(tmp_path):
     good = calibrated(joint_offsets=OFFSETS)
     (tmp_path / "six_axis.urdf").write_text(urdf_of(CELL, DATA, good, "hand"))
     for calibration in (good, replace(good, inputs={})):
-        with pytest.raises(InputError, match=r"six_axis\.urdf is not the file that was calibrated.*twice is wrong"):
+        with pytest.raises(InputError, match=r"six_axis\.urdf is not the file that was calibrated.*applied twice"):
             urdf_of(CELL, tmp_path, calibration, "hand")
 
 
 def test_offsets_of_other_joints_are_refused():
     """Where the cell now names another chain than was calibrated."""
     short = RobotParameters(CHAIN.joint_names[:3], RAD[:3], RAD[:3], np.isfinite(RAD[:3]))
-    with pytest.raises(InputError, match="3 joint offsets do not suit 6 joints"):
+    with pytest.raises(InputError, match="3 joint offsets do not fit 6 joints"):
         urdf_of(CELL, DATA, calibrated(joint_offsets=short), "hand")
 
 

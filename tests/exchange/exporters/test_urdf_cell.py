@@ -81,7 +81,7 @@ def test_what_is_missing_is_said():
     """A URDF, the place of a robot, and the cell."""
     with pytest.raises(InputError, match="1 URDFs for 2 robots: give one each, --urdf for eye, hand"):
         export_text(Wanted((), (), CALIBRATION, CELL, DATA))
-    with pytest.raises(InputError, match="where 'hand' stands is not known: there is no eye_base_from_hand_base"):
+    with pytest.raises(InputError, match="the pose of 'hand' is unknown: there is no eye_base_from_hand_base"):
         export_text(Wanted((), (), Calibration("good"), CELL, DATA, urdfs=BOTH))
     with pytest.raises(InputError, match="needs the cell and its folder"):
         export_text(Wanted((), (), CALIBRATION))

@@ -41,9 +41,9 @@ def test_what_is_missing_is_said(scene):
     """No URDF, several transforms, a joint that is not named, and links that are called otherwise."""
     both = (*wanted(BASE).transforms, *wanted(MOUNT).transforms)
     for given, message in (
-        (wanted(BASE), "with --urdf FILE; 0 were given"),
-        (replace(wanted(BASE), transforms=both, urdfs=(scene,)), "say which with --transform"),
-        (replace(wanted(BASE), urdfs=(scene,)), "say whose origin, with --joint"),
+        (wanted(BASE), "expected one --urdf FILE, 0 were given"),
+        (replace(wanted(BASE), transforms=both, urdfs=(scene,)), "choose one with --transform"),
+        (replace(wanted(BASE), urdfs=(scene,)), "choose one with --joint"),
         (replace(wanted(BASE, cell=None), urdfs=(scene,)), "no 'eye_base'.*links are named by `frames"),
     ):
         with pytest.raises(InputError, match=message):

@@ -152,7 +152,7 @@ def test_two_arms() -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"R_target2cam": None}, "R_target2cam is no array of numbers|R_target2cam has shape"),
+        ({"R_target2cam": None}, "R_target2cam is not an array of numbers|R_target2cam has shape"),
         ({"R_target2cam": POSES[1].matrix}, r"R_target2cam has shape \(5, 4, 4\), expected \(n, 3, 3\) or \(n, 3\)"),
         ({"t_target2cam": POSES[1].translation[1:]}, "R_target2cam has 5 entries and t_target2cam 4"),
         ({"R_target2cam": POSES[1].rotation * [1, 1, -1]}, "R_target2cam is not a rotation"),
@@ -160,8 +160,8 @@ def test_two_arms() -> None:
         ({"t_gripper2base": np.ma.masked_less(POSES[0].translation, 0)}, "t_gripper2base is a masked array"),
         ({"t_gripper2base": POSES[0].translation + 1j}, "t_gripper2base is a complex array, expected real"),
         ({"R_gripper2base": np.full((5, 3), 90.0)}, "R_gripper2base has a rotation vector of length 155.9, expected"),
-        ({"R_gripper2base": [[1.0], [1.0, 2.0]]}, "R_gripper2base is no array of numbers"),
-        ({"t_gripper2base": [[10**400, 0, 0]]}, "t_gripper2base is no array of numbers"),
+        ({"R_gripper2base": [[1.0], [1.0, 2.0]]}, "R_gripper2base is not an array of numbers"),
+        ({"t_gripper2base": [[10**400, 0, 0]]}, "t_gripper2base is not an array of numbers"),
     ],
 )
 def test_what_is_wrong_is_named(change: dict[str, object], told: str) -> None:

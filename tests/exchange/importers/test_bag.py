@@ -171,7 +171,7 @@ def by_tf(simulated: SimulatedCell, tmp_path_factory: pytest.TempPathFactory) ->
         (["--robot", "eye=eye_base,eye_tool0"], 3, "no 'eye_base' (did you mean 'eye_base_link'?)"),
         (["--robot", "eye=/tf"], 3, "/tf holds tf2_msgs/msg/TFMessage, expected one of geometry_msgs/msg/PoseStamped"),
         (["--robot", "eye=eye_base_link,hand_tool0"], 3, "no transform of tf joins 'eye_base_link' and 'hand_tool0'"),
-        (["--robot", "eye=eye_wrist,eye_tool0"], 3, "nothing but /tf_static is between them"),
+        (["--robot", "eye=eye_wrist,eye_tool0"], 3, "only /tf_static connects these frames"),
         (["--camera", "wrist=/wrist/image_raw"], 3, "no '/wrist/image_raw'"),
         (["--robot", "eye"], 2, "--robot eye: expected NAME=BASE,FLANGE"),
         (["--robot", "eye=a,b", "eye=a,b"], 2, "given twice"),
@@ -203,7 +203,7 @@ def test_a_list_needs_no_choice(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main(["import", "bag", str(tmp_path / "c"), str(bag.close()), "--list"]) == 0
     said = capsys.readouterr().out
     assert "/cam/image_raw  sensor_msgs/msg/Image" in said
-    assert "would take nothing: no robot is found by the names of frames: give --robot" in said
+    assert "would take nothing: no robot was found from the names of frames: give --robot" in said
     assert not (tmp_path / "c").exists()
 
 
@@ -233,7 +233,7 @@ def test_two_cameras_of_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str
             assert {name: camera.on for name, camera in cameras.items()} == {"a": "left", "b": "world"}
         else:
             assert code == 3
-            assert "what carries camera 'a'?" in said.err
+            assert "the carrier of camera 'a' is unknown" in said.err
             assert "--on a=ROBOT" in said.err
             assert not (tmp_path / "c").exists()
 

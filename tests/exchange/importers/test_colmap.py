@@ -31,7 +31,7 @@ def test_one_of_several(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     (tmp_path / "cameras.txt").write_text(first + first.replace("1 OPENCV", "7 OPENCV").replace("600", "650"))
     words = ["import", "colmap", str(tmp_path / "c"), str(tmp_path), "--camera", "wrist", "--on", "left"]
     assert main(words) == 3
-    assert "has cameras 1, 7: say which one by --camera-id" in capsys.readouterr().err
+    assert "has cameras 1, 7: choose one with --camera-id" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
     assert main([*words, "--camera-id", "7"]) == 0
     assert "650" in (tmp_path / "c" / "cell.yaml").read_text()
@@ -73,7 +73,7 @@ def test_a_film_of_a_moving_arm(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main(["import", "poses", cell, "--robot", "arm", str(tmp_path / "arm.csv"), "--streams"]) == 0
     words = ["import", "colmap", cell, sparse, "--camera", "wrist", "--on", "arm", "--streams"]
     assert main(words) == 2
-    assert "--streams is of poses, and not of a lens: add --target NAME" in capsys.readouterr().err
+    assert "--streams needs poses: add --target NAME" in capsys.readouterr().err
     assert main([*words, "--target", "room"]) == 0
     assert "conventions hold" in capsys.readouterr().out
     found = calibrate(read_cell(cell), read_recording(cell))

@@ -138,11 +138,11 @@ def test_a_real_set_without_its_images() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("static_camera: true", "static_camera: false", "static_camera: is the opposite of what --camera-on"),
+        ("static_camera: true", "static_camera: false", "static_camera: contradicts --camera-on"),
         (
             "CharucoGridTargetFinder",
             "ArucoGridTargetFinder",
-            "'ArucoGridTargetFinder' has no equal here; there are: Charuc",
+            "'ArucoGridTargetFinder' is not supported; there are: Charuc",
         ),
         ("dictionary: 10 ", "dictionary: 21 ", "dictionary: is 21, expected 0 to 20"),
         ("fx: 1352.0", "fx: 0.0", "intrinsics: the focal lengths are 0 and 1356 px"),

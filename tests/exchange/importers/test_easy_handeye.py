@@ -194,7 +194,7 @@ def test_who_says_what_the_robot_carries(tmp_path: Path) -> None:
 def test_a_contradiction_is_told(tmp_path: Path) -> None:
     """What the file says is not overruled."""
     path = write(tmp_path, "a.samples", samples_text(BASE_FROM_FLANGE, CAMERA_FROM_TARGET, "eye_in_hand"))
-    with pytest.raises(DatasetError, match="calibration_type is eye_in_hand, the opposite of what --camera-on"):
+    with pytest.raises(DatasetError, match="calibration_type is eye_in_hand, which contradicts --camera-on"):
         read_easy_handeye_record(path, camera_on_robot=False)
 
 

@@ -105,7 +105,7 @@ def test_a_new_cell_takes_the_size_of_its_images(tmp_path: Path, capsys: pytest.
     assert "size_px: [64, 48]" in different[0][1]
     other = photos(tmp_path / "q", ["9.png"], (32, 24))
     assert main(["import", "images", cell, other, "--camera", "camera"]) == 3
-    assert "cameras.camera.size_px: states [64, 48], imported data say [32, 24]" in capsys.readouterr().err
+    assert "cameras.camera.size_px: is [64, 48], but [32, 24] in the imported data" in capsys.readouterr().err
 
 
 def test_poor_images_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -125,9 +125,9 @@ def test_poor_images_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--camera", "cam"], "camera 'cam' is new: say what carries it, --on with one of: a robot"),
+        (["--camera", "cam"], "camera 'cam' is new: give its carrier with --on, one of: a robot"),
         (["--camera", "cam", "--on", "world"], "camera 'cam' on the world needs a robot"),
-        (["--camera", "cam", "--on", "arm", "--by", "time"], "1.png: the name is no time"),
+        (["--camera", "cam", "--on", "arm", "--by", "time"], "1.png: the name is not a time"),
         (["--camera", "Cam", "--on", "arm"], "expected a name of a-z"),
     ],
 )
@@ -148,7 +148,7 @@ def test_what_carries_it_is_asked_where_there_are_two(tmp_path: Path, capsys: py
     for robot in ("arm", "other"):
         assert main(["import", "poses", cell, "--robot", robot, rows, "--format", "ur"]) == 0
     assert main(["import", "images", cell, folder, "--camera", "cam"]) == 3
-    assert "say what carries it, --on with one of: arm, other, world" in capsys.readouterr().err
+    assert "give its carrier with --on, one of: arm, other, world" in capsys.readouterr().err
     assert main(["import", "images", cell, folder, "--camera", "cam", "--on", "other"]) == 0
     assert main(["import", "images", cell, folder, "--camera", "cam", "--on", "world"]) == 3
     assert "camera 'cam' is on 'other' in cell.yaml, not on 'world'" in capsys.readouterr().err

@@ -38,7 +38,7 @@ def test_a_real_arm_in_degrees(motoman: Path, tmp_path: Path, capsys: pytest.Cap
     path, joints = table(motoman, tmp_path / "q.csv", "left", np.degrees(1.0))
     base = ["import", "joints", str(tmp_path / "c"), "--robot", "left", path]
     assert main([*base, *model]) == 3
-    assert "give --deg, these are degrees" in capsys.readouterr().err
+    assert "give --deg, they look like degrees" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
     assert main([*base, *model, "--deg"]) == 0
     assert (tmp_path / "c" / robot.urdf).read_bytes() == (motoman / robot.urdf).read_bytes()

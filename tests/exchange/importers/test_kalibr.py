@@ -63,7 +63,7 @@ def test_kalibrs_choices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     cell = str(tmp_path / "c")
     words = ["import", "kalibr", cell, str(tmp_path / "chain.yaml"), "--camera", "wrist", "--on", "left"]
     assert main(words) == 3
-    assert "has cam0, cam1: say which one by --camera-of-file" in capsys.readouterr().err
+    assert "has cam0, cam1: choose one with --camera-of-file" in capsys.readouterr().err
     assert main([*words, "--camera-of-file", "cam1"]) == 0
     (tmp_path / "t.yaml").write_text(
         "target_type: 'aprilgrid'\ntagCols: 6\ntagRows: 5\ntagSize: 0.088\ntagSpacing: 0.3\n"
@@ -106,9 +106,9 @@ def test_no_distortion(tmp_path: Path) -> None:
         (
             "camera_model: pinhole",
             "camera_model: omni",
-            ":8: cam0.camera_model: 'omni' has no equal here: .* pinhole-radt",
+            ":8: cam0.camera_model: 'omni' is not supported: .* pinhole-radt",
         ),
-        ("radtan", "fov", "'fov' has no equal here; there are: radtan, equidistant, none"),
+        ("radtan", "fov", "'fov' is not supported; there are: radtan, equidistant, none"),
         ("[752, 480]", "[752]", "cam0.resolution: has 1 numbers, expected width and height"),
         ("[-0.277, 0.067, 0.0009, 0.0001]", "[-0.277, 0.067]", "distortion_coeffs: has 2 numbers, expected 4"),
         ("[461.629,", "[oops,", r":11: cam0.intrinsics\[0\]: is 'oops', expected a number"),
@@ -139,12 +139,12 @@ def test_targets(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("target_type: hexgrid\n", ":1: target_type: 'hexgrid' is no target of Kalibr's; there are: aprilgrid"),
-        (APRILGRID + "codeOffset: 3\n", "begin with number 0"),
+        ("target_type: hexgrid\n", ":1: target_type: 'hexgrid' is not a target of Kalibr; there are: aprilgrid"),
+        (APRILGRID + "codeOffset: 3\n", "start with number 0"),
         (APRILGRID.replace("tagCols: 6 ", "tagCols: 6.5 "), "tagCols: is 6.5, expected a whole number"),
         (
             "target_type: checkerboard\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\ncolSpacingMeters: 0.05\n",
-            "the squares of a board here are square",
+            "fields of a board must be square",
         ),
     ],
 )

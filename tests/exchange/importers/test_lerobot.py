@@ -86,7 +86,7 @@ def test_two_arms_with_the_films_of_their_wrists(
         words += ["--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
         words += ["--camera", f"{side}_eye"]
         assert main(words) == 3
-        assert "has the films left_wrist, right_wrist: say which one by --film" in capsys.readouterr().err
+        assert "has the films left_wrist, right_wrist: choose one with --film" in capsys.readouterr().err
         assert main([*words, "--film", f"{side}_wrist"]) == 0
         assert (
             f"joints of '{side}' in deg: {', '.join(arm.joint_names)}, with what '{side}_eye' saw"
@@ -183,7 +183,7 @@ def test_film_of_an_episode(tmp_path: Path) -> None:
     place.parent.mkdir(parents=True)
     shutil.copy(FILM, place)
     assert find_film(data, 3, "left") == find_film(data, 3, "observation.images.left") == Film(place, 0.0)
-    with pytest.raises(DatasetError, match="has the films left, right: say which one by --film"):
+    with pytest.raises(DatasetError, match="has the films left, right: choose one with --film"):
         find_film(data, 3, None)
     with pytest.raises(DatasetError, match=r"episode_000004\.mp4"):
         find_film(data, 4, "left")
@@ -201,7 +201,7 @@ def test_film_of_many_episodes(tmp_path: Path) -> None:
     table = data / "meta" / "episodes" / "chunk-000" / "file-000.parquet"
     table.parent.mkdir(parents=True)
     parquet.write_table(pyarrow.Table.from_pylist(rows), table)
-    with pytest.raises(DatasetError, match="is not there, though meta/episodes names it"):
+    with pytest.raises(DatasetError, match="is missing, although meta/episodes names it"):
         find_film(data, 1, None)
     place = data / key / "chunk-000" / "file-002.mp4"
     place.parent.mkdir(parents=True)

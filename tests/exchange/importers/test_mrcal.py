@@ -105,7 +105,7 @@ def test_older_names_are_known(tmp_path: Path) -> None:
         (
             "'LENSMODEL_OPENCV8'",
             "'LENSMODEL_SPLINED_STEREOGRAPHIC_order=3'",
-            ":4: lensmodel: .*has no equal here.*convert-l",
+            ":4: lensmodel: .*is not supported.*convert-l",
         ),
         ("'LENSMODEL_OPENCV8'", "'LENSMODEL_OPENCV5'", ":7: intrinsics: has 12 numbers, expected 9"),
         ("[ 1000, 700,]", "[ 1000 ]", "imagersize: has 1 numbers, expected width and height"),

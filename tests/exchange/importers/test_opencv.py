@@ -32,7 +32,7 @@ def test_opencvs_size_by_option(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert read_cell(tmp_path / "c").cameras["camera"].size_px == (640, 480)
     (tmp_path / "a.yml").write_text(OPENCV.replace("640", "1280"))
     assert main([*words, str(tmp_path / "a.yml")]) == 3
-    assert "a.yml is of 1280 x 480 px: leave --size-px away" in capsys.readouterr().err
+    assert "a.yml is of 1280 x 480 px: omit --size-px" in capsys.readouterr().err
 
 
 def stored(path: Path, **fields: object) -> Path:
@@ -77,7 +77,7 @@ def test_two_cameras_in_a_file(tmp_path: Path) -> None:
     """Of a stereo calibration the user chooses; without a choice both are named."""
     path = stored(tmp_path / "s.yml", M1=MATRIX, D1=TERMS, M2=2 * MATRIX - np.diag([0, 0, 1.0]), D2=TERMS)
     assert read_opencv_lens(path, number=2).camera.parameters[0] == 1533.0
-    with pytest.raises(DatasetError, match=r"holds two cameras \(M1, D1, M2, D2\): say which by --which 1"):
+    with pytest.raises(DatasetError, match=r"holds two cameras \(M1, D1, M2, D2\): choose --which 1"):
         read_opencv_lens(path)
 
 

@@ -55,9 +55,9 @@ def test_a_tracker_is_placed(tmp_path: Path, unit_m: float, heading: str) -> Non
 @pytest.mark.parametrize(
     ("heading", "more", "code", "words"),
     [
-        ("reflector,sample,x,y,z", [], 3, "do not say their unit: give --length-unit"),
+        ("reflector,sample,x,y,z", [], 3, "have no unit: give --length-unit"),
         ("reflector,sample,x_mm,y_mm,z_mm", ["--length-unit", "m"], 3, "several units"),
-        ("a,sample,x_mm,y_mm,z_mm", [], 2, "which reflector was measured"),
+        ("a,sample,x_mm,y_mm,z_mm", [], 2, "name the measured reflector"),
         ("reflector,number,x_mm,q,z_mm", [], 3, "expected a header with x, y, z"),
     ],
 )

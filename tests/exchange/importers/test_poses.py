@@ -61,7 +61,7 @@ def test_formats_that_say_themselves_need_no_name(tmp_path: Path) -> None:
     [
         (["--format", "ur"], 2, "--robot is missing"),
         (["--robot", "left", "--format", "urr"], 2, "did you mean 'ur'"),
-        (["--robot", "left", "--format", "ur", "--deg", "--rad"], 2, "--deg and --rad cannot both be"),
+        (["--robot", "left", "--format", "ur", "--deg", "--rad"], 2, "--deg and --rad exclude each other"),
         (["--robot", "left"], 3, "give --format"),
         (["--robot", "left", "--format", "ur", "--length-unit", "mm"], 3, "nothing is imported; check --length-unit"),
         (["--robot", "left", "--format", "kuka"], 3, "these columns suit --format ur"),
@@ -85,7 +85,7 @@ def test_a_program_of_poses_does_not_state_its_format(tmp_path: Path, capsys: py
     (tmp_path / "left.script").write_text("p[0.1, 0.2, 0.3, 0, 0, 1.5]\n")
     words = ["import", "poses", str(tmp_path / "c"), str(tmp_path / "left.script"), "--robot", "left"]
     assert main(words) == 3
-    assert "does not state what its numbers are: give --format ur, kuka" in capsys.readouterr().err
+    assert "does not state its format: give --format ur, kuka" in capsys.readouterr().err
 
 
 def test_a_robot_is_recorded_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

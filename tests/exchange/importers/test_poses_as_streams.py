@@ -67,14 +67,14 @@ def test_two_clocks_by_two_commands(tmp_path: Path, header: bool, capsys: pytest
     ("words", "code", "said"),
     [
         (["--robot", "arm", "A", "--format", "ros", "--streams", "--on", "arm"], 2, "--on and --target-on belong to"),
-        (["A", "--camera", "w", "--target", "t", "--format", "ros", "--streams"], 3, "say what carries it, --on"),
+        (["A", "--camera", "w", "--target", "t", "--format", "ros", "--streams"], 3, "give its carrier with --on"),
         (["A", "--format", "ros", "--streams"], 2, "--robot is missing"),
         (["--streams", "--length-unit", "m", "--camera-from-target", "A"], 2, "--streams belongs to a table"),
         (["--robot", "arm", "N", "--format", "ur", "--streams"], 3, "a column stamp_s"),
         (
             ["A", "--camera", "w", "--target", "t", "--on", "a", "--invert", "hand-base-from-flange"],
             2,
-            "no file is given by --hand-base-from-flange",
+            "no file is given with --hand-base-from-flange",
         ),
     ],
 )

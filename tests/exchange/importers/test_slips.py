@@ -88,7 +88,7 @@ def test_an_arm_that_stands_still(tmp_path: Path, capsys: pytest.CaptureFixture[
     cell = str(tmp_path / "cell")
     still = ["import", "poses", cell, table(tmp_path, UR.splitlines()[0], "one.txt"), "--robot", "b", "--format", "ur"]
     assert main([*still, "--still"]) == 3
-    assert "after what moves is imported" in capsys.readouterr().err
+    assert "import the moving robots" in capsys.readouterr().err
     moving = ["import", "poses", cell, table(tmp_path, UR, "all.txt"), "--format", "ur"]
     assert main([*moving, "--robot", "a"]) == 0
     assert main([*still, "--still"]) == 0

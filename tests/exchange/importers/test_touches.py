@@ -107,7 +107,7 @@ def test_tips_that_meet(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("more", "words"), [([], "no column `mark`"), (["--mark", "m", "--meets", "t"], "exclude one another")]
+    ("more", "words"), [([], "no column `mark`"), (["--mark", "m", "--meets", "t"], "exclude each other")]
 )
 def test_what_was_touched_has_to_be_said(tmp_path: Path, capsys: pytest.CaptureFixture[str], more, words) -> None:
     """Once, by the table or by an option."""

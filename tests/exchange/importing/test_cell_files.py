@@ -44,7 +44,7 @@ def test_another_file_is_not_overwritten(tmp_path: Path, source: Path) -> None:
     """A file of other bytes stays, and is named."""
     (tmp_path / "cell").mkdir()
     (tmp_path / "cell" / "a.png").write_bytes(b"older")
-    with pytest.raises(InputError, match="is there already"), place_files({"a.png": source}, tmp_path / "cell"):
+    with pytest.raises(InputError, match="exists and differs"), place_files({"a.png": source}, tmp_path / "cell"):
         pass
     assert (tmp_path / "cell" / "a.png").read_bytes() == b"older"
 

@@ -137,7 +137,7 @@ def test_images_bring_their_target(
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        ([*BOARD], 3, "say what carries the target 'board': --target-on ROBOT or --target-on world"),
+        ([*BOARD], 3, "give the carrier of the target 'board': --target-on ROBOT or --target-on world"),
         (["--squares", "5x7"], 2, "a target is described, but not its kind: add --target"),
         (["--target-on", "arm"], 2, "a target is described, but not its kind: add --target"),
     ],

@@ -82,7 +82,7 @@ def test_a_cell_that_is_there_tells_names_and_arrangement(tmp_path: Path) -> Non
 def test_another_carrier_is_told(tmp_path: Path) -> None:
     """Where cell.yaml has the camera on the world and the file on the robot, its line is named."""
     cell = cell_in(tmp_path, cameras={"hall": {"on": "world"}}, targets={"tag": {"on": "arm"}})
-    with pytest.raises(InputError, match=r"cell.yaml:\d+: cameras.hall.on: states world, imported data say arm"):
+    with pytest.raises(InputError, match=r"cell.yaml:\d+: cameras.hall.on: is world, but arm in the imported data"):
         brought(tmp_path, cell, recorded(True), Names("arm", "hall", "tag"))
 
 

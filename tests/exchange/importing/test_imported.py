@@ -91,10 +91,10 @@ def test_what_carries_a_camera(cell: KnownCell, name: str, stated: str | None, c
             FULL,
             "eye",
             "right",
-            "camera 'eye' is on 'left' in cell.yaml, not on 'right': leave --on away, or correct it",
+            "camera 'eye' is on 'left' in cell.yaml, not on 'right': omit --on, or correct it",
         ),
-        (TWO, "eye", None, "camera 'eye' is new: say what carries it, --on with one of: left, right, world"),
-        (NO_CELL, "eye", None, "--on with one of: a robot$"),
+        (TWO, "eye", None, "camera 'eye' is new: give its carrier with --on, one of: left, right, world"),
+        (NO_CELL, "eye", None, "--on, one of: a robot$"),
         (NO_CELL, "eye", "world", "camera 'eye' on the world needs a robot, and there is no cell.yaml"),
     ],
 )
@@ -143,9 +143,9 @@ def test_what_the_cell_says_stays() -> None:
 @pytest.mark.parametrize(
     ("cell", "sight", "said"),
     [
-        (BOTH, Sight("eye", "tag"), "--on with one of: a, b, world"),
-        (BOTH, Sight("eye", "tag", "world"), "--target-on with one of: a, b, world"),
-        (NO_CELL, Sight("eye", "tag"), "--on with one of: a robot or world"),
+        (BOTH, Sight("eye", "tag"), "--on, one of: a, b, world"),
+        (BOTH, Sight("eye", "tag", "world"), "--target-on, one of: a, b, world"),
+        (NO_CELL, Sight("eye", "tag"), "--on, one of: a robot or world"),
         (SEEN, Sight("eye", "tag", "b"), "camera 'eye' is on 'a' in cell.yaml, not on 'b'"),
         (SEEN, Sight("eye", "tag", None, "world"), "target 'tag' is on 'b' in cell.yaml, not on 'world'"),
         (ONE, Sight("eye", "tag", "arm", "arm"), "both on 'arm'"),

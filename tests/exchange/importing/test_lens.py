@@ -80,7 +80,7 @@ def test_which_camera(tmp_path: Path) -> None:
     cell_in(tmp_path, cameras={"a": ON_ARM, "b": ON_ARM}, robots={"arm": {}, "other": {}})
     with pytest.raises(InputError, match=r"which camera\? --camera is one of: a, b"):
         lens_of_file(tmp_path, LENS, "a.yaml", None, None, "fixed")
-    with pytest.raises(InputError, match=r"camera 'c' is new: say what carries it, --on with one of: arm, other"):
+    with pytest.raises(InputError, match=r"camera 'c' is new: give its carrier with --on, one of: arm, other"):
         lens_of_file(tmp_path, LENS, "a.yaml", "c", None, "fixed")
     assert brought(tmp_path, lens_of_file(tmp_path, LENS, "a.yaml", "c", "world", "fixed")).cameras["c"].on == "world"
     cell_in(tmp_path)
@@ -110,7 +110,7 @@ def test_targets(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"there is no cell.yaml to put the target of t.yaml into"):
         imported_target(NO_CELL, board, "t.yaml", None, None)
     cell = cell_in(tmp_path, robots={"arm": {}, "other": {}})
-    with pytest.raises(InputError, match=r"target 'target' is new: say what carries it"):
+    with pytest.raises(InputError, match=r"target 'target' is new: give its carrier"):
         imported_target(cell, board, "t.yaml", None, None)
     after = brought(tmp_path, imported_target(cell, board, "t.yaml", "board", "world"))
     shape = after.targets["board"].target

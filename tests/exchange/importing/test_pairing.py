@@ -49,7 +49,7 @@ def test_names_of_which_none_is_known_make_samples() -> None:
     folder = [Row(images={"two": Path(row.image or "")}, image=row.image) for row in others]
     assert pair(rows(*folder, by="image"), IMAGES, {}).numbers == (3, 4, 5)
     assert pair(rows(*folder), IMAGES, {}).numbers == (0, 1, 2)
-    with pytest.raises(InputError, match=r"the recording names no images to pair by\. Leave `--by name` away"):
+    with pytest.raises(InputError, match=r"the recording names no images to pair by\. Omit `--by name`"):
         pair(rows(*folder, by="image"), [Sample(0), Sample(1), Sample(2)], {})
 
 
@@ -115,7 +115,7 @@ def test_whole_rows_need_no_pairing() -> None:
     again = rows(*[Row({"a": at(n)}, (seen,)) for n in range(3)])
     with pytest.raises(InputError, match="recorded already: add --session"):
         pair(again, first, {})
-    with pytest.raises(InputError, match="recorded already: all of it is in recorded samples, and no session"):
+    with pytest.raises(InputError, match="recorded already: nothing needs to be imported"):
         pair(replace(again, is_session=True), first, {})
 
 

@@ -101,7 +101,7 @@ def test_what_spreadsheets_add(text: str) -> None:
         ("p[1,2,3]\np[1,2]\n", "t.csv:2: 2 numbers in brackets, expected x, y, z"),
         ("CONST robtarget p:=[[1,2],[1,0,0,0]];\n", "t.csv:1: 6 numbers in brackets"),
         ("1,2,3\np[1,2,3]\n", "t.csv:2: x: 'p[1' is not a number"),
-        ("x,y,z,point\n1,2,3,A\n1,2,3,Mittelwert:\n", "t.csv:3: 'Mittelwert:' is not one of the measured rows"),
+        ("x,y,z,point\n1,2,3,A\n1,2,3,Mittelwert:\n", "t.csv:3: 'Mittelwert:' is not a measured row"),
         ("x,y,z\nfoot,foot,foot\n1,2,3\n", "t.csv:2: x: 'foot' is not a number"),
         ("x,y,q\n1,2,3\n", "t.csv:2: has no z but x, y, q"),
     ],
@@ -133,7 +133,7 @@ def test_names_are_made_fit(text, name):
 )
 def test_several_poses_in_a_line_are_refused(text: str) -> None:
     """All but the first were passed over."""
-    with pytest.raises(DatasetError, match=r"t.csv:1: several poses in one line: write each in a line of its own"):
+    with pytest.raises(DatasetError, match=r"t.csv:1: several poses in one line: write one pose per line"):
         values(text)
 
 
@@ -169,7 +169,7 @@ def test_rows_of_one_of_several_robots() -> None:
     """By the column `robot`; a table that names one robot alone is of the robot that the user names."""
     table = read_text_table("Robot,x,y,z\nUR 5,1,2,3\nkuka,4,5,6\nUR 5,7,8,9\n", "t.csv", NAMES)
     assert [row.line for row in select_robot(table, "ur_5").rows] == [2, 4]
-    with pytest.raises(DatasetError, match="no row is of robot 'left'; there are: ur_5, kuka"):
+    with pytest.raises(DatasetError, match="no row belongs to robot 'left'; there are: ur_5, kuka"):
         select_robot(table, "left")
     alone = read_text_table("Robot,x,y,z\nUR 5,1,2,3\n", "t.csv", NAMES)
     assert select_robot(alone, "left") is alone

@@ -112,7 +112,7 @@ def test_no_distortion_at_all(tmp_path: Path) -> None:
         (
             "plumb_bob",
             "double_sphere",
-            ":8: distortion_model: 'double_sphere' has no equal here; there are: equidistant",
+            ":8: distortion_model: 'double_sphere' is not supported; there are: equidistant",
         ),
         ("plumb_bob", "equidistant", "5 distortion coefficients, equidistant has 4"),
         ("image_width: 1280", "image_width: wide", ":1: image_width: is 'wide', expected a number"),
@@ -143,7 +143,7 @@ def test_what_is_no_camera_info_is_told(tmp_path: Path, old: str, new: str, mess
 def test_parts_of_an_image_are_refused(tmp_path: Path, old: str, new: str) -> None:
     """Where images are binned or cropped the matrix is not theirs."""
     assert old in MESSAGE
-    with pytest.raises(DatasetError, match="give that of the images"):
+    with pytest.raises(DatasetError, match="give the matrix of the images"):
         read_camera_info(write(tmp_path, MESSAGE.replace(old, new)))
 
 

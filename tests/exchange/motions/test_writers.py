@@ -66,7 +66,7 @@ def test_goals_are_in_step() -> None:
 
 def test_poses_are_refused() -> None:
     """A trajectory is of joints."""
-    with pytest.raises(InputError, match="joints are not known"):
+    with pytest.raises(InputError, match="joints are unknown"):
         write_goals(of_poses())
 
 

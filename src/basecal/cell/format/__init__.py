@@ -1,1 +1,1 @@
-"""Text as people write it: YAML with lines, problems listed at once, paths inside a cell."""
+"""Text formats and file access of a cell: YAML with line numbers, paths inside a cell, atomic writing."""

@@ -1,4 +1,4 @@
-"""Consent of this computer's user to the places that drivers of a cell reach outside its folder."""
+"""Consent of the computer's user to the locations outside a cell's folder that its drivers access."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _LARGEST = 2**22  # bytes
 
 
 def is_allowed(folder: Path, place: str) -> bool:
-    """Whether the user allowed a cell to reach a place, named in the words in which it was asked."""
+    """Whether the user allowed a cell to access a location, identified by the text of the question."""
     return place in _allowed_places().get(os.path.realpath(folder), [])
 
 
 def allow(folder: Path, places: Iterable[str]) -> None:
-    """Remember that the user allows a cell to reach places; it is asked again if that cannot be written."""
+    """Store that the user allows a cell to access locations; if writing fails, the user is asked again."""
     known, cell = _allowed_places(), os.path.realpath(folder)
     known[cell] = sorted({*known.get(cell, []), *places})
     with suppress(InputError, RuntimeError):
@@ -29,7 +29,7 @@ def allow(folder: Path, places: Iterable[str]) -> None:
 
 
 def withdraw(folder: Path, place: str) -> None:
-    """Forget that the user allowed a place."""
+    """Remove the user's consent to a location."""
     known, cell = _allowed_places(), os.path.realpath(folder)
     left = [each for each in known.pop(cell, []) if each != place]
     with suppress(InputError, RuntimeError):
@@ -37,17 +37,17 @@ def withdraw(folder: Path, place: str) -> None:
 
 
 def _file() -> Path:
-    """The file, outside of all cells.
+    """Path of the consent file in the user's state folder.
 
     Raises:
-        RuntimeError: if the user has no home.
+        RuntimeError: if the user has no home folder.
     """
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     return Path(state) / "basecal" / "allowed.json"
 
 
 def _allowed_places() -> dict[str, list[str]]:
-    """Allowed places by cell."""
+    """Allowed locations by cell."""
     try:
         found = json.loads(read_bounded(_file(), _LARGEST))
     except (DatasetError, RuntimeError, ValueError):

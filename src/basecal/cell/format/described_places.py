@@ -1,4 +1,4 @@
-"""Places and what they look like, in bytes: numbers of all places, then the levels of all descriptors."""
+"""Binary format of points with descriptors: coordinates of all points, then all descriptors."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from numpy.typing import NDArray
 from basecal.geometry import Array
 
 DESCRIPTOR = 128
-"""Numbers of a descriptor."""
+"""Length of a descriptor."""
 
 
 def row_bytes(width: int) -> int:
-    """Bytes of a place of so many numbers."""
+    """Number of bytes of a point with `width` coordinates and its descriptor."""
     return 8 * width + DESCRIPTOR
 
 
 def places_to_bytes(places: Array, levels: NDArray[np.uint8]) -> bytes:
-    """The file of places (n, width) with levels (n, 128)."""
+    """Convert points (n, width) and descriptors (n, 128) to the content of a file."""
     return places.astype("<f8").tobytes() + levels.tobytes()
 
 
 def places_from_bytes(data: bytes, width: int) -> tuple[Array, NDArray[np.uint8]] | None:
-    """Places (n, width) and levels (n, 128); None if it is no such file."""
+    """Parse points (n, width) and descriptors (n, 128); None if the data are not in this format."""
     count, rest = divmod(len(data), row_bytes(width))
     places = np.frombuffer(data, dtype="<f8", count=width * count).reshape(count, width).astype(np.float64)
     levels = np.frombuffer(data, dtype=np.uint8, offset=8 * width * count)

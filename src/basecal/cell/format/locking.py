@@ -1,4 +1,4 @@
-"""A cell's folder, held by one process at a time."""
+"""Lock of a cell's folder for one process at a time."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from basecal.errors import InputError
 
 @contextmanager
 def locked_folder(folder: Path) -> Iterator[None]:
-    """Hold a folder until the end of the context, or of this process; where no folder can be locked nothing is done.
+    """Lock a folder until the context or the process ends; does nothing on systems without folder locks.
 
     Raises:
-        InputError: if another process holds it, or it cannot be opened.
+        InputError: if another process holds the lock, or the folder cannot be opened.
     """
     try:
         import fcntl
@@ -33,7 +33,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
         raise InputError(
             f"{folder} is in use by another capture or driver check. Wait until it ends, or stop it"
         ) from None
-    except OSError:  # some network drives lock nothing
+    except OSError:  # some network drives do not support locks
         pass
     try:
         yield

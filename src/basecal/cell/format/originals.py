@@ -1,4 +1,4 @@
-"""Files of a cell as they were before something changed them."""
+"""Backup copies of a cell's files before a change."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pathlib import Path
 from basecal.cell.format.writing import make_timed_folder, write_atomically
 
 ORIGINALS = "originals"
-"""Folder of a cell with a folder for each change, by its time."""
+"""Folder of a cell with one backup folder per change, named by its time."""
 
 
 def keep_originals(folder: Path, paths: Iterable[Path], note: Mapping[str, str]) -> Path:
-    """The folder that holds copies of those files that exist, and a note of what is done to them.
+    """Copy files to a new backup folder with a note about the change, and return the folder.
 
     Args:
-        folder: The cell's.
-        paths: Files in it.
-        note: What is done, for `change.json`.
+        folder: The cell's folder.
+        paths: Files in the cell; missing files are skipped.
+        note: Description of the change for `change.json`.
     """
     kept = make_timed_folder(folder / ORIGINALS, folder)
     for path in paths:

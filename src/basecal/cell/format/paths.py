@@ -10,33 +10,33 @@ from pathlib import Path
 from basecal.errors import DatasetError, InputError
 
 _LONGEST_NAME = 255  # [bytes] of a file or a folder, on all usual file systems
-_LONGEST_PATH = 1000  # characters: with the cell's own path far below 4096 bytes, the most that systems open
+_LONGEST_PATH = 1000  # characters: with the cell's own path far below 4096 bytes, the usual system limit
 _SHOWN_LENGTH = 40  # characters of a name that is too long
 
 
 def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
-    """A function from paths as written to paths relative to the cell.
+    """Create a function that converts paths as written to paths relative to the cell.
 
     Args:
-        folder: The cell.
-        relative_to: The folder inside the cell that the paths start from.
+        folder: The cell's folder.
+        relative_to: Folder inside the cell to which the written paths are relative.
 
     Returns:
-        A function of a path with forward slashes. It raises InputError if the path is absolute or leaves the cell,
-        also by a symbolic link.
+        Function of a path with forward slashes. It raises InputError if the path is absolute or leaves the cell,
+        also through a symbolic link.
     """
     root = os.path.realpath(folder)
     links: dict[str, frozenset[str]] = {}
 
     def path_in_cell(text: str) -> str:
-        """A path as written, from the cell's folder."""
+        """Return a written path relative to the cell's folder."""
         if any(len(part.encode("utf-8", "surrogatepass")) > _LONGEST_NAME for part in text.split("/")):
             raise InputError(f"{text[:_SHOWN_LENGTH]!r}... is longer than a file's name may be, {_LONGEST_NAME} bytes")
         if len(text) > _LONGEST_PATH:
             raise InputError(f"{text[:_SHOWN_LENGTH]!r}... has more than {_LONGEST_PATH} characters; move the file up")
         path = posixpath.normpath(posixpath.join(relative_to, text))
         if not text or not text.isprintable() or "\\" in text or ":" in text[:2] or text.startswith("/"):
-            raise InputError(f"{text!r} is not a relative path with forward slashes, of letters that can be shown")
+            raise InputError(f"{text!r} is not a relative path with forward slashes and printable characters")
         if path == ".." or path.startswith("../"):
             raise InputError(f"{text!r} leaves the cell; copy the file into it")
         parent, _, name = path.rpartition("/")
@@ -50,7 +50,7 @@ def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
 
 
 def _outward_links(folder: str, root: str) -> frozenset[str]:
-    """Names of a folder's links that lead out of the cell; an empty one where the folder itself does."""
+    """Names of a folder's links that lead out of the cell; one empty name if the folder itself is outside."""
     if not _is_within(folder, root):
         return frozenset({""})
     try:
@@ -69,10 +69,10 @@ def _is_within(path: str, root: str) -> bool:
 
 
 def own_file(folder: str | Path, name: str) -> Path:
-    """The path of a file that a cell has at a place of its own, such as `cell.yaml`.
+    """Path of a cell's standard file, such as `cell.yaml`.
 
     Raises:
-        DatasetError: if the folder is a file, or it is a link that leads out of the cell.
+        DatasetError: if the folder is a file, or the path is a link that leads out of the cell.
     """
     path = Path(folder) / name
     if os.path.isfile(folder):

@@ -1,4 +1,4 @@
-"""Files and folders written whole or not at all, and nothing through a link."""
+"""Atomic writing of files and folders, without following symbolic links."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import IO, BinaryIO
 
 from basecal.errors import InputError
 
-_PART = ".part"  # at the end of a name of what is not whole yet
+_PART = ".part"  # suffix of incomplete files and folders
 _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_FOLLOW | getattr(os, "O_BINARY", 0)
 
@@ -21,17 +21,17 @@ _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_FOLLOW | getattr(os, "O_BINARY
 def write_atomically(
     path: Path, content: str | bytes, *, base_folder: Path | None = None, durable: bool = True, mode: int = 0o666
 ) -> None:
-    """Write a file so that a reader sees the old one or the new one, never a half, whenever this is cut off.
+    """Write a file atomically: a reader sees the old or the new content, even if writing is interrupted.
 
     Args:
         path: The file; a link of that name is replaced, not followed.
-        content: What it holds then; text as UTF-8.
-        base_folder: A folder above it, below which no folder may be a link.
-        durable: Whether it is on the disk when this returns, and survives a loss of power.
-        mode: Who may do what with it, less what the user's mask takes away.
+        content: New content; text is encoded as UTF-8.
+        base_folder: A parent folder of the file, below which no folder may be a link.
+        durable: Whether to flush the file to the disk, so that it survives a loss of power.
+        mode: File permissions, before the user's umask is applied.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the file cannot be written.
     """
     part = temporary_path(path)
     try:
@@ -52,10 +52,10 @@ def write_atomically(
 
 @contextmanager
 def writing_errors(path: Path) -> Iterator[None]:
-    """Errors of the system while a path is written, as one line that names it.
+    """Convert operating system errors while writing a path to one-line errors that name the path.
 
     Raises:
-        InputError: in place of such an error.
+        InputError: instead of an OSError.
     """
     try:
         yield
@@ -68,19 +68,19 @@ def _as_bytes(content: str | bytes) -> bytes:
 
 
 def write_private(path: Path, text: str, *, base_folder: Path | None = None) -> None:
-    """Write a file that only its owner may read, whole or not at all; see `write_atomically`.
+    """Write a file atomically that only its owner may read; see `write_atomically`.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the file cannot be written.
     """
     write_atomically(path, text, base_folder=base_folder, durable=False, mode=0o600)
 
 
 def append_durably(path: Path, text: str, *, base_folder: Path | None = None) -> None:
-    """Append to a file, which is made where it is not there; when this returns the disk has it.
+    """Append to a file, create it if it is missing, and flush it to the disk.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the file cannot be written.
     """
     with writing_errors(path):
         make_folder(path.parent, base_folder)
@@ -92,10 +92,10 @@ def append_durably(path: Path, text: str, *, base_folder: Path | None = None) ->
 
 
 def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there yet, whole or not at all.
+    """Write a new file atomically.
 
     Raises:
-        InputError: if there is one already, or it cannot be written.
+        InputError: if the file exists or cannot be written.
     """
     if os.path.lexists(path):
         raise InputError(f"{path} exists and is not overwritten: choose another folder, or remove it first")
@@ -103,10 +103,10 @@ def write_new(path: Path, text: str) -> None:
 
 
 def write_output(path: Path, content: str | bytes) -> None:
-    """Write a file of a name that was given: whole or not at all, but into what is a pipe or a device.
+    """Write an output file named by the user: atomically, or directly if it is a pipe or a device.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the file cannot be written.
     """
     if not path.exists() or path.is_file():
         write_atomically(path, content)
@@ -117,14 +117,14 @@ def write_output(path: Path, content: str | bytes) -> None:
 
 @contextmanager
 def stage_folder(folder: Path) -> Iterator[Path]:
-    """A new folder beside `folder`, to write into; at the end all that is in it appears in `folder` at once.
+    """Create a temporary folder next to `folder` to write into, and move its content to `folder` at the end.
 
-    Where `folder` holds something already, each entry appears alone, in the order of their names backwards, so that
-    `recording` does before `cell.yaml`. Where this ends with an error nothing appears; cut off, it leaves a folder
-    whose name starts with a dot and ends with `.part`.
+    The move is atomic if `folder` is new or empty. Otherwise entries are moved one by one in reverse order of their
+    names, so that `recording` appears before `cell.yaml`. After an error nothing is moved. An interrupted process
+    leaves a folder whose name starts with a dot and ends with `.part`.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the folder cannot be written.
     """
     part = temporary_path(Path(os.path.abspath(folder)))
     try:
@@ -141,34 +141,34 @@ def stage_folder(folder: Path) -> Iterator[Path]:
 
 
 def make_folder(folder: Path, base_folder: Path | None = None) -> None:
-    """Make a folder and those above it.
+    """Create a folder and its parents.
 
     Args:
         folder: The folder.
-        base_folder: A folder above it, below which none may be a link.
+        base_folder: A parent of the folder, below which no folder may be a link.
 
     Raises:
-        InputError: if one of them is a link.
-        OSError: if it cannot be made.
+        InputError: if a folder below `base_folder` is a link.
+        OSError: if the folder cannot be created.
     """
     if base_folder is not None:
         below = base_folder
         for part in folder.relative_to(base_folder).parts:
             below /= part
             if below.is_symlink():
-                raise InputError(f"{below} is a link; what is written stays in the cell: put a folder there")
+                raise InputError(f"{below} is a link, and files are written only inside the cell: put a folder there")
     folder.mkdir(parents=True, exist_ok=True)
 
 
 def make_timed_folder(parent: Path, base_folder: Path) -> Path:
-    """Make a folder whose name is the time in UTC, with a number where there is one of that second already.
+    """Create a folder named after the UTC time, with a number appended if that name exists.
 
     Args:
-        parent: Where it is made; a folder that is made if need be.
-        base_folder: A folder above it, below which none may be a link.
+        parent: The parent folder; created if missing.
+        base_folder: A folder above `parent`, below which no folder may be a link.
 
     Raises:
-        InputError: if it cannot be made, or a folder above it is a link.
+        InputError: if the folder cannot be created, or a folder below `base_folder` is a link.
     """
     name = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     folder, count = parent / name, 1
@@ -187,35 +187,35 @@ def make_timed_folder(parent: Path, base_folder: Path) -> Path:
 
 
 def open_new(path: Path, mode: int = 0o666) -> BinaryIO:
-    """A file that is not there yet, opened for writing; a link of its name is an error.
+    """Create a new file and open it for writing.
 
     Raises:
-        OSError: if it cannot be made.
+        OSError: if the file cannot be created, or a file or link of that name exists.
     """
     return os.fdopen(os.open(path, _NEW, mode), "wb")
 
 
 def open_own(path: Path, mode: str) -> IO[bytes]:
-    """A file opened as by `open`, but for a link, which is an error.
+    """Open a file like `open`, but do not follow a link.
 
     Raises:
-        OSError: if it cannot be opened.
+        OSError: if the file cannot be opened or is a link.
     """
     return open(path, mode, opener=lambda name, flags: os.open(name, flags | _NO_FOLLOW, 0o666))
 
 
 def temporary_path(path: Path) -> Path:
-    """A name beside a path that nobody else takes."""
+    """Random hidden name in the same folder for a temporary file or folder."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}{_PART}")
 
 
 def is_unused(folder: Path) -> bool:
-    """Whether a folder holds nothing, or only what a write that was cut off left."""
+    """Whether a folder is empty, apart from the remains of interrupted writes."""
     return all(each.name.startswith(".") and each.name.endswith(_PART) for each in folder.iterdir())
 
 
 def sync_folder(folder: Path) -> None:
-    """Have the disk hold the names in a folder; where folders cannot be synchronised nothing is done."""
+    """Flush the entries of a folder to the disk, if the system supports it."""
     with suppress(OSError):
         number = os.open(folder, os.O_RDONLY)
         try:
@@ -235,14 +235,14 @@ def _sync_all(folder: Path) -> None:
 
 def _move_into_place(part: Path, folder: Path) -> None:
     with suppress(OSError):
-        part.rename(folder)  # also onto an empty one
+        part.rename(folder)  # also replaces an empty folder
         return
     for entry in sorted(part.iterdir(), key=lambda path: path.name, reverse=True):
         _merge(entry, folder / entry.name)
 
 
 def _merge(entry: Path, to: Path) -> None:
-    """Move a file, or what is in a folder, to where a folder may be already."""
+    """Move a file or folder to a path; merge it with a folder that exists there."""
     if to.is_dir() and entry.is_dir() and not to.is_symlink():
         for each in sorted(entry.iterdir()):
             _merge(each, to / each.name)

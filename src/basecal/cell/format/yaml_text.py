@@ -1,4 +1,4 @@
-"""YAML as it is written by hand: plain data, and the line on which every key stands."""
+"""Hand-written YAML: plain data, and the line number of each key."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from basecal.errors import DatasetError, error_words
 from basecal.fields.problems import CAUSE_LENGTH, Loc, Problem, dataset_error, shorten
 
 LARGEST_BYTES = 2**19
-"""Of YAML: 512 kB, twenty times a cell with a target of a thousand tags; a parser takes some seconds for it."""
+"""Largest YAML file [bytes]: 512 kB, twenty times a cell with a target of a thousand tags; parsed in seconds."""
 
-_DEEPEST = 32  # levels: a cell has six, and recursion stays far from its limit
+_DEEPEST = 32  # levels: a cell has six, and the recursion limit is much higher
 _WIDTH = 4096  # characters before a line is broken: a matrix stays on one
 _CONVERTED = {f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "bool", "null")}
-# What the parser says, and what it is most often for. A bracket or a quote is told where it was opened.
+# Messages of the parser that are translated to their usual cause. A bracket or quote is reported where it was opened.
 _BRACKET = "expected ',' or '"
 _QUOTE = "while scanning a quoted scalar"
 _UNEXPECTED_KEYS = ("mapping values are not allowed here", "expected '<document start>'")
@@ -39,7 +39,7 @@ _NO_SPACE = re.compile(r"^\s*[A-Za-z_]\w*:[^\s:]")
 
 @dataclass(frozen=True)
 class Document:
-    """Content of a YAML file: mappings with text keys, lists and scalars; `lines` by place, from 1."""
+    """Content of a YAML file: mappings with text keys, lists and scalars; `lines` by location, from 1."""
 
     data: Any
     lines: Mapping[Loc, int]
@@ -53,15 +53,15 @@ class _Notes:
 
 
 def read_text(path: Path, missing: str, largest: int = LARGEST_BYTES) -> str:
-    """Text of a UTF-8 file.
+    """Read the text of a UTF-8 file.
 
     Args:
         path: The file.
-        missing: What to do where there is none.
-        largest: How many bytes it may have.
+        missing: Advice for the error if the file does not exist.
+        largest: Largest allowed size [bytes].
 
     Raises:
-        DatasetError: if it cannot be read, is larger or is not UTF-8.
+        DatasetError: if the file cannot be read, is larger or is not UTF-8.
     """
     try:
         return read_bounded(path, largest, missing).decode("utf-8-sig")
@@ -70,11 +70,11 @@ def read_text(path: Path, missing: str, largest: int = LARGEST_BYTES) -> str:
 
 
 class _NotPlain(Exception):
-    """A node that no plain document holds.
+    """A node that is not plain data.
 
     Attributes:
-        reason: What it is and what to do.
-        line: Its line, from 1.
+        reason: The problem and its fix.
+        line: Line of the node, from 1.
     """
 
     def __init__(self, reason: str, event: Any) -> None:
@@ -83,15 +83,15 @@ class _NotPlain(Exception):
 
 
 class _PlainParser(Parser):
-    """Events of a document without aliases, anchors and tags, nested as deeply as a cell may be."""
+    """Parser that rejects aliases, anchors, tags and nesting deeper than `_DEEPEST`."""
 
     _nested = 0
 
     def get_event(self) -> Any:
-        """The next event.
+        """Return the next event.
 
         Raises:
-            _NotPlain: if no plain document has it.
+            _NotPlain: if the event is not plain data.
         """
         event = super().get_event()
         self._nested += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
@@ -99,22 +99,22 @@ class _PlainParser(Parser):
             raise _NotPlain(f"nested deeper than {_DEEPEST} levels; nothing in a cell is", event)
         if isinstance(event, AliasEvent) or getattr(event, "anchor", None) is not None:
             raise _NotPlain("aliases and anchors (* and &) are not allowed; write the value out", event)
-        # A document's start has tags too: a dictionary of handles.
+        # The event of a document's start has a `tags` dictionary; only a text is a tag.
         if isinstance(getattr(event, "tag", None), str):
             raise _NotPlain(f"tags ({event.tag[:_DEEPEST]}) are not allowed; write the plain value", event)
         return event
 
 
 def _format(path: str) -> str:
-    """The format that a file's name promises; JSON is YAML, too."""
+    """Format according to the file's name; JSON is parsed as YAML."""
     return "JSON" if path.lower().endswith((".json", ".jsonl")) else "YAML"
 
 
 def parse_yaml(text: str, path: str) -> Document:
-    """The data of a YAML 1.2 document and the lines of its keys.
+    """Parse a YAML 1.2 document into plain data and the lines of its keys.
 
     Raises:
-        DatasetError: if it is not YAML, holds an alias, an anchor, a tag or a key twice, or is nested too deeply.
+        DatasetError: if it is not YAML, has an alias, an anchor, a tag or a duplicate key, or is nested too deeply.
     """
     yaml = _yaml()
     yaml.Parser = _PlainParser
@@ -135,12 +135,12 @@ def parse_yaml(text: str, path: str) -> Document:
 
 
 def yaml_text(data: Any) -> str:
-    """YAML of plain data: a line for each innermost mapping or list, keys in the order given."""
+    """Format plain data as YAML: one line per innermost mapping or list, keys in their given order."""
     return _dump(data, None)
 
 
 def yaml_entry(name: str, value: Any) -> str:
-    """An entry of a mapping on one line: `name: {status: prior, sigma_m: 0.01}`."""
+    """Format an entry of a mapping on one line: `name: {status: prior, sigma_m: 0.01}`."""
     return _dump({name: value}, True).strip()[1:-1]
 
 
@@ -194,20 +194,20 @@ def _mapping(node: Any, loc: Loc, notes: _Notes) -> dict[str, Any]:
 
 
 class Fault(NamedTuple):
-    """An error, and its line, from 1."""
+    """A syntax error and its line, from 1."""
 
     reason: str
     line: int | None
 
 
 def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
-    """Where and what the fault is that a parser stumbled over."""
+    """Translate a parser's error to its likely cause and line."""
     said, mark, begun = str(error.problem or error.context), error.problem_mark, error.context_mark
     line = mark.line + 1 if mark else None
     lines = text.splitlines()
     tab = next((number for number, written in enumerate(lines, start=1) if _TAB.match(written)), None)
     if tab is not None:
-        return Fault("a tab sets this line in, which YAML does not allow: replace it by spaces", tab)
+        return Fault("this line is indented with a tab, which YAML does not allow: use spaces", tab)
     if said.startswith(_BRACKET) and begun:
         expected = said[len(_BRACKET)]
         return Fault(f"the bracket that opens here is not closed: add {expected}", begun.line + 1)
@@ -215,19 +215,19 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
         return Fault("the quote that opens here is not closed: add another", begun.line + 1)
     if said.startswith(_UNEXPECTED_KEYS) and line is not None:
         if line > len(lines):
-            return Fault("it ends before anything is said: expected `key: value`", len(lines))
+            return Fault("the file ends without content: expected `key: value`", len(lines))
         return _key_fault(lines, line)
     if said == _UNEXPECTED_ENTRY:
-        return Fault("this line is indented unlike those beside it: give entries of one list the same spaces", line)
+        return Fault("this line is indented unlike its neighbours: indent all entries of a list equally", line)
     if found := _UNEXPECTED_BRACKET.search(said):
-        return Fault(f"a bracket {found[1]} closes that nothing opened: remove it", line)
+        return Fault(f"a closing bracket {found[1]} has no opening bracket: remove it", line)
     if found := _NO_TOKEN.search(said):
         return Fault(f"a value cannot start with {found[1]!r}: put it into quotes", line)
     return Fault(" ".join(said.split()), line)
 
 
 def _key_fault(lines: list[str], line: int) -> Fault:
-    """A key stands where its own value, or that of the line before it, was expected."""
+    """Fault for a key where the parser expected a value."""
     above = next((number for number in range(line - 1, 0, -1) if _content(lines[number - 1])), None)
     for number in (above, line):
         if number is not None and _NO_SPACE.match(lines[number - 1]):
@@ -236,7 +236,7 @@ def _key_fault(lines: list[str], line: int) -> Fault:
         return Fault("expected `key: value`, there is no colon", above)
     if _content(lines[line - 1]).count(": ") > 1:
         return Fault("two colons: put a value that holds one into quotes", line)
-    return Fault("this line is indented under a line that has its value already: set it in as the one above", line)
+    return Fault("this line is indented under a line that already has a value: indent it like that line", line)
 
 
 def _content(line: str) -> str:

@@ -1,1 +1,1 @@
-"""`recording/samples.jsonl`: read, checked and appended to."""
+"""Reading, validation and appending of `recording/samples.jsonl`."""

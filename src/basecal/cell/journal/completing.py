@@ -1,4 +1,4 @@
-"""A journal with more in its samples: what another program recorded of them, joined to the lines that are there."""
+"""Merging of additional data, recorded by another program, into the samples of an existing journal."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from basecal.errors import DatasetError, InputError
 
 
 def completed_recording_text(folder: str | Path, samples: Iterable[Sample], replace: bool = False) -> str:
-    """The journal of a cell with these samples: each joins the line of its number, or is a new line at the end.
+    """Text of a cell's journal with samples merged into the lines of the same number, or appended.
 
-    Lines that nothing is added to stay as they are, to the byte; a last line that was cut off is left out.
+    Lines without additions stay byte for byte the same; an incomplete last line is left out.
 
     Args:
-        folder: The cell's.
-        samples: What is added.
-        replace: Whether what is added stands in for what a line holds already.
+        folder: The cell's folder.
+        samples: Samples to merge.
+        replace: Whether added data replace existing data of a line.
 
     Raises:
-        DatasetError: if a line that is added to cannot be read.
-        InputError: if it holds already what would be added: a robot, an image, or what a camera saw of a target.
+        DatasetError: if a line cannot be read.
+        InputError: if a line already has a robot, an image or an observation to be added, and `replace` is False.
     """
     path = own_file(folder, f"{FOLDER}/{FILE}")
     text = read_bounded(path, LARGEST_BYTES).removeprefix(BOM) if path.exists() else b""
@@ -53,9 +53,9 @@ def completed_recording_text(folder: str | Path, samples: Iterable[Sample], repl
 
 
 def _join_data(data: dict[str, Any], addition: dict[str, Any], place: Where | None) -> dict[str, Any]:
-    """The data of a line with what is added to it; a time that it has stays.
+    """Merge additional data into a line's data; an existing time stamp is kept.
 
-    Without a place for errors, what is added stands in for what is there.
+    If `place` is None, added data replace existing data.
     """
     out = {"stamp_s": addition["stamp_s"]} | data if "stamp_s" in addition else dict(data)
     for key in ("robots", "images", "background"):
@@ -76,7 +76,7 @@ def _join_data(data: dict[str, Any], addition: dict[str, Any], place: Where | No
 
 
 def _view(observation: dict[str, Any]) -> tuple[str, ...]:
-    """The camera or tip and the target of an observation's data."""
+    """Names of camera and target, or of tip and mark, that identify an observation."""
     keys = ("camera", "target", "tip", "touch", "tip2", "clamp")
     return tuple(str(observation[key]) for key in keys if key in observation)
 

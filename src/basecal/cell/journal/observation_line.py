@@ -1,4 +1,4 @@
-"""An observation of `samples.jsonl`: pixels, candidates, a pose, 3-D points, or tracks of the static scene."""
+"""Observations in `samples.jsonl`: pixels, candidates, poses, 3-D points, touches, or tracks of the static scene."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ _ANY = tuple(dict.fromkeys(field for fields in _FIELDS.values() for field in fie
 
 
 def track_observation(data: dict[str, Any], field: str, place: Where, cell: Cell) -> TrackObservation:
-    """A camera's observation of the static scene.
+    """Read a camera's observation of the static scene.
 
     Raises:
-        DatasetError: if it cannot be read as written.
+        DatasetError: if the observation is invalid.
     """
     place.mapping(data, field, _TRACK_FIELDS)
     camera = place.name(data.get("camera"), f"{field}.camera", "camera", cell.cameras)
@@ -57,9 +57,9 @@ class UnknownPoint(InputError):
     """An observation of a point that is not on the target, or of one point twice.
 
     Attributes:
-        target: What was seen.
-        ids: Of the points.
-        known: Of the target.
+        target: Name of the target.
+        ids: Ids of the observed points.
+        known: Ids of the target's points.
     """
 
     def __init__(self, message: str, target: str, ids: frozenset[int], context: frozenset[int]) -> None:
@@ -70,10 +70,10 @@ class UnknownPoint(InputError):
 def observation(
     value: Any, field: str, place: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
 ) -> tuple[tuple[str, str], Observation | None]:
-    """Camera and target, and what the one saw of the other; None if that is nothing.
+    """Read an observation: names of camera and target, and the observation, None if it is empty.
 
     Raises:
-        DatasetError: if it cannot be read as written.
+        DatasetError: if the observation is invalid.
         UnknownPoint: if an id is not on the target, or given twice.
     """
     data = place.mapping(value, field, (*_ANY, *_TOUCH_FIELDS, *_CLAMP_FIELDS))
@@ -101,14 +101,14 @@ def observation(
     if shape is None:
         raise place.error(f"{field}.target", f"points of {target!r} need its `kind` and shape in cell.yaml")
     if kind == "candidates" and not shape.is_point:
-        raise place.error(f"{field}.candidates", f"candidates are for a single light; {target!r} has several points")
+        raise place.error(f"{field}.candidates", f"candidates are for a single LED; {target!r} has several points")
     if kind != "points_in_camera_m" and cell.cameras[camera].intrinsics is None:
         raise place.error(f"{field}.camera", f"pixels of {camera!r} need its size_px and intrinsics in cell.yaml")
     return (camera, target), _points(kind, data, field, place, ids[target])
 
 
 def _touch(data: dict[str, Any], field: str, place: Where, cell: Cell) -> TouchObservation:
-    """A tip at a mark, or at another tip."""
+    """Read a touch of a tip at a mark or at another tip."""
     place.mapping(data, field, _TOUCH_FIELDS)
     given = [key for key in ("touch", "tip2") if key in data]
     if len(given) != 1:
@@ -124,7 +124,7 @@ def _touch(data: dict[str, Any], field: str, place: Where, cell: Cell) -> TouchO
 
 
 def _grip(data: dict[str, Any], field: str, place: Where, cell: Cell) -> TouchObservation:
-    """A part in the grip of two robots."""
+    """Read an observation of a part held by two robots."""
     place.mapping(data, field, _CLAMP_FIELDS)
     clamps = [name for name, camera in cell.cameras.items() if camera.kind == "clamp"]
     name = place.name(data["clamp"], f"{field}.clamp", "clamp", clamps)
@@ -140,7 +140,7 @@ def _sigma(data: dict[str, Any], field: str, place: Where, key: str) -> float | 
 def _points(
     kind: str, data: dict[str, Any], field: str, place: Where, context: frozenset[int]
 ) -> PixelObservation | CandidateObservation | PointObservation | None:
-    """Observed points, in pixels or in the camera's frame; None if there are none."""
+    """Read observed points, in pixels or in the camera's frame; None if there are none."""
     in_space = kind == "points_in_camera_m"
     points = numbers(place, f"{field}.{kind}", data[kind], 3 if in_space else 2)
     ids = None if kind == "candidates" else _ids(data, field, place, context, points)
@@ -156,12 +156,12 @@ def _points(
 
 def _ids(data: dict[str, Any], field: str, place: Where, context: frozenset[int], points: Array) -> IntArray:
     if "ids" not in data and len(context) > 1:
-        raise place.error(f"{field}.ids", f"missing; {data['target']!r} has several points, say which were seen")
+        raise place.error(f"{field}.ids", f"missing; {data['target']!r} has several points, give their ids")
     written = data.get("ids", [0] * min(len(points), 1))
     ids = whole_numbers(place, f"{field}.ids", written)
     if len(context) == 1 and len(points) > 1:
-        several = f"{len(points)} places of {data['target']!r}, which is one point; bright spots of which one is it"
-        raise place.error(field, f"{several} are its `candidates`")
+        several = f"{len(points)} points of {data['target']!r}, which has one"
+        raise place.error(field, f"{several}: record uncertain detections as `candidates`")
     if len(points) > len(context):
         raise place.error(field, f"{len(points)} points, {data['target']!r} has {len(context)}")
     if len(ids) != len(points):

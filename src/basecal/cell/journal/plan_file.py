@@ -1,4 +1,4 @@
-"""Samples that are to be taken: lines like those of a recording, with nothing but where robots shall be."""
+"""Plans of samples to be taken: lines in the format of a recording that hold only robot states."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from basecal.cell.recording import Sample
 
 
 def read_plan(path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample, ...]:
-    """The samples of a plan: of each its number, and where its robots shall be.
+    """Read the samples of a plan, each with its number and the planned robot states.
 
     Args:
-        path: The plan, lines or one object of all `samples`, or a recording whose places are to be gone to again.
+        path: The plan, as lines or as one object with all `samples`, or a recording to repeat.
         folder: The cell's folder.
         cell: The cell.
 
     Raises:
-        DatasetError: if a line cannot be read as written, or says of no robot where it shall be.
+        DatasetError: if a line is invalid, or has no robot state.
     """
     expected = "a plan has one JSON object a line, with its robots"
     text = read_bounded(Path(path), LARGEST_BYTES, expected).removeprefix(BOM)
     try:
         whole = json.loads(text)
     except (ValueError, RecursionError):
-        whole = None  # a line for each sample
+        whole = None  # one line per sample
     samples = whole.get("samples") if isinstance(whole, dict) else None
-    if isinstance(samples, list):  # all in one object, as `basecal plan --json` prints it
+    if isinstance(samples, list):  # one object, as printed by `basecal plan --json`
         return parse_plan([json.dumps(each).encode() for each in samples], path, folder, cell)
     return parse_plan(text.split(b"\n"), path, folder, cell)
 
 
 def parse_plan(lines: Iterable[bytes], path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample, ...]:
-    """As `read_plan`, of lines that were read from a file."""
+    """Parse the lines of a plan; see `read_plan`."""
     known = context(cell, inside(str(folder), FOLDER))
     samples: list[Sample] = []
     for number, line in enumerate(lines, start=1):
@@ -49,15 +49,15 @@ def parse_plan(lines: Iterable[bytes], path: str | Path, folder: str | Path, cel
         where = Where(str(path), number)
         read = sample_from_line(line, where, known)
         if not isinstance(read, Sample) or not read.robots:
-            raise where.error("robots", "expected where robots shall be, joints or poses of their flanges")
+            raise where.error("robots", "expected the planned joints or flange poses of robots")
         samples.append(Sample(read.sample, robots=read.robots))
     return tuple(samples)
 
 
 def write_plan(samples: Iterable[Sample], path: Path, folder: Path) -> None:
-    """Write samples that are to be taken, whole or not at all, below a folder.
+    """Write a plan atomically to a path inside a folder.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the plan cannot be written.
     """
     write_atomically(path, "".join(map(sample_line, samples)), base_folder=folder)

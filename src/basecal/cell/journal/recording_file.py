@@ -1,4 +1,4 @@
-"""`recording/samples.jsonl`: a journal, one instant a line, that is appended to and never rewritten."""
+"""`recording/samples.jsonl`: an append-only journal with one sample per line."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from basecal.geometry import Array
 FOLDER = "recording"
 FILE = "samples.jsonl"
 MOST_SAMPLES = 200_000
-"""Of a recording: a view a second for two days; more are no calibration's."""
+"""Largest number of samples in a recording: one per second for two days."""
 
 LARGEST_BYTES = 2**28
-"""Of a recording: 256 MB, a thousand views of 5000 points each."""
+"""Largest size of a recording [bytes]: 256 MB, a thousand views of 5000 points each."""
 
 _LONGEST_LINE = 2**24  # 16 MB: 400,000 points
 BOM = b"\xef\xbb\xbf"
-"""Which some editors write before a text."""
-_MARGIN_PX = 0.05  # of the image's width: noise of points at its border stays within, sizes differ by more
-_OUTSIDE_SHARE = 0.05  # of the points: fewer are stray ones, which are found as outliers
+"""UTF-8 byte order mark, which some editors write at the start of a file."""
+_MARGIN_PX = 0.05  # share of the image's width: noise of points at the border is smaller, a wrong image size exceeds it
+_OUTSIDE_SHARE = 0.05  # of the points; a smaller share is left to outlier detection
 
 
 def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
-    """The recording of a cell, with a finding for each sample that had to be dropped.
+    """Read the recording of a cell, with findings about dropped samples.
 
     Args:
         folder: The cell's folder.
-        cell: What it describes; read from the folder where not given.
+        cell: The cell; read from the folder if None.
 
     Raises:
         DatasetError: if the cell, or a line of the recording, cannot be read as written.
@@ -55,7 +55,7 @@ def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
 
 
 def read_samples(path: str | Path, folder: str | Path, cell: Cell) -> Recording:
-    """Samples of a journal that stands anywhere, of a cell; paths of images are those of the cell's own recording.
+    """Read samples of a cell from a journal at any path; image paths are relative to the cell's own recording.
 
     Raises:
         DatasetError: if a line cannot be read as written.
@@ -65,7 +65,7 @@ def read_samples(path: str | Path, folder: str | Path, cell: Cell) -> Recording:
 
 
 def recording_from_text(text: bytes, folder: str | Path, cell: Cell) -> Recording:
-    """The recording that a cell has where its journal holds this text.
+    """Parse the text of a cell's journal as a recording.
 
     Raises:
         DatasetError: if a line cannot be read as written.
@@ -74,10 +74,10 @@ def recording_from_text(text: bytes, folder: str | Path, cell: Cell) -> Recordin
 
 
 def write_recording(recording: Recording, folder: str | Path) -> Path:
-    """Path of a new `samples.jsonl` with all samples, written whole or not at all.
+    """Write all samples atomically to a new `samples.jsonl` and return its path.
 
     Raises:
-        InputError: if it is no recording, there is one already, a number is not finite, or it cannot be written.
+        InputError: if the argument is not a recording, the file exists, a number is not finite, or writing fails.
     """
     check_type("recording", recording, Recording)
     path = Path(folder) / FOLDER / FILE
@@ -88,7 +88,7 @@ def write_recording(recording: Recording, folder: str | Path) -> Path:
 
 
 def append_sample(folder: str | Path, sample: Sample) -> Finding | None:
-    """A finding where the journal had to be repaired first; the sample is appended, and on the disk.
+    """Append a sample to the journal and flush it to the disk; return a finding if the journal was repaired first.
 
     Raises:
         InputError: if a number is not finite, or the file cannot be written.
@@ -97,9 +97,9 @@ def append_sample(folder: str | Path, sample: Sample) -> Finding | None:
 
 
 def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | None:
-    """A finding where the journal had to be repaired first; the samples are appended, and on the disk.
+    """Append samples to the journal and flush them to the disk; return a finding if the journal was repaired first.
 
-    A journal cut in the middle of a line is cut back to its last newline.
+    A journal that ends in the middle of a line is truncated at its last newline.
 
     Raises:
         InputError: if a number is not finite, or the file cannot be written.
@@ -114,7 +114,7 @@ def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | N
 
 
 def sample_line(sample: Sample) -> str:
-    """The line of a sample.
+    """JSON line of a sample, with its newline.
 
     Raises:
         InputError: if a number is not finite.
@@ -164,7 +164,7 @@ def _cut_finding(path: str, line: int, action: str) -> Finding:
 
 
 def _is_whole(tail: bytes) -> bool:
-    """Whether a last line without a newline lacks nothing else."""
+    """Whether a last line without a newline is otherwise complete."""
     try:
         line_data(tail, Where("", 0))
     except DatasetError:
@@ -173,7 +173,7 @@ def _is_whole(tail: bytes) -> bool:
 
 
 def _repair(path: Path) -> Finding | None:
-    """End the journal with a newline: after a last line that is whole, else before it."""
+    """End the journal with a newline: complete the last line if it is valid JSON, otherwise remove it."""
     with open_own(path, "r+b") as journal:
         size = journal.seek(0, 2)
         if size == 0:
@@ -192,16 +192,16 @@ def _repair(path: Path) -> Finding | None:
 
 
 def check_image_bounds(samples: Sequence[Sample], lines: Mapping[int, int], path: str, cell: Cell) -> None:
-    """Check that the pixels of each camera lie in its image, but for a few stray ones.
+    """Check that at least 95 % of each camera's pixels lie in its image.
 
     Args:
-        samples: Those that were read.
+        samples: The samples read.
         lines: Line of each sample, by its number.
-        path: The file they stand in.
-        cell: Its cameras.
+        path: The file of the samples.
+        cell: The cell with the cameras.
 
     Raises:
-        DatasetError: naming the first line with a pixel outside, and which size looks wrong.
+        DatasetError: if they do not, with the first line that has a pixel outside and the likely cause.
     """
     for name, camera in cell.cameras.items():
         views = [
@@ -229,7 +229,7 @@ def _inside_mask(pixels: Array, size_px: tuple[int, int]) -> np.ndarray[tuple[in
 
 
 def _cause(camera: CellCamera, pixels: Array) -> str:
-    """Which number looks wrong, and what to do."""
+    """Likely cause of pixels outside the image, and how to fix it."""
     width, height = camera.size_px or (0, 0)
     u, v = np.max(pixels, axis=0)
     reach = f"; they reach to ({u:.0f}, {v:.0f})"
@@ -247,11 +247,11 @@ def _cause(camera: CellCamera, pixels: Array) -> str:
 
 
 def unknown_points(drops: Sequence[Dropped], path: str) -> list[Finding]:
-    """Findings about samples that were dropped for the ids of their points, in the order of the file.
+    """Findings about samples dropped because of unknown or repeated point ids, one finding per target.
 
     Args:
-        drops: The samples.
-        path: The file they stand in.
+        drops: The dropped samples, in the order of the file.
+        path: The file of the samples.
     """
     by_target: dict[str, list[Dropped]] = {}
     for each in drops:

@@ -1,4 +1,4 @@
-"""A sample as the plain data of a line of `samples.jsonl`."""
+"""Conversion of a sample to the plain data of a line of `samples.jsonl`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from basecal.geometry import Array
 
 
 def sample_to_dict(sample: Sample, folder: str) -> dict[str, Any]:
-    """The data of a line; paths are written relative to `folder` of the cell."""
+    """Convert a sample to the data of a line; paths are relative to `folder` of the cell."""
     data: dict[str, Any] = {"sample": int(sample.sample)}
     if sample.stamp_s is not None:
         data["stamp_s"] = float(sample.stamp_s)

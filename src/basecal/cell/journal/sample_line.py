@@ -1,4 +1,4 @@
-"""A line of `samples.jsonl`: one instant, checked against the cell."""
+"""A line of `samples.jsonl`: one sample, validated against the cell."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from basecal.errors import InputError
 from basecal.fields.problems import CAUSE_LENGTH, shorten
 
 _FIELDS = ("sample", "stamp_s", "robots", "images", "background", "observations")
-_LARGEST_NUMBER = 2**53  # up to which other programs keep every whole number of JSON
-_LARGEST_STAMP = 1e12  # [s] either way: a double then still tells a tenth of a millisecond
+_LARGEST_NUMBER = 2**53  # largest whole number in JSON that all programs read exactly
+_LARGEST_STAMP = 1e12  # [s] absolute value: a double then still resolves 0.1 ms
 
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """The context in which a line is checked.
+    """Context for the validation of a line.
 
     Attributes:
         cell: The cell.
-        ids: Ids of the points of each target that has a shape.
-        path_in_cell: From a path as written to one relative to the cell; raises InputError.
+        ids: Point ids of each target that has a shape.
+        path_in_cell: Function from a path as written to a path relative to the cell; raises InputError.
     """
 
     cell: Cell
@@ -36,16 +36,16 @@ class Context:
 
 
 def context(cell: Cell, path_in_cell: Callable[[str], str]) -> Context:
-    """The context of a cell's lines."""
+    """Context for the validation of a cell's lines."""
     shapes = {name: entry.target for name, entry in cell.targets.items() if entry.target is not None}
     return Context(cell, {name: frozenset(shape.ids.tolist()) for name, shape in shapes.items()}, path_in_cell)
 
 
 def line_data(text: bytes, place: Where) -> Any:
-    """The data of a line.
+    """Parse a line.
 
     Raises:
-        DatasetError: if it is not JSON in UTF-8, is nested too deeply or holds a key twice.
+        DatasetError: if the line is not JSON in UTF-8, is nested too deeply or has a duplicate key.
     """
     try:
         return _DECODER.decode(text.decode("utf-8"))
@@ -59,13 +59,13 @@ def line_data(text: bytes, place: Where) -> Any:
         raise place.error("", f"{where_and_what}{hint}") from None
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:CAUSE_LENGTH]
-        if "int_max_str_digits" in reason:  # advice for who wrote the program
+        if "int_max_str_digits" in reason:  # Python's message is for programmers
             reason = "a whole number has thousands of digits"
         raise place.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
 
 
 class Dropped(NamedTuple):
-    """A sample that cannot be used, the line on which it stands, and why."""
+    """A sample that cannot be used, its line in the file, and the reason."""
 
     sample: int
     line: int
@@ -73,14 +73,14 @@ class Dropped(NamedTuple):
 
 
 def sample_from_line(text: bytes, place: Where, context: Context) -> Sample | Dropped:
-    """The sample of a line, or why it is dropped.
+    """Read the sample of a line; if it is dropped, return the reason.
 
     Raises:
-        DatasetError: if the line cannot be read as written.
+        DatasetError: if the line is invalid.
     """
     data = line_data(text, place)
     try:
-        # No field of a line is true or false, and NumPy would take them for 1 and 0.
+        # No field of a line is boolean, and NumPy would convert true and false to 1 and 0.
         if (b"true" in text or b"false" in text) and (field := _boolean(data, "")) is not None:
             raise place.error(field, "expected a number or text, got true or false")
         data = place.mapping(data, "", _FIELDS)
@@ -113,7 +113,7 @@ _DECODER = json.JSONDecoder(object_pairs_hook=_unique_keys)
 
 
 def _boolean(value: Any, field: str) -> str | None:
-    """Where the first true or false stands."""
+    """Field of the first boolean in a value; None if there is none."""
     if isinstance(value, bool):
         return field
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()

@@ -1,4 +1,4 @@
-"""Numbers, ids and poses of a recorded line, checked fast: a recording has millions of them."""
+"""Fast validation of numbers, ids and poses of a recorded line: a recording has millions of them."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class Where:
         return DatasetError(self.path, message, self.line, field or None)
 
     def mapping(self, value: Any, field: str, context: tuple[str, ...] | None = None) -> dict[str, Any]:
-        """The value itself, when it is a mapping with no other than the known keys.
+        """Check that a value is a mapping with known keys only, and return it.
 
         Raises:
-            DatasetError: if not.
+            DatasetError: if it is not.
         """
         if not isinstance(value, dict):
             raise self.error(field, f"expected an object {{...}}, got {shorten(value)}")
@@ -48,10 +48,10 @@ class Where:
         return value
 
     def name(self, value: Any, field: str, kind: str, context: Any) -> str:
-        """The value itself, when it is one of the known names.
+        """Check that a value is one of the known names, and return it.
 
         Raises:
-            DatasetError: if not.
+            DatasetError: if it is not.
         """
         if isinstance(value, str) and value in context:
             return value
@@ -61,10 +61,10 @@ class Where:
 
 
 def number(place: Where, field: str, value: Any, largest: float) -> float:
-    """A finite number within +-largest.
+    """Check that a value is a finite number within +-`largest`, and return it.
 
     Raises:
-        DatasetError: if it is none.
+        DatasetError: if it is not.
     """
     if not isinstance(value, int | float) or not abs(value) <= largest:
         raise place.error(field, f"expected a finite number within {largest:g}, got {shorten(value)}")
@@ -72,10 +72,10 @@ def number(place: Where, field: str, value: Any, largest: float) -> float:
 
 
 def numbers(place: Where, field: str, value: Any, columns: int | None = None) -> Array:
-    """A read-only list of numbers, (n,), or of rows of numbers, (n, columns).
+    """Convert a list to a read-only array of numbers, (n,), or of rows, (n, columns).
 
     Raises:
-        DatasetError: if it is none, or a number is not finite or beyond 1e6.
+        DatasetError: if the value is not such a list, or a number is not finite or beyond 1e6.
     """
     expected = "a list of numbers" if columns is None else f"a list of rows of {columns} numbers"
     array = _array(value)
@@ -84,7 +84,7 @@ def numbers(place: Where, field: str, value: Any, columns: int | None = None) ->
     row = () if columns is None else (columns,)
     if array is None or array.dtype.kind not in "iuf" or array.ndim != 1 + len(row) or array.shape[1:] != row:
         raise place.error(field, f"expected {expected}, got {_odd_one(value, columns)}")
-    # Also false where NaN.
+    # The comparison is also false for NaN.
     if not (np.abs(array) <= LARGEST_VALUE).all():
         got = f"holds NaN, infinity or a number beyond {LARGEST_VALUE:g}"
         raise place.error(field, f"{got}: {_odd_one(value, columns)}; expected {expected}")
@@ -94,7 +94,7 @@ def numbers(place: Where, field: str, value: Any, columns: int | None = None) ->
 
 
 def _odd_one(value: Any, columns: int | None) -> str:
-    """The first item that is not as the others have to be, and which it is; the whole where there is none."""
+    """Text of the first invalid item and its index; of the whole value if no item is invalid."""
     for index, item in enumerate(value if isinstance(value, list) else ()):
         row = [item] if columns is None else item
         if not isinstance(row, list) or len(row) != (columns or 1) or not all(map(_is_number, row)):
@@ -122,10 +122,10 @@ def _array(value: Any) -> np.ndarray[Any, Any] | None:
 
 
 def whole_numbers(place: Where, field: str, value: Any) -> IntArray:
-    """A read-only list of whole numbers, (n,).
+    """Convert a list to a read-only array of whole numbers, (n,).
 
     Raises:
-        DatasetError: if it is none.
+        DatasetError: if the value is not a list of whole numbers.
     """
     array = _array(value)
     if array is None or array.ndim != 1 or (array.size and array.dtype.kind != "i"):
@@ -136,10 +136,10 @@ def whole_numbers(place: Where, field: str, value: Any) -> IntArray:
 
 
 def sigmas(place: Where, field: str, value: Any, count: int) -> Array | None:
-    """`count` positive numbers, (count,), of one or as many; None if not stated.
+    """Convert one number, or a list of `count`, to positive sigmas, (count,); None if not stated.
 
     Raises:
-        DatasetError: if they are none.
+        DatasetError: if the value is invalid.
     """
     if value is None:
         return None
@@ -154,10 +154,10 @@ def sigmas(place: Where, field: str, value: Any, count: int) -> Array | None:
 
 
 def vector(place: Where, field: str, value: Any, count: int) -> list[float]:
-    """Exactly `count` finite numbers; for so few, without NumPy is faster.
+    """Check that a value is a list of exactly `count` finite numbers, and return it; faster here without NumPy.
 
     Raises:
-        DatasetError: if they are none.
+        DatasetError: if it is not.
     """
     if not isinstance(value, list) or len(value) != count:
         raise place.error(field, f"expected {count} numbers, got {shorten(value)}")
@@ -168,10 +168,10 @@ def vector(place: Where, field: str, value: Any, count: int) -> list[float]:
 
 
 def pose(place: Where, field: str, value: Any, with_sigmas: bool = False) -> tuple[SE3, Array | None]:
-    """A transform and, where stated, its sigmas (6,).
+    """Read a transform and its sigmas, (6,) [m, rad]; None if not stated.
 
     Raises:
-        DatasetError: if it has not a position and one rotation, or anything else.
+        DatasetError: if the value is not exactly a position and one rotation, with or without sigmas.
     """
     fields = place.mapping(value, field)
     sigma = None
@@ -196,7 +196,7 @@ def pose(place: Where, field: str, value: Any, with_sigmas: bool = False) -> tup
 
 
 def _rotation(x: float, y: float, z: float, w: float) -> Array:
-    # Written out for one quaternion: ten times as fast as the code for batches.
+    # Written out for one quaternion: ten times faster than the code for batches.
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -207,7 +207,7 @@ def _rotation(x: float, y: float, z: float, w: float) -> Array:
 
 
 def _pose_any(place: Where, field: str, fields: dict[str, Any]) -> SE3:
-    """A pose in one of the rarer notations."""
+    """Read a pose in one of the less common notations."""
     try:
         return pose_se3(full_pose(PoseEntry.model_validate(fields)))
     except ValidationError as error:

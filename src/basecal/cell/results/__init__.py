@@ -1,1 +1,1 @@
-"""Files of the answer and of the truth: `calibration.json` and `truth.yaml`."""
+"""Files of results and ground truth, such as `calibration.json` and `truth.yaml`."""

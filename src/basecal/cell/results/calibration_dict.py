@@ -1,4 +1,4 @@
-"""A calibration as the plain data of `calibration.json`, and back."""
+"""Conversion between a calibration and the plain data of `calibration.json`."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _FILE, _BUDGET_ENTRY, _FINDING = (TypeAdapter[Any](noun) for noun in (Calibratio
 
 
 def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
-    """The data of `calibration.json`; what was not computed, or is not finite, is null.
+    """Convert a calibration to the data of `calibration.json`; values not computed or not finite become None.
 
     Raises:
-        InputError: if it is no calibration.
+        InputError: if the argument is not a calibration.
     """
     check_type("calibration", calibration, Calibration)
     of_robots: dict[str, Any] = {}
@@ -42,21 +42,21 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
 
 
 def budget_entry(entry: BudgetEntry) -> dict[str, Any]:
-    """A line of a budget as JSON holds it."""
+    """Convert an entry of an error budget to JSON data."""
     return _data(_BUDGET_ENTRY, entry)
 
 
 def finding_to_dict(finding: Finding) -> dict[str, Any]:
-    """A finding as JSON holds it."""
+    """Convert a finding to JSON data."""
     plain: dict[str, Any] = _plain(_data(_FINDING, finding) | {"message": finding.message})
     return plain
 
 
 def calibration_from_dict(data: Any) -> Calibration:
-    """The calibration of the data of a `calibration.json`.
+    """Create a calibration from the data of a `calibration.json`.
 
     Raises:
-        InputError: if it is of another schema, or something is missing, unknown or of another kind.
+        InputError: if the schema differs, or a field is missing, unknown or invalid.
     """
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         got = data.get("schema") if isinstance(data, dict) else type(data).__name__
@@ -88,7 +88,7 @@ def _read(data: dict[str, Any]) -> Calibration:
 
 
 def _other_field(data: Any, expected_data: Any, loc: Loc) -> Problem | None:
-    """The first field that is not there, or is there and is not known, by what would be written."""
+    """First missing or unknown field of `data`, compared with the data that would be written; None if there is none."""
     parts: list[tuple[str | int, Any, Any]] = []
     if (
         isinstance(data, list)
@@ -113,17 +113,17 @@ def _other_field(data: Any, expected_data: Any, loc: Loc) -> Problem | None:
 
 
 def _data(noun: TypeAdapter[Any], value: Any) -> dict[str, Any]:
-    """The fields of a noun by their names in files; arrays stay."""
+    """Fields of an object by their names in files; arrays are not converted."""
     data: dict[str, Any] = noun.dump_python(value, by_alias=True, warnings=False)
     return data
 
 
 def _plain(value: Any) -> Any:
-    """Values that JSON holds: arrays as lists, and null for a number that is not finite, or as good as that."""
+    """Convert values to JSON data: arrays to lists, numbers that are not finite or beyond LARGEST_NUMBER to None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        # Of a hundred robots the joint covariance has millions of numbers.
+        # The joint covariance of a hundred robots has millions of numbers.
         is_plain = value.dtype.kind == "f" and bool(np.all(np.abs(value) <= LARGEST_NUMBER))
         return value.tolist() if is_plain else _plain(value.tolist())
     if isinstance(value, list | tuple | set | frozenset):

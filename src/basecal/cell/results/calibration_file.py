@@ -1,4 +1,4 @@
-"""`runs/<UTC time>/calibration.json`: results, each in a folder of its own."""
+"""`runs/<UTC time>/calibration.json`: each calibration result in its own folder."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from basecal.errors import DatasetError, FrameNotFound, InputError
 
 RUNS = "runs"
 FILE = "calibration.json"
-_LARGEST_BYTES = 2**28  # 256 MB: the joint covariance of a hundred and fifty robots, or two million views
+_LARGEST_BYTES = 2**28  # 256 MB: the joint covariance of 150 robots, or two million views
 _RUN = re.compile(r"(\d{8}T\d{6}Z)(?:-(\d+))?")
 
 
 def write_calibration(calibration: Calibration, cell_folder: str | Path) -> Path:
-    """Path of the `calibration.json` written into a new folder `runs/<UTC time>`.
+    """Write `calibration.json` into a new folder `runs/<UTC time>` and return its path.
 
     Raises:
-        InputError: if it cannot be written, or what would be written could not be read.
+        InputError: if the file cannot be written, or its content could not be read back.
     """
     data = calibration_to_dict(calibration)
     try:
@@ -45,10 +45,10 @@ def write_calibration(calibration: Calibration, cell_folder: str | Path) -> Path
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """The calibration of a `calibration.json`, given as the file or as the folder of its run.
+    """Read a calibration from a `calibration.json`, or from the folder of its run.
 
     Raises:
-        DatasetError: if it cannot be read as written.
+        DatasetError: if the file is missing or invalid.
     """
     file = _file(path)
     try:
@@ -60,19 +60,19 @@ def read_calibration(path: str | Path) -> Calibration:
 
 
 def read_calibration_data(path: str | Path) -> Any:
-    """Content of a `calibration.json`, given likewise, as plain data that is not validated.
+    """Read the plain data of a `calibration.json`, or from the folder of its run, without validation.
 
     Raises:
-        DatasetError: if it is not JSON.
+        DatasetError: if the file cannot be read or is not JSON.
     """
     file = _file(path)
     text = read_text(file, "calibrate first, or give the file or folder of a run", _LARGEST_BYTES)
     try:
         data = json.loads(text, parse_constant=_refuse)
-        if "\\ud" in text.lower():  # else no text can hold half a character
+        if "\\ud" in text.lower():  # only such an escape can be an unpaired surrogate
             json.dumps(data, ensure_ascii=False).encode()
     except UnicodeEncodeError:
-        raise DatasetError(str(file), "a text holds half a character (\\ud800 to \\udfff); calibrate again") from None
+        raise DatasetError(str(file), "text has an unpaired surrogate (\\ud800 to \\udfff); calibrate again") from None
     except json.JSONDecodeError as error:
         raise DatasetError(str(file), f"not JSON ({error.msg}); calibrate again", error.lineno) from None
     except (ValueError, RecursionError) as error:
@@ -90,21 +90,21 @@ def _refuse(constant: str) -> None:
 
 
 def latest_run(folder: str | Path) -> Path | None:
-    """Folder of the run of a cell whose `calibration.json` was written last; None if there is none.
+    """Folder of a cell's most recently written run; None if there is none.
 
-    Names of runs are by the clock, which may have been wrong; they distinguish runs that were written at once.
+    Runs are ordered by the modification time of `calibration.json`, then by name.
     """
     runs = _runs_by_time(folder)
     return runs[0] if runs else None
 
 
 def run_names(folder: str | Path) -> tuple[str, ...]:
-    """Names of the runs of a cell, the one that was written last first."""
+    """Names of a cell's runs, the most recent first."""
     return tuple(run.name for run in _runs_by_time(folder))
 
 
 def _runs_by_time(folder: str | Path) -> list[Path]:
-    """Folders of runs, the one that was written last first."""
+    """Folders of a cell's runs, the most recent first."""
     found = [(match, run) for run in _runs(folder) if (match := _RUN.fullmatch(run.name))]
     written = [((run / FILE).stat().st_mtime_ns, match[1], int(match[2] or 1), run) for match, run in found]
     return [run for *_, run in sorted(written, reverse=True)]
@@ -114,18 +114,18 @@ def _runs(folder: str | Path) -> list[Path]:
     """Folders of a cell's runs that have a calibration.
 
     Raises:
-        DatasetError: if a link among them leads out of the cell.
+        DatasetError: if a run is a link that leads out of the cell.
     """
     runs = own_file(folder, RUNS)
     return [own_file(folder, f"{RUNS}/{run.name}/{FILE}").parent for run in runs.glob("*") if (run / FILE).is_file()]
 
 
 def run_folder(folder: str | Path, name: str) -> Path:
-    """Folder of the run of a cell that has a name.
+    """Folder of a cell's run with the given name.
 
     Raises:
-        FrameNotFound: if there is none.
-        DatasetError: if a link among the runs leads out of the cell.
+        FrameNotFound: if there is no such run.
+        DatasetError: if a run is a link that leads out of the cell.
     """
     runs = {run.name: run for run in _runs(folder)}
     if name not in runs:
@@ -134,14 +134,14 @@ def run_folder(folder: str | Path, name: str) -> Path:
 
 
 def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]:
-    """`sha256:...` of the files a calibration starts from, by path in the cell: those that exist.
+    """Hashes `sha256:...` of a calibration's existing input files, by path in the cell.
 
     Args:
         folder: The cell's folder.
-        cell: Where given, the URDF files of its robots are among them.
+        cell: The cell, to include the URDF files of its robots; None to leave them out.
 
     Raises:
-        InputError: if one cannot be read.
+        DatasetError: if a file cannot be read.
     """
     urdfs = [robot.urdf for robot in cell.robots.values() if robot.urdf] if cell else []
     names = [cell_file.FILE, f"{recording_file.FOLDER}/{recording_file.FILE}", *sorted(set(urdfs))]
@@ -158,7 +158,7 @@ def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]
 
 
 def indent_json(value: Any, level: int = 0) -> str:
-    """The text of plain data, indented by a space a level; a row of numbers is one line.
+    """Format plain data as JSON, indented by one space per level; an innermost list or mapping is one line.
 
     Raises:
         ValueError: if a number is not finite.

@@ -1,4 +1,4 @@
-"""The model of `calibration.json`: nouns in the form and the units of files."""
+"""Data model of `calibration.json` with the field names and units of the file."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _Name = Annotated[str, AfterValidator(_transform_name)]
 
 
 class _Known(NamedTuple):
-    """A transform that is known; `size` is 3 if only its position is defined, else 6."""
+    """A known transform; `size` is 3 if only its position is defined, otherwise 6."""
 
     estimate: PoseEstimate
     size: int
@@ -72,7 +72,7 @@ class _WrittenTransform(WrittenPose):
     verdict: Verdict
 
     def transform_entry(self) -> _Known:
-        """The transform, with a covariance (6, 6)."""
+        """Return the transform with a covariance (6, 6) [m, rad]."""
         size, full = len(self.covariance), np.zeros((6, 6))
         if size not in (3, 6):
             raise ValueError(f"covariance: has {size} rows, expected 3 or 6")
@@ -97,7 +97,7 @@ class _WrittenLens(BaseModel):
     covariance: Covariance
 
     def lens(self) -> tuple[Camera, Array]:
-        """The camera, and the covariance of its parameters."""
+        """Return the camera and the covariance of its parameters."""
         parameters = np.array([self.fx, self.fy, self.cx, self.cy, *self.distortion])
         return Camera(self.model, parameters, self.size_px), self.covariance
 
@@ -126,13 +126,13 @@ class _Observability:
 
 
 class _WrittenSettings(BaseModel):
-    """The settings in use; only those that calculations use are validated."""
+    """Settings; only those used in calculations are validated."""
 
     model_config = ConfigDict(extra="allow", defer_build=True)
     tolerance_m: Annotated[Length, Field(gt=0)] | None = None
 
     def plain(self) -> dict[str, Any]:
-        """The data."""
+        """Return the settings as plain data."""
         return self.model_dump(exclude_unset=True)
 
 
@@ -144,7 +144,7 @@ _TimeSigma = Annotated[Seconds, Field(ge=0)]
 
 @dataclass(frozen=True, eq=False)
 class CalibrationFile:
-    """Content of `calibration.json` beside its schema, the program's version and parameters of robots."""
+    """Content of `calibration.json` without its schema, the program's version and the robot parameters."""
 
     __pydantic_config__: ClassVar = ConfigDict(allow_inf_nan=False, defer_build=True)
     verdict: Verdict
@@ -173,10 +173,10 @@ class CalibrationFile:
     versions: Mapping[str, str]
 
     def check_fields(self) -> Self:
-        """The file itself, if its fields go together.
+        """Check that the fields are consistent, and return self.
 
         Raises:
-            InputError: if they do not.
+            InputError: if they are not.
         """
         for sigmas, values in (("clock_sigma_s", "clock_offset_s"), ("line_time_sigma_s", "line_time_s")):
             if (getattr(self, sigmas) or {}).keys() != (getattr(self, values) or {}).keys():
@@ -195,7 +195,7 @@ class CalibrationFile:
 
     @classmethod
     def from_calibration(cls, calibration: Calibration) -> Self:
-        """The file of a calibration."""
+        """Return the file content of a calibration."""
         joint = calibration.joint_covariance
         clocks, lines = calibration.clocks, calibration.line_times
         return cls(
@@ -211,7 +211,7 @@ class CalibrationFile:
         )
 
     def calibration(self, robot_parameters: Mapping[str, Mapping[str, RobotParameters]]) -> Calibration:
-        """The calibration, with parameters of robots by kind."""
+        """Return the calibration with these robot parameters by kind, then by robot."""
         known, joint = self.transforms, self.joint
         return Calibration(
             transforms={name: each.estimate for name, each in known.items()},
@@ -243,7 +243,7 @@ def _transform_entry(name: str, calibration: Calibration) -> _Known:
 
 
 class _Measured(BaseModel):
-    """Sigmas of what cameras measure."""
+    """Sigmas of camera measurements."""
 
     pixel_px: Sigma | None = None
     pose_m: Sigma | None = None
@@ -259,7 +259,7 @@ class _Camera(_Measured):
 
 
 class _Robot(BaseModel):
-    """Sigmas of each stop alone; errors that stops share have the name of their effect."""
+    """Sigmas of a robot's independent error per stop; errors shared by stops are stored by random effect."""
 
     sigma_t_m: _Sigma3
     sigma_r_rad: _Sigma3
@@ -276,7 +276,7 @@ class _Target(BaseModel):
 
 
 def _shared_entry(name: str, effect: RandomEffect) -> Any:
-    """The entry of an effect: its sigmas, and its figures."""
+    """Field of a random effect in the model: its sigmas and figures."""
     of_errors = () if effect.is_by_coordinate else ("shift_m", "turn_rad")
     numbers: dict[str, Any] = dict.fromkeys((*of_errors, *effect.figures), (Real, ...))
     return create_model(name, sigma=(_Sigma6, ...), **numbers) | None, None
@@ -299,4 +299,4 @@ def _read(noise: _Noise | None) -> dict[str, Any]:
 
 
 WrittenNoise = Annotated[Mapping[str, Any], as_written(_Noise | None, _read, dict)]
-"""Sigmas by what they are of; those of `cameras`, `robots`, `clocks` and `targets` by name."""
+"""Sigmas by measurement; those of `cameras`, `robots`, `clocks` and `targets` also by name."""

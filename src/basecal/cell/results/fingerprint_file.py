@@ -1,4 +1,4 @@
-"""`scene.points` beside a `calibration.json`: of each point of the scene x, y, z [m] and its descriptor, in bytes."""
+"""`scene.points` next to a `calibration.json`: binary positions [m] and descriptors of the scene points."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ _MOST_POINTS = 100_000
 
 
 def write_fingerprint(fingerprint: Fingerprint, run: Path, cell_folder: Path) -> None:
-    """Write the points of a run, whose folder is within that of the cell."""
+    """Write the scene points of a run; the run's folder is inside the cell's folder."""
     content = places_to_bytes(fingerprint.points, fingerprint.descriptors)
     write_atomically(run / FILE, content, base_folder=cell_folder)
 
 
 def read_fingerprint(run: Path) -> Fingerprint | None:
-    """The points of a run; None if it has none.
+    """Read the scene points of a run; None if it has none.
 
     Raises:
-        DatasetError: if the file cannot be read as written.
+        DatasetError: if the file cannot be read or is damaged.
     """
     path = (run if run.is_dir() else run.parent) / FILE
     if not path.exists():

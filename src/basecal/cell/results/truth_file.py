@@ -1,4 +1,4 @@
-"""`truth.yaml`: what is so in a simulated cell."""
+"""`truth.yaml`: ground truth of a simulated cell."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SCHEMA = "basecal/truth/1"
 
 
 class _Truth(BaseModel):
-    """All of `truth.yaml`; what else is so in the cell stands beside."""
+    """Content of `truth.yaml`; other fields of the ground truth are allowed."""
 
     model_config = ConfigDict(extra="allow", defer_build=True)
     version: Literal["basecal/truth/1"] = Field(alias="schema")
@@ -28,15 +28,15 @@ class _Truth(BaseModel):
 
 
 def write_truth(folder: str | Path, transforms: Mapping[str, SE3], **extra: Any) -> Path:
-    """Path of the `truth.yaml` written into a folder.
+    """Write `truth.yaml` into a folder and return its path.
 
     Args:
         folder: The cell's folder.
-        transforms: By name, `a_from_b`.
-        extra: More that is so, as plain data (a seed, sigmas).
+        transforms: True transforms by name, `a_from_b`.
+        extra: Other ground truth as plain data, such as a seed or sigmas.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the file cannot be written.
     """
     poses = {name: pose_dict(transform) for name, transform in transforms.items()}
     path = Path(folder) / FILE
@@ -45,19 +45,19 @@ def write_truth(folder: str | Path, transforms: Mapping[str, SE3], **extra: Any)
 
 
 def read_truth(folder: str | Path) -> dict[str, SE3]:
-    """The true transforms of a simulated cell, by name.
+    """Read the true transforms of a simulated cell, by name.
 
     Raises:
-        DatasetError: if there is no `truth.yaml`, or it cannot be read as written.
+        DatasetError: if `truth.yaml` is missing or invalid.
     """
     return {name: pose_se3(pose) for name, pose in _read(folder).transforms.items()}
 
 
 def read_truth_extra(folder: str | Path) -> dict[str, Any]:
-    """Other content of `truth.yaml`, beside the transforms, as plain data.
+    """Read the content of `truth.yaml` other than the transforms, as plain data.
 
     Raises:
-        DatasetError: if there is no `truth.yaml`, or it cannot be read as written.
+        DatasetError: if `truth.yaml` is missing or invalid.
     """
     extra: dict[str, Any] = _read(folder).model_extra or {}
     return extra

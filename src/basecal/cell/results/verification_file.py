@@ -1,4 +1,4 @@
-"""`verifications.jsonl`: what verifications of a cell found, one a line, appended as they are made."""
+"""`verifications.jsonl`: append-only log of a cell's verifications, one per line."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from basecal.fields.problems import field_name
 from basecal.geometry import Array
 
 FILE = "verifications.jsonl"
-_LARGEST_BYTES = 2**26  # 64 MB: a verification every minute of some months
+_LARGEST_BYTES = 2**26  # 64 MB: one verification per minute for several months
 
 
 def _to_utc(instant: datetime) -> datetime:
-    """An instant in UTC, which it counts in if it names no zone."""
+    """Convert a time to UTC; a time without a zone is taken as UTC."""
     return instant.replace(tzinfo=UTC) if instant.tzinfo is None else instant.astimezone(UTC)
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredShift:
-    """The shift of a transform since its calibration: a right tangent, its first three numbers.
+    """Translation of a transform since its calibration: the first three numbers of the right tangent.
 
     Attributes:
-        t_m: (3,) [m].
-        sigma_m: (3,) [m].
+        t_m: (3,) translation [m].
+        sigma_m: (3,) sigmas of the translation [m].
     """
 
     t_m: Vector3
@@ -42,17 +42,17 @@ class MeasuredShift:
 
 @dataclass(frozen=True, eq=False)
 class PastVerification:
-    """A verification that was made.
+    """Result of a past verification.
 
     Attributes:
-        when: UTC.
-        run: Name of the run that was verified.
-        samples: How many new samples there were.
+        when: Time of the verification in UTC.
+        run: Name of the verified run.
+        samples: Number of new samples.
         moved: Whether something had moved; None if it could not be determined.
-        chance: Of samples so far off, where nothing moved.
-        detectable_m: The shift that would have been seen [m]; None if none.
-        frame: What had moved; None if nothing had.
-        shifts: By requested transform, whether it moved or not.
+        chance: p-value: probability of residuals this large if nothing moved.
+        detectable_m: Smallest detectable shift [m]; None if no shift is detectable.
+        frame: Name of the moved frame; None if nothing moved.
+        shifts: Measured shifts of all requested transforms, by name.
     """
 
     __pydantic_config__: ClassVar = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
@@ -70,20 +70,22 @@ _LINE = TypeAdapter(PastVerification)
 
 
 def append_verification(folder: str | Path, entry: PastVerification) -> None:
-    """Append a verification to those of a cell's folder.
+    """Append a verification to the log of a cell.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if the log cannot be written.
     """
     line = _LINE.dump_json(entry, by_alias=True, warnings=False).decode()
     append_durably(Path(folder) / FILE, line + "\n", base_folder=Path(folder))
 
 
 def read_verifications(folder: str | Path) -> tuple[PastVerification, ...]:
-    """All verifications of a cell's folder, as they were made; none if there is no file.
+    """Read all verifications of a cell in chronological order; empty if there is no log.
+
+    An incomplete last line is left out.
 
     Raises:
-        DatasetError: if a line cannot be read as written; a last line that was cut off is left out.
+        DatasetError: if a line is invalid.
     """
     path = Path(folder) / FILE
     if not path.exists():
@@ -97,4 +99,4 @@ def _read(line: bytes, path: str, number: int) -> PastVerification:
         return _LINE.validate_json(line)
     except ValidationError as error:
         problem = collect_problems(error, _LINE)[0]
-        raise DatasetError(path, f"{problem.message}; take the line out", number, field_name(problem.loc)) from None
+        raise DatasetError(path, f"{problem.message}; remove the line", number, field_name(problem.loc)) from None

@@ -1,4 +1,4 @@
-"""Versions of the programs that an answer rests on."""
+"""Versions of the programs used in a calibration."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _PACKAGES = ("basecal", "numpy", "scipy", "opencv-python-headless")
 
 
 def used_versions() -> dict[str, str]:
-    """The versions of this program, of Python and of what it computes with, by name; what is not installed is not."""
+    """Versions of basecal, Python and the numerical packages by name; packages not installed are left out."""
     found = {"python": platform.python_version()}
     for package in _PACKAGES:
         try:
@@ -20,5 +20,5 @@ def used_versions() -> dict[str, str]:
 
 
 def program_version() -> str:
-    """The version of this program; `unknown` where it is not installed."""
+    """Version of basecal; `unknown` if it is not installed as a package."""
     return used_versions().get("basecal", "unknown")

@@ -1,1 +1,1 @@
-"""`cell.yaml`: its shape, read and written."""
+"""Schema, reading and writing of `cell.yaml`."""

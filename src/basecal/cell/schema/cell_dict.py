@@ -1,4 +1,4 @@
-"""A cell as the plain data of `cell.yaml`, with numbers as a hand would write them."""
+"""Conversion of a cell to the plain data of `cell.yaml`, with short numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from basecal.cell.schema.touching import clamps_dict, touching_dict
 
 
 def cell_to_dict(cell: Cell) -> dict[str, Any]:
-    """The data that `cell_from_dict` reads back to the same cell."""
+    """Convert a cell to plain data; `cell_from_dict` gives the same cell again."""
     data: dict[str, Any] = {"schema": SCHEMA, "reference": cell.reference}
     data["robots"] = {name: _robot(robot) for name, robot in cell.robots.items()}
     data["bases"] = {name: _unknown(unknown) for name, unknown in cell.bases.items()}

@@ -1,4 +1,4 @@
-"""`cell.yaml`: read with every error at once, and written."""
+"""Reading and writing of `cell.yaml`; reading reports all errors at once."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _SECTIONS = ("robots", "cameras", "targets", "tips", "marks")
 
 
 def read_cell(folder: str | Path) -> Cell:
-    """The cell that `cell.yaml` in a folder describes.
+    """Read the cell from `cell.yaml` in a folder.
 
     Raises:
-        DatasetError: if it cannot be read as written; the message has a line for each mistake.
+        DatasetError: if the file is missing or invalid; the message has a line for each error.
     """
     path = own_file(folder, FILE)
     document = parse_yaml(read_text(path, _missing_cell_advice(Path(folder))), str(path))
@@ -50,26 +50,26 @@ def _missing_cell_advice(folder: Path) -> str:
 
 
 def cell_from_dict(data: Any, path: str = FILE, folder: str | Path | None = None) -> Cell:
-    """The cell that the data of a `cell.yaml` describes.
+    """Create a cell from the data of a `cell.yaml`.
 
     Args:
         data: Mappings, lists and scalars.
-        path: What to call it in an error.
-        folder: Where its URDF files are; not needed where robots have none.
+        path: Name of the data in errors.
+        folder: Folder of the URDF files; not needed without URDF files.
 
     Raises:
-        DatasetError: if it cannot be read as written; the message has a line for each mistake.
+        DatasetError: if the data are invalid; the message has a line for each error.
     """
     return _check_cell(data, path, None if folder is None else Path(folder), {})
 
 
 def write_cell(cell: Cell, folder: str | Path) -> Path:
-    """Path of the `cell.yaml` written into a folder, in place of one that is there.
+    """Write `cell.yaml` into a folder, replacing an existing one, and return its path.
 
-    URDF files are named, not copied.
+    URDF files are referenced, not copied.
 
     Raises:
-        InputError: if it is no cell, or cannot be written.
+        InputError: if the argument is not a cell, or the file cannot be written.
     """
     check_type("cell", cell, Cell)
     path = Path(folder) / FILE
@@ -114,7 +114,7 @@ def _chain(folder: Path | None, urdf: str, base_link: str, flange_link: str) -> 
 
 
 def name_problems(data: dict[str, Any]) -> list[Problem]:
-    """Problems of the names in the data of a cell, independent of its other problems."""
+    """Problems of the names in the data of a cell."""
     return [*_unfit_names(data), *_unknown_robots(data)]
 
 

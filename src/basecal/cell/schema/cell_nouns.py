@@ -1,4 +1,4 @@
-"""Nouns of a cell from the checked entries of `cell.yaml`."""
+"""Conversion of validated entries of `cell.yaml` to the objects of a cell."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from basecal.kinematics import SerialChain
 
 
 def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
-    """The cell, with the kinematic chains of the robots that have one."""
+    """Create a cell from its entry and the kinematic chains of its robots."""
     others = [name for name in entry.robots if name != entry.reference]
     bases = {name: _unknown(entry.bases[name]) if name in entry.bases else Unknown() for name in others}
     carried: dict[str, Any] = {
@@ -51,7 +51,7 @@ def _unknown(entry: UnknownEntry) -> Unknown:
         return Unknown("free", None if entry.guess is None else pose_se3(entry.guess))
     if entry.status == "fixed":
         return Unknown("fixed", pose_se3(entry))
-    # The rotation of a single point is the identity, exactly.
+    # The rotation of a single point is exactly the identity.
     sigma = [*(entry.sigma_t_m or ()), *(entry.sigma_r_rad or (0.0, 0.0, 0.0))]
     return Unknown("prior", pose_se3(entry), read_only(sigma, (6,), "sigma"))
 

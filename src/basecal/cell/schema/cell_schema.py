@@ -1,4 +1,4 @@
-"""The shape of `cell.yaml`: what it and its entries may hold, as pydantic models."""
+"""Schema of `cell.yaml` and its entries as pydantic models."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
 class RobotNoiseEntry(Entry):
-    """How well a robot's recorded pose is known, per axis of its flange and stop."""
+    """Sigmas of a robot's recorded pose, per stop and per axis of the flange."""
 
     sigma_t_m: Sigma3
     sigma_r_rad: Sigma3
@@ -43,7 +43,7 @@ class RobotNoiseEntry(Entry):
 
 
 def is_frame_name(name: str) -> bool:
-    """Whether ROS takes a name for a frame's, and a terminal for a word."""
+    """Whether a name is a valid ROS frame name and a single word in a shell."""
     return bool(re.fullmatch(r"[A-Za-z_][A-Za-z0-9_./-]*", name)) and len(name) <= _LONGEST_FRAME
 
 
@@ -61,14 +61,14 @@ FrameName = Annotated[str, AfterValidator(_frame_name)]
 
 
 class FramesEntry(Entry):
-    """Names of a robot's frames in other programs; what may stand in a line that is pasted into a terminal."""
+    """Names of a robot's frames in other programs; they are safe to paste into a shell command."""
 
     base: FrameName | None = None
     flange: FrameName | None = None
 
 
 class ControllerEntry(Entry):
-    """Source of a robot's poses: notation, base and tool frames; those of the robot if not stated."""
+    """Source of a robot's poses: controller format, and its base and tool frames; the robot's own if not stated."""
 
     format: FrameName
     base: FrameName | None = None
@@ -76,7 +76,7 @@ class ControllerEntry(Entry):
 
 
 class RobotEntry(Entry):
-    """A robot, but for what it says of its own kinematics; see `AnyRobotEntry`."""
+    """A robot without its kinematic parameters; see `AnyRobotEntry`."""
 
     noise: RobotNoiseEntry | None = None
     urdf: str | None = None
@@ -90,7 +90,7 @@ class RobotEntry(Entry):
 
     @property
     def parameters(self) -> dict[str, Parameters]:
-        """Prior knowledge of its parameters, by kind, except for kinds at their default."""
+        """Prior knowledge of the robot's parameters by kind, without kinds at their default."""
         stated = {kind: getattr(self, kind) for kind in ROBOT_PARAMETERS}
         return {kind: known for kind, known in stated.items() if known != type(known)()}
 
@@ -98,7 +98,7 @@ class RobotEntry(Entry):
     @classmethod
     def _without_jitter(cls, value: Clock | None) -> Clock | None:
         if value is not None and value.jitter_s is not None:
-            raise ValueError("jitter_s stands at the clock of a camera: it is of a view against all that moves")
+            raise ValueError("jitter_s belongs to the clock of a camera, not of a robot")
         return value
 
     @checks_whole(mode="after")
@@ -112,7 +112,7 @@ class RobotEntry(Entry):
         return self
 
 
-# A field for each kind that is registered, which no type checker can read.
+# One field per registered kind of parameter, created at run time: type checkers cannot see these fields.
 if TYPE_CHECKING:
     AnyRobotEntry = RobotEntry
 else:
@@ -165,7 +165,7 @@ class NoiseEntry(Entry):
 
 
 class CellEntry(Entry):
-    """All of `cell.yaml`."""
+    """Content of `cell.yaml`."""
 
     version: Literal["basecal/cell/1"] = Field(alias="schema")
     reference: str
@@ -193,4 +193,4 @@ def _with_kind(value: dict[str, Any]) -> dict[str, Any]:
 
 
 DriverEntry = Annotated[dict[str, Any], AfterValidator(_with_kind)]
-"""The name of a driver as `kind`, and its options; the driver itself checks these when it is opened."""
+"""Name of a driver as `kind`, and its options; the driver validates the options when it is opened."""

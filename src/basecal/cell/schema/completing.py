@@ -1,4 +1,4 @@
-"""The text of a `cell.yaml` with more in it: what a hand wrote, its comments and its order stay."""
+"""Additions to the text of a `cell.yaml` that keep its formatting, comments and order."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from basecal.cell.schema.cell_schema import SCHEMA
 from basecal.errors import DatasetError
 from basecal.fields.problems import SHORT_LENGTH, Loc, field_name, shorten
 
-_WIDTH = 4096  # characters before a line is broken: none that a hand wrote is
+_WIDTH = 4096  # characters before a line is broken: longer than any hand-written line
 
 
 def completed_cell_text(
     text: str | None, additions: Mapping[str, Any], path: str, replacements: Collection[Loc] = ()
 ) -> tuple[str, tuple[str, ...]]:
-    """The text with all that is added, and the places that are new or other in it.
+    """Add data to the text of a `cell.yaml`; return the new text and the names of the changed fields.
 
     Args:
-        text: The `cell.yaml` there is; None if there is none, then `additions` is all of it but its schema.
-        additions: Plain data of a `cell.yaml`; what stands there already with the same value stays as it is written.
-        path: What to call it in an error.
-        replacements: Places whose value is given up for the added one.
+        text: Existing `cell.yaml`; None to create one from `additions` and the schema.
+        additions: Plain data of a `cell.yaml`; fields that already have the same value are not changed.
+        path: Name of the file in errors.
+        replacements: Locations whose existing value may be replaced.
 
     Raises:
-        DatasetError: if it is not YAML, or states another value at a place that is not replaced.
+        DatasetError: if the text is not YAML, or has a different value at a location that may not be replaced.
     """
     if text is None:
         data = {"schema": SCHEMA, **additions}
@@ -42,7 +42,7 @@ def completed_cell_text(
         raise DatasetError(path, f"expected a mapping that starts with `schema: {SCHEMA}`, got {shorten(data)}")
     changed: list[Loc] = []
     for loc, value in _conflicts(data, additions, (), frozenset(replacements), changed):
-        stated = f"states {_value_text(value[0])}, imported data say {_value_text(value[1])}: correct the wrong one"
+        stated = f"is {_value_text(value[0])}, but {_value_text(value[1])} in the imported data: correct the wrong one"
         raise DatasetError(path, stated, lines.get(loc), field_name(loc))
     if not changed:
         return text, ()
@@ -54,7 +54,7 @@ def completed_cell_text(
 def _conflicts(
     data: dict[str, Any], additions: Mapping[str, Any], place: Loc, replacements: frozenset[Loc], changes: list[Loc]
 ) -> list[tuple[Loc, tuple[Any, Any]]]:
-    """Places where both state something else; all others are added to `data`, and named in `changes`."""
+    """Merge additions into `data` and list the changes in `changes`; return the locations of conflicting values."""
     found = []
     for key, value in additions.items():
         loc = (*place, key)
@@ -69,7 +69,7 @@ def _conflicts(
 
 
 def _as_written(value: Any) -> Any:
-    """The value as a hand would write it: a line for each innermost mapping or list."""
+    """Value with YAML flow style: one line per innermost mapping or list."""
     if isinstance(value, Mapping):
         inner = {key: _as_written(each) for key, each in value.items()}
         mapping = CommentedMap(inner)

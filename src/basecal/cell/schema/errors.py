@@ -1,4 +1,4 @@
-"""Errors of pydantic, in words for the author of the file."""
+"""Translation of pydantic's errors for the author of a file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _WORDS = {
     "finite_number": "expected a finite number",
     "bool_type": "expected true or false",
 }
-_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")  # of a model, and of a dataclass
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")  # of models and of dataclasses
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+")
 
 
@@ -33,17 +33,17 @@ M = TypeVar("M", bound=BaseModel)
 
 
 def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] | None = None, place: Loc = ()) -> M:
-    """The entry that data are.
+    """Validate data as an entry of a file.
 
     Args:
-        model: What they have to be.
+        model: Model of the entry.
         data: Plain data.
-        path: The file they stand in.
-        lines: Of the file, by place.
-        place: Where they stand in it.
+        path: The file of the data.
+        lines: Line numbers of the file, by location.
+        place: Location of the entry in the file.
 
     Raises:
-        DatasetError: if they are another thing; the message has a line for each mistake.
+        DatasetError: if the data are invalid; the message has a line for each error.
     """
     try:
         return model.model_validate(data)
@@ -53,10 +53,10 @@ def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] |
 
 
 def check_schema(data: Any, schema: str, path: str, lines: Mapping[Loc, int]) -> dict[str, Any]:
-    """The data of a file itself, if it is a mapping of this schema.
+    """Check that the data of a file are a mapping of this schema, and return them.
 
     Raises:
-        DatasetError: if not.
+        DatasetError: if they are not.
     """
     if not isinstance(data, dict):
         problem = Problem((), f"expected a mapping that starts with `schema: {schema}`, got {shorten(data)}")
@@ -69,13 +69,13 @@ def check_schema(data: Any, schema: str, path: str, lines: Mapping[Loc, int]) ->
 
 
 def first_problem(error: ValidationError, model: type[BaseModel] | TypeAdapter[Any]) -> str:
-    """Place and words of the first error of a model."""
+    """Location and text of a model's first error."""
     problem = collect_problems(error, model)[0]
     return f"{field_name(problem.loc)}: {problem.message}"
 
 
 def collect_problems(error: ValidationError, model: type[BaseModel] | TypeAdapter[Any]) -> list[Problem]:
-    """Each error of a model as a problem at the place where it is written."""
+    """Convert the errors of a model to problems with their locations in the file."""
     schema = model.core_schema if isinstance(model, TypeAdapter) else model.__pydantic_core_schema__
     return [_problem(details, schema) for details in error.errors(include_url=False)]
 
@@ -105,7 +105,7 @@ def _is_tag(part: str | int) -> bool:
 
 
 def _field_names(schema: Any, loc: Loc) -> list[str]:
-    """Names of the fields of the entry at a place, by what pydantic made of its model."""
+    """Names of the fields of the entry at a location, from pydantic's core schema."""
     shared = {each["ref"]: each for each in schema.get("definitions", ())}
     here = _unwrap_schema(schema, shared)
     for part in loc:
@@ -114,7 +114,7 @@ def _field_names(schema: Any, loc: Loc) -> list[str]:
 
 
 def _inner(schema: Any, part: str | int) -> Any:
-    """The schema of what stands at a key of a mapping, or at a place of a list."""
+    """Schema of the value at a key of a mapping, or at an index of a list."""
     match schema["type"]:
         case "dict":
             return schema["values_schema"]
@@ -135,7 +135,7 @@ def _fields(schema: Any) -> dict[str, Any]:
 
 
 def _unwrap_schema(schema: Any, definitions: Mapping[str, Any]) -> Any:
-    """A schema without what is wrapped around it: defaults, checks, `| None`."""
+    """Schema without its wrappers: defaults, validators, `| None`."""
     while "schema" in schema or schema["type"] == "definition-ref":
         schema = definitions[schema["schema_ref"]] if schema["type"] == "definition-ref" else schema["schema"]
     return schema

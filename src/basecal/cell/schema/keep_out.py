@@ -1,4 +1,4 @@
-"""Boxes and tables that arms stay out of, as `cell.yaml` states them."""
+"""Entries of `cell.yaml` for boxes and tables that robots must not enter."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from basecal.cell.format.plain import numbers, pose_dict
 from basecal.fields.values import Number, PoseEntry, Vector, given_fields, pose_se3
 from basecal.geometry import SE3, read_only
 
-_TABLE_M = 20.0  # of a side of the box that a table is: wider and deeper than any cell
+_TABLE_M = 20.0  # side of the box that represents a table: larger than any cell
 
 
 class KeepOutEntry(PoseEntry):
-    """A box by its middle and `size_m`, or all that is below `table_z_m`, in the reference robot's base."""
+    """A box by its centre and `size_m`, or everything below `table_z_m`, in the reference robot's base."""
 
     size_m: Vector | None = None
     table_z_m: Number | None = None
@@ -29,11 +29,11 @@ class KeepOutEntry(PoseEntry):
         elif self.size_m is None or not {"t_m", "matrix"} & set(given_fields(self)):
             raise ValueError("expected size_m and t_m of a box, or table_z_m of a table")
         elif min(self.size_m) <= 0:
-            raise ValueError(f"size_m are three lengths above 0, got {self.size_m}")
+            raise ValueError(f"size_m: expected three lengths above 0, got {self.size_m}")
         return self
 
     def noun(self, name: str) -> KeepOut:
-        """The box."""
+        """Return the box; a table is a box below its surface."""
         if self.table_z_m is not None:
             middle = SE3(np.eye(3), np.array([0.0, 0.0, self.table_z_m - 0.5 * _TABLE_M]))
             return KeepOut(name, middle, read_only([_TABLE_M] * 3, (3,), "size_m"))
@@ -42,5 +42,5 @@ class KeepOutEntry(PoseEntry):
 
 
 def keep_out_dict(box: KeepOut) -> dict[str, Any]:
-    """The data that is read back to the same box."""
+    """Convert a box to plain data; reading the data gives the same box."""
     return {**pose_dict(box.world_from_box), "size_m": numbers(box.size_m)}

@@ -1,4 +1,4 @@
-"""The lens of a camera as `cell.yaml` may hold it."""
+"""Lens entries of cameras in `cell.yaml`."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from basecal.fields.values import Entry, Number, Pixels, Sigma2, Sigmas, Status
 from basecal.geometry.lenses.registry import model_lenses, term_counts
 
-_FOCAL_WIDTHS = (0.05, 50.0)  # from half a fisheye's to beyond the longest telescope lens, in widths of the image
-_CENTRE_WIDTHS = 2.0  # from the middle of the image: beyond any shifted lens, and any part cut out of a sensor's image
-_USUAL_WIDTHS = (16, 100_000)  # [px] of images whose size is not stated
+_FOCAL_WIDTHS = (0.05, 50.0)  # in image widths: from half that of a fisheye to beyond the longest telephoto lens
+_CENTRE_WIDTHS = 2.0  # in image widths from the image centre: more than any shift lens or cropped image has
+_USUAL_WIDTHS = (16, 100_000)  # [px] if the image size is not stated
 
 
 class IntrinsicsEntry(Entry):
@@ -29,7 +29,7 @@ class IntrinsicsEntry(Entry):
 
 
 def distortion_terms(entry: IntrinsicsEntry, model: str) -> int:
-    """How many distortion coefficients the lens has or is to have."""
+    """Number of distortion coefficients of the lens, stated or to be estimated."""
     if entry.distortion is not None:
         return len(entry.distortion)
     if entry.status != "free":
@@ -38,10 +38,10 @@ def distortion_terms(entry: IntrinsicsEntry, model: str) -> int:
 
 
 def check_lens(entry: IntrinsicsEntry, model: str) -> None:
-    """Check that the entry suits the status and the model.
+    """Check that the entry is consistent with its status and the lens model.
 
     Raises:
-        ValueError: if not.
+        ValueError: if it is not.
     """
     missing = [name for name in ("fx", "fy", "cx", "cy") if getattr(entry, name) is None]
     if entry.status != "free" and missing:
@@ -68,10 +68,10 @@ def check_lens(entry: IntrinsicsEntry, model: str) -> None:
 
 
 def check_size(entry: IntrinsicsEntry, size_px: Sequence[int] | None) -> None:
-    """Check that focal lengths and centre are such as a lens has over an image of this size.
+    """Check that focal lengths and centre are plausible for an image of this size.
 
     Raises:
-        ValueError: if not.
+        ValueError: if they are not.
     """
     if entry.fx is None or entry.fy is None or entry.cx is None or entry.cy is None:
         return

@@ -1,4 +1,4 @@
-"""Tips of tools, and the marks that they touch, as `cell.yaml` states them."""
+"""Sections of `cell.yaml` for tool tips, the marks that they touch, and clamps."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ from basecal.fields.values import Entry, Mount, PointMount, Sigma, UnknownEntry,
 from basecal.geometry import SE3, read_only
 from basecal.numerics.spectral import principal_axes
 
-_USUAL_SIGMA_M = 2e-5  # [m] per axis of a drilled or milled plate, or of a point that another instrument measured
-_LINE_SHARE = 1e-6  # of the length of a line, how far its marks may be off an axis
+_USUAL_SIGMA_M = 2e-5  # [m] per axis, for a drilled or milled plate, or a point measured by another instrument
+_LINE_SHARE = 1e-6  # largest deviation of collinear marks from an axis, as a share of the line's length
 _Points = dict[str, Vector] | Annotated[list[Vector], Field(min_length=1)]
-_ONLY_NAME = "part"  # of a part that is stated without one
+_ONLY_NAME = "part"  # name of a single part without a stated name
 _CONTACTS: Mapping[str, Contact] = {"fixed": "clamp", "free": "hinge"}
 
-_REACH_M = 0.2  # [m] of a part from the flange that holds it, one sigma
-# A rigid part has no frame of its own: it has the axes of the flange, and is where its grip errs independently.
+_REACH_M = 0.2  # [m] sigma of the distance between a part and its flange
+# A rigid part has no frame of its own: its axes are the flange's, its origin is where translation and rotation
+# errors of the grip are independent.
 _RIGID = Unknown("prior", SE3.identity(), read_only([_REACH_M] * 3 + [np.inf] * 3))
 
 
@@ -36,9 +37,9 @@ class TipEntry(Entry):
 
 
 class MarkEntry(Entry):
-    """A mark of unknown place; one whose place is stated; or a rigid plate of several, `mount` in the world.
+    """A mark at an unknown or stated position, or a rigid plate of several marks with its `mount` in the world.
 
-    A plane (z = 0) or an edge (along z) is one by its `mount`.
+    The `mount` of a plane (z = 0) or an edge (along z) is its pose.
     """
 
     shape: Literal["point", "plane", "edge"] = "point"
@@ -50,24 +51,24 @@ class MarkEntry(Entry):
     @checks_whole(mode="after")
     def _as_stated(self) -> MarkEntry:
         if self.points_m is None and (self.sigma_m is not None or self.exact):
-            raise ValueError("sigma_m and exact are of points_m, which is missing")
+            raise ValueError("sigma_m and exact belong to points_m, which is missing")
         if self.exact and self.sigma_m is not None:
-            raise ValueError("exact takes no sigma_m: leave one of them away")
+            raise ValueError("exact takes no sigma_m: remove one of them")
         if self.shape != "point" and self.points_m is not None:
             raise ValueError("a plane or an edge is stated by its mount: remove points_m")
         if self.shape == "point" and not self.is_plate and self.mount != UnknownEntry():
-            raise ValueError("mount is of a plate of several points_m; one mark is stated by points_m: [[x, y, z]]")
+            raise ValueError("mount is for a plate of several points_m; state a single mark as points_m: [[x, y, z]]")
         if self.is_plate and _is_line(self.points_m):
-            raise ValueError("marks of a plate that are on one line go along an axis of the plate: x, y or z")
+            raise ValueError("collinear marks of a plate must lie along an axis of the plate: x, y or z")
         return self
 
     @property
     def is_plate(self) -> bool:
-        """Whether it is a plate whose place is an unknown of its own."""
+        """Whether the entry is a plate with an unknown pose."""
         return isinstance(self.points_m, dict) or (self.points_m is not None and len(self.points_m) > 1)
 
     def positions(self, name: str) -> dict[str, Unknown]:
-        """Prior knowledge of the place of each mark, in the plate or in the world, by the name of the mark."""
+        """Prior knowledge of each mark's position by name, in the frame of the plate or the world."""
         if self.points_m is None:
             return {name: Unknown()}
         named = self.points_m
@@ -84,19 +85,19 @@ class MarkEntry(Entry):
 
 
 def _is_line(points_m: _Points | None) -> bool:
-    """Whether marks are on a line that is along no axis."""
+    """Whether the marks are collinear but not along an axis."""
     points = np.array(list(points_m.values() if isinstance(points_m, dict) else points_m or ()))
     apart = np.sort(np.ptp(points, axis=0))
     return principal_axes(points - points.mean(0)).dimension == 1 and bool(apart[1] > _LINE_SHARE * apart[2])
 
 
 def tip_shape(kind: str) -> Target:
-    """One point at its own origin."""
+    """Shape of a single point at the target's origin."""
     return Target(kind, np.zeros(1, dtype=np.int64), np.zeros((1, 3)))
 
 
 def mark_names(data: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Names of marks that plates hold in the data of a cell, each after its plate, whatever else is wrong with it."""
+    """Pairs (plate, mark) of names in the data of a cell; invalid entries are skipped."""
     marks = data.get("marks")
     for plate, entry in marks.items() if isinstance(marks, dict) else ():
         points = entry.get("points_m") if isinstance(entry, dict) else None
@@ -107,13 +108,13 @@ def mark_names(data: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def with_touching(
     cell: dict[str, Any], tips: Mapping[str, TipEntry], marks: Mapping[str, MarkEntry], noun: Any
 ) -> None:
-    """Add tips and marks to the parts of a cell: a tip sees, at its own origin, the marks and tips that it touches.
+    """Add tips and marks to a cell: a tip is a camera that observes marks and tips at its own origin.
 
     Args:
-        cell: Arguments of `Cell`.
-        tips: By name.
-        marks: By name, of one or of a plate.
-        noun: From an entry of a transform to what is known of it.
+        cell: Arguments of `Cell`, changed in place.
+        tips: Tips by name.
+        marks: Single marks and plates by name.
+        noun: Function from the entry of a transform to its prior knowledge.
     """
     for name, tip in tips.items():
         cell["cameras"][name] = CellCamera(name, tip.on, noun(tip.offset), kind="tip")
@@ -130,11 +131,11 @@ def with_touching(
 
 
 def touching_dict(cell: Cell, unknown: Any) -> dict[str, Any]:
-    """The sections `tips` and `marks` that are read back to the same cell.
+    """Sections `tips` and `marks` of a cell as plain data; reading them gives the same cell.
 
     Args:
         cell: The cell.
-        unknown: From what is known of a transform, and whether it is a point, to plain data.
+        unknown: Function from a transform's prior knowledge, and whether it is a point, to plain data.
     """
     tips = {c.name: {"on": c.on, "offset": unknown(c.mount, True)} for c in cell.cameras.values() if c.kind == "tip"}
     marks: dict[str, Any] = {name: {"mount": unknown(mount, False)} for name, mount in cell.plates.items()}
@@ -147,7 +148,7 @@ def touching_dict(cell: Cell, unknown: Any) -> dict[str, Any]:
 
 
 def _mark(marks: Mapping[str, Any], name: str, target: CellTarget) -> dict[str, Any]:
-    """Fields that a mark adds to its entry."""
+    """Fields of a mark to add to its entry."""
     known = target.mount
     if known.mean is None:
         return {}
@@ -159,7 +160,7 @@ def _mark(marks: Mapping[str, Any], name: str, target: CellTarget) -> dict[str, 
 
 
 class ClampEntry(Entry):
-    """A part that two robots hold: rigidly, or so that it turns about an axis."""
+    """A part held by two robots: rigidly, or free to rotate about an axis."""
 
     robots: Annotated[list[str], Field(min_length=2, max_length=2)]
     axis: Literal["fixed", "free"] = "fixed"
@@ -173,22 +174,22 @@ class ClampEntry(Entry):
 
 
 def named_clamps(value: Any) -> Any:
-    """Parts by name, also of a single one that is stated without a name."""
+    """Entries of parts by name; a single part without a name gets the name `part`."""
     return {_ONLY_NAME: value} if isinstance(value, dict) and "robots" in value else empty(value)
 
 
 def clamp_names(data: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Parts and what is written of them in the data of a cell, whatever else is wrong with it."""
+    """Names and raw entries of parts in the data of a cell, without validation."""
     clamps = named_clamps(data.get("clamp"))
     yield from clamps.items() if isinstance(clamps, dict) else ()
 
 
 def with_clamps(cell: dict[str, Any], clamps: Mapping[str, ClampEntry]) -> None:
-    """Add parts to those of a cell: what the first robot holds meets what the second holds.
+    """Add clamped parts to a cell: the first robot's end is a camera, the second robot's end its target.
 
     Args:
-        cell: Arguments of `Cell`.
-        clamps: By name.
+        cell: Arguments of `Cell`, changed in place.
+        clamps: Entries by name.
     """
     for name, clamp in clamps.items():
         one, other = clamp.robots
@@ -199,7 +200,7 @@ def with_clamps(cell: dict[str, Any], clamps: Mapping[str, ClampEntry]) -> None:
 
 
 def clamps_dict(cell: Cell) -> dict[str, Any]:
-    """The section `clamp` that is read back to the same cell."""
+    """Section `clamp` of a cell as plain data; reading it gives the same cell."""
     clamps = {}
     for name, camera in cell.cameras.items():
         if camera.kind == "clamp":

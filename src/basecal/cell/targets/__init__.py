@@ -1,4 +1,4 @@
-"""Kinds of targets, a module each: its entry in `cell.yaml`, its points, what is printed, how it is found.
+"""Kinds of targets, one module each: entry in `cell.yaml`, points, printed sheets and detector.
 
-A new kind is a new module here that ends in a `KIND`, and a name and a line in `registry`.
+A new kind needs a module here that defines `KIND`, and a name and a line in `registry`.
 """

@@ -1,8 +1,8 @@
 """Kalibr's aprilgrid: a grid of AprilTags with a black square at each corner of each tag.
 
-Tags, corners and frame are those of Kalibr. Tag 0 is at the lower left of the upright print, numbers run along the rows
-of tags, and rows count upwards. The corners of a tag go round anticlockwise from its lower left. The origin of the
-frame is the lower left corner of tag 0. Its x is along columns, y up along rows, and z out of the print.
+Tags, corners and frame are those of Kalibr. Tag 0 is at the lower left of the upright print, numbers increase along
+rows, and rows count upwards. The corners of a tag are ordered anticlockwise from its lower left. The origin of the
+frame is the lower left corner of tag 0. Its x points right along a row, y up, and z out of the print.
 Source: Kalibr's documentation of calibration targets and its printed boards, whose tags have two cells of black border.
 """
 
@@ -22,7 +22,7 @@ from basecal.geometry import SE3
 
 _BORDER = 2  # cells, as Kalibr prints
 _HALF_TURN = 2  # quarter turns: OpenCV draws AprilTags upside down
-# Lower left, then against the clock, is for OpenCV's upside-down tag: top right, top left, bottom left, bottom right.
+# Anticlockwise from the lower left is, in OpenCV's upside-down tag: top right, top left, bottom left, bottom right.
 _CORNERS_AS_OPENCV = np.array([1, 0, 3, 2])
 
 TagCounts = Annotated[list[Annotated[int, Field(ge=1, le=MOST_POINTS)]], Field(min_length=2, max_length=2)]
@@ -30,7 +30,7 @@ Spacing = Annotated[float, Field(gt=0, le=1)]
 
 
 def aprilgrid_target(tags: Sequence[int], tag_m: float, spacing: float, family: str = "tag36h11") -> Target:
-    """A grid of (columns, rows) tags whose gaps are `spacing` times their size; ids are 4 * tag + corner."""
+    """Target of (columns, rows) tags with gaps of `spacing` times the tag size; ids are 4 * tag + corner."""
     columns, rows = tags
     lower_left = plane_grid(columns, rows, tag_m * (1 + spacing))
     corners = tag_m * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
@@ -48,7 +48,7 @@ def aprilgrid_target(tags: Sequence[int], tag_m: float, spacing: float, family: 
 
 
 def _sheet(columns: int, rows: int, tag_m: float, spacing: float, family: str) -> Sheet:
-    """The print, y downwards: its origin is that of the target."""
+    """Printed sheet with y downwards; its origin is the target's origin."""
     gap, pitch = tag_m * spacing, tag_m * (1 + spacing)
     corner = plane_grid(columns + 1, rows + 1, pitch)[:, :2] * [1, -1] - [gap, 0]
     places = plane_grid(columns, rows, pitch)[:, :2] * [1, -1] - [0, tag_m]
@@ -73,11 +73,11 @@ class AprilgridEntry(TargetEntry):
     family: Annotated[str, known_names("family", FAMILIES)] = "tag36h11"
 
     def shape(self) -> Target:
-        """The grid."""
+        """Return the target."""
         return aprilgrid_target(self.tags, self.tag_m, self.spacing, self.family)
 
 
-_LARGE_FAMILIES = ("tag36h11", "tag36h10")  # the others that OpenCV finds have 35 tags at most, one less than 6 x 6
+_LARGE_FAMILIES = ("tag36h11", "tag36h10")  # OpenCV's other families have at most 35 tags, too few for 6 x 6
 
 KIND = TargetKind(
     entries=(AprilgridEntry,),

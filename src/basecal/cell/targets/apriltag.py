@@ -1,4 +1,4 @@
-"""AprilTags or ArUco markers, each with its own pose on one body."""
+"""AprilTags or ArUco markers on one rigid body, each with its own pose."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind
 from basecal.fields.values import MOST_POINTS, Length, PoseEntry, full_pose, given_fields, known_names, pose_se3
 from basecal.geometry import SE3
 
-# In cells; one is what a reader needs, two keep what is beside the paper out of a blurred corner.
+# White margin in cells: detectors need one; two keep the background out of a blurred corner.
 _MARGIN_SHARE = 2
 
 
 def apriltag_target(family: str, tags: list[tuple[int, float, SE3]]) -> Target:
-    """Tags as (id, size [m], target_from_tag); corner ids are 4 * tag + corner.
+    """Target of tags given as (id, size [m], target_from_tag); corner ids are 4 * tag + corner.
 
-    Corners go round from the tag's top left as it is read, clockwise; x right, y down, z into the tag.
+    Corners are ordered clockwise from the tag's top left in its reading orientation; x right, y down, z into the tag.
     """
     corners = 0.5 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float64)
     ordered = sorted(tags, key=lambda tag: tag[0])
@@ -47,7 +47,7 @@ def _sheet(family: str, number: int, size: float, target_from_sheet: SE3) -> She
 
 
 class TagEntry(PoseEntry):
-    """One tag, with its pose in the target's frame; one at its origin may leave the pose out."""
+    """One tag with its pose in the target's frame; a single tag at the origin needs no pose."""
 
     id: Annotated[int, Field(ge=0, le=1_000_000)]
     size_m: Length
@@ -78,13 +78,13 @@ class ApriltagEntry(TargetEntry):
     tags: Annotated[list[TagEntry], Field(min_length=1, max_length=MOST_POINTS), AfterValidator(_distinct)]
 
     def shape(self) -> Target:
-        """The tags."""
+        """Return the target."""
         posed = [(tag.id, tag.size_m, pose_se3(tag) if given_fields(tag) else SE3.identity()) for tag in self.tags]
         return apriltag_target(self.family, posed)
 
 
 def _renumber_tags(fields: Fields, place: int) -> Fields:
-    """A copy with the tags' numbers after those of all before it."""
+    """Fields of a copy of the target, with tag numbers after those of the `place` copies before it."""
     numbers = [tag["id"] for tag in fields["tags"]]
     step = max(numbers) - min(numbers) + 1
     return {**fields, "tags": [{**tag, "id": tag["id"] + place * step} for tag in fields["tags"]]}

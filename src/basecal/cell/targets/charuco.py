@@ -1,4 +1,4 @@
-"""ChArUco boards: a chessboard with a marker in each white square, as OpenCV lays them out."""
+"""ChArUco boards: a chessboard with a marker in each white square, in OpenCV's layout."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from basecal.cell.targets.fiducials import DICTIONARIES, begins_as, smallest_dic
 from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind, choose_dictionary, plane_grid
 from basecal.fields.values import Length, Squares, known_names
 
-# In squares: keeps what is beside the paper out of the outer squares.
+# White margin in squares: separates the outer squares from the background.
 _MARGIN_SHARE = 0.5
 
 
 def charuco_target(
     squares: Sequence[int], square_m: float, marker_m: float, dictionary: str, legacy_pattern: bool = False
 ) -> Target:
-    """A ChArUco board of (columns, rows) squares; ids are OpenCV's corner ids, the origin the outer corner."""
+    """ChArUco target of (columns, rows) squares; ids are OpenCV's corner ids, the origin is the outer corner."""
     columns, rows = squares
     points = plane_grid(columns - 1, rows - 1, square_m, origin=square_m)
     return Target(
@@ -40,7 +40,7 @@ def charuco_target(
 
 
 def _sheet(columns: int, rows: int, square_m: float, marker_m: float, dictionary: str, legacy: bool) -> Sheet:
-    """The board: markers count row by row over the white squares; an old pattern of even rows begins with one."""
+    """Printed board with markers numbered row by row; a legacy pattern with an even row count starts with a marker."""
     parity = int(legacy and rows % 2 == 0)
     white = black_squares(columns, rows, square_m, 1 - parity)[:, :2] + (square_m - marker_m) / 2
     markers = tuple(Marker(dictionary, k, left, top, marker_m) for k, (left, top) in enumerate(white.tolist()))
@@ -65,11 +65,11 @@ class CharucoEntry(TargetEntry):
         return self
 
     def shape(self) -> Target:
-        """The board."""
+        """Return the target."""
         return charuco_target(self.squares, self.square_m, self.marker_m, self.dictionary, self.legacy_pattern)
 
 
-# Of several boards in a cell, in the order in which they are taken: no two have a marker in common.
+# Dictionaries for several boards in a cell, in the order of use: no two share a marker.
 _DICTIONARIES = (
     *(f"DICT_{n}X{n}_50" for n in (4, 5, 6, 7)),
     *(f"DICT_APRILTAG_{code}" for code in ("36h11", "36h10", "25h9")),
@@ -78,7 +78,7 @@ _DICTIONARIES = (
 
 
 def _other_dictionaries(fields: Fields) -> list[str]:
-    """Dictionaries of boards beside one of these fields, each large enough."""
+    """Dictionaries that are large enough for this board and share no marker with its own dictionary."""
     columns, rows = fields["squares"]
     others = [name for name in _DICTIONARIES if begins_as(name) != begins_as(fields["dictionary"])]
     return [smallest_dictionary(name, columns * rows // 2) for name in others]

@@ -1,6 +1,6 @@
-"""Chessboards, counted by inner corners.
+"""Chessboards, sized by their inner corners.
 
-One looks the same turned by half a turn where its numbers of corners are both even or both odd.
+A board looks the same after a rotation of 180 deg if its numbers of corners are both even or both odd.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from basecal.fields.values import Corners, Length
 
 
 def chessboard_target(corners: Sequence[int], square_m: float) -> Target:
-    """A chessboard of (columns, rows) inner corners; the origin is corner 0."""
+    """Target of a chessboard with (columns, rows) inner corners; the origin is corner 0."""
     columns, rows = corners
     points = plane_grid(columns, rows, square_m)
     black = black_squares(columns + 1, rows + 1, square_m) - square_m
@@ -33,14 +33,14 @@ def chessboard_target(corners: Sequence[int], square_m: float) -> Target:
 
 
 class ChessboardEntry(TargetEntry):
-    """A chessboard, counted by inner corners."""
+    """A chessboard, sized by its inner corners."""
 
     kind: Literal["chessboard"]
     corners: Corners
     square_m: Length
 
     def shape(self) -> Target:
-        """The board."""
+        """Return the target."""
         return chessboard_target(self.corners, self.square_m)
 
 

@@ -1,4 +1,4 @@
-"""Grids of circles, printed dark; a symmetric one looks the same turned by half a turn."""
+"""Grids of dark circles; a symmetric grid looks the same after a rotation of 180 deg."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_
 from basecal.fields.values import Corners, Length
 
 RADIUS = 0.25
-"""Of a circle, in units of the spacing: between neighbours half of it is paper, as OpenCV's blob detector wants."""
+"""Radius of a circle in units of the spacing; half of the spacing stays white, as OpenCV's blob detector needs."""
 
 
 def circles_target(circles: Sequence[int], spacing_m: float, asymmetric: bool = False) -> Target:
-    """A grid of (columns, rows) circles; ids are row-major, the origin is circle 0.
+    """Target of (columns, rows) circles; ids are row-major, the origin is circle 0.
 
     In an asymmetric grid every second row is shifted by half a column pitch of twice `spacing_m`, as in OpenCV.
     """
@@ -47,7 +47,7 @@ class CirclesEntry(TargetEntry):
     asymmetric: bool = False
 
     def shape(self) -> Target:
-        """The grid."""
+        """Return the target."""
         return circles_target(self.circles, self.spacing_m, self.asymmetric)
 
 

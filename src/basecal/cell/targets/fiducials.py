@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from math import isqrt
 
-_ORIGINAL = 5  # cells of the first ArUco dictionary, whose name does not say
+_ORIGINAL = 5  # cells of DICT_ARUCO_ORIGINAL, whose name does not include the number
 
 DICTIONARIES = (
     *(f"DICT_{n}X{n}_{count}" for n in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
@@ -29,20 +29,20 @@ FAMILIES = (
 
 
 def cell_count(name: str) -> int:
-    """How many cells the code of a marker is wide, its border not counted, as the dictionary's name says."""
+    """Width of a marker's code in cells without its border, from the dictionary's name."""
     squared = re.match(r"DICT_(\d)X", name)
     bits = re.search(r"(\d+)[hH]", name)
     return int(squared[1]) if squared else isqrt(int(bits[1])) if bits else _ORIGINAL
 
 
 def begins_as(name: str) -> str:
-    """Markers that two dictionaries share, one of which is the beginning of the other."""
+    """Name of the series of a dictionary: dictionaries of one series share their first markers."""
     numbered = re.match(r"(DICT_\d+X\d+)_\d+$", name)
     return numbered[1] if numbered else name
 
 
 def smallest_dictionary(name: str, count: int) -> str:
-    """The smallest dictionary of so many markers that begins as one of this name; it itself where none does."""
+    """Smallest dictionary of the same series with at least `count` markers; `name` itself if there is none."""
     for other in DICTIONARIES:
         size = other.rpartition("_")[2]
         if other == f"{begins_as(name)}_{size}" and int(size) >= max(count, int(name.rpartition("_")[2])):

@@ -1,4 +1,4 @@
-"""The face of a kind of target: its module in this folder ends in a `KIND` of this class."""
+"""Interface of a kind of target: each module of a kind in this folder defines `KIND`, a `TargetKind`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Fields = Mapping[str, Any]
 
 
 class TargetEntry(Entry):
-    """A target in `cell.yaml`; this one is seen only as poses, each kind has its own."""
+    """A target in `cell.yaml` that is seen only as poses; base class of the entries of each kind."""
 
     on: str
     mount: Mount = UnknownEntry()
@@ -29,19 +29,19 @@ class TargetEntry(Entry):
     @model_validator(mode="after")
     def _size(self) -> Self:
         if self.exact and self.size_sigma is not None:
-            raise ValueError("exact takes no size_sigma: leave one of them away")
+            raise ValueError("exact takes no size_sigma: remove one of them")
         if self.scale and (self.exact or self.size_sigma is not None or type(self) is not TargetEntry):
-            raise ValueError("scale is of a target that is seen only as poses: leave kind, exact and size_sigma away")
+            raise ValueError("scale is for a target that is seen only as poses: remove kind, exact and size_sigma")
         return self
 
     def shape(self) -> Target | None:
-        """The target it describes; None if it is seen only as poses."""
+        """Return the target's shape; None if it is seen only as poses."""
         return None
 
 
 @dataclass(frozen=True)
 class PrintSizes:
-    """Sizes to print, as requested of `basecal target`; lengths in metres."""
+    """Sizes of a target to print, from the options of `basecal target`; lengths in metres."""
 
     columns: int
     rows: int
@@ -53,7 +53,7 @@ class PrintSizes:
 
 
 class Described(NamedTuple):
-    """A kind's row in docs/data_format.md."""
+    """Row of a kind in the table of docs/data_format.md."""
 
     fields: str
     ids: str
@@ -62,18 +62,18 @@ class Described(NamedTuple):
 
 @dataclass(frozen=True)
 class TargetKind:
-    """Properties of a kind of target that are not particular to one target.
+    """A kind of target.
 
     Attributes:
-        entries: Models of its entry in `cell.yaml`.
-        described: What the documents say of it.
-        template: Its lines in a new `cell.yaml`, explained.
-        usual: One as a simulation has it, from a random generator.
-        printed: Fields of one to print; None if there is nothing to choose.
-        entry_index: Index of the one of `entries` that reads an entry with these fields.
-        figures: Small ones for the documents, by the name of the image.
-        marks: Fields by which images distinguish one from another of its kind; empty if they cannot.
-        another: Fields of the n-th of several in a cell, counted from 0, with marks of its own as far as there are any.
+        entries: Models of the kind's entry in `cell.yaml`.
+        described: Description of the kind in the documents.
+        template: Commented lines of the kind in a new `cell.yaml`.
+        usual: Function from a random generator to a typical target for simulations.
+        printed: Function from print sizes to the fields of a target; None if the kind cannot be printed.
+        entry_index: Index in `entries` of the model that reads an entry with these fields.
+        figures: Small targets for the documents, by the name of the image.
+        marks: Markings that distinguish a target from others of its kind in images; empty if there are none.
+        another: Fields of the n-th of several targets in a cell, counted from 0, with distinct marks if possible.
     """
 
     entries: tuple[type[TargetEntry], ...]
@@ -88,13 +88,13 @@ class TargetKind:
 
 
 def choose_dictionary(usual: Sequence[str], first: str, place: int) -> str:
-    """The one at a place among what is usual, that which was said being the first; the last where there are fewer."""
+    """Name number `place` of the list of `first` and the other usual names; the last name if the list is shorter."""
     ordered = [first, *(name for name in usual if name != first)]
     return ordered[min(place, len(ordered) - 1)]
 
 
 def is_indistinguishable(kind: TargetKind, first: Fields, second: Fields) -> bool:
-    """Whether no image determines which of two of a kind it shows."""
+    """Whether images cannot distinguish two targets of a kind."""
     marks, others = kind.marks(first), kind.marks(second)
     return bool(marks & others) or not (marks or others)
 

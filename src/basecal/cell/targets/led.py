@@ -1,4 +1,4 @@
-"""Lights: small and bright, one or several on a rigid body."""
+"""LEDs: one or several small bright lights on a rigid body."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ _AT_ORIGIN = [[0.0, 0.0, 0.0]]
 
 
 def led_target(points_m: Any = _AT_ORIGIN) -> Target:
-    """One light or several, (n, 3) [m]; without points, one at the frame's origin."""
+    """Target of LEDs at points (n, 3) [m]; by default one LED at the origin."""
     points = np.asarray(points_m, dtype=np.float64)
     return Target("led", np.arange(len(points)), points, {"points_m": numbers(points)}, found_by="light")
 
 
 class LightEntry(TargetEntry):
-    """One light."""
+    """A single LED."""
 
     mount: PointMount = UnknownEntry()
     kind: Literal["led"]
     points_m: Annotated[list[Vector], Field(min_length=1, max_length=1)] | None = None
 
     def shape(self) -> Target:
-        """The light."""
+        """Return the target."""
         return led_target(self.points_m or _AT_ORIGIN)
 
 
 class LightsEntry(TargetEntry):
-    """Several lights of one body."""
+    """Several LEDs on one rigid body."""
 
     kind: Literal["led"]
     points_m: Annotated[list[Vector], Field(min_length=2)]
 
     def shape(self) -> Target:
-        """The lights."""
+        """Return the target."""
         return led_target(self.points_m)
 
 

@@ -1,4 +1,4 @@
-"""Points of a rigid body that are measured, such as lights that other programs distinguish."""
+"""Measured points of a rigid body, such as LEDs that another program identifies."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from basecal.fields.values import PointMount, UnknownEntry, Vector
 
 
 def points_target(points_m: Any) -> Target:
-    """Points of a rigid body, (n, 3) [m]; ids are their indices."""
+    """Target of points of a rigid body, (n, 3) [m]; ids are the indices."""
     points = np.asarray(points_m, dtype=np.float64)
     return Target("points", np.arange(len(points)), points, {"points_m": numbers(points)})
 
@@ -34,7 +34,7 @@ class PointEntry(TargetEntry):
         return self
 
     def shape(self) -> Target:
-        """The point."""
+        """Return the target."""
         return points_target(self.points_m)
 
 
@@ -45,7 +45,7 @@ class PointsEntry(TargetEntry):
     points_m: Annotated[list[Vector], Field(min_length=2)]
 
     def shape(self) -> Target:
-        """The points."""
+        """Return the target."""
         return points_target(self.points_m)
 
 
@@ -56,7 +56,7 @@ def several(fields: Fields) -> bool:
 
 
 def _usual(rng: np.random.Generator) -> Target:
-    """Five to eight jittered corners of a cube: never in one plane."""
+    """Target of five to eight jittered corners of a cube, which are never coplanar."""
     corners = np.stack(np.meshgrid(*[[-0.06, 0.06]] * 3), -1).reshape(-1, 3)
     kept = rng.permutation(8)[: rng.integers(5, 9)]
     return points_target(corners[kept] + rng.uniform(-0.02, 0.02, (len(kept), 3)))

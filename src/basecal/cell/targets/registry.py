@@ -1,4 +1,7 @@
-"""Every kind of target: a new one is a module, a name and a line here; and the entry in `cell.yaml` of any of them."""
+"""Registry of the kinds of targets, and the type of any target's entry in `cell.yaml`.
+
+A new kind needs a module, a name and a line here.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ TargetKindName = Literal[
     "points",
     "led",
 ]
-"""The names of the table, for what checks them."""
+"""Names of the kinds, for type checkers."""
 
 TARGETS: Mapping[str, TargetKind] = {
     "charuco": charuco.KIND,
@@ -32,17 +35,17 @@ TARGETS: Mapping[str, TargetKind] = {
     "points": points.KIND,
     "led": led.KIND,
 }
-"""All that is particular to a kind of target, by its name."""
+"""Kinds of targets by name."""
 
 
 def entry_with_tag(tag: str) -> type[TargetEntry] | None:
-    """The model of an entry by the tag it has in a union; None for the tag of no kind."""
+    """Model of the entry with a tag of the union; None for an unknown tag."""
     return _entries().get(tag)
 
 
 @cache
 def _entries() -> dict[str, type[TargetEntry]]:
-    """Models of entries by tag; in angle brackets, so that no error mistakes a tag for a field."""
+    """Models of entries by tag; tags are in angle brackets, to distinguish them from field names in errors."""
     entries = [TargetEntry]
     for kind in TARGETS.values():
         entries += kind.entries
@@ -54,7 +57,7 @@ def _tag(entry: type[TargetEntry]) -> str:
 
 
 def _entry_tag(data: Any) -> str:
-    """Which model reads an entry."""
+    """Tag of the model that reads an entry."""
     name = data.get("kind") if isinstance(data, dict) else None
     if name is None:
         return _tag(TargetEntry)

@@ -1,1 +1,1 @@
-"""Bags of ROS: what is in them, what of it is taken, and where robots were when cameras looked."""
+"""Reading of ROS bags: content, choice of sources, and robot states at the times of images."""

@@ -1,7 +1,7 @@
-"""A bag of ROS 1, or of ROS 2 in sqlite3 or MCAP: its topics, and its messages one after the other.
+"""Reading of ROS 1 bags, and of ROS 2 bags in sqlite3 or MCAP: topics, and messages one at a time.
 
-Messages are read by the definitions of the standard packages, which are the same in all releases for the types below.
-The definitions in the bag, of any other recorded type, are not needed.
+Messages are decoded with the definitions of the standard packages, which are the same in all releases for the types
+below. The definitions in the bag, of other recorded types, are not needed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _EXPECTED = "expected a .bag of ROS 1, or a folder, .mcap or .db3 of ROS 2"
 
 
 class Topic(NamedTuple):
-    """A topic: its name, the type of its messages, and how many there are."""
+    """A topic: its name, and the type and number of its messages."""
 
     name: str
     kind: str
@@ -42,7 +42,7 @@ class Topic(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A message, and when it was recorded [s]."""
+    """A message, and the time of its recording [s]."""
 
     topic: Topic
     recorded_s: float
@@ -54,10 +54,10 @@ class Bag:
     """A bag.
 
     Attributes:
-        path: As the user named it.
-        topics: By name.
-        read: The messages of topics, as they were recorded.
-        damage: Why it was read up to some place only, if it was.
+        path: Path of the bag, as named by the user.
+        topics: Topics by name.
+        read: Function that reads the messages of topics, in the order of recording.
+        damage: Cause of damage, if the bag was read only partly; otherwise empty.
     """
 
     path: str
@@ -66,32 +66,32 @@ class Bag:
     damage: list[str] = field(default_factory=list)
 
     def topics_of_type(self, *kinds: str) -> list[Topic]:
-        """Topics of these types that hold messages, by name."""
+        """Return the topics of these types that have messages, sorted by name."""
         return [topic for _, topic in sorted(self.topics.items()) if topic.kind in kinds and topic.messages]
 
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Bag]:
-    """A bag, for as long as it is read: in a process of its own, again for each set of topics.
+    """Open a bag; each set of topics is read by a separate process.
 
     Raises:
-        MissingExtra: if the library of bags is not installed.
-        DatasetError: if it is none, or is damaged from its start on.
+        MissingExtra: if the library for bags is not installed.
+        DatasetError: if the path is not a bag, or the bag is damaged from its start.
     """
     decode = _decoder(path.suffix == _BAG1 and not path.is_dir())
     _check_files(path)
     bag = Bag(str(path), {}, lambda names: _messages(bag, path, decode, set(names)))
     for (name, kind, count), _ in _frames(bag, path, ()):
-        before = bag.topics.get(name, Topic(name, _EQUAL_TYPES.get(kind, kind), 0))  # of several types the first counts
+        before = bag.topics.get(name, Topic(name, _EQUAL_TYPES.get(kind, kind), 0))  # the first of several types
         bag.topics[name] = before._replace(messages=before.messages + int(count))
     yield bag
 
 
 def _decoder(is_first: bool) -> Callable[[bytes, str], Any]:
-    """A decoder of messages from bytes and the name of their type.
+    """Create a decoder of messages from their bytes and the name of their type.
 
     Raises:
-        MissingExtra: if the library of bags is not installed.
+        MissingExtra: if the library for bags is not installed.
     """
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -106,15 +106,15 @@ def _decoder(is_first: bool) -> Callable[[bytes, str], Any]:
 
 
 def _check_files(path: Path) -> None:
-    """Whether a bag is one by its names, and its files are files.
+    """Check that a path has the name of a bag, and that its files are regular files.
 
     Raises:
-        DatasetError: if not.
+        DatasetError: if it does not.
     """
     if not path.exists():
         raise DatasetError(path, f"there is no such bag; {_EXPECTED}")
     if not path.is_dir() and path.suffix not in (_BAG1, *_BAG2):
-        raise DatasetError(path, f"is no bag by its name; {_EXPECTED}")
+        raise DatasetError(path, f"is not a bag: unknown file name extension; {_EXPECTED}")
     if path.is_dir() and not (path / _METADATA).exists():
         bags = sorted(each.name for each in path.iterdir() if each.suffix in (_BAG1, *_BAG2))
         held = f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is no bag"
@@ -130,7 +130,7 @@ def _files(path: Path) -> list[Path]:
 
 
 def _messages(bag: Bag, path: Path, decode: Callable[[bytes, str], Any], names: set[str]) -> Iterator[Message]:
-    """Messages of topics, one at a time."""
+    """Iterate over the decoded messages of topics."""
     names &= bag.topics.keys()
     for (name, recorded_ns), raw in _frames(bag, path, names) if names else ():
         topic = bag.topics[name]
@@ -140,7 +140,7 @@ def _messages(bag: Bag, path: Path, decode: Callable[[bytes, str], Any], names: 
 
 
 def _frames(bag: Bag, path: Path, names: Collection[str]) -> Iterator[Frame]:
-    """Frames of the process that reads a bag; damage is noted."""
+    """Frames from the process that reads a bag; damage is stored in `bag.damage`."""
     size = sum(each.stat().st_size for each in _files(path))
     with _name_errors(path):
         for data, content in frames("basecal.exchange.bags.reader_process", [os.path.abspath(path), *names], size):
@@ -152,7 +152,7 @@ def _frames(bag: Bag, path: Path, names: Collection[str]) -> Iterator[Frame]:
 
 @contextmanager
 def _name_errors(path: Path) -> Iterator[None]:
-    """A context that names the bag in errors that its damage makes the library raise, of a dozen kinds."""
+    """Convert the library's various errors about a damaged bag to errors that name the bag."""
     try:
         yield
     except LibraryError as error:
@@ -173,11 +173,11 @@ def _damage_error(path: Path, error: Exception) -> DatasetError:
 
 
 def repair_command(path: Path) -> str:
-    """The command of ROS that may save a damaged bag."""
+    """Command of ROS that may repair a damaged bag."""
     return "`rosbag reindex`" if path.suffix == _BAG1 else "`ros2 bag reindex`, or `mcap recover`,"
 
 
 def message_time(header: Any, recorded_s: float) -> float:
-    """Time [s] of a message: of its header, or where that is zero when it was recorded."""
+    """Time of a message [s]: of its header, or of its recording if the header has zero."""
     stamp = float(header.stamp.sec) + float(header.stamp.nanosec) * _NANO
     return stamp or recorded_s

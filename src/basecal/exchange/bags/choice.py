@@ -1,4 +1,4 @@
-"""The choice of a bag's frames and topics: as requested, as the cell says, or as they are usually called."""
+"""Choice of a bag's frames and topics: as requested, as stated in the cell, or by their usual names."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from basecal.exchange.bags.tags import TAG_POSES, TAGS, frames_of_tags
 from basecal.exchange.importing.imported import KnownCell
 from basecal.kinematics import SerialChain, parse_chain
 
-# As URDFs of Universal Robots, Franka, KUKA, ABB, FANUC, Yaskawa, UFACTORY and Doosan name them, the first that is.
+# Names in URDFs of Universal Robots, Franka, KUKA, ABB, FANUC, Yaskawa, UFACTORY and Doosan, in order of preference.
 _FLANGES = ("tool0", "flange", "link8", "link_eef", "ee_link", "link_ee", "link_6")
 _BASES = ("base_link", "base", "link0", "link_base")
 _TAIL = re.compile(rf"^(.*?)({'|'.join(_FLANGES)})$")
-_USUAL = ("image_raw", "image_mono", "image_color", "image", "image_rect", "image_rect_color")  # the best first
+_USUAL = ("image_raw", "image_mono", "image_color", "image", "image_rect", "image_rect_color")  # in order of preference
 _COMPRESSED = "/compressed"
 _DEPTH_WORD = "depth"
 
 
 def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: KnownCell) -> Taken:
-    """The chosen sources.
+    """Choose the sources of robots, cameras and views.
 
     Raises:
-        FrameNotFound: if a topic or frame that is requested is not there.
-        InputError: if no robot is found, or it is not clear what carries a camera.
+        FrameNotFound: if a requested topic or frame does not exist.
+        InputError: if no robot is found, or the carrier of a camera is ambiguous.
     """
     frames = _frames_of_robots(bag, survey.tree, request, cell)
     robots = {name: _robot(bag, survey, name, words, request, cell) for name, words in frames.items()}
@@ -40,7 +40,7 @@ def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: KnownCell) ->
 
 
 def _frames_of_robots(bag: Bag, tree: Tree, request: Asked, cell: KnownCell) -> dict[str, str]:
-    """`BASE,FLANGE`, or a topic, by robot."""
+    """Texts `BASE,FLANGE`, or a topic, by robot."""
     if request.robots:
         return dict(request.robots)
     known = cell.robots
@@ -54,20 +54,20 @@ def _frames_of_robots(bag: Bag, tree: Tree, request: Asked, cell: KnownCell) -> 
     found = _usual_frames(tree)
     if known and set(found) != set(known):
         raise InputError(
-            f"which frames are {list_names(list(known))}? give --robot NAME=BASE,FLANGE for each; {hint(tree)}"
+            f"the frames of {list_names(list(known))} are unknown: give --robot NAME=BASE,FLANGE for each; {hint(tree)}"
         )
     if not found:
         topics = [topic.name for topic in bag.topics.values() if topic.kind == POSE]
         said = f"; topics of poses are: {list_names(topics)}" if topics else ""
         raise InputError(
-            f"no robot is found by the names of frames: give --robot NAME=BASE,FLANGE or NAME=/TOPIC; "
+            f"no robot was found from the names of frames: give --robot NAME=BASE,FLANGE or NAME=/TOPIC; "
             f"{hint(tree)}{said}"
         )
     return found
 
 
 def _usual_frames(tree: Tree) -> dict[str, str]:
-    """Robots by the usual names of their frames; what stands before these is the robot's."""
+    """Robots found by the usual names of their frames; the prefix of the names is the robot's name."""
     found: dict[str, str] = {}
     tips = [(match[1], match[2], frame) for frame in tree.names if (match := _TAIL.match(frame))]
     for prefix, _, tip in sorted(tips, key=lambda each: _FLANGES.index(each[1])):
@@ -82,7 +82,7 @@ def _usual_frames(tree: Tree) -> dict[str, str]:
 def _robot(
     bag: Bag, survey: Survey, name: str, words: str, request: Asked, cell: KnownCell
 ) -> ByFrames | ByPoses | ByJoints:
-    """The source of a robot: joints if they and a URDF are there, else tf; or the one that the words state."""
+    """Source of a robot: joints if available with a URDF, else tf; or the stated topic."""
     known = cell.robots.get(name)
     base, comma, flange = words.partition(",")
     if not comma:
@@ -94,7 +94,7 @@ def _robot(
     for urdf, text in {} if request.by_tf else survey.urdfs.items():
         try:
             chain = parse_chain(text, base, flange)
-        except BasecalError:  # it has no such links, or is no URDF
+        except BasecalError:  # no such links, or not a URDF
             continue
         topic = _joint_topic(survey, chain)
         if topic is not None:
@@ -103,12 +103,12 @@ def _robot(
 
 
 def _joint_topic(survey: Survey, chain: SerialChain) -> str | None:
-    """The joint states that hold all joints of a chain."""
+    """Topic of joint states with all joints of a chain; None if there is none."""
     return next((topic for topic, names in sorted(survey.joints.items()) if names.issuperset(chain.joint_names)), None)
 
 
 def _parse_choice(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
-    """The choice that `PARENT,CHILD` or a topic states."""
+    """Parse a source given as `PARENT,CHILD` or as a topic."""
     parent, comma, child = words.partition(",")
     if comma:
         source = ByFrames(plain(parent.strip()), plain(child.strip()))
@@ -123,7 +123,7 @@ def _parse_choice(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
 
 
 def _view(bag: Bag, tree: Tree, target: str, words: str, cell: KnownCell) -> ByFrames | ByPoses | ByTags | ByTagPoses:
-    """The source of a view, which may be a topic of tags; corners are none without the sizes of their target."""
+    """Source of a view, which may be a topic of tags; corners of tags need a target with sizes."""
     kind = bag.topics[words].kind if words in bag.topics else ""
     shape = cell.targets[target].target if target in cell.targets else None
     if kind in TAG_POSES:
@@ -156,14 +156,12 @@ def _topics_of_cameras(survey: Survey, request: Asked, cell: KnownCell) -> dict[
     strangers = [name for name in found if known and name not in known]
     if strangers and not request.views:
         topics = list_names(list(found.values()))
-        raise InputError(
-            f"the cell has {list_names(known)}: say whose images are {topics}, --camera NAME=TOPIC for each"
-        )
+        raise InputError(f"the cell has {list_names(known)}: assign {topics} with --camera NAME=TOPIC for each")
     return {} if strangers else found
 
 
 def _usual_cameras(topics: list[str]) -> dict[str, str]:
-    """A topic of images for each namespace: raw rather than compressed, as seen rather than rectified."""
+    """One topic of images per namespace; raw is preferred to compressed, and unrectified to rectified."""
     best: dict[str, tuple[tuple[int, bool], str]] = {}
     for topic in topics:
         plainly = topic.removesuffix(_COMPRESSED)
@@ -192,14 +190,14 @@ def _camera(
     if on is None:
         frame = survey.frame_ids[topic] or "of no name"
         why = f"its frame {frame} is not in tf" if len(robots) > 1 else "it is new"
-        raise InputError(f"what carries camera {name!r}? {why}: give --on {name}=ROBOT or {name}={WORLD}")
+        raise InputError(f"the carrier of camera {name!r} is unknown, {why}: give --on {name}=ROBOT or {name}={WORLD}")
     if on != WORLD and on not in robots and on not in cell.robots:
         raise InputError(f"camera {name!r} on {on!r}: there is no such robot; there are {list_names([*robots, WORLD])}")
     return CameraSource(topic, info if info in survey.infos else None, on)
 
 
 def _carrier(tree: Tree, robots: Mapping[str, ByFrames | ByPoses | ByJoints], frame: str) -> str | None:
-    """The robot with whose flange a frame goes, or the world; None if tf does not have the frame."""
+    """Robot whose flange is rigidly connected to a frame, or the world; None if tf does not have the frame."""
     frame = plain(frame)
     if frame not in tree.names:
         return next(iter(robots)) if len(robots) == 1 else None

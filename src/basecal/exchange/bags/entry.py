@@ -1,4 +1,4 @@
-"""Entries that `cell.yaml` must have for the chosen parts of a bag."""
+"""Entries of `cell.yaml` for the selected parts of a bag."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def bag_entry(
     request: Asked,
     sizes: Mapping[str, tuple[int, int]],
 ) -> dict[str, Any]:
-    """New robots, cameras and targets, and the lenses of new cameras; what the cell says stays.
+    """Entries for new robots, cameras with their lenses, and targets; existing entries are not changed.
 
     Args:
-        cell: The cell there is; None if one is made.
-        path: What to call the bag in an error.
-        survey: What it holds.
-        sources: What is taken of it.
-        request: What carries targets.
+        cell: The existing cell, or `NO_CELL`.
+        path: Name of the bag in errors.
+        survey: Content of the bag.
+        sources: Selected sources of the bag.
+        request: The user's request, with the carriers of cameras and targets.
         sizes: Width and height [px] of the images, by camera.
 
     Raises:
-        InputError: if a lens has no equal here, or it is not clear what carries a target.
+        InputError: if a lens model is not supported, or the carrier of a target is ambiguous.
     """
     data: dict[str, Any] = {"reference": next(iter(sources.robots))} if isinstance(cell, NoCell) else {}
     data |= {"robots": {}, "cameras": {}, "targets": {}}
@@ -68,7 +68,7 @@ def bag_entry(
 
 
 def _frames(names: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Names that `cell.yaml` takes for frames."""
+    """Entry `frames` with the names that are valid in `cell.yaml`; empty if there are none."""
     known = {key: name for key, name in names.items() if is_frame_name(name)}
     return {"frames": known} if known else {}
 
@@ -79,19 +79,19 @@ def urdf_name(robot: str) -> str:
 
 
 def bag_lens(info: Any, place: str, topic: str) -> StatedLens | None:
-    """The lens of a camera's images; None if it was never calibrated.
+    """Lens of a camera's images; None if the camera is not calibrated.
 
-    Images that ROS has rectified have the lens of the matrix P, and no distortion.
+    The lens of rectified images is the matrix P without distortion.
 
     Args:
-        info: The message, of ROS 1 or ROS 2.
-        place: The bag and the topic of the message, for an error.
-        topic: Of the images.
+        info: CameraInfo message of ROS 1 or ROS 2.
+        place: The bag and the topic of the message, for errors.
+        topic: Topic of the images.
 
     Raises:
-        DatasetError: if it is no lens that has an equal here.
+        DatasetError: if the lens is invalid or not supported.
     """
-    # ROS 1 writes the names of these fields large, and ROS 2 small.
+    # The names of these fields are upper case in ROS 1 and lower case in ROS 2.
     matrix, terms, projection = (
         [float(value) for value in (getattr(info, name) if hasattr(info, name) else getattr(info, name.upper()))]
         for name in "kdp"

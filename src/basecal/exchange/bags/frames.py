@@ -1,4 +1,4 @@
-"""Frames of tf: which hangs on which, what moves, and the way from one to another."""
+"""Tree of tf frames: parents, motion, and the path from one frame to another."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from basecal.geometry import SE3, Array
 
 
 class Hang(NamedTuple):
-    """How a frame hangs on another, as it was first seen.
+    """First recorded transform of a frame in its parent.
 
     Attributes:
-        parent: The other frame.
+        parent: Name of the parent frame.
         values: (7,) x, y, z [m], quaternion x, y, z, w.
-        is_fixed: Whether only /tf_static has it, or it never changes.
-        is_timed: Whether /tf has it.
+        is_fixed: Whether the transform never changes, or is only in /tf_static.
+        is_timed: Whether the transform is in /tf.
     """
 
     parent: str
@@ -30,7 +30,7 @@ class Hang(NamedTuple):
 
 
 class Step(NamedTuple):
-    """One frame of a way: `child` hangs on the frame before it, or the frame before it on what comes, turned back."""
+    """A step of a path by the transform of `child` in its parent, inverted if `is_back`."""
 
     child: str
     is_back: bool
@@ -38,24 +38,24 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """The frames of a bag, by the name of the child."""
+    """Transforms of the frames of a bag, by the name of the child."""
 
     hangs: Mapping[str, Hang]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All frames."""
+        """Names of all frames, sorted."""
         return tuple(sorted({*self.hangs, *(hang.parent for hang in self.hangs.values())}))
 
     def ancestors(self, frame: str) -> list[str]:
-        """The frame, what it hangs on, and so on to the root; a circle ends it."""
+        """Return the frame and its ancestors up to the root; a cycle ends the list."""
         found = [frame]
         while found[-1] in self.hangs and self.hangs[found[-1]].parent not in found:
             found.append(self.hangs[found[-1]].parent)
         return found
 
     def rigid_ancestors(self, frame: str) -> list[str]:
-        """Ancestors of a frame, as far as nothing moves."""
+        """Return the frame and its ancestors up to the first moving transform."""
         found = [frame]
         for each in self.ancestors(frame)[1:]:
             if not self.hangs[found[-1]].is_fixed:
@@ -64,11 +64,11 @@ class Tree:
         return found
 
     def way(self, base: str, tip: str) -> tuple[Step, ...]:
-        """The way from one frame to another.
+        """Return the path from one frame to another.
 
         Raises:
-            FrameNotFound: if one is not there.
-            InputError: if nothing joins them.
+            FrameNotFound: if a frame does not exist.
+            InputError: if no path connects the frames.
         """
         for frame in (base, tip):
             if frame not in self.names:
@@ -82,12 +82,12 @@ class Tree:
 
 
 def transform_values(transform: Any) -> Array:
-    """(7,) numbers of a `geometry_msgs/Transform`."""
+    """Convert a `geometry_msgs/Transform` to (7,) x, y, z [m], quaternion x, y, z, w."""
     return _numbers(transform.translation, transform.rotation)
 
 
 def pose_values(pose: Any) -> Array:
-    """(7,) numbers of a `geometry_msgs/Pose`."""
+    """Convert a `geometry_msgs/Pose` to (7,) x, y, z [m], quaternion x, y, z, w."""
     return _numbers(pose.position, pose.orientation)
 
 
@@ -96,10 +96,10 @@ def _numbers(t: Any, q: Any) -> Array:
 
 
 def pose_from_values(values: Array, subject: str) -> SE3:
-    """Poses of (..., 7) numbers.
+    """Convert numbers, (..., 7), to poses, (...).
 
     Raises:
-        InputError: if one is none.
+        InputError: if a number is not finite or too large, or a quaternion is not of norm 1.
     """
     if not np.all(np.abs(values) <= LARGEST_VALUE):
         raise InputError(f"{subject}: not all numbers are finite, and within {LARGEST_VALUE:g}")
@@ -107,13 +107,13 @@ def pose_from_values(values: Array, subject: str) -> SE3:
 
 
 def compose_path(tree: Tree, way: tuple[Step, ...], motions: Mapping[str, Array], subject: str) -> SE3:
-    """The last frame of a way in its first, at each of some instants.
+    """Compose the transforms of a path: poses of its last frame in its first, (n,).
 
     Args:
         tree: The frames.
-        way: From one frame to another.
-        motions: (n, 7) by frame that moves.
-        subject: What to call it in an error.
+        way: The path from one frame to another.
+        motions: (n, 7) numbers over time of each moving frame, by name.
+        subject: Name of the poses in errors.
     """
     total = SE3.identity()
     for step in way:
@@ -124,5 +124,5 @@ def compose_path(tree: Tree, way: tuple[Step, ...], motions: Mapping[str, Array]
 
 
 def hint(tree: Tree) -> str:
-    """The frames there are, for an error."""
+    """List of the frames for an error."""
     return f"frames of tf are: {list_names(list(tree.names))}"

@@ -1,4 +1,4 @@
-"""Images of a bag as files: compressed ones as they are, raw ones as PGM or PPM, every bit of them.
+"""Conversion of images in a bag to files: compressed images unchanged, raw images lossless as PGM or PPM.
 
 Source: sensor_msgs/image_encodings.hpp; netpbm's pages of PGM and PPM.
 """
@@ -17,7 +17,7 @@ _MAGIC = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
 
 
 class _Layout(NamedTuple):
-    """How pixels lie: bytes of a channel, channels, and which of these are red, green and blue; one of grey."""
+    """Memory layout of pixels: bytes per channel, channels, and the indices of red, green and blue, or of grey."""
 
     depth: int
     channels: int
@@ -41,7 +41,7 @@ _LAYOUTS = {
     "bgr16": _Layout(2, 3, _TURNED),
     **{f"{_BAYER}_{order}8": _Layout(1, 1, _GREY) for order in _ORDERS},
     **{f"{_BAYER}_{order}16": _Layout(2, 1, _GREY) for order in _ORDERS},
-    # Of YUV the brightness.
+    # The luma channel of YUV.
     "yuv422": _Layout(1, 2, (1,)),
     "uyvy": _Layout(1, 2, (1,)),
     "yuv422_yuy2": _Layout(1, 2, _GREY),
@@ -50,21 +50,21 @@ _LAYOUTS = {
 
 
 class ImageFile(NamedTuple):
-    """A file's ending, and what it holds."""
+    """Extension and content of an image file."""
 
     ending: str
     content: bytes
 
 
 def image_file(message: Message, path: str) -> ImageFile:
-    """An image as a file.
+    """Convert an image message to a file.
 
     Args:
         message: An Image or a CompressedImage.
-        path: What to call the bag in an error.
+        path: Name of the bag in errors.
 
     Raises:
-        InputError: if it is of an encoding that is not read, or has more or fewer bytes than its size.
+        InputError: if the encoding is not supported, or bytes are missing.
     """
     where = f"{path}: {message.topic.name}"
     if message.topic.kind != COMPRESSED:
@@ -97,12 +97,12 @@ def _netpbm(image: Any, place: str) -> ImageFile:
 
 
 def _brightness(mosaic: NDArray[np.integer[Any]]) -> NDArray[np.uint32]:
-    """Grey (h, w) of single colours side by side, a quarter red, half green and a quarter blue at every pixel.
+    """Grey image (h, w) of a Bayer mosaic (h, w): a quarter red, half green and a quarter blue at every pixel.
 
-    The binomial weights of a 3 x 3 neighbourhood give each colour that share at every pixel, whatever the order of the
-    mosaic. They are symmetric, so that an edge stays in its place and is a little blurred.
+    Binomial weights of a 3 x 3 neighbourhood give each colour this share at every pixel, for any order of the mosaic.
+    The weights are symmetric: edges are slightly blurred but not shifted.
     """
-    wide = np.pad(mosaic.astype(np.uint32), 1, mode="reflect")  # which keeps the order of the colours
+    wide = np.pad(mosaic.astype(np.uint32), 1, mode="reflect")  # reflection keeps the order of the colours
     rows = wide[:-2] + 2 * wide[1:-1] + wide[2:]
     grey: NDArray[np.uint32] = (rows[:, :-2] + 2 * rows[:, 1:-1] + rows[:, 2:] + 8) // 16
     return grey

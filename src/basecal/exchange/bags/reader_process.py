@@ -1,6 +1,6 @@
-"""The process that reads a bag: its connections, then its messages as bytes, up to where it is damaged.
+"""Subprocess that reads a bag: its connections, or its messages as bytes up to a damaged part.
 
-Words are the bag, and topics whose messages are given; without topics its connections are.
+The arguments are the path of the bag, and the topics of the messages; without topics the connections are returned.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from basecal.box import Frame, is_own_fault
 from basecal.errors import InputError, error_words
 
-_MOST_MESSAGES = 5_000_000  # of a recording of hours
+_MOST_MESSAGES = 5_000_000  # enough for a recording of hours
 _LONGEST = 2**28  # bytes of a value in a database
 _TABLES = ("messages", "topics")
-_STEP = 9  # bytes before a record of MCAP: its kind, and its length
+_STEP = 9  # header bytes of an MCAP record: its opcode and length
 
 
 def read_frames(words: Sequence[str]) -> Iterator[Frame]:
-    """Frames of a bag: `[topic, type, messages]`, or `[topic, nanoseconds]` with a message, or `{"damage": why}`."""
+    """Frames of a bag: `[topic, type, messages]`, `[topic, nanoseconds]` with a message, or `{"damage": why}`."""
     path, topics = Path(words[0]), set(words[1:])
     reader = _reader(path)
     reader.open()
@@ -67,7 +67,7 @@ def _reader(path: Path) -> Any:
 
 
 class _Mcap(McapReader):
-    """A file of MCAP; one that was cut off is read without its index, up to its last whole record."""
+    """MCAP reader; a truncated file is read without its index, up to the last complete record."""
 
     damage = ""
 
@@ -100,16 +100,16 @@ class _Mcap(McapReader):
 
 
 class _Sqlite(Sqlite3Reader):
-    """A database whose two tables are tables; one that is damaged is read by its rows, up to the first that is not."""
+    """SQLite reader that rejects views; a damaged database is read row by row up to the damage."""
 
     damage = ""
 
     def __init__(self, path: Path) -> None:
         self._file = path
-        super().__init__(Path(quote(str(path))))  # which becomes an URI, and there a name may not hold # ? %
+        super().__init__(Path(quote(str(path))))  # the base class builds a URI, in which # ? % must be quoted
 
     def open(self) -> None:
-        """Open the database, and look at what its tables are before anything is read of them."""
+        """Open the database, and check its tables before reading them."""
         with closing(self._connect()) as database:
             _check_tables(database)
         self.damage = _missing_pages(self._file)
@@ -124,7 +124,7 @@ class _Sqlite(Sqlite3Reader):
             super().close()
 
     def messages(self, connections: Any, start: Any = None, stop: Any = None) -> Any:
-        """Messages of connections, as (connection, nanoseconds, bytes)."""
+        """Iterate over messages of connections as (connection, nanoseconds, bytes)."""
         return self._rows({each.id: each for each in connections}) if self.damage else super().messages(connections)
 
     def _count(self) -> None:
@@ -154,13 +154,13 @@ class _Sqlite(Sqlite3Reader):
     def _connect(self) -> sqlite3.Connection:
         database = sqlite3.connect(f"file:{quote(str(self._file))}?mode=ro&immutable=1", uri=True)
         database.execute("PRAGMA trusted_schema = OFF")
-        database.execute("PRAGMA writable_schema = ON")  # without it one that was cut off is not opened
+        database.execute("PRAGMA writable_schema = ON")  # required to open a truncated database
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)
         return database
 
 
 def _missing_pages(path: Path) -> str:
-    """How many pages a database lacks of those it says; "" if none. Source: sqlite.org/fileformat.html."""
+    """Message about missing pages of a database; empty if it is complete. Source: sqlite.org/fileformat.html."""
     with path.open("rb") as file:
         head = file.read(32)
     page, said = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
@@ -169,10 +169,10 @@ def _missing_pages(path: Path) -> str:
 
 
 def _check_tables(database: sqlite3.Connection) -> None:
-    """Whether tables hold what they give, and calculate none of it.
+    """Check that the tables are plain tables, without computed content.
 
     Raises:
-        InputError: if one is a view, or has columns that are calculated.
+        InputError: if a table is a view, or has generated columns.
     """
     for name in _TABLES:
         found = database.execute("SELECT type, sql FROM sqlite_master WHERE name = ?", (name,)).fetchall()
@@ -183,7 +183,7 @@ def _check_tables(database: sqlite3.Connection) -> None:
 
 
 class _Folder(DirectoryReader):
-    """A folder with a metadata.yaml, whose files are read as above."""
+    """Reader of a folder with a metadata.yaml, which uses the readers above for its files."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)

@@ -1,4 +1,4 @@
-"""Rows of a recording from a bag: one for each stop, or one for each message."""
+"""Rows of a recording from a bag: one per stop, or one per message."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.exchange.importing.imported import Row
 from basecal.geometry import Array
 
-_MOST_ROWS = 200_000  # as many as a recording may have samples
-_AROUND_S = 0.15  # before and after an image, in which robots must stand: longer than a camera lags behind
-_MOST_APART_S = 0.25  # of the nearest record before or after an image: what is recorded more seldom may have moved
-_STILL_RAD_M = 1e-4  # by which states may differ: 0.1 mm at a metre
-_BEYOND_NOISE = 8.0  # sigmas of the noise of states by which they may: the spread of 75 of them is five
-_MOST_NOISE = 5e-4  # that a read-back is taken to have [m, rad]
-_SAME_STOP = 1e-3  # from where a stop began [m, rad]: places where arms are sent are further apart
-_SECOND_DIFFERENCE = np.sqrt(6.0)  # its sigma in those of a state
+_MOST_ROWS = 200_000  # largest number of samples in a recording
+_AROUND_S = 0.15  # before and after an image robots must be at rest: longer than a camera's latency
+_MOST_APART_S = 0.25  # to the nearest record before or after an image: within a longer gap a robot may move
+_STILL_RAD_M = 1e-4  # largest spread of states at rest [m, rad]: 0.1 mm at one metre
+_BEYOND_NOISE = 8.0  # largest spread in sigmas of the states' noise: the spread of 75 states is five
+_MOST_NOISE = 5e-4  # largest plausible noise of recorded states [m, rad]
+_SAME_STOP = 1e-3  # from the start of a stop [m, rad]: distinct stops are further apart
+_SECOND_DIFFERENCE = np.sqrt(6.0)  # sigma of a second difference in units of a state's sigma
 
 Channel = str | tuple[str, str]
 
 
 def still_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
-    """One for each stop of the robots.
+    """Instants of a recording, one per stop of the robots.
 
     Raises:
-        InputError: if there is none.
+        InputError: if there is no stop.
     """
     stops = find_stops(tracks)
     if not stops:
@@ -43,10 +43,10 @@ def still_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
 
 
 def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
-    """One for each record of a robot, and one for each look, by time.
+    """Instants of a recording, one per record of a robot and one per image or view, sorted by time.
 
     Raises:
-        InputError: if they are more than a recording holds.
+        InputError: if there are more than a recording may hold.
     """
     found = [
         Instant(float(time), {name: _state(track, k)})
@@ -60,10 +60,10 @@ def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
 
 
 def write_images(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: Path) -> dict[Look, Path]:
-    """The images of instants, each written into a folder as it is read: under its time, to be imported again by it.
+    """Write the images of instants into a folder, one at a time, named by their time stamps; return their paths.
 
     Raises:
-        InputError: if one cannot be read, or written.
+        InputError: if an image cannot be read or written.
     """
     looks = {look for instant in instants for look in instant.looks if isinstance(look.channel, str)}
     wanted = {(look.channel, look.place): look for look in looks}
@@ -83,12 +83,12 @@ def write_images(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: 
         written[look].parent.mkdir(exist_ok=True)
         written[look].write_bytes(image.content)
     for look in looks - written.keys():
-        raise InputError(f"an image of {look.channel} at {look.stamp_s:.6f} s was there, and is not when read again")
+        raise InputError(f"an image of {look.channel} at {look.stamp_s:.6f} s is missing when the bag is read again")
     return written
 
 
 def make_rows(tracks: Tracks, instants: Sequence[Instant], paths: Mapping[Look, Path]) -> Iterator[Row]:
-    """A row for each instant, with its images where they were written."""
+    """Create a row per instant, with the paths of its images."""
     for instant in instants:
         images: dict[str, Path] = {}
         views: list[PoseObservation | PixelObservation] = []
@@ -112,7 +112,7 @@ def _state(track: Track, k: int) -> RobotState:
 
 
 class Look(NamedTuple):
-    """An image of a camera, or a view of a target by a camera: which one of its channel, and when [s]."""
+    """An image of a camera or a view of a target: its channel, index in the channel, and time stamp [s]."""
 
     channel: Channel
     place: int
@@ -121,7 +121,7 @@ class Look(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """A line of a recording before its images are written: where robots were, and what was looked at."""
+    """A sample before its images are written: robot states, and the images and views."""
 
     stamp_s: float
     robots: Mapping[str, RobotState]
@@ -129,7 +129,7 @@ class Instant:
 
 
 def collect_looks(tracks: Tracks) -> list[Look]:
-    """All images and views, by time; of two images of one camera at one time the first."""
+    """All images and views, sorted by time; of images of a camera with the same time only the first."""
     times: dict[Channel, Array] = {key: view.times for key, view in tracks.views.items()}
     times.update(tracks.images)
     found = []
@@ -140,9 +140,10 @@ def collect_looks(tracks: Tracks) -> list[Look]:
 
 
 def find_stops(tracks: Tracks) -> tuple[Instant, ...]:
-    """The stops at which something was looked at.
+    """Find the stops with images or views.
 
-    Of each channel the look nearest to the middle of a stop is taken; robots are as at the first of these.
+    Each channel contributes the image or view nearest to the middle of the stop. Robot states are those at the time of
+    the first of these.
     """
     stops = []
     for looks in _standing(tracks, collect_looks(tracks)):
@@ -161,14 +162,14 @@ def find_stops(tracks: Tracks) -> tuple[Instant, ...]:
 
 
 def explain_no_stop(tracks: Tracks) -> str:
-    """Why no instant is still, in words, and what to do."""
+    """Message about the absence of stops, with its cause and a fix."""
     if not collect_looks(tracks):
         return "there is no image, and no --view names a topic of poses or tags: --list shows the topics"
-    do = "--streams takes all of it as it moves, each device by its own clock"
+    do = "--streams imports all data in motion, each device with its own clock"
     rare = [name for name, track in tracks.robots.items() if _usual_gap(track) > _MOST_APART_S]
     if rare:
         gap = _usual_gap(tracks.robots[rare[0]])
-        return f"{rare[0]} was recorded every {gap:.2g} s, and {_MOST_APART_S} s or less would show that it rests: {do}"
+        return f"{rare[0]} was recorded every {gap:.2g} s; {_MOST_APART_S} s or less is needed to detect stops: {do}"
     return f"no robot is at rest for {2 * _AROUND_S} s around an image: {do}"
 
 
@@ -177,7 +178,7 @@ def _usual_gap(track: Track) -> float:
 
 
 def _standing(tracks: Tracks, looks: Sequence[Look]) -> Iterator[list[Look]]:
-    """Looks of each stop."""
+    """Images and views of each stop."""
     stop: list[Look] = []
     began: dict[str, Array] = {}
     for look in looks:
@@ -195,7 +196,7 @@ def _standing(tracks: Tracks, looks: Sequence[Look]) -> Iterator[list[Look]]:
 
 
 def _standing_state(track: Track, time: float) -> Array | None:
-    """The mean of the states around an instant; None if they differ by more than read-back, or are not there."""
+    """Mean of the states around a time, (k,); None if they differ by more than their noise, or are missing."""
     times = track.times
     if time - _AROUND_S < times[0] or time + _AROUND_S > times[-1]:
         return None
@@ -211,7 +212,7 @@ def _standing_state(track: Track, time: float) -> Array | None:
 
 
 def _vectors(track: Track, part: slice) -> Array:
-    """(n, k) joints [rad], or positions [m] and rotation matrices."""
+    """Joints [rad], or positions [m] and rotation matrices, of a part of a track, (n, k)."""
     if track.joints is not None:
         return track.joints[part]
     assert track.poses is not None

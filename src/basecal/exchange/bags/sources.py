@@ -1,4 +1,4 @@
-"""Where in a bag robots, cameras and views of targets come from."""
+"""Sources of robots, cameras and views of targets in a bag."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.kinematics import SerialChain
 
 @dataclass(frozen=True)
 class ByFrames:
-    """A pose by tf: `parent_from_child`."""
+    """A pose from tf: `parent_from_child`."""
 
     parent: str
     child: str
@@ -23,7 +23,7 @@ class ByFrames:
 
 @dataclass(frozen=True)
 class ByPoses:
-    """A pose by a topic of PoseStamped."""
+    """A pose from a topic of PoseStamped."""
 
     topic: str
 
@@ -33,7 +33,7 @@ class ByPoses:
 
 @dataclass(frozen=True, eq=False)
 class ByTags:
-    """Corners of a target's AprilTags, by a topic of what a detector found."""
+    """Corners of a target's AprilTags from a topic of detections."""
 
     topic: str
     tags: Tags
@@ -44,7 +44,7 @@ class ByTags:
 
 @dataclass(frozen=True, eq=False)
 class ByTagPoses:
-    """A target by the poses of its tags, by a topic of what ROS 1's detector found."""
+    """A target's pose from the poses of its tags, in a topic of ROS 1's detector."""
 
     topic: str
     frames: TagFrames
@@ -56,14 +56,14 @@ class ByTagPoses:
 
 @dataclass(frozen=True, eq=False)
 class ByJoints:
-    """A robot by joint states.
+    """A robot's state from joint states.
 
     Attributes:
-        topic: Of the joint states.
+        topic: Topic of the joint states.
         chain: The robot's kinematics.
-        base: Root of the chain in the URDF.
-        flange: Its tip.
-        urdf: Topic of the URDF, which is to be written into the cell; None if the cell has it.
+        base: Root link of the chain in the URDF.
+        flange: Tip link of the chain in the URDF.
+        urdf: Topic of the URDF to be written into the cell; None if the cell has it.
     """
 
     topic: str
@@ -82,9 +82,9 @@ class CameraSource:
     """A camera's images.
 
     Attributes:
-        topic: Of the images.
-        info: Topic of its camera_info; None if there is none.
-        on: What carries it.
+        topic: Topic of the images.
+        info: Topic of the camera_info; None if there is none.
+        on: Carrier of the camera.
     """
 
     topic: str
@@ -94,7 +94,7 @@ class CameraSource:
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """The chosen parts of a bag: robots and cameras by name, views of targets by camera and target."""
+    """Selected sources of a bag: robots and cameras by name, views of targets by camera and target."""
 
     robots: Mapping[str, ByFrames | ByPoses | ByJoints] = field(default_factory=dict)
     cameras: Mapping[str, CameraSource] = field(default_factory=dict)
@@ -102,7 +102,7 @@ class Taken:
 
     @property
     def words(self) -> list[str]:
-        """A line for each."""
+        """One line of text per source."""
         cameras = [
             f"camera {name!r}, on {source.on!r}: {source.topic}{f' with {source.info}' if source.info else ''}"
             for name, source in self.cameras.items()
@@ -113,15 +113,15 @@ class Taken:
 
 @dataclass(frozen=True)
 class Asked:
-    """The parts of a bag that a person requests; those left empty are found.
+    """Sources of a bag requested by the user; empty fields are found automatically.
 
     Attributes:
         robots: `BASE,FLANGE` of tf, or a topic of poses, by name.
-        cameras: Topic of images, by name.
+        cameras: Topics of images by name.
         views: `CAMERA_FRAME,TARGET_FRAME` of tf, or a topic of poses or of tags, by the names of camera and
             target.
-        on: What carries cameras and targets, by name.
-        by_tf: Whether robots come from tf where joint states are there as well.
+        on: Carriers of cameras and targets, by name.
+        by_tf: Whether robots are read from tf even if there are joint states.
     """
 
     robots: Mapping[str, str] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Survey of a bag before it is read whole: frames, first images, lenses, URDFs, names of joints."""
+"""Survey of a bag before the import: frames, first images, lenses, URDFs, names of joints."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Survey:
 
     Attributes:
         tree: Frames of tf.
-        images: Topics of images, raw or compressed.
-        frame_ids: Frame of the images of each of them.
+        images: Topics of raw or compressed images.
+        frame_ids: Frame of the images, by topic.
         infos: First camera_info of each topic.
-        urdfs: Text of each robot_description.
-        joints: Names of the joints of each topic of joint states, all that any of its messages has.
+        urdfs: Text of each robot_description, by topic.
+        joints: Names of all joints in the messages of each topic of joint states.
     """
 
     tree: Tree
@@ -38,7 +38,7 @@ class Survey:
 
 
 def survey_bag(bag: Bag) -> Survey:
-    """Content of a bag; one image of each topic is looked at."""
+    """Survey the content of a bag; only the first image of each topic is read."""
     images = tuple(bag.topics_of_type(IMAGE, COMPRESSED))
     texts = [topic for topic in bag.topics_of_type(TEXT) if topic.name.endswith(_DESCRIPTION)]
     joints: dict[str, frozenset[str]] = {}
@@ -51,7 +51,7 @@ def survey_bag(bag: Bag) -> Survey:
     for topic in (*images, *infos, *texts):
         first = next(bag.read([topic.name]), None)
         if first is None:
-            raise DatasetError(bag.path, f"{topic.name} says {topic.messages} messages and holds none: it is damaged")
+            raise DatasetError(bag.path, f"{topic.name} has none of its {topic.messages} messages: the bag is damaged")
         firsts[topic.name] = first.data
     return Survey(
         _tree(bag),
@@ -64,7 +64,7 @@ def survey_bag(bag: Bag) -> Survey:
 
 
 def _tree(bag: Bag) -> Tree:
-    """How frames hang on one another; one whose transform differs between messages moves."""
+    """Read the tree of frames; a frame moves if its transform differs between messages."""
     hangs: dict[str, Hang] = {}
     for message in bag.read(topic.name for topic in bag.topics_of_type(TF)):
         is_timed = not message.topic.name.endswith(_STATIC)
@@ -79,5 +79,5 @@ def _tree(bag: Bag) -> Tree:
 
 
 def plain(frame: str) -> str:
-    """A frame's name as tf2 has it: tf of ROS 1 wrote a slash before it."""
+    """A frame's name without the leading slash that tf of ROS 1 used."""
     return frame.removeprefix("/")

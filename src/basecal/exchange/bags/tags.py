@@ -1,11 +1,11 @@
-"""AprilTags that detectors of ROS found while a bag was recorded: corners, or poses alone.
+"""AprilTag detections in a bag: corners, or only poses.
 
-Messages of `apriltag_msgs` have corners. The detector counts pixels from the corner of the first one, half a pixel from
-its centre. It goes counter-clockwise round a tag from the lower left. Its lower left is top right for OpenCV, whose
-images of tags are turned by half a turn.
-Messages of `apriltag_ros` in ROS 1, before that of `apriltags2_ros`, have the pose of each tag in the camera of the
-rectified image. It is by the tag's size that their settings had. A tag's frame has x to its right, y up and z out of
-it, as AprilTag prints it. This is half a turn from how OpenCV draws it.
+Messages of `apriltag_msgs` have corners. The detector's pixel origin is the corner of the first pixel, which is half a
+pixel from its centre. Corners are ordered counter-clockwise from the lower left of the tag. The lower left is OpenCV's
+top right, because OpenCV draws tags rotated by 180 deg.
+Messages of `apriltag_ros` in ROS 1, earlier `apriltags2_ros`, have the pose of each tag in the rectified camera. The
+pose is computed with the tag size in the detector's settings. A tag's frame has x to the right, y up and z out of the
+printed tag. It is rotated by 180 deg from OpenCV's drawing.
 
 Source: apriltag_msgs/msg/AprilTagDetection.msg; apriltag.h of AprilTag 3, `apriltag_detection`;
 apriltag_ros/msg/AprilTagDetection.msg; apriltag_ros/src/common_functions.cpp, `detectTags`.
@@ -44,21 +44,21 @@ DEFINITIONS = {
         )
     },
 }
-"""Of messages by type, as the library of bags takes them."""
+"""Message definitions by type, in the format of the library for bags."""
 
-_PLACES = (1, 0, 3, 2)  # among the detector's corners, of those clockwise from OpenCV's top left
+_PLACES = (1, 0, 3, 2)  # indices of the detector's corners, clockwise from OpenCV's top left
 _HALF_PX = 0.5  # from the corner of the first pixel to its centre
 
 _CORNERS_IN_TAG = np.array([[1, -1, 0], [-1, -1, 0], [-1, 1, 0], [1, 1, 0]])  # clockwise as OpenCV draws them
-_ONLY_TAG = -1.0  # the number of the only tag of an image, where a target has none by name
+_ONLY_TAG = -1.0  # number of the only tag of an image, for a target without numbered tags
 
 
 class SeenTags(NamedTuple):
-    """Corners of one image.
+    """Detected tag corners of one image.
 
     Attributes:
-        ids: (n,) of the points of the target.
-        pixels: (n, 2), the centre of the top-left pixel is (0, 0).
+        ids: (n,) ids of the target's points.
+        pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
     """
 
     ids: IntArray
@@ -66,7 +66,7 @@ class SeenTags(NamedTuple):
 
 
 def tag_corners(message: Any, tags: Tags) -> SeenTags | None:
-    """The corners of a target's tags in a message; None if it has none of them, one twice, or no numbers."""
+    """Corners of a target's tags in a message; None if there are no tags, a tag twice, or invalid numbers."""
     rows = {int(number): row for number, row in zip(tags.numbers, tags.corner_ids, strict=True)}
     found = [each for each in message.detections if each.id in rows and tags.family.endswith(each.family)]
     if not found or len({each.id for each in found}) < len(found):
@@ -79,16 +79,16 @@ def tag_corners(message: Any, tags: Tags) -> SeenTags | None:
 
 @dataclass(frozen=True, eq=False)
 class TagFrames:
-    """How a target stands in the frames of its tags.
+    """Poses of a target in the frames of its tags.
 
     Attributes:
-        tag_from_target: By the number of a tag. Without any, the only detection of an image is the target.
+        tag_from_target: Poses by tag number. If empty, the only detection of an image is the target.
     """
 
     tag_from_target: Mapping[int, SE3]
 
     def nearest_tag(self, message: Any) -> Array | None:
-        """Place and quaternion of a tag in the camera, and its number, (8,); of several the nearest. None for none."""
+        """Return position, quaternion and number of the tag nearest to the camera, (8,); None if there is no tag."""
         found = [each for each in message.detections if len(each.id) == 1 and int(each.id[0]) in self.tag_from_target]
         if not self.tag_from_target and len(message.detections) == 1:
             found = list(message.detections)
@@ -99,14 +99,14 @@ class TagFrames:
         return min(values, key=lambda each: float(np.sum(each[:3] ** 2)), default=None)
 
     def target_poses(self, camera_from_tag: SE3, numbers: Array) -> SE3:
-        """Poses of the target, (n,), where those of tags, (n,), of these numbers, (n,), were seen."""
+        """Return poses of the target, (n,), from poses of tags, (n,), and the tags' numbers, (n,)."""
         if not self.tag_from_target:
             return camera_from_tag
         return camera_from_tag @ SE3.stack([self.tag_from_target[int(number)] for number in numbers])
 
 
 def frames_of_tags(target: Target | None) -> TagFrames:
-    """The frames of a target's tags, by their corners; none of a target that is seen as a pose alone."""
+    """Compute the frames of a target's tags from their corners; empty for a target without tags."""
     if target is None or target.tags is None:
         return TagFrames({})
     corners = target.points[target.rows(target.tags.corner_ids.ravel())].reshape(-1, 4, 3)

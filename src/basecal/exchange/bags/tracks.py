@@ -1,4 +1,4 @@
-"""Where robots and targets were, and when images were taken: one pass over a bag, in which no image is kept."""
+"""Tracks of robots and targets, and times of images, from one pass over a bag without storing images."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3, Array
 
 LEAST_APART_S = 0.0075
-"""Between records of one robot that are kept [s]: 125 a second, as many as arms that stand or swing say anything by."""
+"""Shortest time between kept records of a robot [s]: more than 125 per second add no information."""
 
 
 T = TypeVar("T")
@@ -31,13 +31,13 @@ _Source = ByFrames | ByPoses | ByJoints | ByTagPoses
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Something at instants.
+    """Poses, joints or tag corners over time.
 
     Attributes:
-        times: (n,) [s], rising.
-        poses: (n,); None if something else was recorded.
-        joints: (n, k) [rad]; None if something else was.
-        tags: n times corners of tags; likewise.
+        times: (n,) [s], ascending.
+        poses: (n,) poses; None if not recorded.
+        joints: (n, k) [rad]; None if not recorded.
+        tags: n sets of tag corners; None if not recorded.
     """
 
     times: Array
@@ -48,12 +48,12 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """The tracks that were read in one pass.
+    """All tracks of a bag.
 
     Attributes:
-        robots: By name.
-        views: Of targets by cameras, by their names.
-        images: Of each camera, by name, the times [s] of its images in the order in which they were recorded.
+        robots: Tracks of robots by name.
+        views: Tracks of targets in cameras, by the names of camera and target.
+        images: Times [s] of each camera's images, in the order of recording.
     """
 
     robots: Mapping[str, Track]
@@ -63,29 +63,29 @@ class Tracks:
 
 @dataclass(eq=False)
 class _Gathered:
-    """Numbers of one source as they come."""
+    """Buffer of the times and values of one source."""
 
     width: int
     times: array[float] = field(default_factory=lambda: array("d"))
     values: array[float] = field(default_factory=lambda: array("d"))
 
     def add(self, time: float, values: Array) -> None:
-        """Keep them, unless they are hardly later than the last that were kept."""
+        """Append values, unless they follow the last ones within `LEAST_APART_S`."""
         if not self.times or not 0 <= time - self.times[-1] < LEAST_APART_S:
             self.times.append(time)
             self.values.extend(values.tolist())
 
     def arrays(self) -> tuple[Array, Array]:
-        """Times, rising, and values, (n, width)."""
+        """Return ascending unique times, (n,), and values, (n, width)."""
         times, first = np.unique(np.array(self.times), return_index=True)
         return times, np.array(self.values).reshape(-1, self.width)[first]
 
 
 def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
-    """Where all that is taken was.
+    """Read the tracks of all selected sources.
 
     Raises:
-        InputError: if something was never recorded, or what was is no pose.
+        InputError: if a source was never recorded, or its values are not valid poses.
     """
     listeners: _Listeners = defaultdict(list)
     sources: dict[str | tuple[str, str], _Source] = dict(selection.robots.items())
@@ -112,7 +112,7 @@ def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
 
 
 def _collector(bag: Bag, tree: Tree, source: _Source, listeners: _Listeners) -> _Gathered:
-    """The collector of a source's messages."""
+    """Register listeners for a source's messages, and return their buffer."""
     if isinstance(source, ByFrames):
         moving = _moving_frames(tree, source)
         found = _Gathered(7 * len(moving))
@@ -132,21 +132,21 @@ def _collector(bag: Bag, tree: Tree, source: _Source, listeners: _Listeners) -> 
 
 
 def _moving_frames(tree: Tree, source: ByFrames) -> list[str]:
-    """The frames of a way that move, or where none does one that /tf reports again and again."""
+    """Frames on a source's path that move; if none moves, one that /tf reports repeatedly."""
     children = [step.child for step in tree.way(source.parent, source.child)]
     moving = [child for child in children if not tree.hangs[child].is_fixed]
     timed = [child for child in children if tree.hangs[child].is_timed]
     if not moving and not timed:
-        raise InputError(f"{source}: nothing but /tf_static is between them, so that nothing says when: other frames?")
+        raise InputError(f"{source}: only /tf_static connects these frames, without times: choose other frames")
     return moving or timed[:1]
 
 
 def _frame_listener(collection: _Gathered, moving: list[str]) -> Callable[[Message], None]:
-    """A listener to /tf, which keeps instants that all frames that move have."""
+    """Create a listener to /tf that stores times at which all moving frames are reported."""
     latest: dict[str, tuple[tuple[int, int], Array]] = {}
 
     def listen(message: Message) -> None:
-        """Keep the instant once the last frame of it has come."""
+        """Store the transforms once all moving frames have the same time stamp."""
         for each in message.data.transforms:
             child = plain(each.child_frame_id)
             if child not in moving:
@@ -161,10 +161,10 @@ def _frame_listener(collection: _Gathered, moving: list[str]) -> Callable[[Messa
 
 
 def _listener(read: Callable[[Any], T | None], keep: Callable[[float, T], None]) -> Callable[[Message], None]:
-    """A listener that keeps, at their times, what is read of messages."""
+    """Create a listener that passes the values read from messages, with their times, to `keep`."""
 
     def listen(message: Message) -> None:
-        """Keep what the message holds, if it is something."""
+        """Pass the message's value on, if it has one."""
         found = read(message.data)
         if found is not None:
             keep(message_time(message.data.header, message.recorded_s), found)
@@ -181,7 +181,7 @@ def _keep_time(times: array[float], time: float, _: object) -> None:
 
 
 def _joint_values(names: tuple[str, ...], message: Any) -> Array | None:
-    """The joints in the order of `names`; None if some are missing."""
+    """Joint values in the order of `names`; None if a joint is missing."""
     place = {name: k for k, name in enumerate(message.name)}
     if not all(name in place and place[name] < len(message.position) for name in names):
         return None
@@ -198,7 +198,7 @@ def _tags(path: str, key: tuple[str, str], source: object, by_time: Mapping[floa
 def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, collection: _Gathered) -> Track:
     name = key if isinstance(key, str) else " seen by ".join(reversed(key))
     if not collection.times:
-        why = "its frames never have one stamp" if isinstance(source, ByFrames) else "no message says where it was"
+        why = "its frames never share a time stamp" if isinstance(source, ByFrames) else "no message holds its pose"
         raise InputError(f"{path}: {name}: {source}: {why}")
     times, values = collection.arrays()
     about = f"{path}: {name}: {source}"

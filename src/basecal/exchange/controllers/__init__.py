@@ -1,1 +1,1 @@
-"""How robots' controllers write poses, a module each with its `CONVENTION`; a new one is a line in the registry too."""
+"""Pose conventions of robots' controllers, with one entry per controller in `registry`."""

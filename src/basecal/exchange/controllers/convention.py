@@ -1,4 +1,4 @@
-"""A controller's convention: the numbers it writes a pose with, in their order and units; one for both ways."""
+"""Pose conventions of controllers: order, units and rotation form of the numbers, for reading and writing."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ RADIAN = 1.0
 
 @dataclass(frozen=True)
 class RotationForm:
-    """A rotation as k numbers.
+    """Representation of a rotation by k numbers.
 
     Attributes:
-        read: (..., k) to rotation matrices (..., 3, 3); angles in radians.
-        written: And back.
-        words: What the numbers are.
+        read: Function from numbers (..., k) to rotation matrices (..., 3, 3); angles in radians.
+        written: Inverse function, from rotation matrices to numbers.
+        words: Description of the numbers.
     """
 
     read: Callable[[Array], Array]
@@ -37,13 +37,13 @@ class RotationForm:
 
 @dataclass(frozen=True)
 class Convention:
-    """How a controller writes a pose, `a_from_b`: where b's origin is in a, and how its axes are turned.
+    """A controller's notation of a pose `a_from_b`: the position of b's origin in a, and the rotation of its axes.
 
     Attributes:
-        names: What it calls its numbers, three lengths and then those of the rotation.
-        length: One of its lengths [m].
-        angle: One of its angles [rad]; 1 where it has none.
-        form: The rotation's numbers.
+        names: Names of the numbers: three lengths, then those of the rotation.
+        length: Unit of length [m].
+        angle: Unit of angle [rad]; 1 if there are no angles.
+        form: Representation of the rotation.
     """
 
     names: tuple[str, ...]
@@ -53,28 +53,28 @@ class Convention:
 
     @property
     def has_angles(self) -> bool:
-        """Whether some of its numbers are angles."""
+        """Whether the rotation is given by angles."""
         return "quaternion" not in self.form.words
 
     def read(self, numbers: Array) -> SE3:
-        """Poses of numbers, (..., 6 or 7)."""
+        """Convert numbers, (..., 6 or 7), to poses, (...)."""
         return SE3(self.form.read(numbers[..., 3:] * self.angle), numbers[..., :3] * self.length)
 
     def to_numbers(self, pose: SE3) -> Array:
-        """Numbers of poses, (..., 6 or 7)."""
+        """Convert poses, (...), to numbers, (..., 6 or 7)."""
         rotation = self.form.written(pose.rotation) / self.angle
         return np.concatenate([pose.translation / self.length, rotation], -1)
 
 
 @dataclass(frozen=True)
 class MatrixConvention:
-    """How a controller writes a pose as the 16 numbers of a homogeneous matrix; otherwise as `Convention`.
+    """A controller's notation of a pose by the 16 numbers of a homogeneous matrix; see `Convention`.
 
     Attributes:
-        names: What it calls its numbers.
-        length: One of its lengths [m].
-        is_by_columns: Whether the first four numbers are the first column of the matrix, not its first row.
-        angle: That of a `Convention`; it has none.
+        names: Names of the numbers.
+        length: Unit of length [m].
+        is_by_columns: Whether the matrix is written column by column; if False, row by row.
+        angle: Always 1: the notation has no angles.
     """
 
     names: tuple[str, ...]
@@ -84,10 +84,10 @@ class MatrixConvention:
     has_angles: ClassVar[bool] = False
 
     def read(self, numbers: Array) -> SE3:
-        """Poses of numbers, (..., 16).
+        """Convert numbers, (..., 16), to poses, (...).
 
         Raises:
-            InputError: if they are no rigid transform.
+            InputError: if the numbers are not a rigid transform.
         """
         matrix = numbers.reshape(*numbers.shape[:-1], 4, 4)
         if _is_homogeneous(matrix) and self.is_by_columns and not _is_homogeneous(matrix.mT):
@@ -98,14 +98,14 @@ class MatrixConvention:
         return SE3(pose.rotation, pose.translation * self.length)
 
     def to_numbers(self, pose: SE3) -> Array:
-        """Numbers of poses, (..., 16)."""
+        """Convert poses, (...), to numbers, (..., 16)."""
         matrix = SE3(pose.rotation, pose.translation / self.length).matrix
         whole = matrix.mT if self.is_by_columns else matrix
         return whole.reshape(*whole.shape[:-2], 16)
 
 
 def _is_homogeneous(matrix: Array) -> bool:
-    """Whether the last rows are 0 0 0 1."""
+    """Whether the last row of each matrix is 0 0 0 1."""
     return bool(np.allclose(matrix[..., 3, :], (0, 0, 0, 1)))
 
 
@@ -123,7 +123,7 @@ def _rotation_from_zyz(angles: Array) -> Array:
 
 
 def _rotation_from_unit(q_xyzw: Array) -> Array:
-    """Rotations of quaternions that a controller has rounded.
+    """Rotations (..., 3, 3) from rounded quaternions (..., 4).
 
     Raises:
         InputError: if a norm is not 1 within 1e-3.
@@ -139,7 +139,7 @@ MOVING_ZYX = RotationForm(
     lambda r: rpy_of_rotation(r)[..., ::-1],
     "angles about z, the new y, the new x",
 )
-"""About z, the new y, the new x: Rz(a) Ry(b) Rx(c); the angles of `FIXED_XYZ` the other way round."""
+"""About z, the new y, the new x: Rz(a) Ry(b) Rx(c); the angles of `FIXED_XYZ` in reverse order."""
 MOVING_XYZ = RotationForm(
     lambda abc: _rotation_from_rpy(-abc).mT,
     lambda r: -rpy_of_rotation(r.mT),

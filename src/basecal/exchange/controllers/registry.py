@@ -1,4 +1,4 @@
-"""Every controller whose way to write poses is known: a new one is an entry here, with its source."""
+"""Registry of controllers' pose conventions; a new controller needs an entry here with its source."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ CONTROLLERS: Mapping[str, AnyConvention] = {
     "denso": Convention(("X", "Y", "Z", "RX", "RY", "RZ"), MILLIMETRE, DEGREE, FIXED_XYZ),
     # Franka: libfranka, `franka::RobotState::O_T_EE`: "4x4 matrix in column-major format"; its example
     # generate_cartesian_pose_motion.cpp moves along x by the number at 12. The output of echo_robot_state in its
-    # "Getting started" is the pose of the hand at the joints beside it.
+    # "Getting started" is the pose of the hand at the joints printed with it.
     "franka": MatrixConvention(tuple(f"O_T_EE_{i}" for i in range(16)), METRE, is_by_columns=True),
     # Doosan: docs.vathos.net, "Rotations": Doosan ZYZ of moving axes.
     "doosan": Convention(("x", "y", "z", "a", "b", "c"), MILLIMETRE, DEGREE, MOVING_ZYZ),
@@ -51,4 +51,4 @@ CONTROLLERS: Mapping[str, AnyConvention] = {
     "ros": Convention(("x", "y", "z", "qx", "qy", "qz", "qw"), METRE, RADIAN, QUATERNION_XYZW),
     "matrix": MatrixConvention(tuple(f"m{i}{j}" for i in range(4) for j in range(4)), METRE, is_by_columns=False),
 }
-"""Conventions by the controller's name, in the order in which help lists them; `matrix` is of no maker."""
+"""Conventions by the controller's name, in the order of the help text; `matrix` belongs to no manufacturer."""

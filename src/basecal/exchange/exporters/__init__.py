@@ -1,1 +1,1 @@
-"""Files for other programs, a module each with a function `exported`; a new one also is a line in the registry."""
+"""Exporters to files of other programs; each module defines an `EXPORTER`, which `registry` lists by name."""

@@ -1,4 +1,4 @@
-"""A camera's lens as a calibration file of ROS, which publishes it as `sensor_msgs/CameraInfo`."""
+"""Export of a camera's lens as a calibration file of ROS, which is published as `sensor_msgs/CameraInfo`."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from basecal.geometry import Array
 
 
 def export_text(request: Wanted) -> str:
-    """The file that `camera_info_url` names; no rectification, and the projection is that of the lens.
+    """Format a file for `camera_info_url`, without rectification, and with the lens as the projection.
 
     Raises:
-        FrameNotFound: if there is no such camera.
-        InputError: if none is named of several, its lens or image size is not known, or ROS has no name for the lens.
+        FrameNotFound: if the camera does not exist.
+        InputError: if the camera is ambiguous, its lens or image size is unknown, or ROS has no name for the lens.
 
     Source: github.com/ros-perception/image_common, camera_calibration_parsers.
     """

@@ -1,4 +1,4 @@
-"""Each robot's lines for the controller that wrote its poses, in the frame that they were recorded in."""
+"""Export for the controllers of a cell's robots, in the frames of their recorded poses."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from basecal.exchange.exports.exporter import NamedTransform, Wanted, check_expo
 
 
 def controllers_text(calibration: Calibration, cell: Cell, transform: str | None = None, run: str | None = None) -> str:
-    """The calibrated frames as each robot's own controller writes them.
+    """Format the calibrated frames in the notation of each robot's controller.
 
     Args:
-        calibration: What came out.
-        cell: What was calibrated: it says which controllers wrote poses, and in which frames.
-        transform: Name of a transform, in whichever direction; those that the cell was calibrated for if None.
-        run: Name of the calibration's run, said in comments.
+        calibration: The calibration.
+        cell: The calibrated cell, with the controllers and the frames of the recorded poses.
+        transform: Name of a transform in either direction; all requested transforms if None.
+        run: Name of the calibration's run, for comments.
 
     Raises:
         RefusedCalibration: if the calibration is refused.
-        FrameNotFound: if there is no such transform.
-        InputError: if none of them is in a frame of a robot.
+        FrameNotFound: if the transform does not exist.
+        InputError: if no transform is in a frame of a robot.
     """
     check_exportable(calibration)
     remarks = provenance(calibration, run)
@@ -41,14 +41,14 @@ def controllers_text(calibration: Calibration, cell: Cell, transform: str | None
 
 
 def controller_kind(robot: Robot) -> str:
-    """The export that a robot's controller takes; matrices if nothing says which it is."""
+    """Export format for a robot's controller; `matrix` if the controller is unknown."""
     driver = "" if robot.driver is None else robot.driver.kind
     known = (robot.controller.get("format", ""), driver, "ros" if robot.frames else "")
     return next((kind for kind in known if kind in EXPORTERS), "matrix")
 
 
 def recorded_frame(robot: Robot) -> str:
-    """The frames of its controller in which the poses of a robot were recorded."""
+    """Remark on the controller's frames in which the poses of a robot were recorded."""
     base, tool = robot.controller.get("base"), robot.controller.get("tool")
     own = robot.frames.get("base", f"{robot.name}_base")
     frame = f"{own}, its base: no other was stated" if base is None else f"{base}, which is {own} here"
@@ -59,7 +59,7 @@ def recorded_frame(robot: Robot) -> str:
 def _own_transforms(
     robot: Robot, calibration: Calibration, cell: Cell, transform: str | None
 ) -> Iterator[NamedTransform]:
-    """The transforms whose parent is of the robot, and bases that are inverted for it."""
+    """Transforms whose parent is a frame of the robot; transforms between bases are inverted if necessary."""
     own = (f"{robot.name}_base", f"{robot.name}_flange")
     for one in chosen_transforms(calibration, cell, transform):
         parent, child = one.own_frames

@@ -1,4 +1,4 @@
-"""Transforms as a table, a row each, with all their digits and the sigmas along the axes of the child."""
+"""Export of transforms as a table, one per row, with all digits and the sigmas along the child's axes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _HEADER = (
 
 
 def export_text(request: Wanted) -> str:
-    """Comma-separated values below a header; the last column says where they come from, since CSV has no comments."""
+    """Format comma-separated values with a header; the last column has the source, since CSV has no comments."""
     rows = [csv_row(_HEADER)]
     for one in request.transforms:
         mean, estimate = one.estimate.mean, one.estimate

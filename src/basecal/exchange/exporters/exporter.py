@@ -1,4 +1,4 @@
-"""A calibration as the text of another program's file."""
+"""Export of a calibration as the text of another program's file."""
 
 from __future__ import annotations
 
@@ -25,25 +25,24 @@ def export(
     folder: str | Path | None = None,
     run: str | None = None,
 ) -> str:
-    """A calibration as the text of another program's file.
+    """Export a calibration as the text of another program's file.
 
     Args:
-        calibration: What came out.
-        kind: For which program, one of `basecal.export_kinds()`.
-        transform: Name of a transform, in whichever direction; those that the cell was calibrated for where None.
-        robot: Whose file, for kinds that are of a robot.
-        camera: Whose file, for kinds that are of a camera.
-        urdf: URDFs to build on, for kinds that do.
-        joint: Whose origin is replaced in one.
-        cell: What was calibrated: it names frames, and some kinds need it.
-        folder: Where the cell's files are.
-        run: Name of the calibration's run, said in comments.
+        calibration: The calibration.
+        kind: Export format, one of `basecal.export_kinds()`.
+        transform: Name of a transform in either direction; all requested transforms if None.
+        robot: Name of the robot, for formats of a robot.
+        camera: Name of the camera, for formats of a camera.
+        urdf: URDFs to modify, for formats that use them.
+        joint: Name of the URDF joint whose origin is replaced.
+        cell: The calibrated cell; it names frames, and some formats need it.
+        folder: Folder of the cell.
+        run: Name of the calibration's run, for comments.
 
     Raises:
-        FrameNotFound: if there is no such kind, transform, robot or camera.
+        FrameNotFound: if the kind, transform, robot or camera does not exist.
         RefusedCalibration: if the calibration is refused.
-        InputError: if what is requested cannot be exported, the kind does not take it, or an argument is of another
-            type.
+        InputError: if the request cannot be exported, the kind does not support it, or an argument has the wrong type.
     """
     check_type("calibration", calibration, Calibration)
     if isinstance(urdf, str | Path):
@@ -66,10 +65,10 @@ def export(
 
 
 def pasteable(calibration: Calibration, cell: Cell | None = None, run: str | None = None) -> dict[str, dict[str, str]]:
-    """Texts to paste: by transform, in both directions, and then by kind; none of a calibration that is refused.
+    """Texts to paste, by transform in both directions, then by kind; empty for a refused calibration.
 
     Raises:
-        InputError: if it is no calibration.
+        InputError: if the argument is not a calibration.
     """
     check_type("calibration", calibration, Calibration)
     if calibration.verdict == "refused":

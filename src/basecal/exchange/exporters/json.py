@@ -1,4 +1,4 @@
-"""Transforms as JSON, with all their digits and covariances, as in calibration.json."""
+"""Export of transforms as JSON, with all digits and covariances, as in calibration.json."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from basecal.exchange.exports.exporter import Exporter, Wanted
 
 
 def export_text(request: Wanted) -> str:
-    """One object: `transforms` by name, the verdict, and where they come from."""
+    """Format a JSON object with `transforms` by name, the verdict and the source."""
     transforms = {
         one.name: {
             "parent": one.parent,

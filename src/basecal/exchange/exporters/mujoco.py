@@ -1,4 +1,4 @@
-"""Transforms as bodies of a MuJoCo model (MJCF): a file that loads, and can be included in another."""
+"""Export of transforms as bodies of a MuJoCo model (MJCF), to be loaded alone or included in another model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.exchange.urdf import exactly
 
 
 def export_text(request: Wanted) -> str:
-    """A model whose bodies are the frames, each in the one that it is known in; the first ones stand at the origin.
+    """Format a model with one body per frame, nested in its parent frame; root frames are at the origin.
 
     Source: mujoco.readthedocs.io, XML Reference, "body": pos in metres, quat with its scalar first.
     """

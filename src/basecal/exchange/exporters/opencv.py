@@ -1,4 +1,4 @@
-"""Transforms, or a camera's lens, as a file of OpenCV's FileStorage (YAML)."""
+"""Export of transforms, or of a camera's lens, as OpenCV's FileStorage (YAML)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from basecal.geometry import Array
 
 
 def export_text(request: Wanted) -> str:
-    """A map for each transform: `R`, `t` [m], `rvec`, `T` (4x4), `covariance`; or what `calib3d` takes of a lens.
+    """Format a map per transform: `R`, `t` [m], `rvec`, `T` (4x4), `covariance`; or a lens as used by `calib3d`.
 
     Source: docs.opencv.org, "File Input and Output using XML and YAML files".
     """

@@ -1,4 +1,4 @@
-"""Poses as pendants and programs of controllers take them: numbers, frames of KRL and poses of RAPID."""
+"""Export of poses in the notation of pendants and controllers' programs, such as KRL frames and RAPID poses."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from basecal.exchange.exports.digits import format_decimals, length_decimals, wr
 from basecal.exchange.exports.exporter import Exporter, NamedTransform, Wanted, comments, describe_transform
 
 _LONGEST_NAME = 32
-"""Characters of an identifier. Source: RAPID Overview, "Identifiers"."""
+"""Largest number of characters of an identifier. Source: RAPID Overview, "Identifiers"."""
 
 
 def pasted_lines(
     words: str, mark: str, units: str, lines_of: Callable[[NamedTransform, Wanted], list[str]]
 ) -> Exporter:
-    """An exporter of transforms as lines to paste.
+    """Create an exporter of transforms as lines to paste.
 
     Args:
-        words: What it gives, for help.
-        mark: What begins a comment.
-        units: Of the numbers, in words.
-        lines_of: Lines of a transform, given the whole request too.
+        words: Description of the format for help.
+        mark: Start of a comment.
+        units: Units of the numbers, in words.
+        lines_of: Function from a transform and the request to lines.
     """
 
     def text(request: Wanted) -> str:
-        """Remarks, then each transform below its comment."""
+        """Format the remarks, then each transform below its description."""
         lines = comments(request.remarks, mark)
         for one in request.transforms:
             lines += comments([describe_transform(one, units)], mark) + lines_of(one, request)
@@ -35,17 +35,17 @@ def pasted_lines(
 
 
 def _pendant(controller: str, words: str, mark: str, units: str, form: str) -> Exporter:
-    """An exporter of a controller's numbers, put into a form of one line or more."""
+    """Create an exporter of a controller's numbers, inserted into a template `form` of one or more lines."""
 
     def numbers(one: NamedTransform, request: Wanted) -> list[str]:
-        """The lines of a transform."""
+        """Format the lines of a transform."""
         return form.format(*written_numbers(CONTROLLERS[controller], one.estimate)).splitlines()
 
     return pasted_lines(words, mark, units, numbers)
 
 
 def frame_lines(one: NamedTransform, request: Wanted) -> list[str]:
-    """A frame of KRL; `$BASE`, `$ROBROOT` or `$TOOL` where the transform is one, with what is then meant.
+    """Format a KRL frame, also as `$BASE`, `$ROBROOT` or `$TOOL` if applicable, with explanations.
 
     Source: KUKA System Variables: `$BASE` and `$ROBROOT` are in WORLD, `$TOOL` is in the flange.
     """
@@ -65,7 +65,7 @@ def frame_lines(one: NamedTransform, request: Wanted) -> list[str]:
 
 
 def pose_lines(one: NamedTransform, request: Wanted) -> list[str]:
-    """A pose of RAPID; what is in a base is a work object too, and a base the Base Frame of the robot's parameters.
+    """Format a RAPID pose, in a base also as a work object, and for a base as the Base Frame of system parameters.
 
     Work objects are fixed in the world, base frames in metres. Source: RAPID Reference Manual, data type `wobjdata`;
     System parameters, topic Motion, type Robot, "Base Frame".
@@ -103,7 +103,7 @@ PENDANTS: Mapping[str, Exporter] = {
         "mm and quaternion, scalar first",
         pose_lines,
     ),
-    # As in the positions of a listing (.LS).
+    # Format of positions in a listing (.LS).
     "fanuc": _pendant(
         "fanuc",
         "X, Y, Z, W, P, R in mm and deg",
@@ -111,7 +111,7 @@ PENDANTS: Mapping[str, Exporter] = {
         "mm and deg",
         "X = {} mm, Y = {} mm, Z = {} mm,\nW = {} deg, P = {} deg, R = {} deg",
     ),
-    # By their names, and in the order of a user frame.
+    # With names, and in the order of a user frame.
     "yaskawa": _pendant(
         "yaskawa",
         "X, Y, Z, Rx, Ry, Rz in mm and deg, and the line of UFRAME.CND",

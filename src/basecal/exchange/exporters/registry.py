@@ -1,4 +1,4 @@
-"""Every exporter: a new one is a module, or an entry of `pendants`, and a line here."""
+"""Registry of exporters; a new one needs a module and a line here, or an entry in `pendants`."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ EXPORTERS: Mapping[str, Exporter] = {
     "urdf_joint": urdf_joint.EXPORTER,
     "urdf_cell": urdf_cell.EXPORTER,
 }
-"""By their names in `basecal export`, in the order in which help lists them."""
+"""Exporters by their name in `basecal export`, in the order of the help text."""
 
 
 def export_kinds() -> tuple[str, ...]:
-    """Names of all that `basecal.export` writes."""
+    """Names of all formats of `basecal.export`."""
     return tuple(EXPORTERS)

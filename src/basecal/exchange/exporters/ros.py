@@ -1,4 +1,4 @@
-"""A pose with its covariance as a message of ROS, in YAML: `geometry_msgs/PoseWithCovarianceStamped`."""
+"""Export of a pose with covariance as a ROS message in YAML: `geometry_msgs/PoseWithCovarianceStamped`."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from basecal.exchange.ros2 import ros_covariance
 
 
 def export_text(request: Wanted) -> str:
-    """One message, as `ros2 topic pub` takes it; the frame whose pose it is stands in a comment, it has no field.
+    """Format a message for `ros2 topic pub`; a comment names the child frame, for which the message has no field.
 
     Raises:
-        InputError: if several transforms are wanted.
+        InputError: if several transforms are requested.
     """
     if len(request.transforms) != 1:
         names = ", ".join(one.name for one in request.transforms)
-        raise InputError(f"a message holds one pose: say which with --transform: {names}")
+        raise InputError(f"a message holds one pose: choose one with --transform: {names}")
     (one,) = request.transforms
     place, turn = one.estimate.mean.translation.tolist(), one.estimate.mean.quaternion.tolist()
     position = {key: value + 0.0 for key, value in zip("xyz", place, strict=True)}

@@ -1,4 +1,4 @@
-"""A ROS 2 launch file that publishes transforms on `/tf_static`."""
+"""Export of a ROS 2 launch file that publishes transforms on `/tf_static`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from basecal.exchange.ros2 import publisher_arguments, static_transform_publishe
 
 
 def export_text(request: Wanted) -> str:
-    """A launch file with a node for each transform; the command that does the same is in a comment."""
+    """Format a launch file with one node per transform, and the equivalent command in a comment."""
     nodes = []
     for one in request.transforms:
         mean = one.estimate.mean

@@ -1,4 +1,4 @@
-"""The URDF of a robot with its calibration in it."""
+"""Export of a robot's URDF with its calibrated joint offsets and link errors."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from basecal.kinematics.urdf import LARGEST_BYTES
 
 
 def export_text(request: Wanted) -> str:
-    """The URDF of the robot requested: at the joints that it records, its flange is where the calibrated one is.
+    """Correct the URDF of the requested robot: recorded joints then give the calibrated flange pose.
 
-    Offsets that nothing is known of count as zero. A comment in it says what it was made from.
+    Unobservable offsets are set to zero. A comment names the source.
 
     Raises:
-        FrameNotFound: if there is no such robot.
-        InputError: if none is named, it has no URDF, was not calibrated, or its URDF is no longer the one that was
-            calibrated: what was found must not be applied twice.
-        DatasetError: if its URDF cannot be used.
+        FrameNotFound: if the robot does not exist.
+        InputError: if no robot is named, or it has no URDF or no calibrated parameters. It is also raised if the URDF
+            has changed since the calibration, so that a correction is not applied twice.
+        DatasetError: if the URDF cannot be used.
     """
     cell, folder, calibration, of = request.cell, request.folder, request.calibration, request.robot
     if cell is None or folder is None:
         raise InputError("a corrected URDF needs the cell and its folder")
     if of is None:
-        raise InputError(f"say whose URDF, with --robot: {', '.join(cell.robots)}")
+        raise InputError(f"choose a URDF with --robot: {', '.join(cell.robots)}")
     if of not in cell.robots:
         raise FrameNotFound(of, list(cell.robots))
     return corrected_text(cell, folder, calibration, of)
 
 
 def corrected_text(cell: Cell, folder: Path, calibration: Calibration, name: str) -> str:
-    """As `export_text`, of a robot of the cell."""
+    """Correct the URDF of a robot; see `export_text`."""
     robot = cell.robots[name]
     if robot.urdf is None or robot.base_link is None or robot.flange_link is None:
         raise InputError(f"robot {name!r} has no urdf in cell.yaml: there is nothing to correct")
@@ -55,15 +55,15 @@ def corrected_text(cell: Cell, folder: Path, calibration: Calibration, name: str
     source = f"sha256:{hashlib.sha256(text).hexdigest()}"
     if calibration.inputs.get(robot.urdf) != source:
         raise InputError(
-            f"{robot.urdf} is not the file that was calibrated. It may hold the correction already, and twice is "
-            "wrong. Calibrate again, or restore the file that was calibrated"
+            f"{robot.urdf} is not the file that was calibrated. It may hold the correction already, which must "
+            "not be applied twice. Calibrate again, or restore the file that was calibrated"
         )
     note = f"made by basecal {program_version()} of {source}: {applied_kinds(calibration, name)} applied"
     return corrected_urdf(text, robot.base_link, robot.flange_link, turns, moves, note)
 
 
 def applied_kinds(calibration: Calibration, robot: str) -> str:
-    """Corrections in a URDF of a robot, in words; empty if there are none."""
+    """Names of the corrections of a robot's URDF; empty if there are none."""
     found = calibration.parameters_of_robot(robot)
     return " and ".join(kind.replace("_", " ") for kind in ("joint_offsets", "link_parameters") if kind in found)
 

@@ -1,4 +1,4 @@
-"""One URDF of all robots of a cell, each standing where it was found."""
+"""Export of one URDF of all robots of a cell, each at its estimated pose."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from basecal.kinematics.urdf import LARGEST_BYTES, joint_origins
 
 
 def export_text(request: Wanted) -> str:
-    """A URDF made of one for each robot: those given, in the order of cell.yaml, or those that the cell names.
+    """Merge one URDF per robot: the given ones in the order of cell.yaml, or those of the cell.
 
-    Bases and what was found of joints and links belong together: URDFs that the cell names are corrected. A comment
-    says which of those given are not.
+    Base poses are valid together with the estimated joint offsets and link errors. They are therefore applied to URDFs
+    of the cell; a comment names given URDFs without them.
 
-    A robot's base is the `base_link` that cell.yaml gives it, or the base of its `frames`, or the root of its URDF.
+    A robot's base link is `base_link` in cell.yaml, or the base of its `frames`, or the root of its URDF.
 
     Raises:
         FrameNotFound: if a base link does not exist.
-        InputError: if there are not as many URDFs as robots, or where one stands is not known.
+        InputError: if the numbers of URDFs and robots differ, or the pose of a base is unknown.
         DatasetError: if a URDF cannot be used.
     """
     cell = request.cell
@@ -45,7 +45,7 @@ def export_text(request: Wanted) -> str:
     others = [name for name in cell.robots if name != cell.reference]
     for name in others:
         if cell.base_name(name) not in known:
-            raise InputError(f"where {name!r} stands is not known: there is no {cell.base_name(name)}")
+            raise InputError(f"the pose of {name!r} is unknown: there is no {cell.base_name(name)}")
     places = {name: known[cell.base_name(name)] for name in others}
     said = [
         f"{name}: {Path(part.path).name}, its base is the link {part.base_link}{corrections[name]}"
@@ -55,7 +55,7 @@ def export_text(request: Wanted) -> str:
 
 
 def _robot_text(request: Wanted, name: str, path: Path) -> tuple[bytes, str]:
-    """A robot's URDF with what was found of its joints and links, and a remark that says so."""
+    """A robot's URDF, corrected if it is the cell's own, and a remark about the correction."""
     cell, folder = request.cell, request.folder
     assert cell is not None
     assert folder is not None

@@ -1,4 +1,4 @@
-"""A URDF in which the origin of a fixed joint is what was found."""
+"""Export of a URDF with an estimated transform as the origin of a fixed joint."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from basecal.kinematics.urdf import LARGEST_BYTES
 
 
 def export_text(request: Wanted) -> str:
-    """The URDF given, its links the frames of the transform as the cell's `frames` name them, or as the cell does.
+    """Set the transform in the given URDF; its links have the names of `frames` in the cell, or the cell's names.
 
     Raises:
-        FrameNotFound: if a link does not exist.
-        InputError: if not one URDF is given and one transform wanted, or which joint is meant is not clear.
+        InputError: if there is not exactly one URDF and one transform, a link does not exist, or the joint is missing
+            or ambiguous.
         DatasetError: if the URDF cannot be used.
     """
     if len(request.urdfs) != 1:
-        raise InputError(f"say in which URDF, with --urdf FILE; {len(request.urdfs)} were given")
+        raise InputError(f"expected one --urdf FILE, {len(request.urdfs)} were given")
     if len(request.transforms) != 1:
         names = ", ".join(one.name for one in request.transforms)
-        raise InputError(f"an origin is one transform: say which with --transform: {names}")
+        raise InputError(f"an origin is one transform: choose one with --transform: {names}")
     (one,), (path,) = request.transforms, request.urdfs
     remarks = comments([*request.remarks, describe_transform(one, "m")], "")
     text, mean = read_bounded(path, LARGEST_BYTES), one.estimate.mean

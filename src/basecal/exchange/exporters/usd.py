@@ -1,4 +1,4 @@
-"""Transforms as frames of a USD stage, written as text (.usda)."""
+"""Export of transforms as frames of a USD stage in text form (.usda)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from basecal.exchange.exports.tree import Place, places
 
 
 def export_text(request: Wanted) -> str:
-    """A stage in metres, z up, whose prims are the frames, each in the one that it is known in.
+    """Format a stage in metres, z up, with one prim per frame, nested in its parent frame.
 
     Raises:
-        MissingExtra: if the library of USD is not installed.
+        MissingExtra: if the USD library is not installed.
 
     Source: openusd.org, UsdGeomXformable: a prim's `xformOp:translate`, then `xformOp:orient` on its right.
     """
@@ -33,7 +33,7 @@ def export_text(request: Wanted) -> str:
 
 
 def _define(stage: Any, place: Place, parents: Any) -> Any:
-    """The prim of a frame and of all those in it."""
+    """Define the prims of a frame and its descendants, and return the frame's prim."""
     from pxr import Gf, Tf, UsdGeom
 
     prim = UsdGeom.Xform.Define(stage, parents.AppendChild(Tf.MakeValidIdentifier(place.name)))

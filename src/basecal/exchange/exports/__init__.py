@@ -1,1 +1,1 @@
-"""Common parts of exporters: the chosen transforms, their digits, and their source."""
+"""Common parts of exporters: choice of transforms, their digits and their source."""

@@ -1,4 +1,4 @@
-"""The camera whose lens is exported, and the lens."""
+"""Choice of the camera for an export, and of its lens."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from basecal.geometry import Camera
 
 
 def choose_camera(request: Wanted) -> str:
-    """The camera requested, or the only one whose lens is known.
+    """Name of the requested camera, or of the only camera.
 
     Raises:
-        InputError: if none is requested and there are several, or none.
+        InputError: if no camera is requested and there is not exactly one.
     """
     if request.camera is not None:
         return request.camera
     names = _names(request)
     if len(names) != 1:
-        raise InputError(f"say whose lens, with --camera: {', '.join(names) or 'no lens is known'}")
+        raise InputError(f"choose a lens with --camera: {', '.join(names) or 'no lens is known'}")
     return names[0]
 
 
 def exported_camera(request: Wanted, name: str) -> Camera:
-    """The lens that was estimated of a camera, or else the one that its cell states.
+    """Lens of a camera: the estimated lens, or else the fixed lens of the cell.
 
     Raises:
-        FrameNotFound: if there is no such camera.
-        InputError: if its lens is not known.
+        FrameNotFound: if the camera does not exist.
+        InputError: if the lens is unknown.
     """
     if name in request.calibration.cameras:
         return request.calibration.cameras[name][0]

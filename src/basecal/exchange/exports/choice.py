@@ -1,4 +1,4 @@
-"""Which transforms of a calibration are exported, and what their frames are called there."""
+"""Choice of the transforms of a calibration for export, and of their frame names."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from basecal.geometry import PoseEstimate
 def chosen_transforms(
     calibration: Calibration, cell: Cell | None = None, name: str | None = None
 ) -> tuple[NamedTransform, ...]:
-    """The transform of a name, in whichever direction; those that the cell is calibrated for where there is no name.
+    """Choose a transform by name in either direction, or without a name all requested transforms.
 
     Args:
-        calibration: Where they come from.
-        cell: What was calibrated: it says what is requested, and names frames. Without it, what is requested is each
-            base that was estimated, or else all that was.
-        name: A name of the calibration, the inverse of one, or `a_from_b` of any two frames that do not move against
-            each other.
+        calibration: The calibration.
+        cell: The calibrated cell, for the requested transforms and names of frames. Without it, all estimated bases
+            are requested, or all estimated transforms if there are no bases.
+        name: Name of a transform in the calibration, the name of its inverse, or `a_from_b` of any two rigidly
+            connected frames.
 
     Raises:
-        FrameNotFound: if there is no such frame.
-        InputError: if it is the place of a point, its frames move against each other, or there is nothing to export.
+        FrameNotFound: if a frame does not exist.
+        InputError: if the transform is the position of a point, its frames are not rigidly connected, or there is
+            nothing to export.
     """
     if name is not None:
         return (_find_transform(calibration, cell, name),)
@@ -42,7 +43,7 @@ def chosen_transforms(
 
 
 def both_directions(calibration: Calibration, cell: Cell | None = None) -> tuple[NamedTransform, ...]:
-    """Every transform of a calibration that can be exported, each followed by its inverse."""
+    """All transforms of a calibration that can be exported, each followed by its inverse."""
     known = {name for name, estimate in calibration.transforms.items() if _is_covariance(estimate)}
     names = [name for name in calibration.transforms if name in known and name not in calibration.points]
     return tuple(_find_transform(calibration, cell, each) for name in names for each in (name, _reverse_name(name)))
@@ -51,7 +52,8 @@ def both_directions(calibration: Calibration, cell: Cell | None = None) -> tuple
 def frame_names(cell: Cell, name: str) -> tuple[str, str]:
     """Names of a transform's parent and child in other programs.
 
-    The cell's `frames` of each robot and `frame` of each camera, unless both are called the same; else our own names.
+    They are the `frames` of robots and the `frame` of cameras in the cell. The cell's own names are used if these are
+    missing, or if both would be equal.
     """
     ours = tuple(name.split("_from_"))
     named = {f"{robot.name}_{part}": other for robot in cell.robots.values() for part, other in robot.frames.items()}
@@ -68,7 +70,7 @@ def _find_transform(calibration: Calibration, cell: Cell | None, name: str) -> N
         if not named:
             raise FrameNotFound(name, list(calibration.transforms))
         if parent == child:
-            raise InputError(f"{name} is of one frame: name two, such as {next(iter(calibration.transforms), '')}")
+            raise InputError(f"{name} has one frame twice: name two, such as {next(iter(calibration.transforms), '')}")
         estimate = calibration.frame_between(parent, child)
         if not _is_covariance(estimate):
             raise InputError(f"the covariance of {name} is none, a variance is negative or not finite: calibrate again")
@@ -87,7 +89,7 @@ def _make_transform(cell: Cell | None, name: str, estimate: PoseEstimate, status
 
 
 def _is_covariance(estimate: PoseEstimate) -> bool:
-    """Whether sigmas can be taken of it; what a damaged file holds may be nothing of the kind."""
+    """Whether the covariance is finite with non-negative variances; that of a damaged file may not be."""
     if not np.all(np.isfinite(estimate.covariance)):
         return False
     return all(np.all(np.diag(each.covariance) >= 0) for each in (estimate, estimate.inverse()))

@@ -1,6 +1,6 @@
-"""The class of an exporter, the request that it answers, and comments and quoted words of its file.
+"""Interface of exporters, the data that they receive, and formatting of comments and quoted text.
 
-Its module in `exporters` ends in an `EXPORTER` of this class.
+Each module of an exporter in `exporters` defines `EXPORTER`, an `Exporter`.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from basecal.geometry import PoseEstimate
 
 Takes = Literal["transform", "robot", "camera", "urdf", "joint"]
 
-_HASH = 12  # digits of a hash: enough to tell any two recordings apart
+_HASH = 12  # digits of a hash: enough to distinguish recordings
 _ENDS = "\r\n"
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 @dataclass(frozen=True, eq=False)
 class NamedTransform:
-    """A transform that has both a place and a rotation.
+    """A transform with a position and a rotation.
 
     Attributes:
-        name: Such as `eye_base_from_hand_base`.
-        parent: What its first frame is called in other programs.
-        child: Likewise its second.
+        name: Name of the transform, such as `eye_base_from_hand_base`.
+        parent: Name of the first frame in other programs.
+        child: Name of the second frame in other programs.
         estimate: `parent_from_child`.
         status: `fixed`, `prior` or `free`.
     """
@@ -47,25 +47,25 @@ class NamedTransform:
 
     @property
     def own_frames(self) -> tuple[str, str]:
-        """Its frames as the cell calls them."""
+        """Names of parent and child in the cell."""
         parent, _, child = self.name.partition("_from_")
         return parent, child
 
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """The content that an exporter may write.
+    """Data for an exporter.
 
     Attributes:
-        transforms: The requested ones.
-        remarks: What they were made from and whether that is doubtful, a line each, for comments.
-        calibration: Where they come from.
-        cell: What was calibrated; None if it is not known.
-        folder: Where the cell's files are; None likewise.
-        robot: The robot requested; None if none was.
-        camera: Likewise the camera.
-        urdfs: URDFs to build on.
-        joint: The joint of one that is meant; None if it is clear.
+        transforms: The requested transforms.
+        remarks: Lines of comments about the source of the calibration and doubts about it.
+        calibration: The calibration.
+        cell: The calibrated cell; None if unknown.
+        folder: Folder of the cell; None if unknown.
+        robot: Name of the requested robot; None if not requested.
+        camera: Name of the requested camera; None if not requested.
+        urdfs: URDFs to modify.
+        joint: Name of the URDF joint to modify; None if it is unambiguous.
     """
 
     transforms: tuple[NamedTransform, ...]
@@ -79,20 +79,20 @@ class Wanted:
     joint: str | None = None
 
     def may_have_controller(self, robot: str, kind: str) -> bool:
-        """Whether a robot's controller may be of a kind: it is not known to be of another."""
+        """Whether a robot's controller is of a kind, or unknown."""
         known = None if self.cell is None else self.cell.robots.get(robot)
         return known is None or known.controller.get("format", kind) == kind
 
 
 @dataclass(frozen=True)
 class Exporter:
-    """A calibration as the text of another program's file.
+    """An export format of calibrations.
 
     Attributes:
-        words: What it gives, for help.
-        text: Writes the file.
-        takes: What of a calibration it can write, what is usual first; each is an option of `basecal export`.
-        is_pasted: Whether people paste it: of transforms, and text.
+        words: Description of the format for help.
+        text: Function that returns the text of the file.
+        takes: Parts of a calibration that it can write, the usual one first; each is an option of `basecal export`.
+        is_pasted: Whether the text is meant to be pasted by a user: text of transforms.
     """
 
     words: str
@@ -105,18 +105,18 @@ def check_exportable(calibration: Calibration) -> None:
     """Check that a calibration is not refused.
 
     Raises:
-        RefusedCalibration: if it is.
+        RefusedCalibration: if it is refused.
     """
     if calibration.verdict == "refused":
         raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
 
 
 def provenance(calibration: Calibration, run: str | None = None) -> tuple[str, ...]:
-    """Source of a calibration, a line each, then the doubts about it if there are any.
+    """Lines about the program, run and input files of a calibration, and about doubts if there are any.
 
     Args:
-        calibration: What came out.
-        run: Name of its run, which is the UTC time of it; None if it is in no run.
+        calibration: The calibration.
+        run: Name of the run, its UTC time; None if the calibration is not in a run.
     """
     of = "" if run is None else f", run {run}"
     hashes = [f"{name} {digest[: len('sha256:') + _HASH]}" for name, digest in calibration.inputs.items()]
@@ -128,7 +128,7 @@ def provenance(calibration: Calibration, run: str | None = None) -> tuple[str, .
 
 
 def describe_transform(transform: NamedTransform, units: str) -> str:
-    """Description of a transform in a line: its direction, its units, and its sigma."""
+    """Description of a transform on one line: direction, units and sigma (3-D norms)."""
     parent, child = transform.own_frames
     estimate = transform.estimate
     mm, deg = np.linalg.norm(estimate.sigma_t) * 1e3, np.degrees(np.linalg.norm(estimate.sigma_r))
@@ -137,12 +137,12 @@ def describe_transform(transform: NamedTransform, units: str) -> str:
 
 
 def comments(lines: Iterable[str], mark: str) -> list[str]:
-    """Lines of comments that hold nothing but one line each; `mark` begins each, if it is not empty."""
+    """Format lines as single-line comments that start with `mark`."""
     return [f"{mark} {' '.join(printable(line).split())}".strip() for line in lines]
 
 
 def yaml_word(text: str) -> str:
-    """A string of YAML, of both its versions, on one line and in ASCII."""
+    """Quote a text as a one-line ASCII string, valid in YAML 1.1 and 1.2."""
     return '"' + "".join(c if _is_plain(c) else f"\\U{ord(c):08x}" for c in text) + '"'
 
 
@@ -151,15 +151,15 @@ def _is_plain(character: str) -> bool:
 
 
 def csv_row(cells: Iterable[str], numbers: Iterable[str] = ()) -> str:
-    """A row of comma-separated values; a text that a table would calculate as a formula starts with `'`."""
+    """Format a row of comma-separated values; text that spreadsheets would read as a formula gets the prefix `'`."""
     text = StringIO()
     texts = [f"'{cell}" if cell.startswith(_FORMULA) else cell for cell in cells]
-    csv.writer(text, lineterminator=_ENDS).writerow([*texts, *numbers])  # quotes what holds any of them
+    csv.writer(text, lineterminator=_ENDS).writerow([*texts, *numbers])  # quotes cells if necessary
     return text.getvalue().removesuffix(_ENDS)
 
 
 def xml_comment(text: str) -> Any:
-    """An element of XML that is a comment, and holds no two hyphens in a row."""
+    """Create an XML comment; consecutive hyphens are separated by spaces."""
     from xml.etree.ElementTree import Comment
 
     return Comment(f" {re.sub('-(?=-)', '- ', printable(text))} ")

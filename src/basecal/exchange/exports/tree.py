@@ -1,4 +1,4 @@
-"""Frames as a tree, each in the frame that it is known in, for programs whose scenes are trees."""
+"""Trees of frames, each frame in its parent, for programs with scene trees."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from basecal.geometry import SE3
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A frame and those that are known in it.
+    """A frame of a tree.
 
     Attributes:
-        name: What it is called in other programs.
-        parent_from_frame: Where it is in the frame above it; None at the root of a tree.
-        children: Frames known in it.
+        name: Name of the frame in other programs.
+        parent_from_frame: Pose of the frame in its parent; None at the root of a tree.
+        children: Frames whose parent is this frame.
     """
 
     name: str
@@ -26,10 +26,10 @@ class Place:
 
 
 def places(transforms: Sequence[NamedTransform]) -> tuple[Place, ...]:
-    """The roots of the trees that transforms make: frames that are no child of any."""
+    """Build trees from transforms, and return their roots: frames that are not a child of any other."""
     children = {one.own_frames[1] for one in transforms}
     roots = dict.fromkeys(parent for parent, _ in (one.own_frames for one in transforms) if parent not in children)
-    # What each frame is called elsewhere, or as in the cell where another is called the same.
+    # Names of frames in other programs, or in the cell if two of these names are equal.
     elsewhere = {
         frame: name for one in transforms for frame, name in zip(one.own_frames, (one.parent, one.child), strict=True)
     }

@@ -1,1 +1,1 @@
-"""Importers of other programs' files: a file and a line for each kind."""
+"""Importers of other programs' files, one module per format."""

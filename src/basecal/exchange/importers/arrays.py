@@ -1,8 +1,8 @@
-"""Arrays under OpenCV's names: `calibrateHandEye`, `calibrateRobotWorldHandEye`, and the same of two arms.
+"""Import of arrays with OpenCV's names: `calibrateHandEye`, `calibrateRobotWorldHandEye`, and names for two arms.
 
 `R_gripper2base` and `t_gripper2base` are base_from_flange, `R_target2cam` and `t_target2cam` camera_from_target, in
-metres. A world is a target, and `R_base2gripper` is flange_from_base. Of two arms the eye carries the camera and the
-hand the target. Rotations are matrices or rotation vectors [rad].
+metres. A world is a target, and `R_base2gripper` is flange_from_base. With two arms, the eye carries the camera and
+the hand carries the target. Rotations are matrices or rotation vectors [rad].
 Source: OpenCV's documentation of calib3d.
 """
 
@@ -26,14 +26,14 @@ from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import checked_rotation, rotation_exp
 
 HAND_EYE = ("gripper2base", "target2cam")
-"""What `calibrateHandEye` takes."""
+"""Names of the arguments of `calibrateHandEye`."""
 ROBOT_WORLD = ("base2gripper", "world2cam")
-"""What `calibrateRobotWorldHandEye` takes."""
+"""Names of the arguments of `calibrateRobotWorldHandEye`."""
 BASE_TO_BASE = ("eye_gripper2base", "hand_gripper2base", "target2cam")
-"""Poses of two arms, and what the camera of the first sees of the target of the second."""
+"""Names of the poses of two arms, and of the second arm's target in the first arm's camera."""
 
 _KINDS = (BASE_TO_BASE, ROBOT_WORLD, HAND_EYE)
-_TARGET_NAMES = {"rvecs": "R_target2cam", "tvecs": "t_target2cam"}  # as of `calibrateCamera`
+_TARGET_NAMES = {"rvecs": "R_target2cam", "tvecs": "t_target2cam"}  # names from `calibrateCamera`
 _LARGEST = 2**24  # bytes of JSON: twenty thousand samples
 
 
@@ -50,15 +50,15 @@ def read_array_file(
     target: str | None = None,
     unit: LengthUnit = "m",
 ) -> Imported:
-    """Arrays under OpenCV's names, of a NumPy archive (.npz), JSON or FileStorage.
+    """Import arrays with OpenCV's names from a NumPy archive (.npz), JSON or FileStorage.
 
     Reads R_gripper2base, t_gripper2base, R_target2cam and t_target2cam of
     calibrateHandEye, or R_world2cam, t_world2cam, R_base2gripper and
     t_base2gripper of calibrateRobotWorldHandEye. Two arms have
     R_eye_gripper2base, t_eye_gripper2base, R_hand_gripper2base,
     t_hand_gripper2base, R_target2cam and t_target2cam. Rotations are matrices
-    or rotation vectors [rad]; 4x4 matrices T_gripper2base and the like are both.
-    Makes the cell where there is none.
+    or rotation vectors [rad]. 4x4 matrices such as T_gripper2base replace the
+    pair R and t. Creates the cell if there is none.
 
     For example:
 
@@ -69,20 +69,20 @@ def read_array_file(
     Args:
         cell: Folder of the cell.
         file: The archive, the JSON file, or the FileStorage (.yml, .xml).
-        camera_on: What carries the camera of one arm: robot, unless the cell says otherwise, or world.
-        target_on: What carries the target, if it is another robot, which is still.
-        robot: Name of the robot in the cell; of two, of the one that carries the camera.
-        hand: Name of the robot that carries the target, of two.
+        camera_on: Carrier of the camera with one arm: robot or world; by default as in the cell, otherwise robot.
+        target_on: Carrier of the target, if it is another robot, which does not move.
+        robot: Name of the robot in the cell; with two arms, of the one that carries the camera.
+        hand: Name of the robot that carries the target, with two arms.
         camera: Name of the camera in the cell.
         target: Name of the target in the cell.
-        unit: Of the translations.
+        unit: Unit of the translations.
 
     Raises:
-        InputError: if it cannot be read, or does not fit the cell.
+        InputError: if the file cannot be read, or is inconsistent with the cell.
     """
 
     def read(camera_on_robot: bool | None) -> HandEyeRecord:
-        """The record, given what cell or user say."""
+        """Read the record with the carrier from the cell or the user."""
         return read_record_of_arrays(file, camera_on_robot, unit_length_m(unit))
 
     advice = f"all lengths are read in {unit}: check --unit, or convert arrays of another unit; then check --camera-on"
@@ -92,17 +92,18 @@ def read_array_file(
 def record_of_arrays(
     arrays: Mapping[str, ArrayLike], source: str, camera_on_robot: bool = True, metres: float = 1.0
 ) -> HandEyeRecord:
-    """The recording that arrays hold.
+    """Create a record from arrays.
 
     Args:
-        arrays: `R_...` (n, 3, 3) or (n, 3) [rad] and `t_...` (n, 3). Their names are those of `HAND_EYE`, `ROBOT_WORLD`
-            or `BASE_TO_BASE`. An axis of one is no matter. `T_...` (n, 4, 4) are both; `rvecs`, `tvecs` are target2cam.
-        source: Where they are from.
-        camera_on_robot: Whether the robot carries the camera, and not the target.
-        metres: Of a unit of the translations.
+        arrays: `R_...` (n, 3, 3) or (n, 3) [rad] and `t_...` (n, 3), with the names of `HAND_EYE`, `ROBOT_WORLD` or
+            `BASE_TO_BASE`. Axes of length one are removed. `T_...` (n, 4, 4) replaces a pair `R_...` and `t_...`;
+            `rvecs` and `tvecs` are target2cam.
+        source: Source of the arrays.
+        camera_on_robot: Whether the robot carries the camera; if False, it carries the target.
+        metres: Unit of the translations [m].
 
     Raises:
-        InputError: if one is missing, or is no rotation or translation, their lengths differ, or two are one.
+        InputError: if an array is missing or invalid, lengths differ, or two arrays hold the same poses.
     """
     arrays = _rename_arrays(arrays)
     wanted = next((kind for kind in _KINDS if arrays.keys() >= {*_keys(kind)}), None)
@@ -113,7 +114,7 @@ def record_of_arrays(
     counts = {f"R_{name}": len(pose) for name, pose in zip(wanted, poses, strict=True)}
     if len(set(counts.values())) > 1:
         told = ", ".join(f"{name} has {count}" for name, count in counts.items())
-        raise InputError(f"{source}: {told}: expected as many of each, a pose a sample")
+        raise InputError(f"{source}: {told}: expected the same number, one pose per sample")
     for name, pose in zip(wanted[:-1], poses[:-1], strict=True):
         if np.array_equal(pose.matrix, poses[-1].matrix):
             raise InputError(f"{source}: {name} and {wanted[-1]} are the same poses: one was given for both")
@@ -125,7 +126,7 @@ def record_of_arrays(
 
 
 def _rename_arrays(arrays: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
-    """Arrays with matrices `T_...` divided into `R_...` and `t_...`, and `rvecs`, `tvecs` as those of the target."""
+    """Split matrices `T_...` into `R_...` and `t_...`, and rename `rvecs` and `tvecs` to those of the target."""
     found: dict[str, ArrayLike] = {}
     for key, values in arrays.items():
         letter, _, name = key.partition("_")
@@ -138,12 +139,12 @@ def _rename_arrays(arrays: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
 
 
 def read_record_of_arrays(path: str | Path, camera_on_robot: bool | None, metres: float) -> HandEyeRecord:
-    """The recording that an archive of NumPy (`.npz`), a JSON file or a FileStorage holds, as of `record_of_arrays`.
+    """Read a record from a NumPy archive (`.npz`), a JSON file or a FileStorage; see `record_of_arrays`.
 
     JSON may be a list of samples, each a mapping.
 
     Raises:
-        InputError: if it cannot be read.
+        InputError: if the file cannot be read.
     """
     name = str(path)
     if name.lower().endswith((".npz", ".npy")):
@@ -164,7 +165,7 @@ def read_record_of_arrays(path: str | Path, camera_on_robot: bool | None, metres
 
 
 def _plain_matrices(value: Any) -> Any:
-    """A value with the matrices of FileStorage in it as nested lists."""
+    """Convert the matrices of a FileStorage in a value to nested lists."""
     if isinstance(value, list):
         return [_plain_matrices(each) for each in value]
     if not isinstance(value, dict) or not {"rows", "cols", "data"} <= value.keys():
@@ -181,19 +182,21 @@ def _keys(kind: tuple[str, ...]) -> list[str]:
 
 
 def _poses(arrays: Mapping[str, ArrayLike], name: str, metres: float) -> SE3:
-    """(n,) transforms."""
+    """Transforms, (n,), from the arrays `R_<name>` and `t_<name>`."""
     rotations = _numbers(arrays, f"R_{name}", ((3, 3), (3,)))
     rotation = (
         checked_rotation(rotations, f"R_{name}") if rotations.ndim == 3 else _rotation_of_vectors(rotations, name)
     )
     translation = _numbers(arrays, f"t_{name}", ((3,),)) * metres
     if len(rotation) != len(translation):
-        raise InputError(f"R_{name} has {len(rotation)} entries and t_{name} {len(translation)}, expected as many")
+        raise InputError(
+            f"R_{name} has {len(rotation)} entries and t_{name} {len(translation)}, expected equal numbers"
+        )
     return SE3(rotation, translation)
 
 
 def _rotation_of_vectors(vectors: Array, name: str) -> Array:
-    """Rotations of vectors (n, 3) [rad]; those beyond a full turn are in degrees."""
+    """Rotations (n, 3, 3) of rotation vectors (n, 3) [rad]; a vector longer than 2 pi is rejected as degrees."""
     longest = float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
     if longest > 2 * np.pi:
         raise InputError(f"R_{name} has a rotation vector of length {longest:.4g}, expected radians: convert degrees")
@@ -201,14 +204,14 @@ def _rotation_of_vectors(vectors: Array, name: str) -> Array:
 
 
 def _numbers(arrays: Mapping[str, ArrayLike], key: str, shapes: tuple[tuple[int, ...], ...]) -> Array:
-    """Finite numbers (n, *shape) of one of the shapes; a row or a column of three is three numbers."""
+    """Finite numbers of an array, (n, *shape) with one of the shapes; axes of length one are removed."""
     if np.ma.is_masked(arrays[key]):
         raise InputError(f"{key} is a masked array, expected every number: leave masked entries out of all arrays")
     try:
         plain = np.asarray(arrays[key])
         is_complex, values = np.iscomplexobj(plain), np.asarray(plain.real, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{key} is no array of numbers: its entries differ in shape, or are none") from None
+        raise InputError(f"{key} is not an array of numbers: its entries differ in shape, or are not numbers") from None
     if is_complex:
         raise InputError(f"{key} is a complex array, expected real numbers")
     if not values.size:

@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2."""
+"""Import of ROS 1 and ROS 2 bags."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ def read_bag(
     shape: Shape = UNSAID,
     progress: Progress | None = None,
 ) -> Imported:
-    """Make a recording of a bag of ROS 1 (.bag) or ROS 2 (sqlite3, MCAP).
+    """Import a ROS 1 (.bag) or ROS 2 (sqlite3, MCAP) bag as a recording.
 
-    Robots come from joint states with /robot_description, which is written into
-    the cell, else from tf, or from topics of PoseStamped. Images may be raw or
-    compressed; camera_info gives the lens of a camera that is new. Topics are
-    found by their usual names, and printed; with --list nothing is written.
+    Robots are read from joint states with /robot_description, which is copied
+    into the cell, else from tf, or from topics of PoseStamped. Images may be raw
+    or compressed; camera_info gives the lens of a new camera. Topics are found by
+    their usual names, and printed; with --list nothing is written.
 
-    Of a recording in which arms stop, each stop at which something was seen is a
-    sample: all robots represent 0.3 s around an image. With --streams all is
-    taken as it moves, and `basecal calibrate` finds by how much clocks differ.
+    If the arms stop, each stop with an image or view becomes a sample: all robots
+    are at rest for 0.3 s around the image. With --streams all data are read in
+    motion, and `basecal calibrate` estimates the clock offsets.
 
     For example:
 
@@ -66,23 +66,23 @@ def read_bag(
     Args:
         cell: Folder of the cell.
         bag: The bag: a folder of ROS 2, or a .bag, .mcap or .db3.
-        list: Report what is in the bag, and what would be taken of it.
+        list: List the content of the bag and the data to be imported.
         robot: NAME=BASE,FLANGE, frames of tf and links of the URDF; or NAME=/TOPIC of PoseStamped.
         camera: NAME=/TOPIC of Image or CompressedImage.
-        view: CAMERA,TARGET=/TOPIC of PoseStamped, the target in the camera; or its FRAME,FRAME of tf for a topic.
-        on: NAME=ROBOT or NAME=world: what carries a camera or target that is new.
-        tf: Take robots from tf where there are joint states as well.
-        streams: Take everything, each device at its own times, instead of one sample for each stop.
-        target: Kind of the target in the images, where the cell does not describe it; its sizes are below.
-        target_on: What carries it: a robot (its flange), or `world`.
-        target_name: Its name.
-        shape: Its counts and sizes.
-        progress: Called after each message, with how many are read, and of how many.
+        view: CAMERA,TARGET=/TOPIC of PoseStamped, the target in the camera; or FRAME,FRAME of tf instead of a topic.
+        on: NAME=ROBOT or NAME=world: carrier of a new camera or target.
+        tf: Read robots from tf even if there are joint states.
+        streams: Read all data, each device at its own times, instead of one sample per stop.
+        target: Kind of the target in the images, if the cell does not describe it; its sizes are below.
+        target_on: Carrier of the target: a robot (its flange), or `world`.
+        target_name: Name of the target.
+        shape: Counts and sizes of the target.
+        progress: Called after each message with the number of messages read and their total.
 
     Raises:
-        UsageError: if an option has another form.
-        MissingExtra: if the library of bags is not installed.
-        InputError: if it cannot be read, or does not fit the cell.
+        UsageError: if an option has the wrong form.
+        MissingExtra: if the library for bags is not installed.
+        InputError: if the bag cannot be read, or is inconsistent with the cell.
     """
     asked = _request(robot, camera, view, on, tf)
     known = known_cell(cell)
@@ -103,7 +103,7 @@ def read_bag(
 
 
 def _preview(bag: Bag, survey: Survey, request: Asked, present_cell: KnownCell) -> Imported:
-    """Content of a bag, and the parts that would be imported, or why none would."""
+    """Preview of a bag: its content, and the data that would be imported or the reason why none would."""
     try:
         would = choose_sources(bag, survey, request, present_cell).words
     except InputError as error:
@@ -126,7 +126,7 @@ def _with_target(
     carrier: str | None,
     shape: Shape,
 ) -> Imported:
-    """A copy with the target that its images show, where one is described."""
+    """A copy with an entry for the target in the images, if one is described."""
     places = {name: camera.get("on") for name, camera in source.cell.get("cameras", {}).items()}
     camera = next(iter(places), "")
     shown = target_entry(folder, kind, shape, Sight(camera, name, places.get(camera), carrier))
@@ -142,7 +142,7 @@ def _damage(bag: Bag) -> tuple[str, ...]:
 def _import_bag(
     bag: Bag, survey: Survey, selection: Taken, request: Asked, present_cell: KnownCell, folder: Path, streams: bool
 ) -> Imported:
-    """Rows and entries for the cell, images and URDFs being in a folder."""
+    """Import rows and entries for the cell; images and URDFs are written into a folder."""
     tracks = read_tracks(bag, survey, selection)
     instants = (stream_instants if streams else still_instants)(tracks, bag.path)
     rows = tuple(make_rows(tracks, instants, write_images(bag, selection, instants, folder)))
@@ -160,12 +160,12 @@ def _import_bag(
 
 
 def _count_messages(bag: Bag, progress: Progress) -> Bag:
-    """The bag, with its messages counted as they are read: for what is in it, for times, for images."""
+    """Wrap a bag to report progress; messages are read three times: survey, tracks and images."""
     total = 3 * sum(topic.messages for topic in bag.topics.values())
     done = 0
 
     def read(names: Iterable[str]) -> Iterator[Message]:
-        """The messages of some topics, each counted."""
+        """Read the messages of some topics and count them."""
         nonlocal done
         for message in bag.read(names):
             done += 1

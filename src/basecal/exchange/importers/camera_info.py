@@ -1,4 +1,4 @@
-"""A lens from a camera_info of ROS."""
+"""Import of a lens from a camera_info of ROS."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def read_camera_info(
     on: str | None = None,
     status: LensStatus = "fixed",
 ) -> Imported:
-    """The lens of a camera from a camera_info file of ROS.
+    """Import a camera's lens from a camera_info file of ROS.
 
-    Reads the YAML that ROS's camera calibration writes, and what `ros2 topic
-    echo --once` printed of a camera_info: plumb_bob, rational_polynomial and
-    equidistant. It stands in for the intrinsics in cell.yaml; the size must be
+    Reads the YAML of ROS's camera calibration, and the output of `ros2 topic
+    echo --once` for a camera_info: plumb_bob, rational_polynomial and
+    equidistant. The lens replaces the intrinsics in cell.yaml; the size must be
     that of the recorded images.
 
     For example:
@@ -32,11 +32,11 @@ def read_camera_info(
     Args:
         cell: Folder of the cell.
         file: The camera_info.
-        camera: Name of the camera; may be left out where the cell has one.
-        on: The robot that carries it, or world, where the cell does not have it yet.
-        status: Whether the intrinsics are fixed, or free with these for a start.
+        camera: Name of the camera; may be omitted if the cell has one.
+        on: Carrier of a new camera: a robot, or world.
+        status: Whether the intrinsics are fixed, or free with these values as the initial guess.
 
     Raises:
-        InputError: if it cannot be read, does not fit the cell, or the images have another size.
+        InputError: if the file cannot be read, is inconsistent with the cell, or the images have another size.
     """
     return lens_of_file(cell, camera_info.read_camera_info(file), file, camera, on, status)

@@ -1,7 +1,7 @@
-"""A lens from a reconstruction of COLMAP, or the poses of its cameras: `images.txt` or `images.bin`.
+"""Import of a lens from a COLMAP reconstruction, or of its camera poses from `images.txt` or `images.bin`.
 
-A pose is camera_from_world, up to scale; the camera's frame is OpenCV's. In the text each image has two lines, of which
-the second holds its points and may be empty.
+A pose is camera_from_world, up to scale; the camera's frame is OpenCV's. In the text file each image has two lines; the
+second holds the image's points and may be empty.
 Source: COLMAP's documentation, "Output Format".
 """
 
@@ -28,7 +28,7 @@ from basecal.exchange.lens_files.colmap import read_colmap_lenses, reconstructio
 from basecal.fields.problems import shorten
 from basecal.geometry import SE3
 
-_LARGEST = 2**30  # bytes: points of images, of which a binary holds all
+_LARGEST = 2**30  # bytes: a binary file includes all points of the images
 _POINT_BYTES = 24
 _LINE = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
 _POSE_FIELDS = struct.Struct("<I7dI")
@@ -49,21 +49,21 @@ def read_colmap(
     images: str = "*",
     streams: bool = False,
 ) -> Imported:
-    """The lens of a camera from a reconstruction of COLMAP; with --target, how it stood to what it saw.
+    """Import a camera's lens from a COLMAP reconstruction; with --target, its camera poses.
 
-    With --target the reconstruction is a target that stands still, and is seen
-    only as poses. images.txt or images.bin states from where each image was
-    taken. The unit is not known (`scale: free` in cell.yaml); `basecal calibrate`
-    finds it by how the arms moved. Images are paired with samples by their names,
-    or in the order of their names. With --streams the names are times, and each
-    image makes a line of its own, as of a film of a moving arm. Two arms whose
-    images are in one reconstruction are two cameras of it and one target.
+    With --target the reconstruction is a static target that is seen only as
+    poses. images.txt or images.bin holds the pose of each image. The unit of
+    length is unknown (`scale: free` in cell.yaml); `basecal calibrate` estimates
+    it from the motion of the arms. Images are paired with samples by their
+    names, or in the order of their names. With --streams the names are times,
+    and each image becomes a separate line, as in a film of a moving arm. Two
+    arms with images in one reconstruction are two cameras and one target.
 
     Reads cameras.txt or cameras.bin: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL,
     RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE and
-    RADIAL_FISHEYE. Half a pixel is taken off the principal point: COLMAP
-    counts from the corner of the image. It stands in for the intrinsics in
-    cell.yaml; the size must be that of the recorded images.
+    RADIAL_FISHEYE. Half a pixel is subtracted from the principal point, because
+    COLMAP's origin is the corner of the image. The lens replaces the intrinsics
+    in cell.yaml; its image size must be that of the recorded images.
 
     For example:
 
@@ -75,36 +75,36 @@ def read_colmap(
     Args:
         cell: Folder of the cell.
         file: cameras.txt, cameras.bin, or the folder that holds one of them.
-        camera: Name of the camera; may be left out where the cell has one.
-        on: The robot that carries it, or world, where the cell does not have it yet.
-        status: Whether the intrinsics are fixed, or free with these for a start.
-        camera_id: Which one, where the file has several.
-        target: Name of what was reconstructed, whose poses are read in place of the lens.
-        target_on: What carries it: the world, unless a robot shows it to a camera that is still.
-        images: Which images the camera took, by their names in the reconstruction.
-        streams: With --target: each image, at the time that is its name, makes a line of its own.
+        camera: Name of the camera; may be omitted if the cell has one.
+        on: Carrier of a new camera: a robot, or world.
+        status: Whether the intrinsics are fixed, or free with these values as the initial guess.
+        camera_id: Number of the camera, if the file has several.
+        target: Name of the reconstructed target; its poses are read instead of the lens.
+        target_on: Carrier of the target: the world, or a robot that moves it in front of a static camera.
+        images: Pattern of the names of the camera's images in the reconstruction.
+        streams: With --target: each image becomes a separate line at the time in its name.
 
     Raises:
         UsageError: if --streams is given without --target.
-        InputError: if it cannot be read, does not fit the cell, or the images have another size.
+        InputError: if a file cannot be read, is inconsistent with the cell, or the images have another size.
     """
     if target is not None:
         known = known_cell(cell)
         sight = Sight(choose_name("camera", camera, known.cameras), target, on, target_on)
         return _poses(cell, str(file), camera_id, images, sight, streams)
     if streams:
-        raise UsageError("--streams is of poses, and not of a lens: add --target NAME")
+        raise UsageError("--streams needs poses: add --target NAME")
     lenses = read_colmap_lenses(file)
     chosen = next(iter(lenses)) if camera_id is None and len(lenses) == 1 else camera_id
     if chosen is None or chosen not in lenses:
-        raise InputError(f"{file} has cameras {list_names(list(map(str, lenses)))}: say which one by --camera-id")
+        raise InputError(f"{file} has cameras {list_names(list(map(str, lenses)))}: choose one with --camera-id")
     return lens_of_file(cell, lenses[chosen], file, camera, on, status)
 
 
 def _poses(
     folder: str | Path, file: str, camera_id: int | None, pattern: str, sight: Sight, is_stream: bool
 ) -> Imported:
-    """Poses of the reconstruction in the frames of a camera's images."""
+    """Import the poses of the reconstruction in the frames of a camera's images."""
     cell, images = known_cell(folder), _select_images(file, camera_id, pattern)
     entry = sight_entry(cell, sight)
     if sight.target not in cell.targets:
@@ -117,10 +117,10 @@ def _poses(
 
 
 def _select_images(file: str, camera_id: int | None, pattern: str) -> list[ReconstructedImage]:
-    """The images of one camera.
+    """Select the images of one camera.
 
     Raises:
-        InputError: if several cameras took them and none is chosen, the chosen one took none, or two have one name.
+        InputError: if the camera is ambiguous or has no images, or two images have the same name.
     """
     images = read_colmap_images(file)
     named = [image for image in images if fnmatchcase(image.name, pattern)]
@@ -129,7 +129,7 @@ def _select_images(file: str, camera_id: int | None, pattern: str) -> list[Recon
     numbers = list_names([str(number) for number in sorted({image.camera for image in named})])
     chosen = [image for image in named if camera_id in (None, image.camera)]
     if len({image.camera for image in chosen}) != 1:
-        raise InputError(f"{file} has images of cameras {numbers}: say which one by --camera-id")
+        raise InputError(f"{file} has images of cameras {numbers}: choose one with --camera-id")
     twice = [name for name, count in Counter(plain_name(image.name) for image in chosen).items() if count > 1]
     if twice:
         folder = chosen[0].name.rpartition("/")[0] or "FOLDER"
@@ -140,7 +140,7 @@ def _select_images(file: str, camera_id: int | None, pattern: str) -> list[Recon
 
 
 class ReconstructedImage(NamedTuple):
-    """The name of an image, the number of its camera, and its pose up to scale."""
+    """An image's name, camera number, and pose up to scale."""
 
     name: str
     camera: int
@@ -148,13 +148,13 @@ class ReconstructedImage(NamedTuple):
 
 
 def read_colmap_images(path: str | Path) -> list[ReconstructedImage]:
-    """The images of a reconstruction by their names.
+    """Read the images of a reconstruction, sorted by name.
 
     Args:
-        path: `images.txt`, `images.bin`, or the folder that holds one of them; the binary is taken before the text.
+        path: `images.txt`, `images.bin`, or the folder that holds one of them; the binary file is preferred.
 
     Raises:
-        DatasetError: if it is neither, or holds no image.
+        DatasetError: if the file is invalid or has no image.
     """
     file = reconstruction_file(path, "images")
     images = list(_binary(file) if file.suffix.lower() == ".bin" else _text(file))
@@ -183,7 +183,7 @@ def _text(path: Path) -> Iterator[ReconstructedImage]:
 
 
 def _binary(path: Path) -> Iterator[ReconstructedImage]:
-    """Little-endian: how many, then number, pose, camera's number, name and points of each."""
+    """Parse the little-endian file: image count, then id, pose, camera id, name and points of each image."""
     data = read_bounded(path, _LARGEST)
     cut = DatasetError(path, "is cut off, or is not images.bin of COLMAP")
     try:

@@ -1,9 +1,9 @@
-"""Data sets of ROS-Industrial's industrial_calibration and of robot_cal_tools: images, poses and what is known.
+"""Import of data sets of ROS-Industrial's industrial_calibration and robot_cal_tools: images, poses, lens and target.
 
-A list of `image` and `pose`, files beside it: under `data` in the first, alone in the second. A pose is x, y, z [m] and
-qx, qy, qz, qw, from the base to the flange. The flange carries the camera, or the target if `static_camera` is true.
-The lens is a pinhole without distortion, whose images' size the file leaves open. Rows and columns of a ChArUco board
-are squares, its dictionary a number of OpenCV's; those of a grid of circles are circles.
+The file lists pairs of `image` and `pose` files: under `data` in the first program, at the top level in the second. A
+pose is base_from_flange, x, y, z [m] and qx, qy, qz, qw. The flange carries the camera, or the target if
+`static_camera` is true. The lens is a pinhole without distortion; the image size is not stated. Rows and columns of a
+ChArUco board count squares, and its dictionary is OpenCV's number; those of a grid of circles count circles.
 Source: industrial_calibration's docs/extrinsic_hand_eye_calibration.md and examples; robot_cal_tools' rct_examples.
 """
 
@@ -39,12 +39,12 @@ def read_data_set(
     target_file: Path | None = None,
     link: bool = False,
 ) -> Imported:
-    """Images and robot poses of a data set of industrial_calibration or robot_cal_tools.
+    """Import images and robot poses of industrial_calibration or robot_cal_tools.
 
     Reads the list of images and poses (metres, quaternions). Reads the camera's
-    intrinsics, which become a start, and the ChArUco board or grid of circles.
-    They may be in the list or in files of their own. Guesses of mounts are
-    taken over.
+    intrinsics as an initial guess, and the ChArUco board or grid of circles.
+    They may be in the list or in separate files. Guesses of mounts are used
+    as initial guesses.
 
     For example:
 
@@ -55,17 +55,17 @@ def read_data_set(
     Args:
         cell: Folder of the cell.
         file: The list of images and poses.
-        camera_on: What carries the camera, where neither file nor cell says: robot, or world.
-        target_on: What carries the target, if it is another robot, which is still.
+        camera_on: Carrier of the camera, if neither file nor cell states it: robot, or world.
+        target_on: Carrier of the target, if it is another robot, which does not move.
         robot: Name of the robot in the cell.
         camera: Name of the camera in the cell.
         target: Name of the target in the cell.
-        intrinsics: File of the camera's intrinsics, where they are not in the list.
-        target_file: File of the target, where it is not in the list.
+        intrinsics: File of the camera's intrinsics, if they are not in the list.
+        target_file: File of the target, if it is not in the list.
         link: Make hard links to the images instead of copies.
 
     Raises:
-        InputError: if it cannot be read, or does not fit the cell.
+        InputError: if a file cannot be read, or is inconsistent with the cell.
     """
     read = partial(read_data_set_record, file, lens=intrinsics, target=target_file)
     return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target, link)
@@ -77,16 +77,16 @@ def read_data_set_record(
     lens: str | Path | None = None,
     target: str | Path | None = None,
 ) -> HandEyeRecord:
-    """Images and poses of a `cal_data.yaml`, and what it or files beside it say of lens and target.
+    """Read images and poses of a `cal_data.yaml`, and the lens and target from it or from separate files.
 
     Args:
         path: The list of images and poses.
-        camera_on_robot: Whether the robot carries the camera; what `static_camera` says where None.
-        lens: File with `intrinsics`; `path` itself where None.
-        target: File with the target's sizes; likewise.
+        camera_on_robot: Whether the robot carries the camera; from `static_camera` if None.
+        lens: File with `intrinsics`; `path` if None.
+        target: File with the target's sizes; `path` if None.
 
     Raises:
-        DatasetError: if something of it cannot be read, or nothing says what the robot carries.
+        DatasetError: if a file cannot be read, or the carrier of the camera is not stated.
     """
     root = read_fields(path)
     listing = root if isinstance(root.data, list) else root.find("data")
@@ -96,7 +96,7 @@ def read_data_set_record(
     images = tuple(_image(entry.find("image"), folder) for entry in entries)
     static = root.first("static_camera")
     if static is not None and camera_on_robot is not None and static.boolean() == camera_on_robot:
-        raise static.error("is the opposite of what --camera-on, or cell.yaml, says")
+        raise static.error("contradicts --camera-on or cell.yaml")
     on_robot = camera_on_robot if static is None else not static.boolean()
     if on_robot is None:
         raise root.error(
@@ -122,13 +122,13 @@ def read_data_set_record(
 
 def _image(entry: Field, folder: Path) -> Path:
     path = _file(entry, folder)
-    if not os.path.isfile(path):  # a name longer than any file's is none, too
+    if not os.path.isfile(path):  # also false for a name that is too long
         raise entry.error(f"there is no image {path}: put the images beside the file, or correct the path")
     return path
 
 
 def _file(entry: Field, folder: Path) -> Path:
-    """A file that is named beside this one, and stays in its folder."""
+    """Path of a file named in an entry; it must be inside the folder."""
     try:
         return folder / inside(str(folder))(entry.text())
     except DatasetError:
@@ -147,7 +147,7 @@ def _lens(root: Field, path: str | Path | None) -> StatedLens | None:
     if place is None:
         return None
     values = [place.find(name).number() for name in ("fx", "fy", "cx", "cy")]
-    # Zeros to start from: with no term at all none would be estimated.
+    # Distortion terms start at zero: without terms none would be estimated.
     return StatedLens(made_camera(place, "pinhole", [*values, *[0.0] * _TERMS], None), "pinhole without distortion")
 
 
@@ -160,7 +160,7 @@ def _target(root: Field, path: str | Path | None) -> dict[str, Any] | None:
     for name, read in _TARGETS.items():
         if name in kind.text():
             return read(place)
-    raise kind.error(f"{kind.data!r} has no equal here; there are: {list_names(list(_TARGETS))}")
+    raise kind.error(f"{kind.data!r} is not supported; there are: {list_names(list(_TARGETS))}")
 
 
 def _charuco(place: Field) -> dict[str, Any]:
@@ -181,8 +181,8 @@ def _circles(place: Field) -> dict[str, Any]:
     return {"kind": "circles", "circles": sides, "spacing_m": place.find("spacing").number()}
 
 
-_TERMS = 5  # of distortion, k1 k2 p1 p2 k3
-_COUNTED = 21  # of OpenCV's dictionaries: from DICT_4X4_50 to DICT_APRILTAG_36h11
+_TERMS = 5  # number of distortion terms, k1 k2 p1 p2 k3
+_COUNTED = 21  # number of OpenCV's dictionaries from DICT_4X4_50 to DICT_APRILTAG_36h11
 _TARGETS: dict[str, Callable[[Field], dict[str, Any]]] = {
     "CharucoGridTargetFinder": _charuco,
     "ModifiedCircleGridTargetFinder": _circles,

@@ -1,13 +1,13 @@
-"""Files of easy_handeye (ROS 1) and easy_handeye2 (ROS 2): `.samples`, and calibrations (`.yaml`, `.calib`).
+"""Import of easy_handeye (ROS 1) and easy_handeye2 (ROS 2) files: `.samples`, and calibrations (`.yaml`, `.calib`).
 
-Metres and quaternions x, y, z, w, as ROS has them. `tracking` is camera_from_target in both arrangements. `robot` is
-base_from_flange with the eye in hand, but its inverse with the eye on the base. The program thereby solves both by one
-equation; here the inverse is undone. A calibration is flange_from_camera in the first, base_from_camera in the second.
-The `.samples` of easy_handeye2 leave the arrangement empty. The equation is the same, so that no number shows it
-either. The arrangement is taken from the user, from the file, or from a calibration of its name beside it, in this
-order. Otherwise it is taken from the file's name, if that holds the words of the program's own examples (`eih`, `eob`).
-easy_handeye keeps no file of its samples: what its service take_sample or get_sample_list answered (hand_world_samples,
-camera_marker_samples) is read.
+Metres and quaternions x, y, z, w, as in ROS. `tracking` is camera_from_target in both arrangements. `robot` is
+base_from_flange with the eye in hand, but its inverse with the eye on the base. One equation thereby solves both; the
+inverse is undone here. A calibration is flange_from_camera in the first case, base_from_camera in the second.
+The `.samples` of easy_handeye2 leave the arrangement empty, and the numbers cannot determine it because the equation is
+the same. The arrangement is read from the file, otherwise from the user or the cell. The next source is a calibration
+of the same name next to the file. The last source is the file's name, if it has the words of the program's examples
+(`eih`, `eob`). easy_handeye stores no file of its samples: the reply of its service take_sample or get_sample_list
+(hand_world_samples, camera_marker_samples) is read.
 Source: HandeyeSampler and HandeyeCalibration of IFL-CAMP/easy_handeye and marcoesposito1988/easy_handeye2.
 """
 
@@ -41,13 +41,13 @@ def read_easy_handeye(
     camera: str | None = None,
     target: str | None = None,
 ) -> Imported:
-    """Samples or a calibration of easy_handeye (ROS 1) or easy_handeye2 (ROS 2).
+    """Import samples or a calibration of easy_handeye (ROS 1) or easy_handeye2 (ROS 2).
 
-    Reads `.samples`, `.calib`, the calibration's `.yaml`, and what the services
-    take_sample and get_sample_list answered, as YAML. Metres. Eye-on-base
-    robot poses, which it writes inverted, are turned back. A calibration
-    becomes a guess of where the camera is. Makes the cell where there is none.
-    A second arm that stands still may carry the camera or the target; its pose is
+    Reads `.samples`, `.calib`, the calibration's `.yaml`, and the replies of the
+    services take_sample and get_sample_list as YAML, in metres. Eye-on-base
+    robot poses, which the program inverts, are inverted back. A calibration
+    becomes the initial guess of the camera mount. Creates the cell if there is
+    none. A second arm at rest may carry the camera or the target; its pose is
     one row of `basecal import poses --still`.
 
     For example:
@@ -59,16 +59,16 @@ def read_easy_handeye(
 
     Args:
         cell: Folder of the cell.
-        file: What easy_handeye wrote.
-        camera_on: What carries the camera, where file and cell do not say: robot (eye in hand), world (on base), or the
-            name of a robot.
-        target_on: What carries the target, if it is another robot, which is still.
+        file: A file of easy_handeye.
+        camera_on: Carrier of the camera, if neither file nor cell states it: robot (eye in hand), world (on base), or
+            the name of a robot.
+        target_on: Carrier of the target, if it is another robot, which does not move.
         robot: Name of the robot in the cell.
         camera: Name of the camera in the cell.
         target: Name of the target in the cell.
 
     Raises:
-        InputError: if it cannot be read, or does not fit the cell.
+        InputError: if the file cannot be read, or is inconsistent with the cell.
     """
     read = partial(read_easy_handeye_record, file)
     return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target)
@@ -76,21 +76,21 @@ def read_easy_handeye(
 
 @dataclass(frozen=True)
 class _Arrangement:
-    """Whether the robot carries the camera, and what said so."""
+    """Whether the robot carries the camera, and the source of this information."""
 
     on_robot: bool
     by: str
 
 
 def read_easy_handeye_record(path: str | Path, camera_on_robot: bool | None = None) -> HandEyeRecord:
-    """Samples or a calibration of easy_handeye.
+    """Read samples or a calibration of easy_handeye.
 
     Args:
-        path: The file.
-        camera_on_robot: Whether the robot carries the camera, where the user says so.
+        path: Path of the file.
+        camera_on_robot: Whether the robot carries the camera, if the user or the cell states it.
 
     Raises:
-        DatasetError: if it is neither, or nothing says what the robot carries.
+        DatasetError: if the file is neither, or the arrangement is unknown.
     """
     root = read_fields(path, _LARGEST)
     arrangement = _arrangement(root, camera_on_robot)
@@ -121,14 +121,14 @@ def read_easy_handeye_record(path: str | Path, camera_on_robot: bool | None = No
 
 
 def _arrangement(root: Field, on_robot: bool | None) -> _Arrangement:
-    """Which arrangement it is, by the first that says so.
+    """Arrangement from the first available source: file, user or cell, calibration, file name.
 
     Raises:
-        DatasetError: if nothing does, or the user and the file contradict each other.
+        DatasetError: if no source states it, or the user or cell contradicts the file.
     """
     stated = _stated_arrangement(root)
     if on_robot is not None and stated is not None and stated.on_robot != on_robot:
-        raise root.error(f"{stated.by}, the opposite of what --camera-on, or cell.yaml, says")
+        raise root.error(f"{stated.by}, which contradicts --camera-on or cell.yaml")
     found = stated or (None if on_robot is None else _Arrangement(on_robot, "as stated"))
     found = found or _sibling_arrangement(Path(root.path)) or _arrangement_from_name(Path(root.path))
     if found is None:
@@ -151,7 +151,7 @@ def _stated_arrangement(root: Field) -> _Arrangement | None:
 
 
 def _sibling_arrangement(path: Path) -> _Arrangement | None:
-    """The arrangement by the calibration of the same name."""
+    """Arrangement from the calibration of the same name; None if there is none."""
     for ending in (".calib", ".yaml", ".yml"):
         other = path.with_suffix(ending)
         if other != path and other.is_file():
@@ -170,7 +170,7 @@ def _arrangement_from_name(path: Path) -> _Arrangement | None:
 
 
 def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
-    """Robot and tracking of each sample."""
+    """Poses `robot` and `tracking` of each sample."""
     inner = root.first("samples")
     if inner is not None and isinstance(inner.data, list):
         entries = inner.items("samples")

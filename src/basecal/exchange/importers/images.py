@@ -1,4 +1,4 @@
-"""Folders of images."""
+"""Import of folders of images."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def read_images(
     shape: Shape = UNSAID,
     progress: Callable[[int, int], None] | None = None,
 ) -> Imported:
-    """Copy one camera's images into a recording; several cameras by several calls.
+    """Copy one camera's images into a recording; several cameras need several calls.
 
-    Image i, in the order of their names (2.png before 10.png), belongs to
+    Image i, in the order of the names (2.png before 10.png), belongs to
     sample i. If a table had a column `image`, its names determine the samples. If
-    nothing is recorded, each image makes a sample. A camera that is not in the
-    cell is added to it, with a free lens. The target that the images show is
-    added as well, if it is described here.
+    nothing is recorded, each image becomes a sample. A camera that is not in the
+    cell is added to it, with a free lens. The target in the images is added as
+    well, if it is described here.
 
     For example:
 
@@ -60,18 +60,18 @@ def read_images(
         cell: Folder of the cell.
         folder: Folder of the images.
         camera: Name of the camera.
-        on: What carries a camera that is new: a robot (its flange), or `world`; the robot where there is one alone.
-        by: What pairs images with samples: their order, names in the recording, or times that their names are.
+        on: Carrier of a new camera: a robot (its flange), or `world`; by default the only robot.
+        by: Method of pairing images with samples: by order, by names in the recording, or by times in the file names.
         link: Make hard links instead of copies.
-        target: Kind of the target in the images, where the cell does not describe it; its sizes are below.
-        target_on: What carries it: a robot (its flange), or `world`; if not said, the only robot without the camera.
-        target_name: Its name.
-        shape: Its counts and sizes.
-        progress: Called after each image, with how many are read, and of how many.
+        target: Kind of the target in the images, if the cell does not describe it; its sizes are below.
+        target_on: Carrier of the target: a robot (its flange), or `world`; by default the robot without the camera.
+        target_name: Name of the target.
+        shape: Counts and sizes of the target.
+        progress: Called after each image with the number of images read and their total.
 
     Raises:
         UsageError: if a target is described without its kind.
-        InputError: if no image can be read, or it is not clear what carries camera or target.
+        InputError: if no image can be read, or the carrier of camera or target is ambiguous.
     """
     if by is not None and by not in _PAIRING_HELP:
         raise UsageError(f"by {by!r}: expected one of {list_names(list(_PAIRING_HELP))}")
@@ -112,19 +112,19 @@ def _describe(
 
 @dataclass(frozen=True)
 class _Look:
-    """The size that most images have [px], and what is to be said of the others."""
+    """Most frequent size of images [px], and warnings about the others."""
 
     size_px: tuple[int, int]
     warnings: tuple[str, ...]
 
 
 def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], None] | None) -> _Look:
-    """Read all images once.
+    """Read all images once to find their sizes and damaged files.
 
     Raises:
-        InputError: if none can be read.
+        InputError: if no image can be read.
     """
-    from basecal.vision.image_file import grey_image, read_bytes  # OpenCV, which no other import needs
+    from basecal.vision.image_file import grey_image, read_bytes  # needs OpenCV, other imports do not
 
     sizes: dict[str, tuple[int, int]] = {}
     damaged: list[str] = []
@@ -151,10 +151,10 @@ def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int,
 
 
 def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> tuple[dict[str, Any], frozenset[Loc]]:
-    """The camera's entry of `cell.yaml` except for its size, and a size to remove on which nothing rests.
+    """Entry of `cell.yaml` for the camera without its size, and the locations whose value may be replaced.
 
     Raises:
-        InputError: if the camera is new, and nobody says what carries it; or it is carried by something else.
+        InputError: if the carrier of a new camera is ambiguous, or the cell states another carrier.
     """
     known = known_cell(folder)
     carrier = choose_carrier(known, "camera", name, stated_carrier, may_be_world=False)

@@ -1,4 +1,4 @@
-"""A robot's joints from a table."""
+"""Import of a robot's joints from a table."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def read_joints(
 
     The file is a table in the order of the URDF's joints, or with a header that
     names or numbers them (j1, q1, A1). Commas, semicolons, tabs or spaces
-    separate its columns. Rows belong to the samples that are there in order,
-    unless a column `image`, `sample` or `stamp_s` says otherwise. A robot that
-    has no URDF in the cell yet gets it here; it is copied into the cell.
+    separate its columns. Rows are assigned to the existing samples in order,
+    unless a column `image`, `sample` or `stamp_s` assigns them. If the cell has
+    no URDF of the robot, give it here; it is copied into the cell.
 
     For example:
 
@@ -39,18 +39,18 @@ def read_joints(
 
     Args:
         cell: Folder of the cell.
-        file: Joints, a row for each sample.
+        file: Joints, one row per sample.
         robot: Name of the robot.
-        deg: They are in degrees; radians where not said.
-        urdf: The robot's URDF, where the cell has none of it.
-        base_link: Link of that URDF that the robot stands on.
-        flange_link: Link of that URDF that is the flange.
-        offset_sigma_deg: How far each joint's zero may be off, one sigma; they are then estimated with the rest.
-        still: The robot stands still: the one row of its file is of every sample.
+        deg: Joints are in degrees; by default in radians.
+        urdf: The robot's URDF, if the cell has none.
+        base_link: Base link of the robot in that URDF.
+        flange_link: Flange link of the robot in that URDF.
+        offset_sigma_deg: Sigma of each joint's offset [deg]; the offsets are then estimated.
+        still: The robot is at rest: the single row of its file belongs to every sample.
 
     Raises:
-        UsageError: if options do not go together.
-        InputError: if it cannot be read, or does not fit the robot's limits.
+        UsageError: if options are inconsistent.
+        InputError: if the file cannot be read, or joints exceed the robot's limits.
     """
     model = joint_model(cell, robot, urdf, base_link, flange_link, offset_sigma_deg)
     rows = joints.read_joints(str(file), robot, model.chain, deg)

@@ -1,8 +1,8 @@
-"""Kalibr's chain of cameras, and its description of a target.
+"""Import of Kalibr's camera chains and target descriptions.
 
 `pinhole` with `radtan` has terms k1 k2 p1 p2 in OpenCV's order, with `equidistant` the fisheye's four. `T_cn_cnm1` is
-camera n from camera n - 1, in metres. A cell holds nothing of the IMU (`T_cam_imu`, `timeshift_cam_imu`). Corners are
-found by OpenCV, so the centre of the top-left pixel is (0, 0). A checkerboard is counted by inner corners. An
+camera n from camera n - 1, in metres. Data of the IMU (`T_cam_imu`, `timeshift_cam_imu`) are ignored. Corners are
+detected with OpenCV, so the centre of the top-left pixel is (0, 0). A checkerboard is sized by its inner corners. An
 asymmetric grid of circles has circle c of row r at ((2 c + r mod 2) spacing, r spacing), as in OpenCV.
 Source: Kalibr's wiki, "yaml formats", "supported models" and "calibration targets"; GridCalibrationTargetCirclegrid.
 """
@@ -25,10 +25,10 @@ from basecal.exchange.importing.lens import (
     mount_by_chain,
 )
 
-_PROJECTION = "pinhole"  # the one of Kalibr's that lenses here have
+_PROJECTION = "pinhole"  # the supported projection of Kalibr
 _MODELS = {"radtan": ("pinhole", 4), "equidistant": ("fisheye", 4), "none": ("pinhole", 0)}
-_FAMILY = "tag36h11"  # the one that Kalibr's own boards are printed in
-_EQUAL_SIDES = 1e-6  # of both sides of a square: below what any printer keeps
+_FAMILY = "tag36h11"  # family of Kalibr's own boards
+_EQUAL_SIDES = 1e-6  # largest relative difference of a square's sides: below any printer's accuracy
 
 
 def read_kalibr(
@@ -42,12 +42,12 @@ def read_kalibr(
     status: LensStatus = "fixed",
     camera_of_file: str | None = None,
 ) -> Imported:
-    """The lens of a camera from a camchain of Kalibr, or a target from its YAML.
+    """Import a camera's lens from a camchain of Kalibr, or a target from its YAML.
 
     Reads pinhole-radtan and pinhole-equi; aprilgrid, checkerboard and
-    circlegrid. Where the cell knows where the camera before it in the chain
-    is, T_cn_cnm1 gives a guess of where this one is. The IMU is not read. A
-    lens stands in for the intrinsics in cell.yaml.
+    circlegrid. If the cell has the pose of the previous camera in the chain,
+    T_cn_cnm1 gives the initial guess of this camera's pose. Data of the IMU are
+    ignored. A lens replaces the intrinsics in cell.yaml.
 
     For example:
 
@@ -57,14 +57,14 @@ def read_kalibr(
     Args:
         cell: Folder of the cell.
         file: The camchain, or the description of a target.
-        camera: Name of the camera; may be left out where the cell has one.
-        target: Name of the target; likewise.
-        on: The robot that carries it, or world, where the cell does not have it yet.
-        status: Whether the intrinsics are fixed, or free with these for a start.
-        camera_of_file: Which camera of the file (cam0, cam1, ...), where it has several.
+        camera: Name of the camera; may be omitted if the cell has one.
+        target: Name of the target; may be omitted if the cell has one.
+        on: Carrier of a new camera or target: a robot, or world.
+        status: Whether the intrinsics are fixed, or free with these values as the initial guess.
+        camera_of_file: Camera of the file (cam0, cam1, ...), if it has several.
 
     Raises:
-        InputError: if it cannot be read, does not fit the cell, or the images have another size.
+        InputError: if the file cannot be read, is inconsistent with the cell, or the images have another size.
     """
     known = known_cell(cell)
     if is_target(file):
@@ -73,16 +73,16 @@ def read_kalibr(
     chosen = next(iter(lenses)) if camera_of_file is None and len(lenses) == 1 else camera_of_file
     chosen = camera if chosen is None and camera in lenses else chosen
     if chosen is None or chosen not in lenses:
-        raise InputError(f"{file} has {list_names(list(lenses))}: say which one by --camera-of-file")
+        raise InputError(f"{file} has {list_names(list(lenses))}: choose one with --camera-of-file")
     mount = mount_by_chain(known, tuple(lenses.values()), chosen)
     return lens_of_file(cell, lenses[chosen], file, camera, on, status, mount)
 
 
 def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:
-    """The lenses of a `camchain.yaml`, in their order, where each stands from the one before.
+    """Read the lenses of a `camchain.yaml` in their order, with the pose of each relative to the previous camera.
 
     Raises:
-        DatasetError: if it is none, or a lens has no equal here.
+        DatasetError: if the file is not a camchain, or a lens model is not supported.
     """
     root = read_fields(path)
     names = [name for name in root.names() if name.startswith("cam")]
@@ -95,10 +95,10 @@ def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:
 def _lens(camera: Field, name: str) -> StatedLens:
     projection = camera.find("camera_model")
     if projection.text() != _PROJECTION:
-        raise projection.error(f"{projection.data!r} has no equal here: calibrate with pinhole-radtan or pinhole-equi")
+        raise projection.error(f"{projection.data!r} is not supported: calibrate with pinhole-radtan or pinhole-equi")
     distortion = camera.find("distortion_model")
     if distortion.text() not in _MODELS:
-        raise distortion.error(f"{distortion.data!r} has no equal here; there are: {list_names(list(_MODELS))}")
+        raise distortion.error(f"{distortion.data!r} is not supported; there are: {list_names(list(_MODELS))}")
     model, count = _MODELS[distortion.data]
     terms = camera.find("distortion_coeffs").numbers(count) if count else []
     width, height = camera.find("resolution").size()
@@ -115,30 +115,30 @@ def _lens(camera: Field, name: str) -> StatedLens:
 
 
 def is_target(path: str | Path) -> bool:
-    """Whether a file of Kalibr's describes a target.
+    """Whether a file of Kalibr describes a target.
 
     Raises:
-        DatasetError: if it cannot be read.
+        DatasetError: if the file cannot be read.
     """
     return read_fields(path).first("target_type") is not None
 
 
 def read_target(path: str | Path) -> dict[str, Any]:
-    """Entry of `cell.yaml` for the target in a `target.yaml`: its kind and sizes.
+    """Read the kind and sizes of the target in a `target.yaml`, as an entry of `cell.yaml`.
 
     Raises:
-        DatasetError: if it is none, or has no equal here.
+        DatasetError: if the file is invalid, or the target is not supported.
     """
     root = read_fields(path)
     kind = root.find("target_type")
     if kind.text() not in _TARGETS:
-        raise kind.error(f"{kind.data!r} is no target of Kalibr's; there are: {list_names(list(_TARGETS))}")
+        raise kind.error(f"{kind.data!r} is not a target of Kalibr; there are: {list_names(list(_TARGETS))}")
     return _TARGETS[kind.data](root)
 
 
 def _aprilgrid(root: Field) -> dict[str, Any]:
     if (first := root.first("codeOffset")) is not None and first.integer(0):
-        raise first.error("the tags of a grid here begin with number 0: print one that does")
+        raise first.error("tags of a grid must start with number 0: print such a grid")
     return {
         "kind": "aprilgrid",
         "tags": [root.find("tagCols").integer(), root.find("tagRows").integer()],
@@ -151,7 +151,7 @@ def _aprilgrid(root: Field) -> dict[str, Any]:
 def _checkerboard(root: Field) -> dict[str, Any]:
     across, down = root.find("colSpacingMeters"), root.find("rowSpacingMeters")
     if abs(across.number() - down.number()) > _EQUAL_SIDES * abs(across.number()):
-        raise down.error(f"is {down.data}, colSpacingMeters {across.data}: the squares of a board here are square")
+        raise down.error(f"is {down.data}, colSpacingMeters {across.data}: fields of a board must be square")
     corners = [root.find("targetCols").integer(2), root.find("targetRows").integer(2)]
     return {"kind": "chessboard", "corners": corners, "square_m": across.number()}
 

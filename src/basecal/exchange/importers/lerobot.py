@@ -1,4 +1,4 @@
-"""A robot's joints from an episode of LeRobot, and what its camera saw."""
+"""Import of a robot's joints and camera images from an episode of LeRobot."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ from basecal.kinematics import SerialChain
 
 _PREFIX = "observation.images."
 _EPISODES = "meta", "episodes"
-_NAME = re.compile(r"\w[\w.-]{0,99}")  # of a feature, which becomes a folder's
-_MOST_FILES = 10**6  # of a chunk, and chunks
+_NAME = re.compile(r"\w[\w.-]{0,99}")  # name of a feature, which is also the name of a folder
+_MOST_FILES = 10**6  # largest index of a chunk, and of a file in a chunk
 
 
 def read_lerobot(
@@ -68,13 +68,13 @@ def read_lerobot(
 ) -> Imported:
     """Import a robot's joints from an episode that LeRobot recorded (v2 or v3).
 
-    The gripper is left out, the other motors are found by the names of the URDF's
-    joints, or taken in order. Of each second, the frame in which the motors moved
-    least makes a sample. If samples with times wait for the robot, the frames
-    nearest to these join them. Values are degrees (`use_degrees=true`), or
-    normalised to -100 to 100, which needs the arm's calibration file. With
-    --camera its film is read too. Of two arms in one dataset --motors chooses
-    one.
+    The gripper is left out. The other motors are matched by the names of the
+    URDF's joints, or in order. The frame of each second with the least motion of
+    the motors becomes a sample. If samples with times lack the robot, the frames
+    nearest to these times are added to them. Values are degrees
+    (`use_degrees=true`), or normalised to -100 to 100, which needs the arm's
+    calibration file. With --camera its film is read too. With two arms in one
+    dataset, --motors selects one.
 
     For example:
 
@@ -88,28 +88,28 @@ def read_lerobot(
         cell: Folder of the cell.
         folder: Folder of the dataset, with meta/ and data/ in it.
         robot: Name of the robot.
-        unit: What the joints are in.
-        episode: Which episode.
-        every_s: Time of which one frame is taken [s]; 0 for all frames.
+        unit: Unit of the joint values.
+        episode: Number of the episode.
+        every_s: Period in which one frame is taken [s]; 0 for all frames.
         calibration: LeRobot's calibration file of the arm, for normalised values.
-        urdf: The robot's URDF, where the cell has none of it.
-        base_link: Link of that URDF that the robot stands on.
-        flange_link: Link of that URDF that is the flange.
-        offset_sigma_deg: How far each joint's zero may be off, one sigma; they are then estimated with the rest.
-        motors: Which motors are the robot's, by their names.
-        camera: Name of the camera whose film is read; the robot carries it, unless --on says what does.
-        film: Which film, where the dataset has several.
-        on: What carries a new camera: a robot, or world.
+        urdf: The robot's URDF, if the cell has none.
+        base_link: Base link of the robot in that URDF.
+        flange_link: Flange link of the robot in that URDF.
+        offset_sigma_deg: Sigma of each joint's offset [deg]; the offsets are then estimated.
+        motors: Pattern of the names of the robot's motors.
+        camera: Name of the camera of the film; the robot carries it unless --on is given.
+        film: Name of the film, if the dataset has several.
+        on: Carrier of a new camera: a robot, or world.
 
     Raises:
-        UsageError: if options do not go together, or a number is out of range.
-        MissingExtra: if the library of parquet is not installed.
-        InputError: if it cannot be read, or does not fit the robot.
+        UsageError: if options are inconsistent, or a number is out of range.
+        MissingExtra: if the parquet library is not installed.
+        InputError: if the dataset cannot be read, or is inconsistent with the robot.
     """
     if calibration is not None and unit != "normalised":
         raise UsageError("--calibration belongs to --unit normalised")
     if episode < 0 or not every_s >= 0:
-        raise UsageError("--episode and --every-s are at least 0")
+        raise UsageError("--episode and --every-s must be at least 0")
     if camera is None and (film is not None or on is not None):
         raise UsageError("--film and --on belong to --camera")
     model = joint_model(cell, robot, urdf, base_link, flange_link, offset_sigma_deg)
@@ -129,14 +129,14 @@ def read_lerobot(
 
 
 def _describe_motors(episode: Episode, chain: SerialChain) -> str:
-    """Which motor was taken for each joint; once where they have one name."""
+    """Text of the motor used for each joint; a single name if motor and joint have the same name."""
     found = [episode.names[place] for place in motor_places(episode.names, chain.joint_names)]
     pairs = zip(chain.joint_names, found, strict=True)
     return ", ".join(joint if joint == motor else f"{joint} from {motor}" for joint, motor in pairs)
 
 
 def _choose_frames(folder: str | Path, cell: KnownCell, robot: str, episode: Episode, every_s: float) -> IntArray:
-    """The frames of samples that have a time and wait for the robot; where none does, those in which it moved least."""
+    """Frames nearest to samples that have a time but lack the robot; without such samples, the frames at rest."""
     samples = recorded_samples(folder, cell)
     waiting = [sample.stamp_s for sample in samples if sample.stamp_s is not None and robot not in sample.robots]
     found = nearest_frames(episode, np.array(waiting)) if waiting else np.zeros(0, dtype=np.int64)
@@ -144,10 +144,10 @@ def _choose_frames(folder: str | Path, cell: KnownCell, robot: str, episode: Epi
 
 
 def _with_camera(source: Imported, folder: str | Path, name: str, stated_carrier: str | None, robot: str) -> Imported:
-    """A copy that adds a camera with a free lens, or takes its size from the film.
+    """A copy with a new camera with a free lens; for an existing camera, its unstated size may be replaced.
 
     Raises:
-        InputError: if the cell says that something else carries it.
+        InputError: if the cell states another carrier of the camera.
     """
     present_cell = known_cell(folder)
     if name in present_cell.cameras:
@@ -158,7 +158,7 @@ def _with_camera(source: Imported, folder: str | Path, name: str, stated_carrier
 
 
 def _with_images(source: Imported, cell: Path, camera: str, film: Film) -> Imported:
-    """A copy whose rows have the images of a film."""
+    """A copy with the images of a film in its rows."""
     with scratch_folder(cell) as scratch:
         stamps = np.array([row.stamp_s for row in source.rows], dtype=np.float64)
         paths = write_images(film, stamps, Path(scratch.name))
@@ -171,19 +171,19 @@ def _with_images(source: Imported, cell: Path, camera: str, film: Film) -> Impor
 
 
 class Film(NamedTuple):
-    """A file, and when the episode begins in it [s]."""
+    """A video file, and the start time of the episode in it [s]."""
 
     path: Path
     start_s: float
 
 
 def find_film(folder: Path, number: int, name: str | None) -> Film:
-    """The film of an episode.
+    """Find the film of an episode.
 
     Args:
-        folder: Of the dataset.
-        number: Of the episode.
-        name: Feature of `info.json`, with or without "observation.images."; the only one if None.
+        folder: Folder of the dataset.
+        number: Number of the episode.
+        name: Feature of `info.json`, with or without "observation.images."; the only film if None.
 
     Raises:
         DatasetError: if there is no such film.
@@ -198,10 +198,10 @@ def find_film(folder: Path, number: int, name: str | None) -> Film:
 
 
 def write_images(film: Film, stamps_s: Array, folder: Path) -> list[Path]:
-    """Images of a film at rising times of its episode, (n,) [s], as files of a folder named by these; in grey.
+    """Write grey images of a film at ascending times of the episode, (n,) [s], as files named by the times.
 
     Raises:
-        DatasetError: if the film cannot be decoded, or ends before.
+        DatasetError: if the film cannot be decoded, or ends before the last time.
     """
     check_regular(film.path)
     words = [os.path.abspath(film.path), *(repr(float(film.start_s + stamp)) for stamp in stamps_s)]
@@ -222,10 +222,10 @@ def write_images(film: Film, stamps_s: Array, folder: Path) -> list[Path]:
 
 
 def _choose_feature(folder: Path, name: str | None) -> str:
-    """The full name of a film.
+    """Full name of a film's feature.
 
     Raises:
-        DatasetError: if there is none, or it is not clear which.
+        DatasetError: if no film, or more than one, matches the name.
     """
     features = read_fields(folder / "meta" / "info.json", LARGEST_INFO).find("features")
     kinds = {key: features.find(key).first("dtype") for key in features.names() if _NAME.fullmatch(key)}
@@ -234,7 +234,7 @@ def _choose_feature(folder: Path, name: str | None) -> str:
     if len(chosen) == 1:
         return chosen[0]
     short = list_names([key.removeprefix(_PREFIX) for key in films])
-    raise DatasetError(folder, f"has the films {short}: say which one by --film")
+    raise DatasetError(folder, f"has the films {short}: choose one with --film")
 
 
 def _shared_film(folder: Path, number: int, key: str) -> Film:
@@ -245,5 +245,5 @@ def _shared_film(folder: Path, number: int, key: str) -> Film:
         raise DatasetError(folder, f"has the film of episode {number} in chunk {chunk:g}, file {file:g}")
     path = folder / "videos" / key / f"chunk-{int(chunk):03d}" / f"file-{int(file):03d}.mp4"
     if not path.is_file():
-        raise DatasetError(path, "is not there, though meta/episodes names it")
+        raise DatasetError(path, "is missing, although meta/episodes names it")
     return Film(path, start_s)

@@ -1,8 +1,8 @@
-"""Files of MoveIt Calibration: "Save samples", "Save joint states", and the JSON of its solver's tests.
+"""Import of MoveIt Calibration's files: "Save samples", "Save joint states", and the JSON of its solver's tests.
 
-A list of pairs of 4x4 matrices, row by row, in metres. `effector_wrt_world` is base_from_flange in both arrangements
-(the solver itself inverts it for a camera beside the robot), `object_wrt_sensor` camera_from_target. No file says which
-arrangement it is. Joint states (joint_names, joint_values) are radians, one row a sample.
+Samples are pairs of 4x4 matrices, row by row, in metres. `effector_wrt_world` is base_from_flange in both arrangements
+(the solver itself inverts it for a static camera), `object_wrt_sensor` is camera_from_target. The files do not state
+the arrangement. Joint states (joint_names, joint_values) are radians, one row per sample.
 Source: handeye_control_widget.cpp and handeye_solver_default.cpp of moveit/moveit_calibration.
 """
 
@@ -35,11 +35,11 @@ def read_moveit_samples(
     camera: str | None = None,
     target: str | None = None,
 ) -> Imported:
-    """Samples or joint states that MoveIt Calibration saved.
+    """Import samples or joint states of MoveIt Calibration.
 
     Samples are pairs of effector_wrt_world and object_wrt_sensor, in metres;
-    the file does not say what carries the camera. Joint states are radians and
-    need a robot with a URDF in the cell; row i is sample i.
+    the file does not state the carrier of the camera. Joint states are radians
+    and need a robot with a URDF in the cell; row i is sample i.
 
     For example:
 
@@ -48,15 +48,15 @@ def read_moveit_samples(
 
     Args:
         cell: Folder of the cell.
-        file: What MoveIt Calibration saved.
-        camera_on: What carries the camera, where the cell does not say: robot (eye-in-hand) or world (eye-to-hand).
-        target_on: What carries the target, if it is another robot, which is still.
+        file: File saved by MoveIt Calibration.
+        camera_on: Carrier of the camera, if the cell does not state it: robot (eye-in-hand) or world (eye-to-hand).
+        target_on: Carrier of the target, if it is another robot, which does not move.
         robot: Name of the robot in the cell.
         camera: Name of the camera in the cell.
         target: Name of the target in the cell.
 
     Raises:
-        InputError: if it cannot be read, or does not fit the cell.
+        InputError: if the file cannot be read, or is inconsistent with the cell.
     """
     if is_joint_states(file):
         return imported_joint_states(known_cell(cell), read_joint_states(file), str(file), robot)
@@ -73,15 +73,15 @@ class JointStates:
 
 
 def read_moveit_record(path: str | Path, camera_on_robot: bool | None) -> HandEyeRecord:
-    """The samples of a hand-eye calibration of MoveIt.
+    """Read the samples of a hand-eye calibration of MoveIt.
 
     Args:
-        path: The file.
-        camera_on_robot: Whether the robot carries the camera, which no such file says.
+        path: Path of the file.
+        camera_on_robot: Whether the robot carries the camera; the file does not state it.
 
     Raises:
-        DatasetError: if it is none.
-        InputError: if `camera_on_robot` is not known.
+        DatasetError: if the file is invalid.
+        InputError: if `camera_on_robot` is None.
     """
     pairs = []
     for entry in read_fields(path, _LARGEST).items(f"samples, {_EXPECTED}"):
@@ -109,10 +109,10 @@ def read_moveit_record(path: str | Path, camera_on_robot: bool | None) -> HandEy
 
 
 def read_joint_states(path: str | Path) -> JointStates:
-    """The joint states that MoveIt Calibration saved.
+    """Read the joint states saved by MoveIt Calibration.
 
     Raises:
-        DatasetError: if it holds anything else, or rows of another length than there are names.
+        DatasetError: if the content is invalid, or the length of a row differs from the number of names.
     """
     root = read_fields(path, _LARGEST)
     names = tuple(name.text() for name in root.find("joint_names").items("names"))
@@ -121,25 +121,25 @@ def read_joint_states(path: str | Path) -> JointStates:
 
 
 def is_joint_states(path: str | Path) -> bool:
-    """Whether a file holds joint states, and not samples.
+    """Whether a file holds joint states instead of samples.
 
     Raises:
-        DatasetError: if it cannot be read.
+        DatasetError: if the file cannot be read.
     """
     return read_fields(path, _LARGEST).first("joint_names", "joint_values") is not None
 
 
 def imported_joint_states(cell: KnownCell, states: JointStates, source: str, robot: str | None) -> Imported:
-    """Joint states of a robot whose URDF the cell has, a row a sample.
+    """Import joint states of a robot with a URDF in the cell, one row per sample.
 
     Args:
-        cell: The cell there is.
-        states: What was read.
-        source: The file, as the user named it.
-        robot: Its name in the cell; the only one with a URDF where None.
+        cell: The cell.
+        states: The joint states.
+        source: The file, as named by the user.
+        robot: Name of the robot in the cell; the only robot with a URDF if None.
 
     Raises:
-        InputError: if the cell has no such robot, or its joints have other names.
+        InputError: if the cell has no such robot, or a joint of its chain is missing.
     """
     chains = {name: each.chain for name, each in cell.robots.items() if each.chain is not None}
     name = robot or (next(iter(chains)) if len(chains) == 1 else None)

@@ -1,9 +1,8 @@
-"""The lens in a `.cameramodel` of mrcal: a Python literal, read as data.
+"""Import of a lens from a `.cameramodel` of mrcal: a Python literal, read as data.
 
 The parameters are fx fy cx cy and OpenCV's terms in OpenCV's order. The converters of mrcal from and to ROS and OpenCV
-leave them unchanged, so the centre of the top-left pixel is (0, 0). Extrinsics are of the rig it was calibrated in,
-which a cell does not know. Source: mrcal's "cameramodel" documentation and its `cameramodel.py`, older names of keys
-included.
+do not change them, so the centre of the top-left pixel is (0, 0). Extrinsics are ignored: they refer to the rig of the
+calibration. Source: mrcal's "cameramodel" documentation and its `cameramodel.py`, including older names of keys.
 """
 
 from __future__ import annotations
@@ -39,10 +38,10 @@ def read_mrcal(
     on: str | None = None,
     status: LensStatus = "fixed",
 ) -> Imported:
-    """The lens of a camera from a .cameramodel of mrcal.
+    """Import a camera's lens from a .cameramodel of mrcal.
 
-    LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12 have an equal here;
-    extrinsics are not read. It stands in for the intrinsics in cell.yaml; the
+    LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12 are supported;
+    extrinsics are ignored. The lens replaces the intrinsics in cell.yaml; the
     size must be that of the recorded images.
 
     For example:
@@ -52,28 +51,28 @@ def read_mrcal(
     Args:
         cell: Folder of the cell.
         file: The cameramodel.
-        camera: Name of the camera; may be left out where the cell has one.
-        on: The robot that carries it, or world, where the cell does not have it yet.
-        status: Whether the intrinsics are fixed, or free with these for a start.
+        camera: Name of the camera; may be omitted if the cell has one.
+        on: Carrier of a new camera: a robot, or world.
+        status: Whether the intrinsics are fixed, or free with these values as the initial guess.
 
     Raises:
-        InputError: if it cannot be read, does not fit the cell, or the images have another size.
+        InputError: if the file cannot be read, is inconsistent with the cell, or the images have another size.
     """
     return lens_of_file(cell, read_cameramodel(file), file, camera, on, status)
 
 
 def read_cameramodel(path: str | Path) -> StatedLens:
-    """The lens of a `.cameramodel`.
+    """Read the lens of a `.cameramodel`.
 
     Raises:
-        DatasetError: if it is none, or has no equal here.
+        DatasetError: if the file is invalid, or the lens model is not supported.
     """
     root = _literal(str(path))
     kind = root.find("lensmodel", "lens_model", "distortion_model")
     name = kind.text().replace("DISTORTION", "LENSMODEL")
     if name not in _TERMS:
-        advice = "mrcal-convert-lensmodel fits one that has"
-        raise kind.error(f"{shorten(name)} has no equal here ({list_names(list(_TERMS))}): {advice}")
+        advice = "mrcal-convert-lensmodel fits a supported model"
+        raise kind.error(f"{shorten(name)} is not supported ({list_names(list(_TERMS))}): {advice}")
     values = root.find("intrinsics")
     width, height = root.find("imagersize").size()
     camera = made_camera(values, "pinhole", values.numbers(4 + _TERMS[name]), (width, height))
@@ -83,11 +82,11 @@ def read_cameramodel(path: str | Path) -> StatedLens:
 
 
 def _literal(path: str) -> Field:
-    """The dictionary of a file, and the lines of its keys; what computes something is refused."""
+    """Parse the dictionary of a file and the lines of its keys; expressions other than literals are rejected."""
     text = read_table_text(path, "a cameramodel of mrcal, which is text")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of escapes in strings, which are mrcal's matter
+            warnings.simplefilter("ignore")  # about invalid escapes in strings
             tree = ast.parse(text.strip(), path, "eval").body
             if not isinstance(tree, ast.Dict):
                 raise DatasetError(path, "is not the dictionary that a cameramodel of mrcal is")

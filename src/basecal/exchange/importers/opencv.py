@@ -1,8 +1,9 @@
-"""The lens that a script wrote with OpenCV: FileStorage (YAML, XML, JSON) or a NumPy archive, under the usual names.
+"""Import of a lens written with OpenCV: FileStorage (YAML, XML, JSON) or a NumPy archive, with the usual names.
 
-The pixels are OpenCV's: the centre of the top-left pixel is (0, 0). Four terms are k1 k2 p1 p2 or the fisheye's. Only
-the file's `fisheye_model`, or the user, can decide that. Source: OpenCV's tutorials on camera calibration, whose sample
-writes camera_matrix and distortion_coefficients and whose Python page writes mtx and dist; stereo_calib's M1, D1.
+The pixels are OpenCV's: the centre of the top-left pixel is (0, 0). Four terms are k1 k2 p1 p2 or the fisheye's; only
+the file's `fisheye_model`, or the user, can decide which.
+Source: OpenCV's tutorials on camera calibration, whose sample writes camera_matrix and distortion_coefficients and
+whose Python page writes mtx and dist; stereo_calib's M1, D1.
 """
 
 from __future__ import annotations
@@ -51,10 +52,10 @@ def read_opencv(
     which: Literal[1, 2] | None = None,
     size_px: tuple[int, int] | None = None,
 ) -> Imported:
-    """The lens of a camera from a file that a script wrote with OpenCV.
+    """Import a camera's lens from a file written with OpenCV.
 
     Reads FileStorage (.yml, .xml, .json) and NumPy archives (.npz). The camera
-    matrix is called camera_matrix, cameraMatrix, mtx or K, the distortion
+    matrix is named camera_matrix, cameraMatrix, mtx or K, the distortion
     coefficients distortion_coefficients, distCoeffs, dist or D. The lens replaces
     the intrinsics in cell.yaml; the size must be that of the recorded images.
 
@@ -65,36 +66,36 @@ def read_opencv(
 
     Args:
         cell: Folder of the cell.
-        file: What OpenCV or NumPy wrote.
-        camera: Name of the camera; may be left out where the cell has one.
-        on: The robot that carries it, or world, where the cell does not have it yet.
-        status: Whether the intrinsics are fixed, or free with these for a start.
-        model: Lens model, where the file does not say that it is a fisheye's.
-        which: Which of two cameras (M1, D1 or M2, D2).
-        size_px: Width and height of its images, where the file does not say.
+        file: File written by OpenCV or NumPy.
+        camera: Name of the camera; may be omitted if the cell has one.
+        on: Carrier of a new camera: a robot, or world.
+        status: Whether the intrinsics are fixed, or free with these values as the initial guess.
+        model: Lens model, if the file does not state a fisheye.
+        which: Number of the camera, if the file has two (M1, D1 and M2, D2).
+        size_px: Width and height of the images, if the file does not state them.
 
     Raises:
-        InputError: if it cannot be read, does not fit the cell, or the images have another size.
+        InputError: if the file cannot be read, is inconsistent with the cell, or the images have another size.
     """
     lens = read_opencv_lens(file, model, which)
     stated = lens.camera.size_px
     if size_px is not None and stated not in (None, size_px):
-        raise InputError(f"{file} is of {stated[0]} x {stated[1]} px: leave --size-px away, or correct the file")
+        raise InputError(f"{file} is of {stated[0]} x {stated[1]} px: omit --size-px, or correct the file")
     if size_px is not None:
         lens = replace(lens, camera=Camera(lens.camera.model, lens.camera.parameters, size_px))
     return lens_of_file(cell, lens, file, camera, on, status)
 
 
 def read_opencv_lens(path: str | Path, model: str | None = None, number: int | None = None) -> StatedLens:
-    """The lens of a file that OpenCV, or NumPy in a script, wrote.
+    """Read a lens from a file written by OpenCV or NumPy.
 
     Args:
         path: `.yml`, `.yaml`, `.xml`, `.json`, or `.npz`.
-        model: What it is of; the file's word, else the pinhole, where None.
-        number: Of two cameras in a file, 1 or 2: M1, D1 or M2, D2.
+        model: Lens model; if None, as stated in the file, else the pinhole.
+        number: Number of the camera, if the file has two: 1 for M1, D1, or 2 for M2, D2.
 
     Raises:
-        DatasetError: if there is no camera matrix, or there are two and none is chosen, or it is no lens.
+        DatasetError: if the camera matrix is missing, ambiguous or invalid.
     """
     name = str(path)
     if name.lower().endswith((".npz", ".npy")):
@@ -103,7 +104,7 @@ def read_opencv_lens(path: str | Path, model: str | None = None, number: int | N
     else:
         root = read_file_storage(path)
     if (ros := root.first("distortion_model")) is not None:
-        raise ros.error("says how ROS distorts, which OpenCV does not write: basecal import camera-info")
+        raise ros.error("belongs to a file of ROS, not of OpenCV: basecal import camera-info")
     named = _fields_by_name(root)
     suffix = "" if number is None else str(number)
     matrix = _first_matrix(named, (f"{each}{suffix}" for each in _MATRIX), _MATRIX_SIZE)
@@ -128,21 +129,21 @@ def read_opencv_lens(path: str | Path, model: str | None = None, number: int | N
 
 
 def _scalars(fields: dict[str, Field], names: Sequence[str]) -> list[float]:
-    """Numbers that stand each under its name, up to the last that is there; those left out are zero."""
+    """Numbers of separate fields, up to the last existing one; missing numbers are zero."""
     count = max((k + 1 for k, name in enumerate(names) if name in fields), default=0)
     return [_scalar(fields[name]).number() if name in fields else 0.0 for name in names[:count]]
 
 
 def _no_matrix(root: Field, fields: dict[str, Field], number: int | None) -> DatasetError:
-    """The error of a file without a camera matrix, or with two."""
+    """Error about a file without a camera matrix, or with two."""
     if number is None and _first_matrix(fields, (f"{each}1" for each in _MATRIX), _MATRIX_SIZE) is not None:
-        return root.error(f"holds two cameras ({list_names(root.names())}): say which by --which 1 or --which 2")
+        return root.error(f"holds two cameras ({list_names(root.names())}): choose --which 1 or --which 2")
     expected = "expected camera_matrix, cameraMatrix, mtx or K, 3 x 3"
     return root.error(f"has no camera matrix; it has {list_names(root.names())}: {expected}")
 
 
 def _fields_by_name(root: Field) -> dict[str, Field]:
-    """Fields by name without underscores in lower case, also those one mapping deeper."""
+    """Fields by name in lower case without underscores and hyphens, including those of nested mappings."""
     found: dict[str, Field] = {}
     for name in root.names():
         field = root.first(name)
@@ -155,7 +156,7 @@ def _fields_by_name(root: Field) -> dict[str, Field]:
 
 
 def _first_matrix(fields: dict[str, Field], names: Iterable[str], count: int | None = None) -> Field | None:
-    """The first field that holds a matrix, of `count` numbers where given."""
+    """First field with a matrix, of `count` numbers if given; None if there is none."""
     for name in names:
         field = fields.get(name)
         rows = None if field is None else (field.first("data") or field).data
@@ -177,5 +178,5 @@ def _size(fields: dict[str, Field]) -> tuple[int, int] | None:
 
 
 def _scalar(field: Field) -> Field:
-    """A number that NumPy keeps as an array."""
+    """Field of a number that NumPy may store as an array."""
     return field.items("one number")[0] if isinstance(field.data, list) else field

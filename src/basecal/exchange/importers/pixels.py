@@ -1,4 +1,4 @@
-"""Points that another program found in images, with files of poses."""
+"""Import of points detected in images by another program, with files of poses."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def read_pixels(
     sigma_px: float | None = None,
     invert: tuple[Inverted, ...] = (),
 ) -> Imported:
-    """Make a recording of a file of detected points and files of robot poses.
+    """Import a file of detected points and files of robot poses as a recording.
 
-    Points are one a row: sample, id, u, v (.csv with this header, or .npz with
-    these arrays). Sample i is the i-th pose of each robot's file, counted from
-    0; files of poses are as in `basecal import poses --help`. The cell must be
-    there already, since it says what target and which lens: `basecal new`.
+    The file has one point per row: sample, id, u, v (.csv with this header, or
+    .npz with these arrays). Sample i is the i-th pose of each robot's file,
+    counted from 0; `basecal import poses --help` describes files of poses. The
+    cell must exist, because it describes the target and the lens: `basecal new`.
 
     For example:
 
@@ -39,17 +39,17 @@ def read_pixels(
     Args:
         cell: Folder of the cell.
         pixels: File of the points.
-        length_unit: What all lengths in the pose files are in.
+        length_unit: Unit of all lengths in the pose files.
         eye_base_from_flange: Poses of the flange that carries the camera, in its robot's base.
         hand_base_from_flange: Poses of the flange that carries the target, in its robot's base.
-        camera: Name of the camera, where the cell has several.
-        target: Name of the target, where the cell has several.
-        sigma_px: Noise of the points, per coordinate; estimated where not stated.
-        invert: Pose files that hold the inverse, by the name of their option.
+        camera: Name of the camera, if the cell has several.
+        target: Name of the target, if the cell has several.
+        sigma_px: Sigma of the points per coordinate [px]; estimated if not given.
+        invert: Pose files that hold inverse poses, by the name of their option.
 
     Raises:
         UsageError: if the sigma is not above zero.
-        InputError: if something is recorded, or files and cell do not fit.
+        InputError: if a file cannot be read, or files and cell are inconsistent.
     """
     if sigma_px is not None and not sigma_px > 0:
         raise UsageError(f"--sigma-px {sigma_px:g}: expected more than 0")

@@ -1,4 +1,4 @@
-"""Points that a laser tracker, a total station or motion capture measured."""
+"""Import of points measured by a laser tracker, a total station or motion capture."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def read_points(
     length_unit: LengthUnit | None = None,
     sigma_m: float | None = None,
 ) -> Imported:
-    """Import points that an instrument measured: reflectors or markers on a robot.
+    """Import measured points of reflectors or markers on a robot.
 
     The file is a table with a header. Its columns are x, y, z with their unit,
     such as `x_mm` or `y [inch]`, and `target` if there are several reflectors.
-    Rows belong to the samples that are there in order, unless a column `sample`
-    or `stamp_s` says otherwise; rows of one sample are joined. Nothing need be
-    known of where the instrument or the reflectors are.
+    Rows are assigned to the existing samples in order, unless a column `sample`
+    or `stamp_s` assigns them; rows of one sample are joined. The poses of the
+    instrument and the reflectors may be unknown.
 
     For example:
 
@@ -49,24 +49,24 @@ def read_points(
     Args:
         cell: Folder of the cell.
         file: Measured points.
-        camera: Name of the instrument; added to the cell where it is new.
-        target: Name of the reflector, where the table has no column `target`.
-        robot: What carries reflectors that are new.
-        length_unit: What lengths are in, where the header does not say.
-        sigma_m: Sigma of a point per axis [m]; estimated where left out.
+        camera: Name of the instrument; a new instrument is added to the cell.
+        target: Name of the reflector, if the table has no column `target`.
+        robot: Robot that carries new reflectors.
+        length_unit: Unit of lengths, if the header does not state it.
+        sigma_m: Sigma of a point per axis [m]; estimated if not given.
 
     Raises:
-        UsageError: if options do not go together, or neither the header nor an option has the unit.
-        InputError: if the file cannot be read.
+        UsageError: if options are inconsistent.
+        InputError: if the file cannot be read, or the unit of lengths is missing or ambiguous.
     """
     table = PointTable.read(str(file), None if length_unit is None else unit_length_m(length_unit))
     names = table.targets or ((target,) * len(table.rows) if target else ())
     if not names or (table.targets and target):
-        raise UsageError("say which reflector was measured, either by --target or by a column `target`")
+        raise UsageError("name the measured reflector with either --target or a column `target`")
     known = known_cell(cell)
     new = [name for name in dict.fromkeys(names) if name not in known.targets]
     if new and robot is None:
-        raise UsageError(f"--robot is missing: the one that carries {', '.join(new)}")
+        raise UsageError(f"--robot is missing: give the carrier of {', '.join(new)}")
     reflector = {"on": robot, "kind": "points", "points_m": [[0.0, 0.0, 0.0]]}
     entry: dict[str, dict[str, object]] = {"targets": {name: dict(reflector) for name in new}}
     if camera not in known.cameras:
@@ -77,10 +77,10 @@ def read_points(
 
 
 def _join_rows(table: PointTable, names: Sequence[str], camera: str, sigma_m: float | None) -> tuple[Row, ...]:
-    """Rows of one sample as one, with a view of each reflector.
+    """Join the rows of each sample into one row with a view of each reflector.
 
     Raises:
-        DatasetError: if a reflector is twice in a sample.
+        DatasetError: if a sample has a reflector twice.
     """
     found: dict[object, Row] = {}
     for k, (row, name) in enumerate(zip(table.rows, names, strict=True)):
@@ -96,14 +96,14 @@ def _join_rows(table: PointTable, names: Sequence[str], camera: str, sigma_m: fl
 
 @dataclass(frozen=True, eq=False)
 class PointTable:
-    """Points, a row each.
+    """A table of points, one per row.
 
     Attributes:
-        path: Where they were read.
-        rows: What says where each belongs.
-        points_m: (n, 3).
-        targets: Whose points they are; empty if the table does not say.
-        unit: What lengths were in, in words.
+        path: Path of the file.
+        rows: Rows with the keys that assign them to samples.
+        points_m: (n, 3) points [m].
+        targets: Names of the reflectors; empty if the table does not state them.
+        unit: Name of the file's unit of length.
     """
 
     path: str
@@ -114,14 +114,14 @@ class PointTable:
 
     @staticmethod
     def read(path: str, length_m: float | None) -> PointTable:
-        """The table of a file.
+        """Read a table of points.
 
         Args:
-            path: Text in any usual separator.
-            length_m: A length in the file [m], where its header does not say.
+            path: Table with any usual separator.
+            length_m: Unit of lengths [m], if the header does not state it.
 
         Raises:
-            DatasetError: if it has no x, y, z, or lengths have no unit or two.
+            DatasetError: if x, y or z is missing, or the unit of lengths is missing or ambiguous.
         """
         table = read_text_table(read_table_text(path, "a table of points"), path, _AXES)
         by_name = {plain_column(column): column for column in table.header or ()}
@@ -139,7 +139,7 @@ def _unit(path: str, columns: list[str], length_m: float | None) -> tuple[str, f
     found = {column_unit(column) for column in columns} - {None}
     sizes = {size for _, size in filter(None, found)} | (set() if length_m is None else {length_m})
     if len(sizes) != 1:
-        why = "do not say their unit: give --length-unit" if not sizes else "have several units, or another than stated"
+        why = "have no unit: give --length-unit" if not sizes else "have several units, or another than --length-unit"
         raise DatasetError(path, f"{', '.join(columns)} {why}")
     size = sizes.pop()
     return next((name for name, _ in filter(None, found)), f"{1e3 * size:g} mm"), size

@@ -1,4 +1,4 @@
-"""Flange poses of robots, and poses of targets in cameras, from tables and from files of matrices."""
+"""Import of robots' flange poses, and of target poses in cameras, from tables and files of matrices."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from basecal.exchange.streams import Inverted, Streams, read_streams
 
 _ONE_ROBOT = "for one robot's poses: CELL --robot NAME FILE --format FORMAT"
 POSE_ADVICE = "check --length-unit and --format"
-"""What to check where poses are implausible."""
+"""Advice if imported poses are implausible."""
 
 
 def read_poses(
@@ -34,7 +34,7 @@ def read_poses(
     /,
     *,
     robot: str | None = None,
-    format: Annotated[str | None, OneOf("Whose numbers they are", tuple(CONTROLLERS))] = None,
+    format: Annotated[str | None, OneOf("Controller's format of the poses", tuple(CONTROLLERS))] = None,
     length_unit: LengthUnit | None = None,
     deg: bool = False,
     rad: bool = False,
@@ -51,22 +51,20 @@ def read_poses(
     on: str | None = None,
     target_on: str | None = None,
 ) -> Imported:
-    """Import robots' flange poses as their controllers write them, a robot at a time.
+    """Import the flange poses of a robot in its controller's format.
 
-    Alternatively, make a recording of matrices of all robots and of a target at
-    once.
+    Alternatively, import matrices of all robots and of a target together.
 
     A file of one robot is a table with or without a header. Commas, semicolons,
-    tabs or spaces separate its columns. It may also hold poses as they are
-    pasted from a controller, p[...], {X ..., A ...}, [[...],[...]], or a whole
-    program with them. Rows belong to the samples that are there in order, unless
-    a column `image`, `sample` or `stamp_s` states otherwise. If nothing is
-    recorded, they make the samples. A robot that is recorded is never
-    overwritten. With --camera and --target
-    instead of --robot the table is of the target's poses in the camera. With
-    --streams rows keep the times they have and make lines of their own. This is
-    for devices that recorded each at its own rate, by its own clock.
-    `basecal calibrate` finds by how much the clocks differ.
+    tabs or spaces separate its columns. It may also hold poses copied from a
+    controller, p[...], {X ..., A ...}, [[...],[...]], or a whole program with
+    them. Rows are assigned to the existing samples in order, unless a column
+    `image`, `sample` or `stamp_s` assigns them. If nothing is recorded, they
+    become the samples. A recorded robot is never overwritten. With --camera and
+    --target instead of --robot, the table holds the target's poses in the
+    camera. With --streams, rows keep their times and become separate lines. This
+    is for devices that recorded at their own rates with their own clocks.
+    `basecal calibrate` estimates the clock offsets.
 
     For example:
 
@@ -80,37 +78,37 @@ def read_poses(
         basecal import poses mycell tag.csv --camera wrist --target tag \\
             --on arm --format ros --streams
 
-    Without FILE, pose i of each file belongs to the same instant. A file is
-    then 4x4 matrices one below the other (.txt: rows of four numbers), or an
-    array (n, 4, 4) (.npz, .npz:key, .npy). Else it is a .csv whose header names
-    x, y, z, qx, qy, qz, qw or m00 ... m23. Without a hand file the target
-    stands on the world; without an eye file the camera does.
+    Without FILE, pose i of each file belongs to sample i. A file then holds 4x4
+    matrices below each other (.txt: rows of four numbers), or an array (n, 4, 4)
+    (.npz, .npz:key, .npy). A .csv file has a header with x, y, z, qx, qy, qz, qw
+    or m00 ... m23. Without a hand file the target is fixed to the world; without
+    an eye file the camera is.
 
     Args:
         cell: Folder of the cell.
-        file: Flange poses of one robot, in its base; or a target's in a camera.
-        robot: Its name; added to the cell where it is new.
-        format: Whose numbers they are.
-        length_unit: What lengths are in; the controller's own unit where not stated.
-        deg: Angles are in degrees, where the controller writes radians.
-        rad: Angles are in radians, where the controller writes degrees.
+        file: Flange poses of one robot in its base, or target poses in a camera.
+        robot: Name of the robot; a new robot is added to the cell.
+        format: Controller's format of the poses.
+        length_unit: Unit of lengths; by default the controller's unit.
+        deg: Angles are in degrees, although the controller writes radians.
+        rad: Angles are in radians, although the controller writes degrees.
         camera_from_target: Poses of the target in the camera.
         eye_base_from_flange: Poses of the flange that carries the camera, in its robot's base.
         hand_base_from_flange: Poses of the flange that carries the target, in its robot's base.
-        camera: Name of the camera, where the cell has several, or of the one that saw what a table holds.
-        target: Likewise of the target.
-        invert: Files that hold the inverse, by the name of their option; a table of a robot is base-from-flange, of a
-            target camera-from-target.
-        streams: Each row, at its time (column stamp_s, else the first), makes a line of its own.
-        still: The robot stands still: the one row of its file is of every sample.
-        base_frame: Which of the controller's frames the poses are in, such as BASE_3; its own base if not given.
-        tool_frame: Of which tool they are, such as TOOL_1; the flange if not given.
-        on: What carries a camera that is new, with a table of a target: a robot, or world.
-        target_on: What carries a target that is new; the world where the camera is on a robot.
+        camera: Name of the camera, if the cell has several, or of the camera of a table of target poses.
+        target: Name of the target, if the cell has several, or of the target of a table of target poses.
+        invert: Files that hold inverse poses, by the name of their option. A table of a robot is base-from-flange, a
+            table of a target is camera-from-target.
+        streams: Each row becomes a separate line at its time (column stamp_s, else the first column).
+        still: The robot is at rest: the single row of its file belongs to every sample.
+        base_frame: Base frame of the poses in the controller, such as BASE_3; the robot's base if not given.
+        tool_frame: Tool frame of the poses in the controller, such as TOOL_1; the flange if not given.
+        on: Carrier of a new camera, with a table of target poses: a robot, or world.
+        target_on: Carrier of a new target; by default the world if the camera is on a robot.
 
     Raises:
-        UsageError: if options do not go together.
-        InputError: if a file cannot be read, or does not fit the cell.
+        UsageError: if options are inconsistent.
+        InputError: if a file cannot be read, or is inconsistent with the cell.
     """
     path, reading = str(file), None if file is None else table_reading(str(file), format, length_unit, deg, rad)
     if reading is not None and robot is None and camera is not None and target is not None:
@@ -132,35 +130,35 @@ def read_poses(
 
 
 def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:
-    """Whether a table holds the inverse of the poses that it is to hold."""
+    """Whether a table holds inverse poses; raises UsageError if `invert` names another file."""
     if others := [each for each in invert if each != direction]:
-        raise UsageError(f"--invert {others[0]}, but no file is given by --{others[0]}: here it is {direction}")
+        raise UsageError(f"--invert {others[0]}, but no file is given with --{others[0]}: here it is {direction}")
     return bool(invert)
 
 
 def table_reading(file: str, format: str | None, unit: LengthUnit | None, deg: bool, rad: bool) -> Reading:
-    """How a table of poses is read.
+    """Format and units of a table of poses.
 
     Args:
-        file: As the user named it.
-        format: Whose numbers they are; what the file says alone where None.
-        unit: What lengths are in; the controller's own where None.
-        deg: Whether angles are in degrees, where the controller writes radians.
-        rad: The other way round.
+        file: The file, as named by the user.
+        format: Controller's format; guessed from the file if None.
+        unit: Unit of lengths; the controller's unit if None.
+        deg: Whether angles are in degrees, although the controller writes radians.
+        rad: Whether angles are in radians, although the controller writes degrees.
 
     Raises:
-        UsageError: if there is no such convention, or two units are stated.
-        DatasetError: if none is stated, and the file does not say.
+        UsageError: if the format does not exist, or two units of angle are stated.
+        DatasetError: if no format is stated and it cannot be guessed.
     """
     name = None if format is None else str(format).lower()
     if name is not None and name not in CONTROLLERS:
         raise UsageError(f"--format {FrameNotFound(name, list(CONTROLLERS))}")
     if deg and rad:
-        raise UsageError("--deg and --rad cannot both be")
+        raise UsageError("--deg and --rad exclude each other")
     angle = math.radians(1) if deg else 1.0 if rad else None
     name = name or guessed_format(file)
     if not name:
-        raise DatasetError(file, f"does not state what its numbers are: give --format {list_names(list(CONTROLLERS))}")
+        raise DatasetError(file, f"does not state its format: give --format {list_names(list(CONTROLLERS))}")
     return Reading(name, None if unit is None else unit_length_m(unit), angle)
 
 
@@ -172,7 +170,7 @@ def _robot_poses(
     invert: tuple[Inverted, ...],
     frames: Mapping[str, str | None],
 ) -> Imported:
-    """Poses of a robot's flange in its base, or their inverses, with the format of its controller and stated frames."""
+    """Import poses of a robot's flange in its base, or their inverses, with the controller's format and frames."""
     is_inverted = _is_inverted(invert, "base-from-flange")
     rows = read_controller_poses(file, robot, reading, is_stream, is_inverted)
     what = _describe(len(rows), f"{robot}_base", f"{robot}_flange", reading, is_inverted)
@@ -186,7 +184,7 @@ def _robot_poses(
 def _target_poses(
     cell: str | Path, sight: Sight, file: str, reading: Reading, is_stream: bool, invert: tuple[Inverted, ...]
 ) -> Imported:
-    """Poses of a target in a camera, or their inverses."""
+    """Import poses of a target in a camera, or their inverses."""
     is_inverted = _is_inverted(invert, "camera-from-target")
     found = read_pose_rows(file, reading, is_stream)
     rows = seen_rows(found.rows, found.poses.inverse() if is_inverted else found.poses, sight)

@@ -1,4 +1,4 @@
-"""Every importer, by its name in `basecal import`: a new one is a module, and a line here."""
+"""Registry of importers by their name in `basecal import`; a new importer needs a module and a line here."""
 
 from __future__ import annotations
 
@@ -43,4 +43,4 @@ IMPORTERS: Mapping[str, Callable[..., Imported]] = {
     "colmap": read_colmap,
     "mrcal": read_mrcal,
 }
-"""In the order in which help lists them. Each reads a file for the cell in a folder: its parameters are the options."""
+"""Importers in the order of the help text. Each reads a file for a cell's folder; its parameters are the options."""

@@ -1,4 +1,4 @@
-"""Touches of marks by a robot's tip, from a table of its poses or joints."""
+"""Import of touches of marks by a robot's tip, from a table of poses or joints."""
 
 from __future__ import annotations
 
@@ -40,22 +40,23 @@ def read_touches(
     meets: str | None = None,
     clamp: str | None = None,
     hinge: bool = False,
-    format: Annotated[str | None, OneOf("Whose numbers they are", tuple(CONTROLLERS))] = None,
+    format: Annotated[str | None, OneOf("Controller's format of the poses", tuple(CONTROLLERS))] = None,
     length_unit: LengthUnit | None = None,
     deg: bool = False,
     rad: bool = False,
     joints: bool = False,
     sigma_m: float | None = None,
 ) -> Imported:
-    """Import touches: where a robot's flange was when its tip was at a mark.
+    """Import touches: flange poses of a robot with its tip at a mark.
 
-    The file is a table of poses as `basecal import poses` takes them, or with
-    --joints of joints, of a robot whose URDF the cell has. A column `mark` names
-    what was touched; where there is a column `robot`, rows of others are left out.
-    Each row makes a sample. Tips and marks that are new are added to the cell:
-    nothing need be known of them. With --meets the tip met that of another robot.
-    With --clamp this robot and the other one held a part, with --hinge one that
-    turns about an axis. Both are at the samples that are there, in order.
+    The file is a table of poses in a format of `basecal import poses`. With
+    --joints it is a table of joints, if the cell has the robot's URDF. A column
+    `mark` names the touched mark; with a column `robot`, rows of other robots are
+    left out. Each row becomes a sample. New tips and marks are added to the cell
+    with unknown positions. With --meets the tip touched the tip of another robot.
+    With --clamp this robot and the other robot held a part; with --hinge the part
+    can rotate about an axis. Rows of --meets and --clamp are assigned to the
+    existing samples in order.
 
     For example:
 
@@ -68,26 +69,26 @@ def read_touches(
 
     Args:
         cell: Folder of the cell.
-        file: Poses or joints, a row for each touch.
-        robot: Its name; added to the cell where it is new.
-        mark: What all rows touched, where the table has no column `mark`.
-        tip: Name of the robot's tip; the robot's name and `_tip` where left out.
-        meets: Tip of another robot that this one met.
-        clamp: Name of a part that this robot and the other one of the cell held.
-        hinge: The part turns about an axis, as a hinge does.
-        format: Whose numbers they are.
-        length_unit: What lengths are in; the controller's own unit where not stated.
+        file: Poses or joints, one row per touch.
+        robot: Name of the robot; a new robot is added to the cell.
+        mark: Mark that all rows touched, if the table has no column `mark`.
+        tip: Name of the robot's tip; by default the robot's name and `_tip`.
+        meets: Name of the other robot's tip that was touched.
+        clamp: Name of the part that this robot and the cell's other robot held.
+        hinge: The part rotates about an axis, like a hinge.
+        format: Controller's format of the poses.
+        length_unit: Unit of lengths; by default the controller's unit.
         deg: Angles, or joints, are in degrees.
-        rad: Angles are in radians, where the controller writes degrees.
+        rad: Angles are in radians, although the controller writes degrees.
         joints: The table holds joints.
-        sigma_m: How well tips and marks meet, per axis [m]; estimated where left out.
+        sigma_m: Sigma of the distance between tip and mark, per axis [m]; estimated if not given.
 
     Raises:
-        UsageError: if options do not go together.
+        UsageError: if options are inconsistent.
         InputError: if the file cannot be read, or names no marks.
     """
     if sum(each is not None for each in (mark, meets, clamp)) > 1:
-        raise UsageError("--mark, --meets and --clamp exclude one another: say what the robot touched")
+        raise UsageError("--mark, --meets and --clamp exclude each other: give one of them")
     own_tip, known, places = tip or f"{robot}_tip", known_cell(cell), controller_places([robot])
     rows, names, how, advice, writer = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
     entry: dict[str, Any] = {"robots": {robot: {} if writer is None else {"controller": {"format": writer}}}}
@@ -113,7 +114,7 @@ def read_touches(
 def _read_rows(
     cell: str | Path, path: str, robot: str, is_joints: bool, numbers: tuple[str | None, LengthUnit | None, bool, bool]
 ) -> tuple[tuple[Row, ...], Sequence[str], str, str, str | None]:
-    """Rows of poses or joints, the names of their numbers, how they were read, what to check, and whose poses."""
+    """Rows of poses or joints, names of the numbers, description, advice, and the controller of poses or None."""
     notation, length_unit, deg, rad = numbers
     if is_joints:
         chain = joint_model(cell, robot, None, None, None, None).chain
@@ -126,7 +127,7 @@ def _read_rows(
 
 
 def _clamp(context: KnownCell, name: str, robot: str, is_hinge: bool) -> dict[str, Any]:
-    """The section `clamp` with a part that a robot and the only other one hold."""
+    """Section `clamp` for a part held by a robot and the cell's only other robot; empty if the part exists."""
     if name in context.cameras:
         return {}
     others = [other for other in context.robots if other != robot]
@@ -136,26 +137,26 @@ def _clamp(context: KnownCell, name: str, robot: str, is_hinge: bool) -> dict[st
 
 
 def touch_names(path: str, names: Sequence[str], robot: str, mark: str | None) -> list[str]:
-    """The marks that a robot touched, one for each of its rows.
+    """Names of the marks that a robot touched, one per row.
 
     Args:
         path: The file.
-        names: Of the numbers of its rows where it has no header.
-        robot: Whose rows are read where a column names robots.
-        mark: What all touched, if the file does not say.
+        names: Names of the numbers in a row, if the file has no header.
+        robot: Robot whose rows are read, if a column names robots.
+        mark: Mark that all rows touched, if the file has no column of marks.
 
     Raises:
-        UsageError: if neither a column nor `mark` says what was touched, or both do.
+        UsageError: if neither a column nor `mark` names the marks, or both do.
     """
     table = select_robot(read_text_table(read_table_text(path, "a table of touches"), path, names), robot)
     marks = table.names("mark", "touch", "point", "target")
     if (marks is None) == (mark is None):
         why = "the table has no column `mark`" if mark is None else "the table has a column `mark`, too"
-        raise UsageError(f"{why}: say by --mark or by the column what was touched")
+        raise UsageError(f"{why}: name the touched mark with either --mark or the column")
     return [mark or ""] * len(table.rows) if marks is None else marks
 
 
 def new_rows(folder: str | Path, cell: KnownCell, rows: Sequence[Row]) -> tuple[Row, ...]:
-    """Rows that are samples of their own, after those that are recorded; numbers that rows have stay."""
+    """Assign rows without a sample number to new samples after the recorded ones."""
     first = max((sample.sample for sample in recorded_samples(folder, cell)), default=-1) + 1
     return tuple(replace(row, sample=first + k if row.sample is None else row.sample) for k, row in enumerate(rows))

@@ -1,1 +1,1 @@
-"""Common parts of imports: rows are paired with samples, and complete a cell and its recording."""
+"""Common parts of importers: pairing of rows with samples, and additions to a cell and its recording."""

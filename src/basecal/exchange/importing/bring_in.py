@@ -1,4 +1,4 @@
-"""An import into a cell's folder: everything is read, paired and checked before anything is written."""
+"""Import into a cell's folder: all data are read, paired and checked before anything is written."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from basecal.fields.problems import Loc
 
 _CELL, _FOLDER = "cell.yaml", "recording"
 _NAMES = f"{_FOLDER}/image_names.json"
-_REST_TOLERANCE = 2e-3  # [m, rad] within which readings of an arm that rests are, as `tf2_echo` rounds them
+_REST_TOLERANCE = 2e-3  # [m, rad] spread of poses of an arm at rest, with the rounding of `tf2_echo`
 _LARGEST_NAMES = 2**24  # bytes: 200,000 names
 
 
@@ -38,13 +38,13 @@ class Brought:
     """Result of an import.
 
     Attributes:
-        cell: As it is now.
-        recording: Likewise.
-        pairing: Which rows went where; empty if there were none.
-        made: How many samples are new.
-        changed: Places of `cell.yaml` that are new or other; all of them where there was none.
-        is_new_cell: Whether there was none.
-        doubts: What of the input is implausible, a line each; it was brought in nevertheless.
+        cell: The cell after the import.
+        recording: The recording after the import.
+        pairing: Assignment of rows to samples; empty without rows.
+        made: Number of new samples.
+        changed: Names of the new or changed fields of `cell.yaml`.
+        is_new_cell: Whether the cell is new.
+        doubts: Implausible parts of the input, one line each; they were imported nevertheless.
     """
 
     cell: Cell
@@ -62,17 +62,17 @@ def add_to_cell(
     check: Callable[[Cell, Recording], tuple[str, ...]],
     replace: bool = False,
 ) -> Brought:
-    """Add imported rows to the cell, all of them or none.
+    """Add imported rows to a cell, all or none.
 
     Args:
-        folder: The cell, or where one is to be made.
-        imports: What was read.
-        check: What of the cell and of what is added to its samples is implausible; raises InputError if that is not to
-            be written.
-        replace: Whether it stands in for what is there, which is kept in `originals`.
+        folder: Folder of the cell, or of a new cell.
+        imports: The imported data.
+        check: Function from the cell and the additions to texts about implausible data; raises InputError to prevent
+            writing.
+        replace: Whether to replace existing data, after a backup in `originals`.
 
     Raises:
-        InputError: if it does not fit what is there, or would overwrite it.
+        InputError: if the data are inconsistent with the existing data, or would overwrite them.
     """
     path, journal_path = folder / _CELL, folder / _FOLDER / "samples.jsonl"
     old = read_text(path, "") if path.exists() else None
@@ -111,13 +111,13 @@ def add_to_cell(
 
 
 def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """The reference of a new cell: its first robot."""
+    """Field `reference` of a new cell: its first robot."""
     first = next(iter(cell.get("robots", {})), None)
     return {} if first is None else {"reference": first}
 
 
 def _omit_defaults(new: Mapping[str, Any], defaults: frozenset[Loc], old: Any, parent: Loc = ()) -> dict[str, Any]:
-    """New content without those defaults for which the old content has a value."""
+    """New content without the defaults for which the old content has a value."""
     kept = {}
     for key, value in new.items():
         other = old.get(key) if isinstance(old, Mapping) else None
@@ -129,13 +129,13 @@ def _omit_defaults(new: Mapping[str, Any], defaults: frozenset[Loc], old: Any, p
 
 
 def _repeat_row(imports: Imported, recording: Recording) -> Imported:
-    """A copy with its row, which may be there several times, for each sample that is recorded without it.
+    """A copy of an import of an arm at rest, with its pose repeated for each recorded sample that lacks it.
 
     Raises:
-        InputError: if rows differ, or nothing is recorded.
+        InputError: if the rows differ, or nothing is recorded.
     """
     if not recording.samples:
-        raise InputError(f"{imports.source}: comes first: --still is for an arm at rest, after what moves is imported")
+        raise InputError(f"{imports.source}: --still is for an arm at rest: import the moving robots and cameras first")
     first = imports.rows[0].robots
     for row in imports.rows:
         if not all(is_same_state(state, first[name], _REST_TOLERANCE) for name, state in row.robots.items()):
@@ -147,7 +147,7 @@ def _repeat_row(imports: Imported, recording: Recording) -> Imported:
 
 
 def _give_samples(imports: Imported, recording: Recording) -> Imported:
-    """A copy with further views of one sample as samples of their own, in which its robots stand as in it."""
+    """A copy in which further views of a sample become new samples with the same robot states."""
     if not all(row.sample is not None and row.observations and not row.robots for row in imports.rows):
         return imports
     known: dict[int | None, Sample] = {sample.sample: sample for sample in recording.samples}
@@ -163,7 +163,7 @@ def _give_samples(imports: Imported, recording: Recording) -> Imported:
 
 
 def _is_whole(rows: Sequence[Row], cell: Cell) -> bool:
-    """Whether each row has views, and the robots that carry what they show: it needs no other row."""
+    """Whether each row has views and the robots that carry their cameras and targets."""
     things: dict[str, CellCamera | CellTarget] = {**cell.cameras, **cell.targets}
     carriers = [
         {things[name].on for o in row.observations for name in (o.camera, o.target) if name in things} for row in rows
@@ -172,7 +172,7 @@ def _is_whole(rows: Sequence[Row], cell: Cell) -> bool:
 
 
 def _places(data: Mapping[str, Any], parent: Loc = ()) -> Iterator[Loc]:
-    """Places of all values that are no mappings, or stand in for one whole: a pose, a lens."""
+    """Locations of all values, with mappings such as a pose or a lens as one value."""
     for key, value in data.items():
         if isinstance(value, Mapping) and not {"status", "kind"} & value.keys():
             yield from _places(value, (*parent, key))
@@ -183,10 +183,10 @@ def _places(data: Mapping[str, Any], parent: Loc = ()) -> Iterator[Loc]:
 
 
 def _names(folder: Path) -> dict[str, int]:
-    """Samples by the names of images, as an earlier table had them.
+    """Read the sample numbers by image name that earlier tables defined.
 
     Raises:
-        DatasetError: if the file is not as it was written.
+        DatasetError: if the file is invalid.
     """
     path = folder / _NAMES
     if not path.exists():
@@ -200,7 +200,7 @@ def _names(folder: Path) -> dict[str, int]:
 
 
 def _named_samples(rows: tuple[Row, ...], pairing: Pairing, samples: Sequence[Sample]) -> Mapping[str, int]:
-    """Samples of the images that rows name and that are not recorded under their names."""
+    """Sample numbers by name of images that rows name but that are not recorded under these names."""
     kept = {plain_name(path) for sample in samples for path in sample.images.values()}
     return {
         plain_name(row.image): number
@@ -212,7 +212,7 @@ def _named_samples(rows: tuple[Row, ...], pairing: Pairing, samples: Sequence[Sa
 def _samples(
     rows: tuple[Row, ...], pairing: Pairing, samples_by_path: Mapping[str, int]
 ) -> tuple[list[Sample], dict[str, Path]]:
-    """Additions to each sample, and new images by their path in the cell, which no other sample has."""
+    """Additions to each sample, and the new images by unique path in the cell."""
     samples, image_files = [], {}
     for row, number in zip(rows, pairing.numbers, strict=True):
         if number is None:

@@ -1,4 +1,4 @@
-"""Files put into a cell, and taken out again where what they were for fails."""
+"""Placing of files in a cell, with removal if the import fails."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from basecal.cell.format.writing import make_folder, write_atomically
 from basecal.errors import InputError
 from basecal.exchange.images import check_image, is_image
 
-_LARGEST_BYTES = 2**28  # 256 MiB, as much as an image that is read may have
+_LARGEST_BYTES = 2**28  # 256 MiB, the limit of images
 
 
 @contextmanager
 def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> Iterator[None]:
-    """Files are in the cell while what follows uses them, and stay unless it fails.
+    """Place files in a cell for the context; they are removed if the context fails.
 
-    A file that is there already, the same to the byte, is left as it is.
+    An existing file with the same content is not changed.
 
     Args:
-        files: By their path in the cell.
-        folder: The cell.
-        link: Whether they become hard links, so that nothing is stored twice, instead of copies.
+        files: Source files by their path in the cell.
+        folder: The cell's folder.
+        link: Whether to make hard links instead of copies.
 
     Raises:
-        DatasetError: if one is no file, is larger than any image, or has an image's name and is none.
-        InputError: if another file is there, a path leaves the cell, or it cannot be written.
+        DatasetError: if a source is not a regular file, is too large, or has an image's name but is not an image.
+        InputError: if a different file exists, a path leaves the cell, or a file cannot be written.
     """
     made: list[Path] = []
     existed = folder.exists()
@@ -46,7 +46,7 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
                 made.append(target)
                 _place_file(source, target, link)
             elif not target.is_file() or not filecmp.cmp(source, target, shallow=False):
-                raise InputError(f"{target} is there already, and is another file than {source}: it is not overwritten")
+                raise InputError(f"{target} exists and differs from {source}: it is not overwritten")
         yield
     except OSError as error:
         _remove_files(made, folder, existed)
@@ -58,7 +58,7 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
 
 @contextmanager
 def scratch_folder(cell: str | Path) -> Iterator[TemporaryDirectory[str]]:
-    """A temporary folder on the disk of a cell, which is gone if what follows fails."""
+    """Create a temporary folder on the disk of a cell; it is removed if the context fails."""
     beside = next(above for above in Path(cell).absolute().parents if above.exists())
     scratch = TemporaryDirectory(prefix=".import-", dir=beside)
     try:
@@ -69,7 +69,7 @@ def scratch_folder(cell: str | Path) -> Iterator[TemporaryDirectory[str]]:
 
 
 def numbered_path(path: str, number: int) -> str:
-    """Where an image is whose path is taken: the number of its sample before its name."""
+    """Path of an image with the number of its sample as prefix of its name."""
     place = PurePosixPath(path)
     return str(place.with_name(f"{number:06d}_{place.name}"))
 
@@ -80,13 +80,13 @@ def _place_file(source: Path, target: Path, link: bool) -> None:
             os.link(source, target)
         except OSError as error:
             why = f"{source} cannot be linked into {target.parent} ({error.strerror})"
-            raise InputError(f"{why}: hard links need one disk; leave --link away to copy") from None
+            raise InputError(f"{why}: hard links need one disk; omit --link to copy") from None
         return
     write_atomically(target, read_bounded(source, _LARGEST_BYTES), durable=False)
 
 
 def _remove_files(files: list[Path], folder: Path, had_cell: bool) -> None:
-    """Remove files that were made, and folders that are empty then; the cell itself only where it is new."""
+    """Remove created files and folders left empty; the cell's folder only if it is new."""
     for path in files:
         with suppress(OSError):
             path.unlink(missing_ok=True)

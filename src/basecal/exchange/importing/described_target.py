@@ -1,4 +1,4 @@
-"""A target as options describe it: its kind, its counts and its sizes."""
+"""Description of a target by options: its kind, counts and sizes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from basecal.exchange.importing.imported import KnownCell, Sight, carried_entry,
 from basecal.fields.typed_length import columns_rows, length_m
 
 _COUNTED = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows
-MARKER_SHARE = 0.75  # of the square
+MARKER_SHARE = 0.75  # default size of a marker as a share of the square
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,9 +31,9 @@ class Shape:
         circles: Columns and rows of circles.
         tags: Columns and rows of an aprilgrid's tags.
         square: Size of a square or tag, spacing of circles, with its unit, such as 40mm.
-        marker: Size of a ChArUco marker; three quarters of the square where not given.
-        dictionary: Of the ChArUco markers.
-        family: Of AprilTags.
+        marker: Size of a ChArUco marker; by default three quarters of the square.
+        dictionary: Dictionary of the ChArUco markers.
+        family: Family of the AprilTags.
         tag: Number of a single AprilTag.
         set: FIELD=VALUE as in cell.yaml, such as legacy_pattern=true; may be given several times.
     """
@@ -51,14 +51,14 @@ class Shape:
 
 
 UNSAID = Shape()
-"""Of a target of which nothing is said."""
+"""Shape without any stated value."""
 
 
 def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
-    """The fields of a target in `cell.yaml`, with its kind.
+    """Fields of a target in `cell.yaml`, including its kind.
 
     Raises:
-        InputError: if its kind needs counts or a size that are not given, or has none such.
+        InputError: if counts or a size are missing, or do not apply to the kind.
     """
     if kind not in TARGETS:
         raise InputError(f"target {kind!r}: expected one of {list_names(list(TARGETS))}")
@@ -77,7 +77,7 @@ def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
 def print_sizes(
     columns: int, rows: int, square_m: float, marker_m: float | None, dictionary: str | None, family: str, tag: int
 ) -> PrintSizes:
-    """Sizes of a target; a marker and its dictionary are the usual ones where they are not stated."""
+    """Sizes of a target to print, with defaults for the marker's size and dictionary."""
     marker_m = MARKER_SHARE * square_m if marker_m is None else marker_m
     dictionary = dictionary or smallest_dictionary("DICT_4X4_50", columns * rows // 2)
     return PrintSizes(columns, rows, round(square_m, 9), round(marker_m, 9), dictionary, family, tag)
@@ -89,17 +89,17 @@ def target_entry(
     shape: Shape,
     sight: Sight,
 ) -> dict[str, Any]:
-    """Entry of `cell.yaml` for a target that images show; nothing if none is described.
+    """Entry of `cell.yaml` for a target in images; empty if no target is described.
 
     Args:
-        folder: The cell, or where one is to be made.
-        kind: Kind of the target.
-        shape: Its sizes.
-        sight: Its name and that of the camera that sees it, and what carries them where that is said.
+        folder: Folder of the cell, or of a new cell.
+        kind: Kind of the target; None if no target is described.
+        shape: Counts and sizes of the target.
+        sight: Names of camera and target, and their carriers if stated.
 
     Raises:
-        UsageError: if more is said of a target of no kind.
-        InputError: if its kind needs other sizes, several could carry it, or no image distinguishes it from another.
+        UsageError: if a target is described without its kind.
+        InputError: if sizes are missing, the carrier is ambiguous, or images cannot distinguish it from another target.
     """
     if not isinstance(shape, Shape):
         raise InputError(f"shape is {shape!r}, expected a basecal.Shape, such as Shape(squares='5x7', square='40mm')")
@@ -114,15 +114,15 @@ def target_entry(
 
 
 def are_indistinguishable(first: Target, second: Target) -> bool:
-    """Whether no image determines which of two targets it shows."""
+    """Whether images cannot distinguish two targets."""
     return first.kind == second.kind and is_indistinguishable(TARGETS[first.kind], first.options, second.options)
 
 
 def _check_marks(cell: KnownCell, name: str, kind: str, fields: Mapping[str, Any]) -> None:
-    """Check that images distinguish a target from those that the cell has.
+    """Check that images can distinguish a target from the cell's other targets.
 
     Raises:
-        InputError: if not.
+        InputError: if they cannot.
     """
     of_kind = TARGETS[kind]
     for other in cell.targets.values():
@@ -136,26 +136,26 @@ def _check_marks(cell: KnownCell, name: str, kind: str, fields: Mapping[str, Any
 
 
 def _single_carrier(cell: KnownCell, sight: Sight) -> str:
-    """The one robot that does not carry the camera, or else the world.
+    """The only robot that does not carry the camera, or the world if there is none.
 
     Raises:
-        InputError: if there are several such robots, or the cell's robots are not known yet.
+        InputError: if there are several such robots, or the cell has no robots yet.
     """
     if not cell.robots:
-        raise InputError(f"say what carries the target {sight.target!r}: --target-on ROBOT or --target-on world")
+        raise InputError(f"give the carrier of the target {sight.target!r}: --target-on ROBOT or --target-on world")
     carrier = sight.camera_on or cell.cameras[sight.camera].on
     others = [robot for robot in cell.robots if robot != carrier]
     if len(others) > 1 or (not others and carrier == WORLD):
         options = " or ".join(f"--target-on {each}" for each in (*others, WORLD) if each != carrier)
-        raise InputError(f"say what carries the target {sight.target!r}: {options}")
+        raise InputError(f"give the carrier of the target {sight.target!r}: {options}")
     return others[0] if others else WORLD
 
 
 def _check_description(kind: str, shape: Shape, fields: dict[str, Any], counts: list[str]) -> None:
-    """Check that the measured sizes of the kind were stated, and nothing else.
+    """Check that the required counts and sizes of the kind are stated, and no other counts.
 
     Raises:
-        InputError: if not.
+        InputError: if they are not.
     """
     set_by_name = {each.partition("=")[0] for each in shape.set}
     needed = [name for name in _COUNTED if name in fields and not isinstance(fields[name][0], dict)]
@@ -172,10 +172,10 @@ def _check_description(kind: str, shape: Shape, fields: dict[str, Any], counts: 
 
 
 def printed_fields(kind: str, sizes: PrintSizes, field_words: tuple[str, ...]) -> dict[str, Any]:
-    """A target's fields in `cell.yaml`: as its kind makes them of the sizes, and those given one by one.
+    """Fields of a target in `cell.yaml` from its sizes, with additional fields FIELD=VALUE.
 
     Raises:
-        InputError: if the kind is not made of sizes, or one given is no FIELD=VALUE.
+        InputError: if sizes do not describe the kind, or an additional field is not FIELD=VALUE.
     """
     printed = TARGETS[kind].printed
     if printed is None:

@@ -21,8 +21,8 @@ class Carriers:
     """Carriers of camera and target, if the user states them.
 
     Attributes:
-        camera_on: What carries the camera: robot (of the file), world, or the name of a robot.
-        target_on: What carries the target of a camera on the robot: world, or the name of another robot.
+        camera_on: Carrier of the camera: `robot` (of the file), `world`, or the name of a robot.
+        target_on: Carrier of the target, if the camera is on the robot: `world`, or the name of another robot.
     """
 
     camera_on: str | None = None
@@ -50,21 +50,21 @@ def hand_eye_of_file(
     hand: str | None = None,
     advice: str = "check --camera-on",
 ) -> Imported:
-    """A hand-eye recording, for the cell in a folder.
+    """Read a hand-eye record for the cell in a folder.
 
     Args:
-        folder: The cell, or where one is to be made.
-        read: The recording, given whether the robot carries the camera; None if neither user nor cell says so.
-        carriers: What carries camera and target, if the user says so.
-        robot: Its name in the cell; that of what is carried, or of the only one, if None.
-        camera: Likewise.
-        target: Likewise.
+        folder: Folder of the cell, or of a new cell.
+        read: Function that reads the record; its argument is whether the robot carries the camera, None if unknown.
+        carriers: Carriers of camera and target, if stated by the user.
+        robot: Name of the robot in the cell; by default the carrier of the camera or target, or the only robot.
+        camera: Name of the camera; the only camera if None.
+        target: Name of the target; the only target if None.
         is_linked: Whether images are linked instead of copied.
         hand: Name of a second robot, which carries the target.
-        advice: What to check if the record is implausible.
+        advice: Which option to check if the record is implausible.
 
     Raises:
-        InputError: if it cannot be read, or does not fit the cell.
+        InputError: if the record cannot be read, or is inconsistent with the cell.
     """
     cell = known_cell(folder)
     record = read(is_camera_on_robot(cell, camera, carriers.camera_on, robot))
@@ -76,17 +76,17 @@ def hand_eye_of_file(
 
 
 def chosen_names(cell: KnownCell, robot: str | None, camera: str | None, target: str | None, on_robot: bool) -> Names:
-    """The names that were given, else those of the only ones in the cell, else those of a new cell.
+    """Choose names: the given ones, else the only ones in the cell, else the defaults of a new cell.
 
     Args:
-        cell: The cell there is, if any.
-        robot: As given.
-        camera: As given.
-        target: As given.
-        on_robot: Whether the robot carries the camera, and not the target.
+        cell: The cell, if there is one.
+        robot: Given name of the robot, or None.
+        camera: Given name of the camera, or None.
+        target: Given name of the target, or None.
+        on_robot: Whether the robot carries the camera; if False, it carries the target.
 
     Raises:
-        InputError: if one is not given and the cell has several.
+        InputError: if a name is not given and the cell has several.
     """
     if isinstance(cell, NoCell):
         return Names(robot or ("eye" if on_robot else "hand"), camera or "camera", target or "target")
@@ -101,13 +101,13 @@ def chosen_names(cell: KnownCell, robot: str | None, camera: str | None, target:
 def is_camera_on_robot(
     cell: KnownCell, camera: str | None, camera_on: str | None = None, robot: str | None = None
 ) -> bool | None:
-    """Whether the robot of a file carries the camera; None if neither user nor cell says so.
+    """Whether the robot of a file carries the camera; None if neither the user nor the cell states it.
 
     Args:
-        cell: The cell there is, if any.
-        camera: The camera's name; that of the only one if None.
-        camera_on: What carries it, if the user says so.
-        robot: The robot of the file, likewise.
+        cell: The cell, if there is one.
+        camera: Name of the camera; the only camera if None.
+        camera_on: Carrier of the camera, if stated by the user.
+        robot: Name of the file's robot, if stated by the user.
     """
     if camera_on is None and cell.cameras and (camera is not None or len(cell.cameras) == 1):
         found = cell.cameras.get(camera or next(iter(cell.cameras)))
@@ -128,17 +128,17 @@ def imported_hand_eye(
     is_linked: bool = False,
     carriers: Carriers = Carriers(),
 ) -> Imported:
-    """Rows of a recording, and what the cell must have for them; what it states already stays.
+    """Convert a record to rows and to additions to the cell; existing values of the cell are not changed.
 
     Args:
-        cell: The cell there is, if any.
-        record: What was read.
-        names: What the cell calls robot, camera and target.
+        cell: The cell, if there is one.
+        record: The record.
+        names: Names of robot, camera and target in the cell.
         is_linked: Whether images are linked instead of copied.
-        carriers: What carries camera and target, if the user says so.
+        carriers: Carriers of camera and target, if stated by the user.
 
     Raises:
-        InputError: if one thing carries both.
+        InputError: if camera and target have the same carrier.
     """
     known_camera, known_target = cell.cameras.get(names.camera), cell.targets.get(names.target)
     on = _carriers(cell, record, names, carriers)
@@ -168,7 +168,7 @@ def imported_hand_eye(
 
 
 def _carriers(cell: KnownCell, record: HandEyeRecord, names: Names, carriers: Carriers) -> tuple[str, str]:
-    """Carriers of the camera and of the target: the file's robot carries one, something still the other."""
+    """Carriers of the camera and the target: the file's robot carries one; the other's carrier does not move."""
     if record.hand_base_from_flange is not None:
         return names.robot, names.hand
     known = cell.targets if record.camera_on_robot else cell.cameras
@@ -183,7 +183,7 @@ def _carriers(cell: KnownCell, record: HandEyeRecord, names: Names, carriers: Ca
 
 
 def _mount(unknown: Unknown | None, estimate: SE3 | None) -> dict[str, Any]:
-    """A guess of a mount of which nothing is known."""
+    """Entry of a free mount with an estimate as its guess; empty if the cell has a value or there is no estimate."""
     if unknown is not None and (estimate is None or unknown.status != "free" or unknown.mean is not None):
         return {}
     guess = {} if estimate is None else {"guess": pose_dict(estimate)}
@@ -206,21 +206,21 @@ def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:
 
 @dataclass(frozen=True, eq=False)
 class HandEyeRecord:
-    """Poses of a robot, what its camera saw at each, and what is known of the rest.
+    """Record of a hand-eye program: robot poses, target poses or images, and earlier results.
 
     Attributes:
-        path: The file.
-        what: What it holds, in which frames and units.
-        camera_on_robot: Whether the robot carries the camera, and not the target.
-        base_from_flange: (n,) poses of the robot; none if the file has only a result.
+        path: Path of the file.
+        what: Content with frames and units.
+        camera_on_robot: Whether the robot carries the camera; if False, it carries the target.
+        base_from_flange: (n,) poses of the robot; empty if the file has only a result.
         camera_from_target: (n,) poses of the target; None if there are images instead.
-        images: One for each pose; none if there are poses.
-        frames: What the file calls the robot's `base` and `flange`.
-        camera_frame: What it calls the camera's frame; empty if it does not say.
-        camera_mount: Where the camera was found to be, in the flange or the base; None if the file does not say.
-        target_mount: Likewise the target.
-        lens: What `cell.yaml` says of the camera's lens; nothing if the file does not.
-        target: What it says of the target's kind and sizes; likewise.
+        images: One image per pose; empty if there are target poses.
+        frames: Names of the robot's `base` and `flange` in the file.
+        camera_frame: Name of the camera's frame in the file; empty if not stated.
+        camera_mount: Estimated pose of the camera in the flange or the base; None if not stated.
+        target_mount: Estimated pose of the target in the flange or the base; None if not stated.
+        lens: Fields of `cell.yaml` for the lens; empty if not stated.
+        target: Fields of `cell.yaml` for the target's kind and sizes; empty if not stated.
         hand_base_from_flange: (n,) poses of a second robot, which carries the target; None if there is one robot.
     """
 

@@ -1,4 +1,4 @@
-"""Imported data in this project's terms: rows, lines of a `cell.yaml`, and the cell and the things they are for."""
+"""Data structures of imports: rows, entries of `cell.yaml`, and the choice of names and carriers in a cell."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from basecal.fields.problems import Loc
 from basecal.geometry import SE3
 
 By = Literal["order", "image", "sample", "stamp_s"]
-"""What rows and samples are paired by."""
+"""Method of pairing rows with samples."""
 
 
 @dataclass(frozen=True)
 class OneOf:
-    """Annotation of an importer's parameter: what it is, and the names that it takes."""
+    """Annotation of an importer's parameter: its description and its allowed names."""
 
     about: str
     names: tuple[str, ...]
@@ -31,13 +31,13 @@ class Row:
     """Additions to one sample.
 
     Attributes:
-        robots: Where robots were, by name.
-        observations: What cameras saw.
-        images: Files to be copied, by camera.
-        image: Name of the image it belongs to; None if the file does not say.
-        sample: Number of the sample it belongs to; likewise.
-        stamp_s: Its time [s]; likewise.
-        line: Its line in the file, from 1; None if the file has none.
+        robots: States of robots by name.
+        observations: Observations of cameras.
+        images: Image files to be copied, by camera.
+        image: Name of the image to which the row belongs; None if not stated.
+        sample: Number of the sample to which the row belongs; None if not stated.
+        stamp_s: Time stamp [s]; None if not stated.
+        line: Line in the file, from 1; None if the file has no lines.
     """
 
     robots: Mapping[str, RobotState] = field(default_factory=dict)
@@ -51,28 +51,28 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """Data that was read from one source.
+    """Data read from one source.
 
     Attributes:
-        source: The file or folder, as the user named it.
-        what: What it holds, in which frames and units: "9 poses left_base_from_left_flange, ur: m, rotation vector".
-        rows: For the recording, in the order of the source.
-        cell: Plain data of a `cell.yaml` that is to be in it: new robots, cameras and targets, and what is known.
-        replaced: Places of `cell.yaml` at which that stands in for what is written there.
-        defaults: Places of it that are left as `cell.yaml` has them, unless recorded data is replaced.
-        new_cell: All of a `cell.yaml` where there is none; `cell` makes one where None.
-        files: Other files that the cell needs, such as a URDF, by their path in it.
-        is_stream: Whether each row makes a line of its own, by the clock of what recorded it.
-        by: What rows and samples are paired by; None for what both have.
-        is_session: Whether its rows make samples of their own, as of another day.
-        is_still: Whether its one row is of every sample, as of an arm that stands still.
+        source: The file or folder, as named by the user.
+        what: Content with frames and units, such as "9 poses left_base_from_left_flange, ur: m, rotation vector".
+        rows: Rows for the recording, in the order of the source.
+        cell: Plain data to add to `cell.yaml`: new robots, cameras and targets, and prior knowledge.
+        replaced: Locations of `cell.yaml` at which `cell` replaces existing values.
+        defaults: Locations at which existing values of `cell.yaml` are kept, unless recorded data are replaced.
+        new_cell: Text of a new `cell.yaml` if there is none; if None, it is created from `cell`.
+        files: Other files that the cell needs, such as a URDF, by their path in the cell.
+        is_stream: Whether each row becomes a separate line, with the clock of its device.
+        by: Method of pairing rows with samples; None to choose it from the available keys.
+        is_session: Whether the rows become new samples, such as those of another day.
+        is_still: Whether the single row belongs to every sample, as for an arm at rest.
         is_linked: Whether images become hard links instead of copies.
         advice: Which option to check if the input is implausible.
-        is_strict: Whether implausible input is refused, and not only reported.
-        notes: Lines about how it was read.
-        warnings: Likewise, of what was left out.
-        is_preview: Whether it holds notes alone, and nothing to bring into a cell.
-        scratch: Folder that holds its images and other files, if they exist only as long as this object.
+        is_strict: Whether implausible input is rejected instead of only reported.
+        notes: Lines about how the source was read.
+        warnings: Lines about data that were left out.
+        is_preview: Whether there are only notes and nothing to import.
+        scratch: Temporary folder of images and other files; it exists as long as this object.
     """
 
     source: str
@@ -97,13 +97,13 @@ class Imported:
 
 
 def controller_places(robots: Iterable[str]) -> frozenset[Loc]:
-    """Places of `cell.yaml` that state which controllers wrote the poses of robots."""
+    """Locations of `cell.yaml` for the controllers of robots."""
     return frozenset(("robots", robot, "controller") for robot in robots)
 
 
 @dataclass(frozen=True)
 class NoCell:
-    """The content of a folder without a `cell.yaml`: nothing."""
+    """Empty cell of a folder without a `cell.yaml`."""
 
     robots: Mapping[str, Robot] = field(default_factory=dict)
     cameras: Mapping[str, CellCamera] = field(default_factory=dict)
@@ -116,19 +116,19 @@ NO_CELL = NoCell()
 
 
 def known_cell(folder: str | Path) -> KnownCell:
-    """The cell of a folder, or that there is none yet.
+    """Read the cell of a folder; `NO_CELL` if there is none.
 
     Raises:
-        DatasetError: if it cannot be read.
+        DatasetError: if the cell cannot be read.
     """
     return read_cell(folder) if (Path(folder) / "cell.yaml").exists() else NO_CELL
 
 
 def recorded_samples(folder: str | Path, cell: KnownCell) -> tuple[Sample, ...]:
-    """The samples that are recorded in the folder of a cell; none if there is no cell.
+    """Read the recorded samples of a cell; empty if there is no cell or no recording.
 
     Raises:
-        DatasetError: if they cannot be read.
+        DatasetError: if the recording cannot be read.
     """
     if isinstance(cell, NoCell) or not (Path(folder) / "recording" / "samples.jsonl").exists():
         return ()
@@ -136,7 +136,7 @@ def recorded_samples(folder: str | Path, cell: KnownCell) -> tuple[Sample, ...]:
 
 
 def open_size(folder: str | Path, cell: KnownCell, camera: str) -> frozenset[Loc]:
-    """The place of a known camera's size, if nothing rests on it: its first images may state another."""
+    """Location of a known camera's size, if its first images may change it; empty if a lens or views depend on it."""
     known = cell.cameras[camera]
     has_numbers = known.intrinsics is not None and known.intrinsics.camera is not None
     samples = recorded_samples(folder, cell)
@@ -145,16 +145,16 @@ def open_size(folder: str | Path, cell: KnownCell, camera: str) -> frozenset[Loc
 
 
 def choose_name(kind: str, name: str | None, names: Collection[str], usual: str = "") -> str:
-    """The name that was given, else the only one that the cell has, else the usual one.
+    """Choose a name: the given one, else the only one in the cell, else the default.
 
     Args:
         kind: `camera`, `target` or `robot`.
-        name: As given.
-        names: Those of the cell.
-        usual: That of a new one; empty if it must be there.
+        name: The given name; None if not given.
+        names: Names in the cell.
+        usual: Default name of a new item; empty if the item must exist.
 
     Raises:
-        InputError: if none is given and the cell has several, or none where one must be.
+        InputError: if no name is given and the cell has several, or has none and there is no default.
     """
     if name is None and (len(names) > 1 or not (names or usual)):
         known = list_names(list(names)) if names else f"none in this cell: add a {kind} first"
@@ -165,38 +165,38 @@ def choose_name(kind: str, name: str | None, names: Collection[str], usual: str 
 def choose_carrier(
     cell: KnownCell, kind: str, name: str, stated_carrier: str | None, option: str = "--on", may_be_world: bool = True
 ) -> str:
-    """The carrier of a camera or target: as the cell has it, as stated, else its only robot.
+    """Choose the carrier of a camera or target: from the cell, as stated, else the cell's only robot.
 
     Args:
-        cell: The cell there is, if any.
+        cell: The cell, if there is one.
         kind: `camera` or `target`.
-        name: Of the camera or target.
-        stated_carrier: As stated: a robot, or `world`.
-        option: The option that states it.
-        may_be_world: Whether a new cell without a robot may result.
+        name: Name of the camera or target.
+        stated_carrier: Carrier stated by the user: a robot, or `world`; None if not stated.
+        option: The option that states the carrier.
+        may_be_world: Whether a new cell without a robot is allowed.
 
     Raises:
-        InputError: if it is not clear, or the cell says otherwise.
+        InputError: if the carrier is ambiguous, or contradicts the cell.
     """
     robots = [*cell.robots]
     things: Mapping[str, CellCamera | CellTarget] = cell.cameras if kind == "camera" else cell.targets
     known = things[name].on if name in things else stated_carrier
     if stated_carrier not in (None, known):
         found = f"{kind} {name!r} is on {known!r} in cell.yaml, not on {stated_carrier!r}"
-        raise InputError(f"{found}: leave {option} away, or correct it")
+        raise InputError(f"{found}: omit {option}, or correct it")
     if not robots and known == WORLD and not may_be_world:
         raise InputError(f"{kind} {name!r} on the world needs a robot, and there is no cell.yaml: import poses first")
     if known is None and len(robots) != 1:
         choices = list_names([*robots, WORLD]) if robots else f"a robot{f' or {WORLD}' if may_be_world else ''}"
-        raise InputError(f"{kind} {name!r} is new: say what carries it, {option} with one of: {choices}")
+        raise InputError(f"{kind} {name!r} is new: give its carrier with {option}, one of: {choices}")
     return known or robots[0]
 
 
 def check_robot(cell: KnownCell, carrier: str) -> None:
-    """Check that a carrier, if it is new, is not named nearly as one that the cell has.
+    """Check that the name of a new carrier is not a misspelling of a name in the cell.
 
     Raises:
-        InputError: if it is.
+        InputError: if the name is similar to one in the cell.
     """
     robots = [*cell.robots]
     if carrier not in (WORLD, *robots) and (close := nearest(carrier, [*robots, WORLD])):
@@ -204,14 +204,14 @@ def check_robot(cell: KnownCell, carrier: str) -> None:
 
 
 def carried_entry(section: str, name: str, carrier: str, **fields: Any) -> dict[str, Any]:
-    """Sections of `cell.yaml` for a new camera or target, whose mount is free, with the robot that carries it."""
+    """Entries of `cell.yaml` for a new camera or target with a free mount, and for the robot that carries it."""
     entry = {section: {name: {"on": carrier, **fields}}}
     return entry if carrier == WORLD else {"robots": {carrier: {}}, **entry}
 
 
 @dataclass(frozen=True)
 class Sight:
-    """Which camera sees which target, and what carries them where the cell does not say."""
+    """Names of a camera and its target, and their carriers if stated by the user."""
 
     camera: str
     target: str
@@ -220,24 +220,25 @@ class Sight:
 
 
 def seen_rows(rows: tuple[Row, ...], camera_from_target: SE3, sight: Sight) -> tuple[Row, ...]:
-    """Rows with what the camera saw.
+    """Add observed target poses to rows.
 
     Args:
-        rows: What says where each belongs.
-        camera_from_target: (n,) poses.
-        sight: Names.
+        rows: (n) rows with the keys that assign them to samples.
+        camera_from_target: (n,) poses of the target.
+        sight: Names of camera and target.
     """
     views = (PoseObservation(sight.camera, sight.target, camera_from_target[i]) for i in range(len(rows)))
     return tuple(replace(row, observations=(view,)) for row, view in zip(rows, views, strict=True))
 
 
 def sight_entry(cell: KnownCell, sight: Sight) -> dict[str, Any]:
-    """Entries of `cell.yaml` for a camera and a target; those it has already stay.
+    """Entries of `cell.yaml` for a camera and a target; existing entries are not changed.
 
-    A new camera is on the only robot. A new target is on the world, or on the only robot where the camera is not.
+    By default, a new camera is on the only robot. A new target is on the world, or on the only robot if the camera is
+    on the world.
 
     Raises:
-        InputError: if it is not clear what carries them, both are on one thing, or the cell says otherwise.
+        InputError: if a carrier is ambiguous or contradicts the cell, or both have the same carrier.
     """
     camera_on = choose_carrier(cell, "camera", sight.camera, sight.camera_on)
     given = sight.target_on

@@ -1,4 +1,4 @@
-"""A lens that a file states, as what an import brings into a cell."""
+"""Import of lenses and targets that a file states into a cell."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from basecal.geometry import SE3, Camera
 
 LensStatus = Literal["fixed", "free"]
 OPENCV_TERMS = (0, 4, 5, 8, 12)
-"""Distortion terms of the pinhole that lenses here have, in OpenCV's order; it knows two more, of a tilted sensor."""
+"""Supported numbers of pinhole distortion terms, in OpenCV's order; OpenCV has two more for a tilted sensor."""
 
 _TILTED_TERMS = 14
 
@@ -41,19 +41,19 @@ def lens_of_file(
     status: LensStatus,
     mount: SE3 | None = None,
 ) -> Imported:
-    """The lens of a camera: its model, size and intrinsics stand in for what the cell says of them.
+    """Import a lens; its model, size and intrinsics replace those of the camera in the cell.
 
     Args:
-        folder: The cell, or where one is to be made.
-        lens: What was read.
-        file: Its file, as the user named it.
-        camera: Name of the camera; the only one of the cell where None.
-        carrier: The robot that carries it, or `world`; what the cell says where None.
-        status: `fixed`, or `free`: a start for intrinsics that are estimated.
-        mount: Where it is roughly, in what carries it; None if not known.
+        folder: Folder of the cell, or of a new cell.
+        lens: The lens.
+        file: File of the lens, as named by the user.
+        camera: Name of the camera; the cell's only camera if None.
+        carrier: The robot that carries the camera, or `world`; from the cell if None.
+        status: `fixed`, or `free` for an initial guess of estimated intrinsics.
+        mount: Initial guess of the camera's pose in its carrier; None if unknown.
 
     Raises:
-        InputError: if it is not clear which camera it is or what carries it, or its images have another size.
+        InputError: if the camera or its carrier is ambiguous, or its images have another size.
     """
     cell, source = known_cell(folder), str(file)
     name = choose_name("camera", camera, cell.cameras, "camera")
@@ -76,7 +76,7 @@ def lens_of_file(
 
 def _check_size(folder: Path, cell: KnownCell, camera: str, size_px: tuple[int, int] | None, source: str) -> None:
     """Raise an InputError if the cell, or the first image of the camera, has another size."""
-    from basecal.exchange.images import image_size  # headers of images, which no export needs
+    from basecal.exchange.images import image_size  # reads image headers, not needed for exports
 
     samples = recorded_samples(folder, cell)
     image = next((sample.images[camera] for sample in samples if camera in sample.images), None)
@@ -89,12 +89,12 @@ def _check_size(folder: Path, cell: KnownCell, camera: str, size_px: tuple[int, 
 
 
 def mount_by_chain(cell: KnownCell, lenses: Sequence[StatedLens], name: str) -> SE3 | None:
-    """Where a camera of a chain is, in what carries it; None if the cell does not know the one before it.
+    """Pose of a camera of a chain in its carrier; None if the pose of the previous camera is unknown.
 
     Args:
-        cell: The cell there is, whose cameras have the names of the chain's.
-        lenses: The chain.
-        name: Of the camera in the chain.
+        cell: The cell, whose cameras have the names of the chain's.
+        lenses: Lenses of the chain.
+        name: Name of the camera in the chain.
     """
     names = [lens.name for lens in lenses]
     place = names.index(name)
@@ -108,17 +108,17 @@ def mount_by_chain(cell: KnownCell, lenses: Sequence[StatedLens], name: str) -> 
 def imported_target(
     cell: KnownCell, target: Mapping[str, Any], source: str, name: str | None, carrier: str | None
 ) -> Imported:
-    """A target of which a file states kind and sizes.
+    """Import a target whose kind and sizes are stated in a file.
 
     Args:
-        cell: The cell there is.
-        target: What `cell.yaml` says of its kind and sizes.
-        source: The file, as the user named it.
-        name: Of the target; the only one of the cell where None.
-        carrier: The robot that carries it, or `world`; what the cell says where None.
+        cell: The cell.
+        target: Fields of `cell.yaml` for the kind and sizes.
+        source: The file, as named by the user.
+        name: Name of the target; the cell's only target if None.
+        carrier: The robot that carries the target, or `world`; from the cell if None.
 
     Raises:
-        InputError: if there is no cell, or it is not clear which target it is or what carries it.
+        InputError: if there is no cell, or the target or its carrier is ambiguous.
     """
     if isinstance(cell, NoCell):
         raise InputError(
@@ -140,10 +140,10 @@ class StatedLens:
     """A lens in a file.
 
     Attributes:
-        camera: The lens; the centre of the top-left pixel is (0, 0), whatever the file counts from.
-        what: What was read, in words: which model, and where the file begins to count pixels.
-        name: What the file calls it; None if it does not.
-        camera_from_previous: Where the camera that stands before it in the file is in it, where the file says so.
+        camera: The lens; the centre of the top-left pixel is (0, 0), regardless of the file's pixel origin.
+        what: Description of the lens: its model, and the file's pixel origin.
+        name: Name of the camera in the file; None if not stated.
+        camera_from_previous: Pose of the previous camera of the file in this camera; None if not stated.
     """
 
     camera: Camera
@@ -153,10 +153,10 @@ class StatedLens:
 
 
 def made_camera(field: Field, model: str, parameters: Sequence[float], size_px: tuple[int, int] | None) -> Camera:
-    """The camera of fx, fy, cx, cy [px] and distortion terms that stand at a place of a file.
+    """Create a camera from fx, fy, cx, cy [px] and distortion terms; errors refer to a field of a file.
 
     Raises:
-        DatasetError: if they are no lens.
+        DatasetError: if the parameters are not a valid lens.
     """
     try:
         return Camera(model, np.array(parameters, dtype=np.float64), size_px)
@@ -165,10 +165,10 @@ def made_camera(field: Field, model: str, parameters: Sequence[float], size_px: 
 
 
 def opencv_terms(field: Field, terms: Sequence[float]) -> list[float]:
-    """Distortion terms in OpenCV's order, without those of a sensor that is not tilted.
+    """Check distortion terms in OpenCV's order, and remove the zero terms of a tilted sensor.
 
     Raises:
-        DatasetError: if there is no lens of so many terms, or the sensor is tilted.
+        DatasetError: if the number of terms is not supported, or the sensor is tilted.
     """
     if len(terms) == _TILTED_TERMS:
         if any(terms[-2:]):
@@ -183,10 +183,10 @@ def opencv_terms(field: Field, terms: Sequence[float]) -> list[float]:
 
 
 def matrix_parameters(field: Field, matrix: Sequence[float]) -> list[float]:
-    """fx, fy, cx, cy of the nine numbers of a camera matrix, row by row.
+    """Extract fx, fy, cx, cy from the nine numbers of a camera matrix, row by row.
 
     Raises:
-        DatasetError: if they are none, or its axes are not at right angles.
+        DatasetError: if the numbers are not a camera matrix, or have a skew.
     """
     fx, skew, cx, lower, fy, cy, *last = matrix
     if not any(matrix[:6]):

@@ -1,4 +1,4 @@
-"""Which sample each imported row belongs to: by order, unless a name, a number or a time says otherwise."""
+"""Pairing of imported rows with samples: by image name, sample number or time, otherwise by order."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from basecal.exchange.images import missing_numbers
 from basecal.exchange.importing.imported import By, Imported, Row
 
 _ROBOT = "robot"
-_STATE_TOLERANCE = 1e-9  # [m] and [rad]: of poses that were written and read
+_STATE_TOLERANCE = 1e-9  # [m, rad]: rounding of poses in files
 LARGEST_DIFFERENCE_S = 0.05
-"""Between a row and its sample where times pair them: half of what a camera of 10 images a second leaves open."""
+"""Largest time between a row and its sample: half the period of a camera with 10 images per second."""
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """The sample of each row.
+    """Assignment of rows to samples.
 
     Attributes:
-        by: What they were paired by.
-        numbers: Of the sample, for each row; None if it was not paired.
-        unpaired_rows: In words: file names, numbers or times.
-        unpaired_samples: Numbers of the samples that no row belongs to.
+        by: Method of pairing.
+        numbers: Sample number of each row; None if the row was not paired.
+        unpaired_rows: Names of the unpaired rows: file names, numbers or times.
+        unpaired_samples: Numbers of the samples without a row.
     """
 
     by: By
@@ -37,20 +37,19 @@ class Pairing:
 
 
 def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int], replace: bool = False) -> Pairing:
-    """The samples of the rows; a number that no sample has is that of a new one.
+    """Pair rows with samples; a row with a new number becomes a new sample.
 
-    Samples that hold already what the rows bring belong to an earlier session, and take none of them.
+    Samples that already have the content of the rows belong to an earlier session and are not paired.
 
     Args:
-        imports: What was read.
-        samples: Those that are recorded.
-        names: Samples of the images that a table named before.
-        replace: Whether rows stand in for what is recorded.
+        imports: The imported rows.
+        samples: The recorded samples.
+        names: Sample numbers by image name, from earlier tables.
+        replace: Whether rows replace recorded content.
 
     Raises:
-        InputError: if it is by order and there are more or fewer rows than samples, or if two rows belong to one
-            sample. It is also raised if it is to be by name and nothing recorded has one, or if the content is recorded
-            already.
+        InputError: if rows and samples paired by order differ in number, or two rows belong to one sample. It is also
+            raised if nothing recorded has a name to pair by, or if the content is already recorded.
     """
     rows, by = imports.rows, imports.by
     waiting = samples if replace else _samples_of_carrier(imports, open_samples(rows, samples))
@@ -59,7 +58,7 @@ def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int],
         return _own_samples(imports, samples)
     known = dict(names)
     if by == "image" or not any(row.images for row in rows):
-        # Images of one camera are named by chance as those of another.
+        # Images of two cameras may have the same names by coincidence.
         known = {**{name: s.sample for s in samples for name in map(plain_name, s.images.values())}, **names}
     chosen = _pairing_method(rows, waiting, known) if by is None else by
     if not samples and chosen != "sample":
@@ -83,7 +82,7 @@ def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int],
 
 
 def open_samples(rows: Sequence[Row], samples: Sequence[Sample]) -> list[Sample]:
-    """Samples that hold nothing of what rows bring; beside views, poses of a robot that are recorded bring nothing."""
+    """Samples without any content of the rows; robot poses that are recorded already are ignored if there are views."""
     same = len(rows) == len(samples) and all(
         is_same_state(row.robots[name], sample.robots[name])
         for row, sample in zip(rows, samples, strict=True)
@@ -95,17 +94,17 @@ def open_samples(rows: Sequence[Row], samples: Sequence[Sample]) -> list[Sample]
 
 
 def _samples_of_carrier(imports: Imported, samples: Sequence[Sample]) -> Sequence[Sample]:
-    """The samples with a robot that carries an imported camera, if these are as many as rows; else all."""
+    """Samples with a robot that carries an imported camera, if their number equals that of the rows; otherwise all."""
     carriers = {camera.get("on") for camera in imports.cell.get("cameras", {}).values()}
     own = [sample for sample in samples if carriers & sample.robots.keys()]
     return own if len(own) == len(imports.rows) else samples
 
 
 def _own_samples(imports: Imported, samples: Sequence[Sample]) -> Pairing:
-    """Numbers beyond all that are recorded.
+    """Pair all rows with new samples, numbered after the recorded ones.
 
     Raises:
-        InputError: if rows are recorded already, or may be.
+        InputError: if the rows are, or may be, recorded already.
     """
     again = sorted(_content_names(imports.rows) & _content_names(samples))
     is_whole = all(row.robots and (row.observations or row.images) for row in imports.rows)
@@ -113,7 +112,7 @@ def _own_samples(imports: Imported, samples: Sequence[Sample]) -> Pairing:
     if again and (not is_apart or _holds_copies(imports.rows, samples)):
         do = "add --session for other samples, or --replace for better ones"
         if imports.is_session:
-            do = "all of it is in recorded samples, and no session of its own; nothing needs to be imported"
+            do = "nothing needs to be imported"
         raise InputError(f"{imports.source}: {list_names(again)} is recorded already: {do}")
     if again and imports.is_stream:
         _check_times(imports, samples)
@@ -122,7 +121,7 @@ def _own_samples(imports: Imported, samples: Sequence[Sample]) -> Pairing:
 
 
 def _holds_copies(rows: Sequence[Row], samples: Sequence[Sample]) -> bool:
-    """Whether every row repeats robots and views of a recorded sample."""
+    """Whether every row with robots and views is a copy of a recorded sample."""
     whole = [row for row in rows if row.robots and row.observations]
     return bool(whole) and all(
         any(
@@ -136,16 +135,16 @@ def _holds_copies(rows: Sequence[Row], samples: Sequence[Sample]) -> bool:
 
 
 def is_same_state(state: RobotState, recorded_state: RobotState, tolerance: float = _STATE_TOLERANCE) -> bool:
-    """Whether two states of a robot are the same to the digits that a file holds, or to a `tolerance` [m, rad]."""
+    """Whether two states of a robot are equal within `tolerance` [m, rad], by default the rounding of files."""
     is_one_kind = (state.joints_rad is None) == (recorded_state.joints_rad is None)
     return is_one_kind and np.allclose(state.vector, recorded_state.vector, rtol=0, atol=tolerance)
 
 
 def _check_times(imports: Imported, samples: Sequence[Sample]) -> None:
-    """Lines of robots alone are interpolated by time: two sessions at one time would be taken for one.
+    """Check that the times of a stream do not overlap the recorded ones, because streams are joined by time.
 
     Raises:
-        InputError: if they would.
+        InputError: if they overlap.
     """
     rows = [row.stamp_s for row in imports.rows if row.stamp_s is not None]
     stamps = [sample.stamp_s for sample in samples if sample.stamp_s is not None]
@@ -157,7 +156,7 @@ def _check_times(imports: Imported, samples: Sequence[Sample]) -> None:
 
 
 def _content_names(lines: Sequence[Row | Sample]) -> set[str]:
-    """Names of the lines' content."""
+    """Descriptions of the content of rows or samples: robots, views and images."""
     found = {f"{_ROBOT} {name!r}" for line in lines for name in line.robots}
     found |= {f"target {o.target!r} seen by {o.camera!r}" for line in lines for o in line.observations}
     return found | {f"camera {name!r}" for line in lines for name in line.images}
@@ -165,7 +164,7 @@ def _content_names(lines: Sequence[Row | Sample]) -> set[str]:
 
 def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], numbers: Mapping[str, int]) -> By:
     names = {plain_name(row.image) for row in rows if row.image is not None}
-    # A table that names other images tells of other samples; a folder may hold another camera's in the same order.
+    # A table with other image names belongs to other samples; a folder of another camera may have the same order.
     of_others = numbers and not any(row.images for row in rows)
     if rows and all(row.image is not None for row in rows) and (of_others or names & numbers.keys()):
         return "image"
@@ -176,13 +175,13 @@ def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], numbers: Map
 
 
 def _pair_by_name(imports: Imported, samples: Sequence[Sample], samples_by_name: Mapping[str, int]) -> list[int | None]:
-    """The samples of rows that name images; new ones where none is known, as of another camera's images."""
+    """Sample numbers of rows by image name; new numbers if no name is known, as for another camera's images."""
     numbers = [samples_by_name.get(plain_name(row.image or "")) for row in imports.rows]
     if any(number is not None for number in numbers):
         return numbers
     if not samples_by_name:
         raise InputError(
-            f"{imports.source}: the recording names no images to pair by. Leave `--by name` away to pair in "
+            f"{imports.source}: the recording names no images to pair by. Omit `--by name` to pair in "
             "order, or import tables with a column `image` into another folder"
         )
     first = max(sample.sample for sample in samples) + 1
@@ -196,13 +195,13 @@ def _pair_by_order(imports: Imported, samples: Sequence[Sample]) -> list[int | N
         counts = f"{list_names(gaps)} missing in the numbering of its images; {counts}" if gaps else counts
         raise InputError(
             f"{counts} without it. Row i belongs to sample i, unless a table's column `image` or `sample`, or --by "
-            "name of images, states otherwise. Give --session if it was recorded apart, --still for one row"
+            "name of images, states otherwise. Give --session if it was recorded separately, --still for one row"
         )
     return [sample.sample for sample in samples]
 
 
 def _pair_by_time(rows: Sequence[Row], samples: Sequence[Sample]) -> list[int | None]:
-    """The sample nearest in time, where the row is the nearest to it as well, and near enough."""
+    """Sample numbers of rows by time: mutual nearest neighbours within LARGEST_DIFFERENCE_S; None otherwise."""
     times = np.array([sample.stamp_s for sample in samples], dtype=np.float64)
     found: list[int | None] = [None] * len(rows)
     of_rows = np.array([row.stamp_s for row in rows], dtype=np.float64)
@@ -233,5 +232,5 @@ def _name(row: Row, index: int) -> str:
 
 
 def plain_name(name: str) -> str:
-    """An image's name without its folders and its ending, in which programs differ."""
+    """An image's name without folders and extension, which differ between programs."""
     return PurePosixPath(name.replace("\\", "/")).stem

@@ -1,4 +1,4 @@
-"""The text of a new `cell.yaml`, every field explained."""
+"""Text of a new `cell.yaml` with comments on every field."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ _NOISE_HELP = "# optional: {noise: {sigma_t_m: 1e-4, sigma_r_rad: 1e-4}}, of its
 def cell_text(
     robots: int | Sequence[str], kind: Kind, camera_on_world: bool = False, shape: Mapping[str, Any] | None = None
 ) -> str:
-    """A `cell.yaml` to fill in.
+    """Create the text of a `cell.yaml` to fill in.
 
     Args:
-        robots: How many, or their names. One robot looks at a target on the world; of more, each sees the target that
-            the next one carries.
-        kind: Kind of the targets, each with marks of its own; `pose` for targets whose pose another program gives.
-        camera_on_world: Whether the camera stands beside a single robot, which then carries the target.
-        shape: Fields of the targets, with their kind; those of an example where None.
+        robots: Number or names of the robots. A single robot observes a target on the world; of several robots, each
+            observes the target on the next one.
+        kind: Kind of the targets, each with distinct marks; `pose` for targets whose pose another program measures.
+        camera_on_world: Whether the camera is fixed to the world and a single robot carries the target.
+        shape: Fields of the targets, with their kind; those of an example if None.
     """
     counted = robot_names(robots) if isinstance(robots, int) else list(robots)
     names = ["hand"] if camera_on_world else counted
-    # What carries each camera, and what carries the target it looks at.
+    # Carriers of each camera and of its target.
     alone = ("world", names[0]) if camera_on_world else (names[0], "world")
     pairs = list(pairwise(names)) if len(names) > 1 else [alone]
     parts = [
@@ -102,7 +102,7 @@ def _camera(name: str, carrier: str, reference: str, kind: Kind) -> str:
 
 
 def _fields(kind: Kind, shape: Mapping[str, Any] | None, place: int) -> str:
-    """The lines of a target of several; the first of those that nobody described are explained."""
+    """Lines of target number `place`; the first one has comments, if no shape is given."""
     if kind == "pose":
         return ""
     known = TARGETS[kind]

@@ -1,4 +1,4 @@
-"""Tables of numbers as people paste them: usual separators, decimal commas, a header or none, poses in brackets."""
+"""Parsing of text tables: usual separators, decimal commas, with or without a header, poses in brackets."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:[,.' ]\d{3})+[.,]\d+")
 _NAMED_NUMBER = re.compile(r"([A-Za-z]\w*)(?:\s*[:=]\s*|\s+)([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _IMAGE = re.compile(r"\.(?:png|jpe?g|tiff?|bmp|webp|pgm|ppm)$", re.IGNORECASE)
 _LISTED_NUMBER = re.compile(rf"(?<![\w.]){_NUMBER.pattern}")
-# Lines of programs that hold numbers as of a pose, and state another thing: a tool, a work object, a load.
+# Lines of programs whose numbers look like a pose but define a tool, a work object or a load.
 _SETTING = re.compile(r"^\$?(?:BASE|TOOL|LOAD)(?:_DATA)?\b.*=|:=\s*\[\s*(?:TRUE|FALSE)\b|^set_tcp\b", re.IGNORECASE)
-_KRL_FIELDS = re.compile(r"\{\s*[A-Za-z]\w*\s")  # numbers that all have names, such as those of axes
-_URSCRIPT_POSE = re.compile(r"\bp\[")  # without the p it lists joints
-# Lines that state a pose, by a bracket in front or by a word of URScript, RAPID or KRL.
+_KRL_FIELDS = re.compile(r"\{\s*[A-Za-z]\w*\s")  # named numbers, such as those of axes
+_URSCRIPT_POSE = re.compile(r"\bp\[")  # without the p it is a list of joints
+# Lines that must hold a pose: they start with a bracket or have a keyword of URScript, RAPID or KRL.
 _POSE_CLAIM = re.compile(r"^[\[({]|\bp\[|\brobtarget\b.*:=|\b(?:E6POS|POS|FRAME)\b.*=", re.IGNORECASE)
-_BRACKETED = re.compile(r"\[[^\[\](){}]*\]|\{[^\[\](){}]*\}|\([^\[\](){}]*\)")  # without other brackets in them
+_BRACKETED = re.compile(r"\[[^\[\](){}]*\]|\{[^\[\](){}]*\}|\([^\[\](){}]*\)")  # without nested brackets
 _UNIT_CELL = re.compile(r"(?:mm|m|inch|in|deg|rad|°|s|)")
 _SUMMARY = re.compile(
     r"(?:mittel(?:wert)?|average|mean|avg|sum|total|summe|min|max|std|stdev|median|standardabweichung)\W*",
     re.IGNORECASE,
 )
 _COMMENTS = ("#", "!", ";", "//")
-_LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
+_LARGEST = 1e12  # limit of any number: times in seconds since 1970 are about 2e9
 
 
 @dataclass(frozen=True)
 class TextRow:
-    """A line: its number in the file, and its cells by the names of their columns."""
+    """A row: its line number in the file, and its cells by column name."""
 
     line: int
     cells: dict[str, str]
@@ -50,12 +50,12 @@ class TextRow:
 
 @dataclass(frozen=True)
 class TextTable:
-    """Rows of cells as they are written.
+    """A table of unparsed cells.
 
     Attributes:
-        path: Where they were read.
-        header: Names of the columns; None if the file has none.
-        rows: In the order of the file.
+        path: Path of the file.
+        header: Names of the columns; None if the file has no header.
+        rows: Rows in the order of the file.
     """
 
     path: str
@@ -63,10 +63,10 @@ class TextTable:
     rows: tuple[TextRow, ...]
 
     def cell(self, row: TextRow, column: str) -> str:
-        """The text in a column of a row.
+        """Return the text of a row's cell.
 
         Raises:
-            DatasetError: if there is none, or the row holds a pose in brackets alone.
+            DatasetError: if the row has no such column, or the cell is empty.
         """
         if column not in row.cells:
             raise DatasetError(self.path, f"has no {column} but {', '.join(row.cells)}", row.line)
@@ -75,22 +75,22 @@ class TextTable:
         return row.cells[column]
 
     def names(self, *columns: str) -> list[str] | None:
-        """The cells of the first of these columns that there is, as names of a cell; None if there is none."""
+        """Return the cells of the first existing column, converted by `as_name`; None if no column exists."""
         header = {column.strip().lower(): column for column in self.header or ()}
         found = next((header[name] for name in columns if name in header), None)
         return None if found is None else [as_name(self.cell(row, found)) for row in self.rows]
 
 
 def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
-    """The table in a text.
+    """Parse a text table.
 
     Args:
-        text: Lines; empty ones and those that begin with `#`, `!`, `;` or `//` are passed over, but for a header.
-        path: What to call it in an error.
-        names: Of the numbers of a row where there is no header, which poses in brackets hold in this order.
+        text: Lines; empty lines and comments (`#`, `!`, `;` or `//`) are skipped, but a comment may be the header.
+        path: Name of the table in errors.
+        names: Column names if there is no header; poses in brackets hold their numbers in this order.
 
     Raises:
-        DatasetError: if a row has more or fewer cells than the header, or than there are names, or rows are too many.
+        DatasetError: if a row has the wrong number of cells, or there are too many rows.
     """
     text = json_rows(text) or text
     lines = [(number, line.strip()) for number, line in enumerate(StringIO(text), start=1) if line.strip()]
@@ -114,7 +114,7 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
 
 
 def _omit_titles(content: Sequence[tuple[int, str]]) -> Sequence[tuple[int, str]]:
-    """The lines without a title, which is one cell above the header."""
+    """Remove title lines, which have one cell and precede the header."""
     while len(content) > 1 and (found := _header(content[1][1])) and found[0] is not None:
         if sum(map(bool, _split(content[0][1], found[0]))) != 1:
             break
@@ -123,7 +123,7 @@ def _omit_titles(content: Sequence[tuple[int, str]]) -> Sequence[tuple[int, str]
 
 
 def _units(line: str, separator: str | None, count: int) -> list[str] | None:
-    """Units of columns, in a row of their own below the header; None if it is another row."""
+    """Units of the columns in a line below the header; None if the line is not a row of units."""
     cells = [cell.strip("[]()") for cell in _split(line, separator)]
     if len(cells) > count or not any(cells) or not all(_UNIT_CELL.fullmatch(cell) for cell in cells):
         return None
@@ -131,16 +131,16 @@ def _units(line: str, separator: str | None, count: int) -> list[str] | None:
 
 
 def _check_summaries(rows: Sequence[TextRow], path: str) -> None:
-    """Check that no row is the mean or the like of the others."""
+    """Check that no row is a summary of the others, such as a mean."""
     for row in rows:
         if word := next((cell for cell in row.cells.values() if _SUMMARY.fullmatch(cell)), None):
-            raise DatasetError(path, f"{shorten(word)} is not one of the measured rows: leave the row out", row.line)
+            raise DatasetError(path, f"{shorten(word)} is not a measured row: remove the row", row.line)
 
 
 def _heading(
     lines: Sequence[tuple[int, str]], content: Sequence[tuple[int, str]]
 ) -> tuple[str | None, tuple[str, ...] | None]:
-    """Separator and header: the first line where none of its cells is a number, or a comment of as many cells."""
+    """Separator and header: the first line if none of its cells is a number, or a comment with as many cells."""
     if not content:
         return None, None
     first = content[0][1]
@@ -153,16 +153,16 @@ def _heading(
 
 
 def as_name(text: str) -> str:
-    """A name as a cell has it: small letters, digits and _, a letter first."""
+    """Convert a text to a valid name: lower-case letters, digits and _, starting with a letter."""
     plain = re.sub(r"[^a-z0-9]+", "_", text.strip().strip("\"'").lower()).strip("_")
     return plain if plain[:1].isalpha() else f"mark_{plain}"
 
 
 def select_robot(table: TextTable, robot: str) -> TextTable:
-    """The rows of a robot, where a column `robot` or `arm` names several; all rows of a table of one robot.
+    """Select a robot's rows by a column `robot` or `arm`; a table of a single robot is returned unchanged.
 
     Raises:
-        DatasetError: if several are named, and not this one.
+        DatasetError: if the table has several robots, but not this one.
     """
     names = table.names("robot", "arm")
     if names is None or len(set(names)) == 1:
@@ -170,21 +170,21 @@ def select_robot(table: TextTable, robot: str) -> TextTable:
     rows = tuple(row for row, name in zip(table.rows, names, strict=True) if name == robot)
     if not rows:
         known = list_names(list(dict.fromkeys(names)))
-        raise DatasetError(table.path, f"no row is of robot {robot!r}; there are: {known}")
+        raise DatasetError(table.path, f"no row belongs to robot {robot!r}; there are: {known}")
     return replace(table, rows=rows)
 
 
 def parse_number(cell: str, path: str, line: int, name: str) -> float:
-    """The number in a cell, with a decimal point or comma.
+    """Parse the number in a cell, with a decimal point or comma.
 
     Raises:
-        DatasetError: if it is none, or not finite.
+        DatasetError: if the text is not a number, or the number is not finite or too large.
     """
     text = cell.strip().strip("\"'").rstrip(",")
     try:
         value = written_number(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
     except ValueError:
-        cause = ": it has thousands separators, leave them out" if _THOUSANDS.fullmatch(text) else ""
+        cause = ": remove the thousands separators" if _THOUSANDS.fullmatch(text) else ""
         cause = ": write its unit in the header" if _WITH_UNIT.fullmatch(text) else cause
         raise DatasetError(path, f"{shorten(text)} is not a number{cause}", line, name) from None
     if not abs(value) <= _LARGEST:
@@ -193,10 +193,10 @@ def parse_number(cell: str, path: str, line: int, name: str) -> float:
 
 
 def parse_time(cell: str, path: str, line: int, name: str) -> float:
-    """The time in a cell [s], a number or a date and time of ISO 8601, which is UTC if it names no zone.
+    """Parse the time in a cell [s]: a number, or an ISO 8601 date and time, in UTC if it has no zone.
 
     Raises:
-        DatasetError: if it is neither.
+        DatasetError: if the text is neither.
     """
     text = cell.strip().strip("\"'")
     if _is_number(text) or not any(map(str.isdigit, text)):
@@ -210,17 +210,17 @@ def parse_time(cell: str, path: str, line: int, name: str) -> float:
 
 
 def is_image(name: str) -> bool:
-    """Whether a name is that of an image."""
+    """Whether a file name has the extension of an image."""
     return bool(_IMAGE.search(name.strip()))
 
 
 def count_numbers(text: str) -> int:
-    """How many numbers a text lists; those within names do not count."""
+    """Count the numbers in a text; digits within names do not count."""
     return len(_LISTED_NUMBER.findall(text))
 
 
 def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path: str) -> Iterator[TextRow]:
-    """Rows of the lines that hold a pose in brackets; other lines of a controller's program are passed over.
+    """Rows of the lines with a pose in brackets; other lines of a controller's program are skipped.
 
     Raises:
         DatasetError: if the brackets of a pose lack a number.
@@ -233,7 +233,7 @@ def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path
         if bracketed is None or _SETTING.search(line) or (has_marks and not _URSCRIPT_POSE.search(line)):
             continue
         if _has_several_poses(bracketed, len(names)):
-            raise DatasetError(path, "several poses in one line: write each in a line of its own", number)
+            raise DatasetError(path, "several poses in one line: write one pose per line", number)
         values = _named_values(bracketed, names) or _listed_values(bracketed, names)
         if values is not None:
             yield TextRow(number, _leading_image(line, bracketed) | dict(zip(names, values, strict=True)))
@@ -243,7 +243,7 @@ def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path
 
 
 def _is_plain_row(line: str, count: int) -> bool:
-    """Whether a line holds as many numbers without brackets; in these may be the number of a point, as in `P[1]`."""
+    """Whether a line has `count` numbers outside brackets; brackets may hold an index, as in `P[1]`."""
     closed, rest = " ".join(_BRACKETED.findall(line)), _BRACKETED.sub("", line)
     opened = _brackets(rest) or ""
     numbers = filter(_is_number, re.split(r"[;,\s]+", rest.removesuffix(opened)))
@@ -251,40 +251,41 @@ def _is_plain_row(line: str, count: int) -> bool:
 
 
 def _brackets(line: str) -> str | None:
-    """The text of a line from its first bracket on; None if there is none behind a number, as in `x [mm]`."""
+    """Text of a line from its first bracket on; None if no number follows the bracket, as in `x [mm]`."""
     place = min((line.find(c) for c in "[({" if c in line), default=-1)
     return line[place:] if place >= 0 and _NUMBER.search(line[place:]) else None
 
 
 def _bracketed_lists(text: str) -> list[list[str]]:
-    """The numbers between any two brackets, where there are some."""
+    """Numbers between successive brackets; empty lists are left out."""
     return list(filter(None, map(_LISTED_NUMBER.findall, re.split(r"[\[\](){}]", text))))
 
 
 def _has_several_poses(text: str, count: int) -> bool:
-    """Whether lists of numbers repeat, each time as many as a pose has."""
+    """Whether a pattern of lists repeats, with at least `count` numbers per repetition."""
     lengths = list(map(len, _bracketed_lists(text)))
     periods = (n for n in range(1, len(lengths) // 2 + 1) if lengths == lengths[:n] * (len(lengths) // n))
     return any(sum(lengths[:n]) >= count for n in periods)
 
 
 def _named_values(text: str, names: Sequence[str]) -> list[str] | None:
-    """The numbers behind their names, as KUKA writes them; None if one has none."""
+    """Numbers that follow their names, as in KUKA's notation; None if a name is missing."""
     named = {name.lower(): value for name, value in _NAMED_NUMBER.findall(text)}
     return [named[name.lower()] for name in names] if all(name.lower() in named for name in names) else None
 
 
 def _listed_values(text: str, names: Sequence[str]) -> list[str] | None:
-    """The first numbers, if they end with a bracket or are all in one; None of other data, such as ABB's of joints.
+    """First numbers of a text, if they are one bracketed list or end at a bracket; None otherwise.
 
-    Those behind the last name are left out: ABB's targets end in configuration and axes.
+    Further numbers are ignored: ABB's targets end with configuration and external axes. Lists with another length,
+    such as ABB's joint targets, give None.
     """
     values: list[str] = []
     if _KRL_FIELDS.search(text):
         return None
     lists = _bracketed_lists(text)
     if list(map(len, lists)) == [1, len(names)]:
-        return lists[1]  # behind the code of a reply, as xArm's `get_position` prints it
+        return lists[1]  # after a status code, as in the output of xArm's `get_position`
     for each in lists:
         values += each
         if len(values) >= len(names):
@@ -293,7 +294,7 @@ def _listed_values(text: str, names: Sequence[str]) -> list[str] | None:
 
 
 def _header(line: str) -> tuple[str | None, tuple[str, ...]] | None:
-    """Separator and names of a line of which no cell is a number."""
+    """Separator and cells of a line, if no cell is a number or an image; None otherwise."""
     plain = line.lstrip("#%!").strip()
     separator = _separator(plain)
     cells = _split(plain, separator)
@@ -303,10 +304,10 @@ def _header(line: str) -> tuple[str | None, tuple[str, ...]] | None:
 
 
 def _split(line: str, separator: str | None) -> list[str]:
-    """Cells of a line; those in double quotes may hold the separator."""
+    """Split a line into cells; cells in double quotes may contain the separator."""
     cells = line.split(separator)
     if separator is not None and '"' in line:
-        with suppress(csv.Error):  # a cell larger than any number
+        with suppress(csv.Error):  # a cell exceeds the size limit of csv
             cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
     return [cell.strip().strip("\"'") for cell in cells]
 
@@ -338,7 +339,7 @@ def _cells(
 
 
 def _leading_image(line: str, pose_text: str) -> dict[str, str]:
-    """The image whose name stands before a pose in brackets; nothing if none does."""
+    """Image name before a pose in brackets, under the key `image`; empty if there is none."""
     before = re.split(r"[,;\t ]", line[: len(line) - len(pose_text)].strip())[0].strip("\"'")
     return {"image": before} if is_image(before) else {}
 
@@ -354,10 +355,10 @@ def _count_message(cells: Sequence[str], columns: Sequence[str], separator: str 
 
 
 def rows_of_numbers(table: TextTable, columns: Sequence[str]) -> Iterator[list[float]]:
-    """The numbers of each row in these columns.
+    """Parse the numbers of each row in the given columns.
 
     Raises:
-        DatasetError: if a cell is not a number, or a row has not these names.
+        DatasetError: if a cell is not a number, or a row lacks a column.
     """
     for row in table.rows:
         yield [parse_number(table.cell(row, name), table.path, row.line, name) for name in columns]

@@ -1,1 +1,1 @@
-"""Files of lenses, each as the program that wrote it means them."""
+"""Readers of lens files of other programs, with their pixel origins and distortion models."""

@@ -1,8 +1,8 @@
-"""Lenses as ROS calls them: a `camera_info` file, and a `sensor_msgs/CameraInfo` that `topic echo` printed.
+"""Lenses of ROS: a `camera_info` file, or a `sensor_msgs/CameraInfo` printed by `topic echo`.
 
 The terms of `plumb_bob` and `rational_polynomial` are in OpenCV's order (k1 k2 p1 p2 k3 ...), those of `equidistant`
-are the fisheye's. The centre of the top-left pixel is (0, 0). The matrix is of the whole sensor: images that are binned
-or cropped afterwards have another one.
+are the fisheye's. The centre of the top-left pixel is (0, 0). The matrix is valid for the full sensor, not for images
+that were binned or cropped afterwards.
 Source: REP 104; sensor_msgs/CameraInfo.msg and distortion_models.hpp; camera_calibration_parsers of image_common.
 """
 
@@ -21,7 +21,7 @@ from basecal.geometry.lenses import fisheye, pinhole
 
 
 class RosLens(NamedTuple):
-    """A lens of ROS: its name there, our model, and how many terms it has."""
+    """A lens of ROS: its name in ROS, the model in basecal, and its number of distortion terms."""
 
     name: str
     model: str
@@ -34,7 +34,7 @@ ROS_LENSES = (
     RosLens("equidistant", fisheye.MODEL, 4),
 )
 
-# What is read; of a name that ROS has no more, and of none, too.
+# Models by name, including an obsolete name of ROS and an empty name.
 _MODELS = {lens.name: lens.model for lens in ROS_LENSES} | dict.fromkeys(("thin_prism", ""), pinhole.MODEL)
 
 _FISHEYE_TERMS = 4
@@ -43,16 +43,16 @@ _EXPECTED = "a camera_info file of ROS has image_width, image_height, camera_mat
 
 
 def read_camera_info(path: str | Path) -> StatedLens:
-    """The lens of a `camera_info` YAML.
+    """Read the lens of a `camera_info` YAML.
 
     Raises:
-        DatasetError: if it is none, is not calibrated, or is of a lens or a part of an image that has no equal here.
+        DatasetError: if the file is invalid, the camera is not calibrated, or the lens or image part is not supported.
     """
     return camera_info_lens(read_fields(path))
 
 
 def camera_info_lens(root: Field) -> StatedLens:
-    """The lens of the fields of a camera_info; likewise."""
+    """Convert the fields of a camera_info to a lens; see `read_camera_info`."""
     try:
         matrix = root.find("camera_matrix", "K", "k")
     except DatasetError as error:
@@ -66,7 +66,7 @@ def camera_info_lens(root: Field) -> StatedLens:
     parameters = matrix_parameters(matrix, matrix.matrix(9))
     if named not in _MODELS:
         known = list_names(sorted(_MODELS.keys() - {""}))
-        raise root.find("distortion_model").error(f"{named!r} has no equal here; there are: {known}")
+        raise root.find("distortion_model").error(f"{named!r} is not supported; there are: {known}")
     is_fisheye = _MODELS[named] == fisheye.MODEL
     if is_fisheye and len(values) != _FISHEYE_TERMS:
         raise root.error(f"{len(values)} distortion coefficients, {named} has {_FISHEYE_TERMS}")
@@ -82,25 +82,25 @@ def camera_info_lens(root: Field) -> StatedLens:
 
 
 def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
-    """Check that the images are of the whole sensor.
+    """Check that the images show the full sensor.
 
     Raises:
-        DatasetError: if they are binned or cropped.
+        DatasetError: if the images are binned or cropped.
     """
     for axis in ("binning_x", "binning_y"):
         if (binning := root.first(axis)) is not None and binning.integer(0) > 1:
-            raise binning.error("the matrix is of the unbinned image, the images are not: give that of the images")
+            raise binning.error("the matrix is of the full image, the images are binned: give the matrix of the images")
     if (part := root.first("roi")) is not None:
         sides = tuple(part.find(side).integer(0) for side in ("width", "height"))
         if all(sides) and sides != size:
-            raise part.error("the matrix is of the whole image, the images are a part of it: give that of the images")
+            raise part.error("the matrix is of the full image, the images are cropped: give the matrix of the images")
 
 
 _MODELS["fisheye"] = fisheye.MODEL
 
 
 def ros_lens(camera: Camera) -> tuple[str, Array]:
-    """Name and distortion terms of a lens in ROS, terms that ours leaves out being zero.
+    """Name and distortion terms of a lens in ROS; missing terms are zero.
 
     Raises:
         InputError: if ROS has no such lens.

@@ -1,8 +1,8 @@
-"""The lenses of a reconstruction of COLMAP: `cameras.txt` or `cameras.bin`.
+"""Reading of the lenses of a COLMAP reconstruction: `cameras.txt` or `cameras.bin`.
 
-COLMAP counts pixels from the corner of the image: the centre of the top-left pixel is (0.5, 0.5) there and (0, 0) here.
-Half a pixel is therefore subtracted from the principal point. A model of one focal length has it twice, one of fewer
-radial terms has zeros for the others.
+COLMAP's pixel origin is the corner of the image: the centre of the top-left pixel is (0.5, 0.5) there and (0, 0) here.
+Half a pixel is therefore subtracted from the principal point. A single focal length is used for x and y; missing radial
+terms are zero.
 Source: COLMAP's documentation, "Output Format", "Camera Models" and "Database Format"; src/colmap/sensor/models.h.
 """
 
@@ -27,15 +27,15 @@ _LARGEST = 2**24  # bytes: a hundred thousand cameras
 
 @dataclass(frozen=True)
 class _Model:
-    """One of COLMAP's models.
+    """A camera model of COLMAP.
 
     Attributes:
-        number: Its number in binary files.
-        count: How many parameters it has.
-        lens: What it is here; None if nothing is.
-        focals: How many focal lengths it begins with.
-        terms: Distortion terms of the lens here, as places among the parameters behind the principal point; None for
-            a zero.
+        number: Number of the model in binary files.
+        count: Number of parameters.
+        lens: Name of the lens model in basecal; None if the model is not supported.
+        focals: Number of focal lengths, which are the first parameters.
+        terms: For each distortion term of the lens, its index in the parameters after the principal point; None for
+            zero.
     """
 
     number: int
@@ -63,7 +63,7 @@ _BY_NUMBER = {model.number: name for name, model in _MODELS.items()}
 
 
 class _Entry(NamedTuple):
-    """A camera as the file has it: its number, model, size and parameters; `where` is its place, for errors."""
+    """A camera of a file: its number, model, size and parameters; `where` is its location, for errors."""
 
     number: int
     model: str
@@ -73,14 +73,14 @@ class _Entry(NamedTuple):
 
 
 def read_colmap_lenses(path: str | Path) -> dict[int, StatedLens]:
-    """The lenses of a reconstruction by their CAMERA_ID.
+    """Read the lenses of a reconstruction by their CAMERA_ID.
 
     Args:
-        path: `cameras.txt`, `cameras.bin`, or the folder that holds one of them; the binary is taken before the text,
-            as COLMAP does.
+        path: `cameras.txt`, `cameras.bin`, or the folder that holds one of them; the binary file is preferred, as in
+            COLMAP.
 
     Raises:
-        DatasetError: if it is neither, or a lens has no equal here.
+        DatasetError: if the file is neither, or a lens model is not supported.
     """
     file = reconstruction_file(path, "cameras")
     entries = list(_binary(file) if file.suffix.lower() == ".bin" else _text(file))
@@ -90,10 +90,10 @@ def read_colmap_lenses(path: str | Path) -> dict[int, StatedLens]:
 
 
 def reconstruction_file(path: str | Path, name: str) -> Path:
-    """A file of a reconstruction, or that of a name in its folder: the binary before the text.
+    """Path of a reconstruction's file; in a folder, the binary file of this name, else the text file.
 
     Raises:
-        DatasetError: if the folder holds neither.
+        DatasetError: if the folder has neither.
     """
     file = Path(path)
     if not file.is_dir():
@@ -122,7 +122,7 @@ def _text(path: Path) -> Iterator[_Entry]:
 
 
 def _binary(path: Path) -> Iterator[_Entry]:
-    """Little-endian: how many, then number, model's number, width, height and parameters of each."""
+    """Parse the little-endian file: camera count, then id, model number, width, height and parameters of each."""
     data = read_bounded(path, _LARGEST)
     try:
         (count,) = struct.unpack_from("<Q", data)
@@ -149,7 +149,7 @@ def _lens(entry: _Entry) -> StatedLens:
             f"no model {shorten(entry.model)}{nearest(entry.model, known)}; there are: {list_names(known)}"
         )
     if model.lens is None:
-        raise entry.where.error(f"{entry.model} has no equal here: calibrate with OPENCV or OPENCV_FISHEYE")
+        raise entry.where.error(f"{entry.model} is not supported: calibrate with OPENCV or OPENCV_FISHEYE")
     if len(entry.parameters) != model.count:
         raise entry.where.error(f"{len(entry.parameters)} parameters, {entry.model} has {model.count}")
     at = Field(entry.where.path, list(entry.parameters), entry.where.lines, entry.where.loc)

@@ -1,7 +1,7 @@
-"""Files of OpenCV's FileStorage, YAML, XML and JSON, as plain data.
+"""Reading of OpenCV's FileStorage (YAML, XML and JSON) as plain data.
 
-Its YAML begins with `%YAML:1.0`, which no standard knows, and tags matrices `!!opencv-matrix`. Its XML has one element
-a field, and a matrix has rows, cols, dt and data. Source: OpenCV's modules/core/src/persistence*.cpp.
+Its YAML starts with the non-standard `%YAML:1.0` and tags matrices `!!opencv-matrix`. Its XML has one element per
+field, and a matrix has rows, cols, dt and data. Source: OpenCV's modules/core/src/persistence*.cpp.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 _YAML_HEADER = re.compile(r"\A%YAML[: ][^\n]*")
 _TAG = re.compile(r"!!(opencv|python)[-\w/.:]*")
-_COMMENTS = re.compile(r"/\*.*?\*/|^[ \t]*//[^\n]*", re.S | re.M)  # which OpenCV's JSON may have
-_DEEPEST = 32  # levels, as of YAML
+_COMMENTS = re.compile(r"/\*.*?\*/|^[ \t]*//[^\n]*", re.S | re.M)  # allowed in OpenCV's JSON
+_DEEPEST = 32  # levels, the same limit as for YAML
 
 
 def read_file_storage(path: str | Path) -> Field:
-    """All of a file that OpenCV's FileStorage wrote.
+    """Read a file written by OpenCV's FileStorage.
 
     Raises:
-        DatasetError: if it cannot be read.
+        DatasetError: if the file cannot be read.
     """
     text, name = read_text(Path(path), "", LARGEST_BYTES), str(path)
     start = text.lstrip()[:1]
@@ -55,7 +55,7 @@ def _xml(text: str, path: str) -> Field:
 
 
 def _plain(element: Element, path: str, depth: int) -> Any:
-    """The data of an element: a mapping of those in it, a list of those named `_`, or words."""
+    """Convert an element to data: a mapping of its children, a list of children named `_`, or words."""
     if depth > _DEEPEST:
         raise DatasetError(path, f"nested deeper than {_DEEPEST} levels; nothing of OpenCV's is")
     inner = list(element)

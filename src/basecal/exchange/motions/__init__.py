@@ -1,1 +1,1 @@
-"""Where robots shall go, as their own programs say it."""
+"""Output of planned robot motions in the formats of other programs."""

@@ -1,4 +1,4 @@
-"""The samples of a plan as the ways of robots, and when each is where: what all kinds of output need."""
+"""The samples of a plan as paths of robots with times of arrival, for all output formats."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from basecal.cell import Cell, Robot, RobotState, Sample
 from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, Array
 
-_LONGEST_TURN_RAD = np.pi  # to the first pose, from wherever the arm is
-_PEAK = 1.5  # the fastest of a cubic from rest to rest, to its mean speed
+_LONGEST_TURN_RAD = np.pi  # assumed largest joint motion to the first pose
+_PEAK = 1.5  # ratio of peak to mean speed of a cubic from rest to rest
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """Where robots shall be, one sample after another.
+    """Planned path of robots from sample to sample.
 
     Attributes:
-        robots: The robots that are sent, by name.
-        samples: The samples; each says where all of them shall be.
-        speed_rad_s: The fastest that any joint may turn.
-        hold_s: How long all stand still at each sample.
+        robots: The moving robots by name.
+        samples: The samples, each with the states of all these robots.
+        speed_rad_s: Largest joint speed [rad/s].
+        hold_s: Time at rest at each sample [s].
     """
 
     robots: Mapping[str, Robot]
@@ -38,44 +38,44 @@ class Way:
         return [sample.sample for sample in self.samples]
 
     def single_robot(self) -> str:
-        """The one robot that is sent.
+        """Return the only robot of the path.
 
         Raises:
-            InputError: if there are several: a controller runs a program for its own arm.
+            InputError: if there are several: a controller's program moves only its own arm.
         """
         if len(self.robots) != 1:
-            raise InputError(f"a program is of one robot: say whose with --robot: {', '.join(self.robots)}")
+            raise InputError(f"a program is for one robot: choose one with --robot: {', '.join(self.robots)}")
         return next(iter(self.robots))
 
     def has_joints(self, robot: str) -> bool:
-        """Whether all samples say the joints of a robot."""
+        """Whether all samples have the joints of a robot."""
         return all(sample.robots[robot].joints_rad is not None for sample in self.samples)
 
     def joints(self, robot: str) -> Array:
-        """(n, joints) of a robot [rad].
+        """Return the joints of a robot at the samples, (n, joints) [rad].
 
         Raises:
-            InputError: if it is known by poses alone.
+            InputError: if the robot is planned with poses.
         """
         width = len(self.joint_names(robot))
         return np.array([sample.robots[robot].joints_rad for sample in self.samples]).reshape(-1, width)
 
     def joint_names(self, robot: str) -> tuple[str, ...]:
-        """Names of the joints of a robot.
+        """Return the names of a robot's joints.
 
         Raises:
-            InputError: if it is known by poses alone.
+            InputError: if the robot is planned with poses.
         """
         chain = self.robots[robot].chain
         if chain is None or not self.has_joints(robot):
             raise InputError(
-                f"{robot} is planned by poses, its joints are not known. Add urdf, base_link and flange_link to "
-                "cell.yaml and teach poses by joints, or take `--to csv` or `--to ur-script`"
+                f"{robot} is planned with poses, its joints are unknown. Add urdf, base_link and flange_link to "
+                "cell.yaml and teach joints, or use `--to csv` or `--to ur-script`"
             )
         return chain.joint_names
 
     def pose(self, robot: str, sample: Sample) -> SE3:
-        """Where the flange of a robot shall be in its base."""
+        """Return the planned flange pose of a robot in its base."""
         state: RobotState = sample.robots[robot]
         if state.base_from_flange is not None:
             return state.base_from_flange
@@ -86,9 +86,9 @@ class Way:
 
     @cached_property
     def arrivals_s(self) -> list[float]:
-        """Times of arrival of all robots at each sample, from the start [s]; the way to the first is half a turn long.
+        """Times of arrival of all robots at each sample, from the start [s]; the first motion is assumed to be pi.
 
-        All arms take the time of the slowest, so that trajectories that begin together stay in step.
+        All arms use the time of the slowest, so that trajectories started together stay synchronized.
         """
         largest = np.zeros(max(len(self.samples) - 1, 0))
         for robot in self.robots:
@@ -100,11 +100,11 @@ class Way:
 
 @dataclass(frozen=True)
 class Motion:
-    """A way to write where a plan sends the arms.
+    """An output format of plans.
 
     Attributes:
-        words: What it gives, for help.
-        text: Writes the file; raises an InputError if it cannot say it.
+        words: Description of the format for help.
+        text: Function that returns the text of the file; raises InputError if the format cannot express the plan.
     """
 
     words: str
@@ -114,17 +114,17 @@ class Motion:
 def make_way(
     cell: Cell, samples: Sequence[Sample], robot: str | None = None, speed_rad_s: float = 0.5, hold_s: float = 2.0
 ) -> Way:
-    """The samples as ways.
+    """Create the path of robots through samples.
 
     Args:
         cell: The cell.
-        samples: Each with a state of the same robots.
-        robot: Which robot; all that the samples move where None.
-        speed_rad_s: See `Way`.
-        hold_s: See `Way`.
+        samples: Samples with states of the same robots.
+        robot: Name of the robot; all robots of the samples if None.
+        speed_rad_s: Largest joint speed [rad/s].
+        hold_s: Time at rest at each sample [s].
 
     Raises:
-        FrameNotFound: if there is no such robot.
+        FrameNotFound: if the robot does not exist.
     """
     if robot is not None and robot not in cell.robots:
         raise FrameNotFound(robot, list(cell.robots))

@@ -1,4 +1,4 @@
-"""Plans as robots' own programs take them: a table, joints as JSON, goals of ROS 2, a program of URScript."""
+"""Output formats of plans: CSV table, joints as JSON, goals of ROS 2, and URScript program."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from basecal.exchange.exports.exporter import csv_row, yaml_word
 from basecal.exchange.motions.way import Motion, Way
 
 _POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
-_ACCELERATION = 0.5  # [rad/s^2], a third of what the arms begin with
+_ACCELERATION = 0.5  # [rad/s^2], a third of the arms' default
 
 
 def write_table(way: Way) -> str:
-    """A row for each sample, below names: joints of each robot that has any [rad], and the pose of its flange."""
+    """Format a path as CSV with a header: per sample the joints [rad], if known, and flange pose of each robot."""
     head = ["sample"]
     for name in way.robots:
         joints = way.joint_names(name) if way.has_joints(name) else ()
@@ -32,10 +32,10 @@ def write_table(way: Way) -> str:
 
 
 def write_joints(way: Way) -> str:
-    """One object of JSON: numbers of the samples, and for each robot its joints [rad].
+    """Format a path as a JSON object with the numbers of the samples and the joints of each robot [rad].
 
     Raises:
-        InputError: if a robot is known by poses alone.
+        InputError: if a robot is planned with poses.
     """
     robots = {
         name: {"joint_names": list(way.joint_names(name)), "joints_rad": way.joints(name).tolist()}
@@ -45,13 +45,13 @@ def write_joints(way: Way) -> str:
 
 
 def write_goals(way: Way) -> str:
-    """Goals of `control_msgs/action/FollowJointTrajectory` as YAML, one document for each robot.
+    """Format a path as goals of `control_msgs/action/FollowJointTrajectory` in YAML, one document per robot.
 
-    All robots take the same time for each way, so that goals that are sent together stay in step. They stand still at
-    each sample from its time for as long as the plan holds.
+    All robots arrive at the same times, so that goals sent together stay synchronized. They rest at each sample for the
+    plan's hold time.
 
     Raises:
-        InputError: if a robot is known by poses alone.
+        InputError: if a robot is planned with poses.
     """
     return "".join(f"---\n# {name}\n{_goal(way, name)}" for name in way.robots)
 
@@ -73,13 +73,13 @@ def _goal(way: Way, robot: str) -> str:
 
 
 def write_ur_script(way: Way) -> str:
-    """A program of URScript for one arm, that waits at each sample until somebody goes on.
+    """Format a path as a URScript program for one arm, which waits for the operator at each sample.
 
-    `movej` takes joints [rad], or a pose of the flange, for which the controller finds the joints. In the second case
-    the tool has to be the flange itself, which `set_tcp` ensures.
+    `movej` takes joints [rad], or a flange pose, for which the controller computes the joints. In the second case
+    the tool must be the flange, which `set_tcp` ensures.
 
     Raises:
-        InputError: if several robots are sent.
+        InputError: if the path has several robots.
     """
     robot = way.single_robot()
     lines = [f"def basecal_{robot}():", "  set_tcp(p[0, 0, 0, 0, 0, 0])"]
@@ -105,4 +105,4 @@ MOTIONS: Mapping[str, Motion] = {
     ),
     "csv": Motion("a row for each sample: joints, and poses of the flanges", write_table),
 }
-"""Every way to write a plan, by its name in `basecal plan --to`: a new one is a function, and a line here."""
+"""Output formats of plans by their name in `basecal plan --to`; a new format needs a function and a line here."""
