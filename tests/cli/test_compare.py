@@ -44,7 +44,7 @@ def test_a_cell_stands_for_its_latest_run(cell: Path, capsys: pytest.CaptureFixt
 
 def test_one_run_is_too_few(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", str(cell)]) == 2
-    assert "two runs or more" in capsys.readouterr().err
+    assert "give two or more runs" in capsys.readouterr().err
 
 
 def test_another_cell_disagrees(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -208,7 +208,7 @@ def test_an_error_that_is_not_known_is_above_nothing(made: tuple[Cell, Recording
 def test_what_was_checked_is_told(made: tuple[Cell, Recording, Calibration], html: str) -> None:
     """Checks that found nothing have their number and words, and those that found something are not among them."""
     passed = html[html.index("checks found nothing") :].split("</details>")[0]
-    assert "<dt><code>overfit</code></dt><dd>held-out samples" in passed
+    assert "<dt><code>overfit</code></dt><dd>prediction errors of held-out samples" in passed
     assert "<code>intrinsics</code>" not in passed
     assert "checks found nothing" not in page(*refused())
 

@@ -94,7 +94,7 @@ def test_what_spreadsheets_add(text: str) -> None:
         ("1,2\n", "t.csv:1: 2 columns, expected x, y, z"),
         ("x,y,z\n0,1,0,2,0,3\n", "t.csv:2: 6 cells for 3 columns: decimal commas need another separator"),
         ("x,y,z\n1,zwei,3\n", "t.csv:2: y: 'zwei' is not a number"),
-        ("x;y;z\n1;1,234.5;3\n", "t.csv:2: y: '1,234.5' is not a number: it has thousands separators, leave them out"),
+        ("x;y;z\n1;1,234.5;3\n", "t.csv:2: y: '1,234.5' is not a number: remove the thousands separators"),
         ("x,y,z\n1,nan,3\n", "t.csv:2: y: 'nan' is not finite"),
         ("x,y,z\n1,,3\n", "t.csv:2: y: is empty in this row"),
         ("p[1,2]\n", "t.csv:1: 2 numbers in brackets, expected x, y, z"),

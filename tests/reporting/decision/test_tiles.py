@@ -85,7 +85,7 @@ def test_every_check_has_words_and_a_place_in_the_document() -> None:
     words, text = check_words(), DOCUMENT.read_text(encoding="utf-8")
     assert len(words) > 20
     assert all(f"`{code}`" in text for code in words)
-    assert words["overfit"].startswith("held-out samples")
+    assert words["overfit"].startswith("prediction errors of held-out samples")
 
 
 def test_what_found_something_has_not_passed() -> None:

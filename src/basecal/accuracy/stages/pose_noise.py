@@ -40,7 +40,7 @@ def _solve_by_corners(case: Case, sizes: Mapping[str, float]) -> Case:
     last = case.solution
     packed = _shape_errors(case.problem, last.state, sizes)
     plain = solve_from(packed, without_errors(packed, last.state), case.stated_settings)
-    noisy = with_noise(plain, case.settings, last)
+    noisy = with_noise(plain, case.settings)
     return leave_outliers_out(replace(case, packed=packed, plain=plain, noisy=noisy, robust=None))
 
 
@@ -72,7 +72,7 @@ def likely_size(case: Case, target: str) -> float | None:
     packed = replace(solution.problem, held=False)
     for size in (None, *_SIZES):
         shaped = replace(last, problem=_shape_errors(packed, solution.state, {target: size}))
-        last = with_noise(shaped, case.settings, last)
+        last = with_noise(shaped, case.settings)
         evidence.append(last.noise.minus_2_log_evidence)
     ratios = (evidence[0] - np.array(evidence[1:])) / 2
     return _peak(ratios) if compare_likelihoods(ratios).is_taken else None
