@@ -7,11 +7,13 @@ from scipy.stats import chi2, f, norm
 from basecal.accuracy.model_comparison.nested_models import (
     FALSE_DISCOVERIES,
     SINGLE_LEVEL,
+    Decision,
     compare_evidence,
     compare_likelihoods,
     compare_nested_models,
     compare_places,
     compare_split,
+    decide,
     discoveries,
     equally_likely,
     largest_share,
@@ -161,3 +163,9 @@ def test_copies_that_are_seldom_near_are_seldom_taken_for_one_place() -> None:
         apart = rng.uniform(-0.5, 0.5, (4000, 3))
         passed = [compare_places(each, sigma_m**2 * np.eye(3)).is_taken for each in apart]
         assert np.mean(passed) < 1 / 150
+
+
+def test_a_gain_far_below_zero_decides_nothing() -> None:
+    """However large the logarithm of its chance is."""
+    found = decide(-1e4, 5e3, 0.01, 0.05)
+    assert (found.decision, found.chance) == (Decision.KEEP, 1.0)

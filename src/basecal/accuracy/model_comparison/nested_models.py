@@ -211,5 +211,5 @@ def decide(gain: float, log_chance: float, level: float, doubtful_level: float =
         level: p-value below which the rival is taken.
         doubtful_level: p-value below which the comparison is undecided.
     """
-    below = Decision.UNDECIDED if np.exp(log_chance) < doubtful_level else Decision.KEEP
+    below = Decision.UNDECIDED if np.exp(min(log_chance, 0.0)) < doubtful_level else Decision.KEEP
     return Comparison(gain, log_chance, Decision.TAKE if log_chance < np.log(level) else below)
