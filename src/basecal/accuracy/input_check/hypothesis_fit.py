@@ -110,16 +110,10 @@ def fit_hypothesis(
         start: Initial state; None to compute one.
         limit: Largest `core` of interest: None is returned if the fit from `start` exceeds it.
     """
-    if np.isfinite(limit):
-        settings = replace(settings, iterations=min(settings.iterations, _MOST_STEPS))
-    # A wrong hypothesis may make the descent diverge: infinities there are no user error.
-    with np.errstate(all="ignore"):
-        return _fit(cell, problem, settings, start, limit)
-
-
-def _fit(cell: Cell, problem: Problem, settings: Settings, start: State | None, limit: float) -> HypothesisFit | None:
     if not problem.groups:
         return None
+    if np.isfinite(limit):
+        settings = replace(settings, iterations=min(settings.iterations, _MOST_STEPS))
     try:
         if start is None:
             solution = solve_problem(problem, cell, settings)

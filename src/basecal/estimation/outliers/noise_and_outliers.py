@@ -91,9 +91,7 @@ def _judge(
     if previous is None:  # the noise was estimated from all views, and the optimum under it is known
         whole = replace(solution, problem=held, noise=NoiseEstimate(Noise(), 1.0, (), True))
     else:
-        # Steps may overflow from a state that is biased by outliers; the solver rejects such steps.
-        with np.errstate(all="ignore"):
-            whole = solve_from(held, solution.state, settings, plain.findings)
+        whole = solve_from(held, solution.state, settings, plain.findings)
     return solve_robustly(held, cell, settings, replace(whole, disputed=plain.disputed))
 
 

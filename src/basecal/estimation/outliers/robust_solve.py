@@ -97,9 +97,7 @@ def solve_robustly(
     judgement = classify_inliers(plain.problem, plain.state, whole)
     agreeing: tuple[int, ...] = ()
     if not judgement.kept.same_as(whole) or implausible(plain, judgement):
-        # Far from the true state, points may lie at the camera's centre; the infinite cost rules such states out.
-        with np.errstate(all="ignore"):
-            ends, states = _find_candidates(plain, whole, judgement, cell, settings)
+        ends, states = _find_candidates(plain, whole, judgement, cell, settings)
         best = best_consensus([e for e in ends if is_answer(e, plain)])
         if best is not None and not best.kept.same_as(whole):
             return _make_result(cell, problem, best)
@@ -123,8 +121,7 @@ def judge_again(
     rest = previous.consensus
     if rest is None:
         return None
-    with np.errstate(all="ignore"):
-        end = _find_consensus(noisy.noise.hold_sigmas(rest.problem), rest.kept, noisy.state, settings)
+    end = _find_consensus(noisy.noise.hold_sigmas(rest.problem), rest.kept, noisy.state, settings)
     sees = rest.solution.observability.unobservable
     convinces = convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
     return _make_result(cell, recorded_problem, end) if end is not None and convinces else None
