@@ -75,7 +75,8 @@ def situations() -> Iterator[tuple[str, Made]]:
 
 def looked_at(paths: Sequence[Path], axe: Path | None, keeps_images: bool) -> Iterator[str]:
     """What is wrong with pages at each size and scheme; their images, and they as paper, are put beside them."""
-    with TemporaryDirectory() as profile, browsing(Path(profile)) as tab:
+    # A killed browser may write for some milliseconds more.
+    with TemporaryDirectory(ignore_cleanup_errors=True) as profile, browsing(Path(profile)) as tab:
         for path in paths:
             for name in shown_sizes(tab, path.as_uri()):
                 yield from (f"{path.stem} {name}: {fault}" for fault in faults(tab, axe))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 import shutil
+import signal
 import subprocess
 import time
 from collections.abc import Iterator
@@ -45,13 +47,13 @@ def visit(address: str, profile: Path, until: str) -> Visit:
 def browsing(profile: Path, width: int = 1100, height: int = 900) -> Iterator[Tab]:
     """A tab of a browser with a profile of its own, in a window of a size [px]."""
     words = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", f"--window-size={width},{height}", "about:blank"]
-    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
         try:
             found = next(match for line in process.stderr if (match := _LISTENS.search(line)))
             with connect(found[1], max_size=2**28) as line:
                 yield Tab(line)
         finally:
-            process.kill()
+            os.killpg(process.pid, signal.SIGKILL)  # its children, too, which write into the profile
 
 
 class Tab:
