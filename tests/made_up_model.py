@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.effects.faces.shared_errors import SharedErrors
-from basecal.estimation.noise.mixed_model import Layout, MixedModel, Moments
+from basecal.estimation.noise.layout import Layout
+from basecal.estimation.noise.mixed_model import MixedModel, Moments
 from basecal.estimation.noise.sigma_places import SigmaPlaces
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.geometry import Array
@@ -68,8 +69,9 @@ def made_up(
     gradient = np.concatenate([rng.standard_normal(2), np.zeros(COLUMNS - 2)])
     in_common = {"hand": (9, SharedErrors(rng.standard_normal((2, 6, 2)), np.array([False, True])))}
     layout = Layout(
-        np.array([0, -1, 1]), np.array([0, -1, 0]), np.array([-1, 3, -1]), BLOCKS, ROWS, COLUMNS, (in_common,), {}, ()
-    )
+        np.array([0, -1, 1]), np.array([0, -1, 0]), np.array([-1, 3, -1]), np.full(BLOCKS, ROWS), COLUMNS,
+        (in_common,), {}, (),
+    )  # fmt: skip
     open_views = [key for key in OPEN if key in parts]
     sigmas, first = SigmaPlaces.sequential(open_views, ("eye", "hand"), ("left",), 1), len(open_views)
     of_eye, of_hand = first + np.repeat([0, 1], 3), first + np.repeat([2, 3], 3)

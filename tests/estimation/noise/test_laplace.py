@@ -247,7 +247,7 @@ def test_how_sigmas_are_integrated(of_numbers, sigma, blocks, nodes):
     """By the worst known of them: at the mode, by cubature, or drawn where stops are few; each node by its height."""
     variances = np.full(11, 1e-4)
     variances[3] = sigma**2
-    layout = replace(of_numbers.model.layout, blocks=blocks)
+    layout = replace(of_numbers.model.layout, sizes=np.full(blocks, 7))
     of = replace(of_numbers, covariance=np.diag(variances), model=replace(of_numbers.model, layout=layout))
     found, logs, _ = laplace._weighed_nodes(of, np.arange(3))
     assert 1 <= len(found) <= nodes
@@ -271,14 +271,14 @@ def test_a_step_is_newtons_where_no_bound_holds():
     curvature = np.diag([2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
     curvature[2, 4] = curvature[4, 2] = 0.5
     curvature[0, 2] = curvature[2, 0] = 0.4
-    step = laplace._bounded_step(laplace._Surface(0.0, slope, curvature), logs, least, most, [])
+    step = laplace._bounded_step(slope, curvature, logs, least, most, [])
     free = [2, 3, 4, 5]
     expected = np.zeros(6)
     full = curvature + 2 * np.diag([0.3, 0.0, 0.0, 4.0, 0.7, 0.0])
     expected[free] = -np.linalg.solve(full[np.ix_(free, free)], slope[free])
     np.testing.assert_allclose(step, expected, rtol=1e-9)
-    flat = laplace._Surface(0.0, np.array([-1.0]), np.array([[0.01]]))
-    np.testing.assert_allclose(laplace._bounded_step(flat, np.zeros(1), -np.ones(1), np.ones(1), []), [10.0])
+    flat = np.array([-1.0]), np.array([[0.01]])
+    np.testing.assert_allclose(laplace._bounded_step(*flat, np.zeros(1), -np.ones(1), np.ones(1), []), [10.0])
 
 
 def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
@@ -303,13 +303,13 @@ def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
 def test_the_mode_of_made_up_numbers_is_stationary(of_numbers):
     """The slope there is less than the last step's gain tells; curvature and evidence are of that place."""
     model, prior = of_numbers.model, of_numbers.prior
-    surface = laplace._Surface.evaluate(model, prior, of_numbers.logs)
+    surface = laplace._Surface(posterior(model, of_numbers.logs), prior)
     known, (height, slope) = posterior(model, of_numbers.logs), prior.value(of_numbers.logs)
     assert surface.value == pytest.approx(known.value + height)
     np.testing.assert_allclose(surface.slope, known.slope() + slope)
     np.testing.assert_allclose(surface.curvature, known.average_information() + prior.curvature)
     found = sigma_posterior(model, prior)
-    at_mode = laplace._Surface.evaluate(model, prior, found.logs)
+    at_mode = laplace._Surface(posterior(model, found.logs), prior)
     gain = 0.5 * at_mode.slope @ np.linalg.solve(at_mode.curvature, at_mode.slope)
     assert 0.0 <= gain < 0.01
     assert at_mode.value < surface.value

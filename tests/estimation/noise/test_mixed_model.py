@@ -14,7 +14,8 @@ from basecal.cell import Unknown
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
-from basecal.estimation.noise.mixed_model import Layout, _scene_moments, chunks, make_estimates, mixed_model
+from basecal.estimation.noise.layout import Layout, chunks
+from basecal.estimation.noise.mixed_model import _scene_moments, make_estimates, mixed_model
 from basecal.estimation.noise.reml import posterior
 from basecal.estimation.noise.robot_noise import count_stops, with_robot_noise, without_errors
 from basecal.estimation.problem.problem import chain
@@ -99,20 +100,21 @@ def shaken(problem, views, known_s=0.0):
 
 
 @pytest.mark.parametrize(
-    ("stops", "block", "row", "column", "rows", "jitter"),
+    ("stops", "block", "row", "column", "sizes", "jitter"),
     [
-        (OWN, [0, 1, 2, 3], [0] * 4, [-1] * 4, 6, [0, 1, 2, 3]),
-        (CHAINED, [0, 0, 1, 0, 0, 1], [0, 6, 0, 12, 18, 6], [-1] * 6, 24, [0, -1, -1, 1]),
-        (STAR, [0, 1, 2, 3, 4, 5, -1, 5], [0] * 6 + [-1, 6], [-1] * 6 + [6, -1], 12, [0, 1, 2, 3, 4, 5]),
-        (EXACT, [], [], [], 6, [0, 1, 2]),
-        (SINGLE, [0, 0], [0, 6], [-1, -1], 12, [0]),
+        (OWN, [0, 1, 2, 3], [0] * 4, [-1] * 4, [6] * 4, [0, 1, 2, 3]),
+        (CHAINED, [1, 1, 0, 1, 1, 0], [0, 6, 0, 12, 18, 6], [-1] * 6, [12, 24], [1, -1, -1, 0]),
+        (STAR, [0, 1, 2, 3, 4, 5, -1, 5], [0] * 6 + [-1, 6], [-1] * 6 + [6, -1], [6] * 5 + [12], [0, 1, 2, 3, 4, 5]),
+        (EXACT, [], [], [], [], [0, 1, 2]),
+        (SINGLE, [0, 0], [0, 6], [-1, -1], [12], [0]),
     ],
 )
 @pytest.mark.parametrize("known_s", [None, 0.0, 2.0])
-def test_each_stop_stands_in_a_block_or_among_the_columns(stops, block, row, column, rows, jitter, known_s):
+def test_each_stop_stands_in_a_block_or_among_the_columns(stops, block, row, column, sizes, jitter, known_s):
     """Stops of one block in rows of six; one that ties more than four among the columns; jitter in the row below.
 
     Of views that share a block the first has a row for its jitter; without stops each has a block of its own.
+    Small blocks come first.
     """
     problem, state = two_arm_problem(np.zeros((len(stops[0]), 6)), *stops)
     moving = problem if known_s is None else shaken(problem, len(stops[0]), known_s)[0]
@@ -120,13 +122,15 @@ def test_each_stop_stands_in_a_block_or_among_the_columns(stops, block, row, col
     for found, expected in ((layout.block, block), (layout.row, row), (layout.column, column)):
         assert found.tolist() == expected
     as_stamped = mixed_model(replace(moving, open_jitter=frozenset(), jitter_s={}), state, ROBOTS).layout
-    assert as_stamped.rows == rows
+    assert as_stamped.sizes.tolist() == sizes
     jitter = [-1 if known_s is None else of for of in jitter]
     ((of_views, row_of_views),) = layout.jitter_rows
     assert of_views.tolist() == jitter
-    assert row_of_views.tolist() == [-1 if of < 0 else rows for of in jitter]
+    sizes = sizes or [0] * (len(jitter) * (known_s is not None))
+    assert row_of_views.tolist() == [-1 if of < 0 else sizes[of] for of in jitter]
+    assert layout.sizes.tolist() == [size + (known_s is not None) for size in sizes]
     assert layout.blocks == max(*block, *jitter, -1) + 1
-    assert (layout.rows, layout.width) == (rows + (known_s is not None), 6 + 6 * sum(at >= 0 for at in column))
+    assert (layout.rows, layout.width) == (max(layout.sizes, default=0), 6 + 6 * sum(at >= 0 for at in column))
 
 
 def derivative(problem, layout, view, motion, common):
@@ -207,7 +211,7 @@ def test_stops_share_errors_of_a_scene():
     stops, first = len(problem.stops), problem.width + 6 * len(problem.stops)
     shared = SharedErrors(np.tile(np.eye(6), (count_stops(problem, "left"), 1, 1)), np.repeat([False, True], 3))
     nowhere, column = np.full(stops, -1), problem.width + 6 * np.arange(stops)
-    layout = Layout(nowhere, nowhere, column, 1, 6, first + 6, ({"left": (first, shared)},), {}, ())
+    layout = Layout(nowhere, nowhere, column, np.array([6]), first + 6, ({"left": (first, shared)},), {}, ())
     of = _scene_moments(problem, problem.tied, state, layout)
     own = column[np.array(problem.stops.robot) == "left"][:, None] + np.arange(6)
     assert len(own) > 1
@@ -224,17 +228,17 @@ def test_sigmas_scale_what_they_are_of():
     v, none = len(model.sigmas.views), [-1] * 6
     shift_and_turn = [v] * 3 + [v + 1] * 3
     assert model.of_columns.tolist() == none + shift_and_turn + [v + 3, v + 4, v + 4]
-    assert model.of_errors.tolist() == [[*none, *none, v + 2]] * 5 + [[*none, *shift_and_turn, v + 2]]
+    assert model.of_errors.tolist() == [[*none, v + 2, *none]] * 5 + [[*none, *shift_and_turn, v + 2]]
     of_both = mixed_model(problem, state, ROBOTS, [{"hand": shared}])
     of_hand = [v + 2] * 3 + [v + 3] * 3
     assert of_both.of_columns.tolist() == none + of_hand + [v + 7, v + 8, v + 8]
-    assert of_both.of_errors.tolist() == [[*shift_and_turn, *none, v + 4]] * 5 + [[*shift_and_turn, *of_hand, v + 4]]
+    assert of_both.of_errors.tolist() == [[*shift_and_turn, v + 4, *none]] * 5 + [[*shift_and_turn, *of_hand, v + 4]]
     (group,) = problem.groups
     second = with_hand(with_eye(replace(group, camera="another"), stop=np.full(6, -1)), stop=np.full(6, -1))
     of_two = replace(problem.with_groups([group, second]), open_jitter=frozenset({"another", "camera"}))
     found = mixed_model(of_two, state, ROBOTS)
     another, camera = (found.sigmas.jitter[name] for name in ("another", "camera"))
-    assert found.of_errors[:, 12].tolist() == [camera] * 6 + [another] * 6
+    assert found.of_errors[np.arange(12), [0] * 6 + [6] * 5 + [12]].tolist() == [another] * 6 + [camera] * 6
     assert (tuple(of_both.sigmas.stops), of_both.robot_of_stop) == (ROBOTS, problem.stops.robot)
 
 
@@ -281,7 +285,7 @@ def test_views_that_hang_on_the_same_block_add_up(monkeypatch):
     """Views taken one by one, or all of a chunk at once, add up to the same; a block may have several."""
     problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((4, 6)), *CHAINED)
     together = mixed_model(problem, state, ROBOTS).parts["camera", "pose_m"]
-    monkeypatch.setattr("basecal.estimation.noise.mixed_model._AT_ONCE", 1)
+    monkeypatch.setattr("basecal.estimation.noise.layout._AT_ONCE", 1)
     apart = mixed_model(problem, state, ROBOTS).parts["camera", "pose_m"]
     for name in ("errors", "errors_fixed", "errors_errors"):
         np.testing.assert_allclose(getattr(apart, name), getattr(together, name), rtol=1e-12, atol=1e-15)
@@ -318,7 +322,20 @@ def test_jitter_moves_the_view_and_not_the_lens(rng):
 
 def test_as_many_blocks_at_a_time_as_stay_near_the_processor():
     """A megabyte of numbers, one block at least, all of none."""
-    assert chunks(5, 2, 32768) == [slice(0, 2), slice(2, 4), slice(4, 6)]
-    assert chunks(2, 2, 131072) == [slice(0, 1), slice(1, 2)]
-    assert chunks(3, 0, 7) == [slice(0, 131072)]
-    assert chunks(0, 2, 7) == []
+    assert chunks(5, 2, 10, 40) == [slice(0, 2), slice(2, 4), slice(4, 6)]
+    assert chunks(2, 2, 10, 1) == [slice(0, 1), slice(1, 2)]
+    assert chunks(3, 0, 7, 40) == [slice(0, 40)]
+    assert chunks(0, 2, 7, 40) == []
+
+
+def test_blocks_of_a_size_are_processed_together(monkeypatch):
+    """Small blocks are padded to the next size only if that adds little."""
+    layout = mixed_model(*two_arm_problem(np.zeros((6, 6)), *STAR), ROBOTS).layout
+    assert layout.sizes.tolist() == [6] * 5 + [12]
+    added = 5 * 6 * (7 + 12)
+    for little, expected in ((added, [(0, 6, 12)]), (added - 1, [(0, 5, 6), (5, 6, 12)])):
+        monkeypatch.setattr("basecal.estimation.noise.layout._LITTLE", little)
+        assert [(blocks.start, blocks.stop, rows.stop) for blocks, rows in layout.chunks(7)] == expected
+    monkeypatch.setattr("basecal.estimation.noise.layout._AT_ONCE", 2 * 6 * 7)
+    assert [(blocks.start, blocks.stop) for blocks, _ in layout.chunks(7)] == [(0, 2), (2, 4), (4, 5), (5, 6)]
+    assert list(replace(layout, sizes=layout.sizes[:0]).chunks(7)) == []

@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWNS, made_up, written
+from tests.pose_problem import two_arm_problem
 
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
@@ -113,16 +114,18 @@ def test_slope_is_the_derivative(arms, smooth):
     np.testing.assert_allclose(posterior(model, logs).slope(), differences, rtol=1e-3, atol=1e-3)
 
 
-def test_blocks_at_a_time_change_nothing(monkeypatch):
-    """Taken one by one, blocks give what they give together: value, slope, means and covariance."""
-    problem, state = at_truth(replace(NOISY, arms="halves", state_pixel_noise=False))
+@pytest.mark.parametrize("constant", ["_AT_ONCE", "_LITTLE"])
+def test_blocks_at_a_time_change_nothing(monkeypatch, constant):
+    """Taken one by one, or without padding, blocks give what they give together: value, slope, means and covariance."""
+    problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((6, 6)), range(6), [6] * 5 + [7])
     model = mixed_model(problem, state, ROBOTS)
-    logs = np.log([0.3, 1e-3, 2e-3, 1e-3, 2e-3])
+    logs = np.log([1e-3, 2e-3, 1e-3, 2e-3, 3e-3, 1e-3])
     together = posterior(model, logs)
     slope = together.slope()
-    monkeypatch.setattr("basecal.estimation.noise.mixed_model._AT_ONCE", 1)
+    count = len(list(model.layout.chunks(len(model.prior))))
+    monkeypatch.setattr(f"basecal.estimation.noise.layout.{constant}", 1)
+    assert len(list(model.layout.chunks(len(model.prior)))) > count
     apart = posterior(model, logs)
-    assert model.layout.blocks > 2
     assert apart.value == pytest.approx(together.value, rel=1e-11)
     np.testing.assert_allclose(apart.slope(), slope, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(apart.mean_errors, together.mean_errors, rtol=1e-8, atol=1e-12)

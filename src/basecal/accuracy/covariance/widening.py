@@ -14,6 +14,7 @@ from basecal.estimation.observability.observability import column_scales
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
+from basecal.numerics.batch import concatenate
 from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 
@@ -50,6 +51,7 @@ _LEAST_STEP = 0.1  # in sigmas: the next step, of 0.005, changes no digit of a c
 # Factor on the sigma of a product of two normals for its long tails: a 99 % ellipsoid then holds 98.9 %, not 96.7 %.
 _TAILS = 2.0
 _LEAST_SHARE = 0.1  # of the smallest sigma: smaller deviations of an arc from its tangent are neglected
+_AT_ONCE = 16  # states: the arrays of more do not fit into the processor's cache
 _MOST_DIRECTIONS = 8  # those of the largest sigmas, to limit the number of pairs
 
 
@@ -83,9 +85,15 @@ def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
     ahead[np.arange(count), directions.wide] = 1.0
     ahead[count:] = ahead[first] + ahead[second]
     nowhere = np.zeros((1, ahead.shape[1]))  # descents end near the optimum: this error is subtracted
-    states = _best_states(solution, np.concatenate([nowhere, ahead, -ahead]), directions.steps)
-    if states is None:  # unobservable directions lead to infinite states; such solutions are refused
+    sigmas = np.concatenate([nowhere, ahead, -ahead])
+    parts = [
+        _best_states(solution, sigmas[row : row + _AT_ONCE], directions.steps)
+        for row in range(0, len(sigmas), _AT_ONCE)
+    ]
+    found = [part for part in parts if part is not None]
+    if len(found) < len(parts):  # unobservable directions lead to infinite states; such solutions are refused
         return np.zeros((6 * len(order), 6 * len(order)))
+    states = concatenate(found)
     at = solution.state.transforms
     off = np.concatenate([(at[name].inverse() @ states.transforms[name]).log() for name in order], axis=1)
     own, pairs = np.split(0.5 * np.add(*np.split(off[1:], 2)) - off[0], [count])

@@ -19,6 +19,7 @@ from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import take
 from basecal.numerics.sparse_hessian import SparseHessian
 
+_CONVERGED_SIGMAS = 1e-3  # of a fold: held-out errors then differ by a millionth of their expected square
 _MOST_STEPS = 30  # of a fold, which starts at the fit of all samples; a fold that needs more has not converged; assumed
 
 
@@ -80,7 +81,7 @@ def refit_folds(
         ]
     else:
         states = with_known_stops(state.spread(problem, len(held)), np.stack(known))
-        batch = bundle_adjust_batch(problem, states, dof, iterations, weights)
+        batch = bundle_adjust_batch(problem, states, dof, iterations, weights, _CONVERGED_SIGMAS)
         ends = [(take(batch, k), None) for k in range(len(held))]
     # The errors of stops of held-out views alone were fitted to these views at zero weight: reset them.
     return [
@@ -93,7 +94,7 @@ def _sparsely(
     problem: Problem, state: State, dof: float, iterations: int, weights: Sequence[Array]
 ) -> tuple[OptimumBatch, SparseHessian | None]:
     """Fit one fold of a problem with many unknowns; a batch would need dense matrices."""
-    end = bundle_adjust(problem, state, dof, iterations, weights)
+    end = bundle_adjust(problem, state, dof, iterations, weights, sigmas=_CONVERGED_SIGMAS)
     hessian = end.normal.hessian if end.sparse is None else end.sparse.matrix.toarray()
     numbers = (np.array(value) for value in (end.cost, hessian, end.converged, end.iterations))
     return OptimumBatch(end.state, *numbers), end.sparse

@@ -20,6 +20,7 @@ from basecal.cell import Finding
 from basecal.effects.faces.candidates import one_candidate
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
+from basecal.numerics.group_sums import GroupSums
 from basecal.numerics.spectral import principal_axes, spectrum
 
 _LEAST_SIDE = 3  # samples of either position: two may be single outliers; assumed
@@ -123,9 +124,8 @@ def _mount_shifts(situation: Situation, mount: str) -> _Shifts:
             information.append(moves.mT @ views.information[:, :6, :6] @ moves)
             gradient.append((moves.mT @ views.gradient[:, :6, None])[..., 0])
     numbers, row = np.unique(np.concatenate(samples), return_inverse=True)
-    total, force = np.zeros((len(numbers), 3, 3)), np.zeros((len(numbers), 3))
-    np.add.at(total, row, np.concatenate(information))
-    np.add.at(force, row, np.concatenate(gradient))
+    sums = GroupSums(row, len(numbers))
+    total, force = sums.sum(np.concatenate(information)), sums.sum(np.concatenate(gradient))
     known = spectrum(total)
     seen = np.flatnonzero(known.rank == 3)
     shifts = -(known.inverse @ force[..., None])[..., 0]

@@ -29,6 +29,7 @@ from basecal.estimation.least_squares.normal_equations import (
 from basecal.estimation.least_squares.schur_complement import SchurComplement
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
+from basecal.numerics.group_sums import GroupSums
 from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 HIDDEN = 1e-4
@@ -227,7 +228,7 @@ def sums(model: Linearised, candidates: Candidates) -> Sums:
         across[..., views.columns] += np.tensordot(moves, by_unknowns, ((0, 2), (0, 1)))
         for part in views.shared:
             pull = part.by_error.mT @ views.information[part.view][:, :, :6]
-            np.add.at(tied, part.stop, np.moveaxis(pull[:, None] @ moves[part.view], 1, 2))
+            tied += GroupSums(part.stop, len(tied)).sum(np.moveaxis(pull[:, None] @ moves[part.view], 1, 2))
     if system is not None:
         flat = tied.reshape(-1, b * q)
         if system.factor is None:

@@ -132,6 +132,7 @@ def bundle_adjust_batch(
     dof: float | Array,
     iterations: int = MOST_STEPS,
     weights: Sequence[Array] | None = None,
+    sigmas: float = CONVERGED_SIGMAS,
 ) -> OptimumBatch:
     """Minimise the cost from each state of a batch (b,), independently.
 
@@ -141,8 +142,9 @@ def bundle_adjust_batch(
         dof: Residuals minus unknowns, a number or (b,).
         iterations: Maximum number of steps.
         weights: Weights of views, (n,) or (b, n) by group; all 1 if None.
+        sigmas: Largest distance to the optimum at convergence, in sigmas of the unknowns.
     """
-    optima = _optimise(problem, states, weights, Stop(iterations, dof, damping=_least_damping(problem)))
+    optima = _optimise(problem, states, weights, Stop(iterations, dof, sigmas, _least_damping(problem)))
     return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
 
 

@@ -11,6 +11,7 @@ import scipy  # its parts are loaded when they are first used
 
 from basecal.geometry import Array, IntArray
 from basecal.numerics.batch import SHARED
+from basecal.numerics.group_sums import GroupSums
 
 _MOST_INVERTED = 400  # maximum number of stops with a full joint covariance: 2,400 columns, 46 MB; assumed
 
@@ -104,16 +105,15 @@ class SchurAccumulator:
             carried = transposed @ information[..., of.view, :, :]
             to_diagonal, to_unknowns = carried @ of.by_error, carried @ unknown_jacobian[..., of.view, :, :]
             to_gradient = (transposed @ gradient[..., of.view, :, None])[..., 0]
-            n, stops = len(of.stop), self.diagonal.shape[-3]
             if np.bincount(of.stop).max() == 1:
                 self.diagonal[..., of.stop, :, :] += to_diagonal
                 self.gradient[..., of.stop, :] += to_gradient
                 self.by_unknowns[..., of.stop[:, None, None], np.arange(6)[:, None], columns] += to_unknowns
                 continue
-            sum_over = scipy.sparse.csr_array((np.ones(n), (of.stop, np.arange(n))), shape=(stops, n))
-            self.diagonal += _sum_rows(sum_over, to_diagonal, 2)
-            self.gradient += _sum_rows(sum_over, to_gradient, 1)
-            self.by_unknowns[..., columns] += _sum_rows(sum_over, to_unknowns, 2)
+            by_stop = GroupSums(of.stop, self.diagonal.shape[-3])
+            self.diagonal += by_stop.sum(to_diagonal, -3)
+            self.gradient += by_stop.sum(to_gradient, -2)
+            self.by_unknowns[..., columns] += by_stop.sum(to_unknowns, -3)
         if len(shared_views) == 2:
             self._add_pairs(shared_views[0], shared_views[1], information)
 
@@ -178,10 +178,3 @@ class SchurAccumulator:
         values = np.concatenate(blocks)
         where = (np.broadcast_to(at_row, values.shape).ravel(), np.broadcast_to(at_column, values.shape).ravel())
         return scipy.sparse.csc_array((values.ravel(), where), shape=(6 * k, 6 * k))
-
-
-def _sum_rows(summing: scipy.sparse.csr_array, rows: Array, axes: int) -> Array:
-    """Sums over rows (..., n, *), with the given number of axes after n."""
-    first = np.moveaxis(rows, -1 - axes, 0)
-    flat: Array = summing @ first.reshape(len(first), -1)
-    return np.moveaxis(flat.reshape(len(flat), *first.shape[1:]), 0, -1 - axes)

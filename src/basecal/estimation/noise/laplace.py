@@ -18,7 +18,15 @@ import numpy as np
 
 from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
-from basecal.estimation.noise.reml import Columns, Equations, node_equations, posterior, scales, solve_columns
+from basecal.estimation.noise.reml import (
+    Columns,
+    Equations,
+    Posterior,
+    node_equations,
+    posterior,
+    scales,
+    solve_columns,
+)
 from basecal.geometry import Array, IntArray
 from basecal.numerics.batch import take
 from basecal.numerics.mixtures import probabilities
@@ -102,48 +110,59 @@ def _find_mode(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Arra
     """Find the most likely logarithms, (k,), by Newton steps with the average information as curvature."""
     least, most = _bounds(model, prior)
     logs = np.clip(start, least, most)
-    here = _Surface.evaluate(model, prior, logs)
+    here = _Surface(posterior(model, logs), prior)
     secants: list[Secant] = []
     for _ in range(_NEWTON_STEPS):
-        step = np.clip(_bounded_step(here, logs, least, most, secants), -_LONGEST, _LONGEST)
+        step = _bounded_step(here.slope, here.curvature, logs, least, most, secants)
+        step = np.clip(step, -_LONGEST, _LONGEST)
         expected = -float(here.slope @ step)
         for _ in range(_HALVINGS):
             candidate = np.clip(logs + step, least, most)
-            there = _Surface.evaluate(model, prior, candidate)
+            there = _Surface(posterior(model, candidate), prior)
             if there.value <= here.value:
                 break
             step = step / 2
         else:
             return logs, here
+        if expected < _SETTLED_STEP:
+            return candidate, there
         secants = [*secants, Secant(candidate - logs, there.slope - here.slope)][-_REMEMBERED:]
         logs, here = candidate, there
-        if expected < _SETTLED_STEP:
-            break
     return logs, here
 
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """Minus twice the log of the unnormalised density of the sigmas, its gradient (k,) and curvature (k, k)."""
+    """Minus twice the log of the unnormalised density of the sigmas, at some sigmas."""
 
-    value: float
-    slope: Array
-    curvature: Array
+    known: Posterior
+    prior: LogNormals
 
-    @classmethod
-    def evaluate(cls, model: MixedModel, prior: LogNormals, logs: Array) -> _Surface:
-        """Evaluate at logarithms of the sigmas, (k,)."""
-        known, (value, slope) = posterior(model, logs), prior.value(logs)
-        return cls(known.value + value, known.slope() + slope, known.average_information() + prior.curvature)
+    @cached_property
+    def value(self) -> float:
+        """Value."""
+        return self.known.value + self.prior.value(self.known.logs)[0]
+
+    @cached_property
+    def slope(self) -> Array:
+        """Gradient, (k,)."""
+        return self.known.slope() + self.prior.value(self.known.logs)[1]
+
+    @cached_property
+    def curvature(self) -> Array:
+        """Curvature, (k, k)."""
+        return self.known.average_information() + self.prior.curvature
 
 
-def _bounded_step(here: _Surface, logs: Array, least: Array, upper: Array, secants: Sequence[Secant]) -> Array:
+def _bounded_step(
+    slope: Array, curvature: Array, logs: Array, least: Array, upper: Array, secants: Sequence[Secant]
+) -> Array:
     """Newton step, (k,), zero for logarithms at an active bound."""
-    held = ((logs <= least) & (here.slope > 0)) | ((logs >= upper) & (here.slope < 0))
+    held = ((logs <= least) & (slope > 0)) | ((logs >= upper) & (slope < 0))
     # The value rises exponentially in a logarithm: twice the gradient, zero at the mode, is added to the curvature.
-    curvature = correct_curvature(here.curvature + np.diag(2 * np.maximum(here.slope, 0.0)), secants)
+    curvature = correct_curvature(curvature + np.diag(2 * np.maximum(slope, 0.0)), secants)
     inverse = floored_spectrum(np.where(held[:, None] | held, 0.0, curvature), _LEAST_CURVATURE).inverse
-    return np.asarray(-inverse @ np.where(held, 0.0, here.slope))
+    return np.asarray(-inverse @ np.where(held, 0.0, slope))
 
 
 def _bounds(model: MixedModel, prior: LogNormals) -> tuple[Array, Array]:

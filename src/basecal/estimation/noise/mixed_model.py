@@ -9,7 +9,7 @@ Source: Harville 1977; docs/mathematics.md (5.2).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -19,17 +19,14 @@ from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.normal_equations import prior_equations
 from basecal.estimation.least_squares.tied_equations import linearise_scene
+from basecal.estimation.noise.layout import Layout, lay_out
 from basecal.estimation.noise.shaped_targets import shaped_points, shaped_targets
 from basecal.estimation.noise.sigma_places import SigmaPlaces
 from basecal.estimation.noise.view_estimates import STATED, ViewEstimates, view_estimates
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.tied_views import SCENE, TiedViews
 from basecal.geometry import Array, IntArray
-from basecal.numerics.tied_blocks import tied_blocks
-
-# Maximum number of stops in a block: two arms that each visited one place twice.
-_MOST_TIED = 4
-_AT_ONCE = 131_072  # numbers of an array over blocks that are processed at a time: 1 MB fits into the processor's cache
+from basecal.numerics.group_sums import GroupSums
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,38 +53,6 @@ class Moments:
 
     def __add__(self, other: Moments) -> Moments:
         return Moments(*(getattr(self, of.name) + getattr(other, of.name) for of in fields(self)))
-
-
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """Positions of the random effects of a mixed model in its blocks and columns.
-
-    Attributes:
-        block: (k,) block of each stop's error; -1 if it is among the columns.
-        row: (k,) first row of each stop's error in its block; -1 if it is among the columns.
-        column: (k,) first column of each stop's error; -1 if it is in a block.
-        blocks: Number of blocks.
-        rows: Number of rows of each block.
-        width: Number of columns.
-        shared: For each kind of shared errors, their first column and the errors, by robot.
-        shapes: Columns of the shape of each target, by name.
-        jitter_rows: Block, and row in it, of the timing jitter of each view, (n,) each, by group; -1 without jitter.
-    """
-
-    block: IntArray
-    row: IntArray
-    column: IntArray
-    blocks: int
-    rows: int
-    width: int
-    shared: tuple[Mapping[str, tuple[int, SharedErrors]], ...]
-    shapes: Mapping[str, slice]
-    jitter_rows: tuple[tuple[IntArray, IntArray], ...]
-
-    def shared_columns(self, robot: str) -> Iterator[tuple[slice, Array]]:
-        """Yield the columns of a robot's shared errors and the derivative of its flange poses, (stops, 6, k)."""
-        for at, errors in (of[robot] for of in self.shared if robot in of):
-            yield slice(at, at + len(errors.is_turn)), errors.by_stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +133,7 @@ def mixed_model(
         kinds: Shared errors by robot, one mapping for each kind.
         estimates: Result of `make_estimates` for the problem and the state; None to compute it.
     """
-    layout = _layout(problem, kinds)
+    layout = lay_out(problem, kinds)
     estimates = make_estimates(problem, state) if estimates is None else estimates
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, float]] = {}
@@ -193,59 +158,6 @@ def open_jitter(problem: Problem) -> tuple[str, ...]:
     """Cameras with moving views whose timing jitter is to be estimated."""
     moving = {g.camera for g in problem.groups if g.motion is not None and len(g)}
     return tuple(sorted(problem.open_jitter & moving))
-
-
-def _layout(problem: Problem, kinds: Sequence[Mapping[str, SharedErrors]]) -> Layout:
-    count = len(problem.stops)
-    pairs = np.concatenate([np.column_stack([end.stop for end in g.ends]) for g in problem.groups])
-    of_scene = [] if problem.tied is None else problem.tied.stops.tolist()
-    of = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_TIED, of_scene)
-    block, row = of.block, np.where(of.block >= 0, 6 * of.place, -1)
-    column = np.full(count, -1, dtype=np.int64)
-    blocks, rows = int(block.max(initial=-1)) + 1, int(row.max(initial=0)) + 6
-    jitter_rows, blocks, more = _jitter_layout(problem, block, blocks, rows)
-    rows += more
-    width = problem.width
-    for stop in of.hubs:
-        column[stop] = width
-        width += 6
-    shared: tuple[dict[str, tuple[int, SharedErrors]], ...] = tuple({} for _ in kinds)
-    for of_kind, by_robot in zip(shared, kinds, strict=True):
-        for robot, errors in by_robot.items():
-            of_kind[robot] = (width, errors)
-            width += len(errors.is_turn)
-    shapes = {}
-    for target, count in shaped_targets(problem).items():
-        shapes[target] = slice(width, width + count)
-        width += count
-    return Layout(block, row, column, blocks, rows, width, shared, shapes, jitter_rows)
-
-
-def _jitter_layout(
-    problem: Problem, block: IntArray, blocks: int, rows: int
-) -> tuple[tuple[tuple[IntArray, IntArray], ...], int, int]:
-    """Place the timing jitter of each view: in the last row of its stops' block, or in a block of its own.
-
-    Views in motion rarely share a stop. If several views share a block, only the first has a jitter row.
-
-    Returns:
-        `Layout.jitter_rows`, the number of blocks, and the number of rows added to each.
-    """
-    found, taken = [], set[int]()
-    for group in problem.groups:
-        own, row = (np.full(len(group), -1, dtype=np.int64) for _ in range(2))
-        stops = [end.stop for end in group.ends]
-        is_shaken = group.camera in problem.open_jitter or problem.jitter_motion(group) is not None
-        for view in range(len(group)) if is_shaken and group.motion is not None else ():
-            of_stops = [int(block[s[view]]) for s in stops if s[view] >= 0]
-            here = max(of_stops, default=-1)
-            if here < 0:
-                here, blocks = blocks, blocks + 1
-            if here not in taken:
-                taken.add(here)
-                own[view], row[view] = here, rows
-        found.append((own, row))
-    return tuple(found), blocks, int(bool(taken))
 
 
 def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, layout: Layout) -> Moments:
@@ -337,25 +249,14 @@ def _sum_views(
         both[by_shape, by_shape] = view.information[:, rows:, rows:].sum(0)
     blocks, q, m = layout.blocks, layout.rows, layout.width
     e, ef, ee = np.zeros((blocks, q)), np.zeros((blocks, q, m)), np.zeros((blocks, q, q))
-    own = np.flatnonzero(block >= 0)
-    add = _set_rows if len(np.unique(block[own])) == len(own) else np.add.at
-    for here in (own[some] for some in chunks(len(own), q, m)):
-        by_error = errors[here].mT
-        add(e, block[here], (by_error @ gradient[here][..., None])[..., 0])
-        add(ef, block[here], by_error @ carried[here])
-        add(ee, block[here], by_error @ information[here] @ errors[here])
+    for some, used in layout.chunks(m):
+        here = np.flatnonzero((block >= some.start) & (block < some.stop))
+        by_error = errors[here, :, used].mT
+        sums = GroupSums(block[here] - some.start, some.stop - some.start)
+        e[some, used] = sums.sum((by_error @ gradient[here][..., None])[..., 0])
+        ef[some, used] = sums.sum(by_error @ carried[here])
+        ee[some, used, used] = sums.sum(by_error @ information[here] @ errors[here, :, used])
     return Moments(view.count, float(view.cost.sum()), by_fixed, e, both, ef, ee)
-
-
-def chunks(blocks: int, rows: int, columns: int, at_once: int = _AT_ONCE) -> list[slice]:
-    """Slices over blocks of the given rows and columns, each with at most `at_once` numbers or a single block."""
-    size = max(1, at_once // max(1, rows * columns))
-    return [slice(first, first + size) for first in range(0, blocks, size)]
-
-
-def _set_rows(array: Array, rows: IntArray, values: Array) -> None:
-    """Set distinct rows of an array of zeros; ten times as fast as `np.add.at`."""
-    array[rows] = values
 
 
 def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array, float]:

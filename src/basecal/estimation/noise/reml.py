@@ -22,7 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
-from basecal.estimation.noise.mixed_model import MixedModel, Moments, chunks
+from basecal.estimation.noise.layout import chunks
+from basecal.estimation.noise.mixed_model import MixedModel, Moments
 from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import with_identity
 from basecal.numerics.batch import take
@@ -122,7 +123,7 @@ class Posterior:
         """
         k, own = len(self.logs), np.einsum("bqq->bq", self.blocks.own)
         sums = np.zeros((k + 1, *self.spread.shape))
-        for here in chunks(len(own), own.shape[1], len(self.spread)):
+        for here in self.model.layout.chunks(len(self.spread)):
             back, which = self._error_coefficients(here), self.model.of_errors[here]
             for sigma in np.unique(which):
                 rows = back[which == sigma]
@@ -138,19 +139,19 @@ class Posterior:
         """Expected squares of errors by their sigma, (k,), and contribution of the errors' spread to each part."""
         squares, of_errors = np.zeros(len(keys)), self.mean_errors**2
         x = scales(self.logs, self.model.of_columns)
-        for here in chunks(len(of_errors), of_errors.shape[1], len(self.spread)):
+        for here in self.model.layout.chunks(len(self.spread)):
             back = self._error_coefficients(here) * x
             across = (back.reshape(-1, back.shape[-1]) @ self.spread).reshape(back.shape)
-            covariance = self.blocks.own[here] + across @ back.mT
+            covariance = self.blocks.own[*here, here[1]] + across @ back.mT
             of_errors[here] += np.diagonal(covariance, axis1=-2, axis2=-1)
             for i, key in enumerate(keys):
                 squares[i] += _squares_of_spread(self.model.parts[key], self, here, across, covariance)
         scaled = self.model.of_errors >= 0
         return np.bincount(self.model.of_errors[scaled], of_errors[scaled], len(self.logs)).astype(np.float64), squares
 
-    def _error_coefficients(self, here: slice) -> Array:
+    def _error_coefficients(self, here: tuple[slice, slice]) -> Array:
         """Negative derivative of the errors of some blocks with respect to the unscaled columns, (b, q, m)."""
-        scaled = self.blocks.own[here] * scales(self.logs, self.model.of_errors[here])[:, None, :]
+        scaled = self.blocks.own[*here, here[1]] * scales(self.logs, self.model.of_errors[here])[:, None, :]
         return np.asarray(scaled @ self.blocks.by_columns[here])
 
     def average_information(self) -> Array:
@@ -181,7 +182,8 @@ class Posterior:
 def posterior(model: MixedModel, logs: Array) -> Posterior:
     """Return the posterior of all unknowns at logarithms of sigmas, (k,), with the restricted likelihood."""
     b, q, m = *model.of_errors.shape, len(model.prior)
-    blocks = _Blocks(np.empty((b, q)), np.empty((b, q, q)), np.empty((b, q, m)), np.zeros(b), np.empty((m, m)))
+    own = np.broadcast_to(np.eye(q), (b, q, q)).copy()
+    blocks = _Blocks(np.zeros((b, q)), own, np.zeros((b, q, m)), np.zeros(b), np.empty((m, m)))
     equations = Equations(*(of[None] for of in _eliminate_errors(model, logs, blocks)))
     known = take(_solve(equations, np.arange(m)), 0)
     # The errors are those at zero columns plus the change due to the columns' mean.
@@ -255,9 +257,11 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
     counted = sum(2 * model.parts[key].count * logs[..., at] for key, at in model.sigmas.views.items())
     value, m = counted + cost + model.prior_cost, x.shape[-1]
     explained, by_errors = np.zeros(fixed_fixed.shape), np.zeros(x.shape)
-    for here in chunks(len(model.of_errors), model.of_errors.shape[1], m):
-        scale = u[..., here, :]
-        bu, ux, uu = _weigh(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
+    for here in model.layout.chunks(m):
+        square = (*here, here[1])
+        scale = u[..., *here]
+        bu, ux = _weigh(model, weights, ("errors", "errors_fixed"), here)
+        (uu,) = _weigh(model, weights, ("errors_errors",), square)
         uu *= scale[..., :, None]
         uu *= scale[..., None, :]
         uu = with_identity(uu, np.ones(uu.shape[:-2]))
@@ -271,9 +275,9 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
         value = value + log_dets.sum(-1) - np.sum(flat_cu**2, -1)
         if blocks is not None:
             blocks.alone[here] = (root.mT @ cu[..., None])[..., 0]
-            np.matmul(root.mT, root, out=blocks.own[here])
+            np.matmul(root.mT, root, out=blocks.own[square])
             blocks.by_columns[here] = ux
-            blocks.lost[here] = 0.0 if lost is None else lost
+            blocks.lost[here[0]] = 0.0 if lost is None else lost
     by_scales = x[..., :, None] * x[..., None, :]
     explained *= by_scales
     if blocks is not None:
@@ -329,12 +333,14 @@ def _weigh(model: MixedModel, weights: dict[tuple[str, str], Array], fields: tup
     return list(map(weigh_field, fields))
 
 
-def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, spread: Array, covariance: Array) -> float:
+def _squares_of_spread(
+    part: Moments, posterior: Posterior, here: tuple[slice, slice], spread: Array, covariance: Array
+) -> float:
     """Contribution of the spread of some blocks' errors to a part's expected sum of squares."""
     x, u = scales(posterior.logs, posterior.model.of_columns), scales(posterior.logs, posterior.model.of_errors[here])
     by_x = (spread.reshape(-1, len(x)) * x).reshape(spread.shape)
     both = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
-    by_u = np.vdot(u, np.vecdot(part.errors_errors[here], u[:, None, :] * covariance))
+    by_u = np.vdot(u, np.vecdot(part.errors_errors[*here, here[1]], u[:, None, :] * covariance))
     return float(by_u - 2 * both)
 
 

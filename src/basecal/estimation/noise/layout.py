@@ -1,0 +1,150 @@
+"""Positions of the random effects of a mixed model, in blocks of errors and in columns.
+
+Stops that views link to few others form a block with these. Stops linked to many others are columns, as are shared
+errors and shapes of targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from basecal.effects.faces.shared_errors import SharedErrors
+from basecal.estimation.noise.shaped_targets import shaped_targets
+from basecal.estimation.problem.problem import Problem
+from basecal.geometry import Array, IntArray
+from basecal.numerics.tied_blocks import tied_blocks
+
+# Maximum number of stops in a block: two arms that each visited one place twice.
+_MOST_TIED = 4
+_LITTLE = 16_384  # numbers that are added in the time of NumPy's calls on a chunk
+_AT_ONCE = 131_072  # numbers of an array over blocks that are processed at a time: 1 MB fits into the processor's cache
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Positions of the random effects of a mixed model in its blocks and columns.
+
+    Attributes:
+        block: (k,) block of each stop's error; -1 if it is among the columns.
+        row: (k,) first row of each stop's error in its block; -1 if it is among the columns.
+        column: (k,) first column of each stop's error; -1 if it is in a block.
+        sizes: (b,) number of rows in use of each block, ascending; blocks are padded to the largest one.
+        width: Number of columns.
+        shared: For each kind of shared errors, their first column and the errors, by robot.
+        shapes: Columns of the shape of each target, by name.
+        jitter_rows: Block, and row in it, of the timing jitter of each view, (n,) each, by group; -1 without jitter.
+    """
+
+    block: IntArray
+    row: IntArray
+    column: IntArray
+    sizes: IntArray
+    width: int
+    shared: tuple[Mapping[str, tuple[int, SharedErrors]], ...]
+    shapes: Mapping[str, slice]
+    jitter_rows: tuple[tuple[IntArray, IntArray], ...]
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return len(self.sizes)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of each block, padding included."""
+        return int(self.sizes.max(initial=0))
+
+    def chunks(self, columns: int) -> Iterator[tuple[slice, slice]]:
+        """Yield slices of blocks that are processed at a time, with the rows that these blocks use at most."""
+        first = 0
+        for last in _ends_of_sizes(self.sizes, columns):
+            rows = int(self.sizes[last - 1])
+            for here in chunks(last - first, rows, columns, _AT_ONCE):
+                yield slice(first + here.start, min(first + here.stop, last)), slice(rows)
+            first = last
+
+    def shared_columns(self, robot: str) -> Iterator[tuple[slice, Array]]:
+        """Yield the columns of a robot's shared errors and the derivative of its flange poses, (stops, 6, k)."""
+        for at, errors in (of[robot] for of in self.shared if robot in of):
+            yield slice(at, at + len(errors.is_turn)), errors.by_stop
+
+
+def lay_out(problem: Problem, kinds: Sequence[Mapping[str, SharedErrors]]) -> Layout:
+    """Place the errors of stops, shared errors by kind and robot, jitter, and shapes of targets."""
+    count = len(problem.stops)
+    pairs = np.concatenate([np.column_stack([end.stop for end in g.ends]) for g in problem.groups])
+    of_scene = [] if problem.tied is None else problem.tied.stops.tolist()
+    of = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_TIED, of_scene)
+    row, column = np.where(of.block >= 0, 6 * of.place, -1), np.full(count, -1, dtype=np.int64)
+    jitter_rows, sizes = _jitter_layout(problem, of.block, 6 * np.bincount(of.block[of.block >= 0]))
+    order = np.argsort(sizes, kind="stable")
+    number = np.append(np.argsort(order), -1)  # new number of each block; -1 stays
+    width = problem.width
+    for stop in of.hubs:
+        column[stop] = width
+        width += 6
+    shared: tuple[dict[str, tuple[int, SharedErrors]], ...] = tuple({} for _ in kinds)
+    for of_kind, by_robot in zip(shared, kinds, strict=True):
+        for robot, errors in by_robot.items():
+            of_kind[robot] = (width, errors)
+            width += len(errors.is_turn)
+    shapes = {}
+    for target, count in shaped_targets(problem).items():
+        shapes[target] = slice(width, width + count)
+        width += count
+    jitter_rows = tuple((number[own], at) for own, at in jitter_rows)
+    return Layout(number[of.block], row, column, sizes[order], width, shared, shapes, jitter_rows)
+
+
+def _jitter_layout(
+    problem: Problem, block: IntArray, sizes: IntArray
+) -> tuple[tuple[tuple[IntArray, IntArray], ...], IntArray]:
+    """Place the timing jitter of each view: in the row below its stops' errors, or in a block of its own.
+
+    Views in motion rarely share a stop. If several views share a block, only the first has a jitter row.
+
+    Returns:
+        `Layout.jitter_rows`, and the number of rows of each block.
+    """
+    found, taken, rows = [], set[int](), sizes.tolist()
+    for group in problem.groups:
+        own, row = (np.full(len(group), -1, dtype=np.int64) for _ in range(2))
+        stops = [end.stop for end in group.ends]
+        is_shaken = group.camera in problem.open_jitter or problem.jitter_motion(group) is not None
+        for view in range(len(group)) if is_shaken and group.motion is not None else ():
+            of_stops = [int(block[s[view]]) for s in stops if s[view] >= 0]
+            here = max(of_stops, default=-1)
+            if here < 0:
+                here = len(rows)
+                rows.append(0)
+            if here not in taken:
+                taken.add(here)
+                own[view], row[view] = here, rows[here]
+                rows[here] += 1
+        found.append((own, row))
+    return tuple(found), np.array(rows, dtype=np.int64)
+
+
+def _ends_of_sizes(sizes: IntArray, columns: int) -> list[int]:
+    """Ends of runs of blocks that are processed alike, from their sizes, (b,) ascending.
+
+    Blocks of one size form a run, and take the next size if their padding costs less than calls on one more run.
+    """
+    ends = (np.flatnonzero(np.diff(sizes)) + 1).tolist()
+    kept, first = [], 0
+    for end, after in pairwise([*ends, len(sizes)]):
+        padding = (end - first) * (sizes[after - 1] - sizes[end - 1]) * (columns + sizes[after - 1])
+        if padding > _LITTLE:
+            kept.append(end)
+            first = end
+    return [*kept, len(sizes)] if len(sizes) else []
+
+
+def chunks(blocks: int, rows: int, columns: int, at_once: int) -> list[slice]:
+    """Slices over blocks of the given rows and columns, each with at most `at_once` numbers or a single block."""
+    size = max(1, at_once // max(1, rows * columns))
+    return [slice(first, first + size) for first in range(0, blocks, size)]
