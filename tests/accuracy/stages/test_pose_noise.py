@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.stages.pose_noise import likely_size, shape_pose_noise
+from basecal.accuracy.stages.pose_noise import _MIDDLE, _solve_by_corners, likely_size, shape_pose_noise
 from basecal.accuracy.stages.solving import leave_outliers_out, solve_all
 from basecal.cell import PoseObservation
 from basecal.estimation.problem.build import build_problem
@@ -84,5 +85,13 @@ def test_equal_errors_stay_equal() -> None:
 def test_sizes_of_targets_are_found() -> None:
     """The evidence of the target's size peaks near the truth, of arms with errors as large as those of the views."""
     distance = np.median([np.linalg.norm(each.translation) for each in seen_poses()])
-    sizes = [likely_size(case_of(tilted_errors(seed) + arm_errors(seed)), "board") for seed in range(3)]
+    sizes = [likely_size(case_of(tilted_errors(seed) + arm_errors(seed)), "board", {}) for seed in range(3)]
     assert all(size is not None and 0.5 < size * distance / 0.03 < 2 for size in sizes)
+
+
+def test_known_solutions_only_speed_up_the_search() -> None:
+    """Sigmas of equal errors or of another size lead to the same size."""
+    case = case_of(tilted_errors(0) + arm_errors(0))
+    alone = likely_size(case, "board", {})
+    shaped = _solve_by_corners(case, {"board": _MIDDLE}).solution
+    assert likely_size(case, "board", {None: case.solution, _MIDDLE: shaped}) == pytest.approx(alone, rel=1e-2)

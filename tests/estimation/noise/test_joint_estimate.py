@@ -267,8 +267,11 @@ def test_shapes_add_to_those_that_the_problem_has(rng):
     for limit in (1.01 * largest, 0.99 * largest):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(joint_estimate, "_SETTLED_CHANGE", limit)
-            assert joint_estimate._has_settled_shapes(of) == (limit > largest)
-    assert joint_estimate._has_settled_shapes(sigmas_found(rng))
+            assert joint_estimate._has_settled(of, of.logs) == (limit > largest)
+    without = sigmas_found(rng)
+    for step, expected in ((0.0, True), (0.019, True), (0.021, False)):
+        off = without.logs + step * np.eye(len(without.logs))[0]
+        assert joint_estimate._has_settled(without, off) == expected
 
 
 def test_an_estimate_holds_what_was_found(rng):

@@ -14,7 +14,7 @@ from basecal.estimation.observability.observability import column_scales
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
-from basecal.numerics.batch import concatenate
+from basecal.numerics.batch import concatenate, take
 from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 
@@ -123,16 +123,20 @@ def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State | Non
     Returns:
         The states, or None if one is not finite.
     """
-    problem = solution.noise.hold_sigmas(solution.problem)
-    start, is_free, unit = solution.state.spread(problem, len(sigmas)), sigmas == 0, np.eye(steps.shape[1])
+    problem, unit = solution.noise.hold_sigmas(solution.problem), np.eye(steps.shape[1])
+    start, row, ends = solution.state.spread(problem, len(sigmas)), np.arange(len(sigmas)), []
     state = retract(problem, start, linearise(problem, solution.state), sigmas @ steps.T)
     for _ in range(_MAX_STEPS):
-        normal = linearise(problem, state)
+        normal, is_free = linearise(problem, state), sigmas[row] == 0
         hessian = np.where(is_free[:, None] & is_free[..., None], steps.T @ normal.hessian @ steps, unit)
         if not np.isfinite(hessian).all():
             return None
         back = -(spectrum(hessian).inverse @ (is_free * (normal.gradient @ steps))[..., None])[..., 0]
         state = retract(problem, state, normal, back @ steps.T)
-        if np.abs(back).max() < _LEAST_STEP:
+        goes_on = np.abs(back).max(-1) >= _LEAST_STEP
+        ends.append((row[~goes_on], take(state, ~goes_on)))
+        row, state = row[goes_on], take(state, goes_on)
+        if not len(row):
             break
-    return state
+    rows, states = concatenate([*ends, (row, state)])
+    return take(states, np.argsort(rows))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -18,13 +17,14 @@ from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.solve import solve_from
+from basecal.estimation.solve import Solution, solve_from
 from basecal.estimation.view.pose_errors import CornerErrors
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 
-_SIZES = (0.02, 0.04, 0.08, 0.15, 0.3)  # half of a target's side, over its median distance
-_MIDDLE = _SIZES[len(_SIZES) // 2]
+_MIDDLE = 0.08  # half of a target's side, over its median distance
+_NEARER = {_MIDDLE: _MIDDLE, 0.04: _MIDDLE, 0.02: 0.04, 0.15: _MIDDLE, 0.3: 0.15}  # next size towards the middle
+_SIZES = tuple(sorted(_NEARER))
 _FEWEST_VIEWS = 6
 
 
@@ -33,8 +33,8 @@ def shape_pose_noise(case: Case) -> Case:
     if not is_explained(case):
         return case
     targets = _open_targets(case.problem)
-    judged, used = _with_most_views(case, targets)
-    sizes = {target: size for target in targets if (size := likely_size(judged, target, used)) is not None}
+    judged, solved = _with_most_views(case, targets)
+    sizes = {target: size for target in targets if (size := likely_size(judged, target, solved)) is not None}
     return _solve_by_corners(case, sizes) if sizes else case
 
 
@@ -46,15 +46,16 @@ def _solve_by_corners(case: Case, sizes: Mapping[str, float]) -> Case:
     return leave_outliers_out(replace(case, packed=packed, plain=plain, noisy=noisy, robust=None))
 
 
-def _with_most_views(case: Case, targets: Sequence[str]) -> tuple[Case, float | None]:
-    """The case and None, or the case with corner errors and their size if that excludes fewer views."""
+def _with_most_views(case: Case, targets: Sequence[str]) -> tuple[Case, Mapping[float | None, Solution]]:
+    """The case, or the case with corner errors if that excludes fewer views; and solutions by size of the target."""
     assert case.robust is not None
+    plain: dict[float | None, Solution] = {None: case.solution}
     if not case.robust.outliers or not targets:
-        return case, None
+        return case, plain
     shaped = _solve_by_corners(case, dict.fromkeys(targets, _MIDDLE))
     assert shaped.robust is not None
     is_better = len(shaped.robust.outliers) < len(case.robust.outliers) and is_explained(shaped)
-    return (shaped, _MIDDLE) if is_better else (case, None)
+    return (shaped if is_better else case), {**plain, _MIDDLE: shaped.solution}
 
 
 def _open_targets(problem: Problem) -> list[str]:
@@ -69,31 +70,24 @@ def _is_open(group: ViewGroup) -> bool:
     return bool(np.all(views.measured_camera_from_target.translation[:, 2] > 0))
 
 
-def likely_size(case: Case, target: str, used: float | None = None) -> float | None:
+def likely_size(case: Case, target: str, solved: Mapping[float | None, Solution]) -> float | None:
     """Half of a target's side over its median distance, from the evidence; None if equal errors are as likely.
 
     Args:
         case: The case, solved.
         target: Name of the target.
-        used: The size with which the case was solved; None if it was solved with equal errors.
+        solved: Solutions of nearly the same views by size, or None for equal errors; searches start from their sigmas.
     """
-    packed, solved = replace(case.solution.problem, held=False), {used: case.solution}
-    for size, near in {None: None, _MIDDLE: _MIDDLE, **_nearer_sizes()}.items():
-        # The sigmas of equal errors are no guess: they may be far from those of corner errors.
-        guess = solved.get(size, solved.get(near))
+    packed, solved = replace(case.solution.problem, held=False), dict(solved)
+    for size in (None, *_NEARER):
+        # The sigmas of equal errors do not serve corner errors: these may be far from them.
+        guess = solved.get(size, None if size is None else solved.get(_NEARER[size]))
         last = guess or case.solution
         shaped = replace(last, problem=_shape_errors(packed, case.solution.state, {target: size}))
         solved[size] = with_noise(shaped, case.settings, guess)
     evidence = np.array([solved[size].noise.minus_2_log_evidence for size in (None, *_SIZES)])
     ratios = (evidence[0] - evidence[1:]) / 2
     return _peak(ratios) if compare_likelihoods(ratios).is_taken else None
-
-
-def _nearer_sizes() -> dict[float, float]:
-    """The next size towards the middle by size, from the middle outwards."""
-    half = len(_SIZES) // 2
-    down, up = _SIZES[half::-1], _SIZES[half:]
-    return {size: near for sizes in (down, up) for near, size in pairwise(sizes)}
 
 
 def _peak(ratios: Array) -> float:

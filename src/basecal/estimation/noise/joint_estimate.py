@@ -120,14 +120,15 @@ def _estimate_sigmas(
         _, few_end, found = _estimate_sigmas(few, few_start, iterations, guess)
         if few_end.converged and found.settled and found.logs is not None:
             return _extend_estimate(found.apply(problem), few_end.state, iterations, found.logs)
-    end, settled = bundle_adjust(used, start, dof, iterations, sigmas=ROUGH_SIGMAS), False
+    end = bundle_adjust(used, start, dof, iterations, sigmas=ROUGH_SIGMAS)
     plain = _sigma_posterior(used, end.state, robots, logs)
+    settled = logs is not None and _has_settled(plain, logs)
     for _ in range(_ALTERNATIONS):
-        used, end = _readjust(used, end, plain, dof, iterations, ROUGH_SIGMAS)
-        before, plain = plain.logs, _sigma_posterior(used, end.state, robots, plain.logs)
-        settled = bool(np.abs(plain.logs - before).max(initial=0.0) < _SETTLED_CHANGE) and _has_settled_shapes(plain)
         if settled:
             break
+        used, end = _readjust(used, end, plain, dof, iterations, ROUGH_SIGMAS)
+        before, plain = plain.logs, _sigma_posterior(used, end.state, robots, plain.logs)
+        settled = _has_settled(plain, before)
     used, end = _readjust(used, end, plain, dof, iterations)
     return used, end, _final_estimate(plain, used, settled)
 
@@ -155,10 +156,10 @@ def _clear_open_errors(problem: Problem, nominal: Problem, state: State, robots:
     return replace(state, stop_errors=errors)
 
 
-def _has_settled_shapes(posterior: SigmaPosterior) -> bool:
-    """Whether the estimated shapes agree with those that the model was expanded about."""
+def _has_settled(posterior: SigmaPosterior, before: Array) -> bool:
+    """Whether sigmas, (k,) logarithms, and shapes of targets agree with those that the model was expanded about."""
     off = [np.abs(posterior.columns.mean[rows]).max() for rows in posterior.model.layout.shapes.values()]
-    return max(off, default=0.0) < _SETTLED_CHANGE
+    return bool(max(*off, np.abs(posterior.logs - before).max(initial=0.0), 0.0) < _SETTLED_CHANGE)
 
 
 def integrate_sigmas(
