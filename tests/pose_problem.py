@@ -20,6 +20,12 @@ from tests.ends import with_eye, with_hand
 
 MOUNT, TARGET = "eye_flange_from_camera", "eye_base_from_target"
 
+OWN = ([0, 1, 2, 3], [-1] * 4)
+CHAINED = ([0, 0, 1, 2], [3, 4, 4, 5])  # 0, 1, 3 and 4 are tied, and 2 and 5
+STAR = ([0, 1, 2, 3, 4, 5], [6, 6, 6, 6, 6, 7])  # 6 is tied to five
+EXACT = ([-1] * 3, [-1] * 3)
+SINGLE = ([0], [1])
+
 
 def pose_problem(
     errors: Array, sigma: Array | None, prior: Unknown | None = None, stop_sigma: Array | None = None
@@ -66,3 +72,11 @@ def two_arm_problem(errors: Array, eye_stop: Sequence[int], hand_stop: Sequence[
 
 def _stands(stop: IntArray) -> IntArray:
     return np.arange(len(stop)) if stop.max() < 0 else stop - stop.min()
+
+
+def shaken(problem, views, known_s=0.0):
+    """The problem with the camera in motion at all views, its stamps' jitter open, or known."""
+    (group,) = problem.groups
+    motion = np.random.default_rng(9).standard_normal((views, 6))
+    of = {"jitter_s": {"camera": known_s}} if known_s else {"open_jitter": frozenset({"camera"})}
+    return replace(problem.with_groups([replace(group, motion=motion)]), **of), motion

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWNS, made_up, written
-from tests.pose_problem import two_arm_problem
+from tests.pose_problem import STAR, two_arm_problem
 
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
@@ -114,10 +114,10 @@ def test_slope_is_the_derivative(arms, smooth):
     np.testing.assert_allclose(posterior(model, logs).slope(), differences, rtol=1e-3, atol=1e-3)
 
 
-@pytest.mark.parametrize("constant", ["_AT_ONCE", "_LITTLE"])
+@pytest.mark.parametrize("constant", ["_AT_ONCE", "_MOST_PADDING"])
 def test_blocks_at_a_time_change_nothing(monkeypatch, constant):
     """Taken one by one, or without padding, blocks give what they give together: value, slope, means and covariance."""
-    problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((6, 6)), range(6), [6] * 5 + [7])
+    problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((6, 6)), *STAR)
     model = mixed_model(problem, state, ROBOTS)
     logs = np.log([1e-3, 2e-3, 1e-3, 2e-3, 3e-3, 1e-3])
     together = posterior(model, logs)

@@ -23,8 +23,14 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 
 _MIDDLE = 0.08  # half of a target's side, over its median distance
-_NEARER = {_MIDDLE: _MIDDLE, 0.04: _MIDDLE, 0.02: 0.04, 0.15: _MIDDLE, 0.3: 0.15}  # next size towards the middle
-_SIZES = tuple(sorted(_NEARER))
+_NEIGHBOURS = {
+    _MIDDLE: _MIDDLE,
+    0.04: _MIDDLE,
+    0.02: 0.04,
+    0.15: _MIDDLE,
+    0.3: 0.15,
+}  # by size, the next one towards it
+_SIZES = tuple(sorted(_NEIGHBOURS))
 _FEWEST_VIEWS = 6
 
 
@@ -33,8 +39,8 @@ def shape_pose_noise(case: Case) -> Case:
     if not is_explained(case):
         return case
     targets = _open_targets(case.problem)
-    judged, solved = _with_most_views(case, targets)
-    sizes = {target: size for target in targets if (size := likely_size(judged, target, solved)) is not None}
+    judged, solutions = _with_most_views(case, targets)
+    sizes = {target: size for target in targets if (size := likely_size(judged, target, solutions)) is not None}
     return _solve_by_corners(case, sizes) if sizes else case
 
 
@@ -70,18 +76,18 @@ def _is_open(group: ViewGroup) -> bool:
     return bool(np.all(views.measured_camera_from_target.translation[:, 2] > 0))
 
 
-def likely_size(case: Case, target: str, solved: Mapping[float | None, Solution]) -> float | None:
+def likely_size(case: Case, target: str, solutions: Mapping[float | None, Solution]) -> float | None:
     """Half of a target's side over its median distance, from the evidence; None if equal errors are as likely.
 
     Args:
         case: The case, solved.
         target: Name of the target.
-        solved: Solutions of nearly the same views by size, or None for equal errors; searches start from their sigmas.
+        solutions: Solutions of nearly the same views by size, None for equal errors; searches start from their sigmas.
     """
-    packed, solved = replace(case.solution.problem, held=False), dict(solved)
-    for size in (None, *_NEARER):
+    packed, solved = replace(case.solution.problem, held=False), dict(solutions)
+    for size in (None, *_NEIGHBOURS):
         # The sigmas of equal errors do not serve corner errors: these may be far from them.
-        guess = solved.get(size, None if size is None else solved.get(_NEARER[size]))
+        guess = solved.get(size, None if size is None else solved.get(_NEIGHBOURS[size]))
         last = guess or case.solution
         shaped = replace(last, problem=_shape_errors(packed, case.solution.state, {target: size}))
         solved[size] = with_noise(shaped, case.settings, guess)

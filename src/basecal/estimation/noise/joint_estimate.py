@@ -156,10 +156,10 @@ def _clear_open_errors(problem: Problem, nominal: Problem, state: State, robots:
     return replace(state, stop_errors=errors)
 
 
-def _has_settled(posterior: SigmaPosterior, before: Array) -> bool:
-    """Whether sigmas, (k,) logarithms, and shapes of targets agree with those that the model was expanded about."""
+def _has_settled(posterior: SigmaPosterior, used_logs: Array) -> bool:
+    """Whether sigmas and shapes of targets agree with those that were used, the former with logarithms (k,)."""
     off = [np.abs(posterior.columns.mean[rows]).max() for rows in posterior.model.layout.shapes.values()]
-    return bool(max(*off, np.abs(posterior.logs - before).max(initial=0.0), 0.0) < _SETTLED_CHANGE)
+    return bool(max(*off, np.abs(posterior.logs - used_logs).max(initial=0.0), 0.0) < _SETTLED_CHANGE)
 
 
 def integrate_sigmas(

@@ -20,7 +20,7 @@ from basecal.numerics.tied_blocks import tied_blocks
 
 # Maximum number of stops in a block: two arms that each visited one place twice.
 _MOST_TIED = 4
-_LITTLE = 16_384  # numbers that are added in the time of NumPy's calls on a chunk
+_MOST_PADDING = 16_384  # numbers that are processed in the time of NumPy's calls on a chunk
 _AT_ONCE = 131_072  # numbers of an array over blocks that are processed at a time: 1 MB fits into the processor's cache
 
 
@@ -73,7 +73,7 @@ class Layout:
             yield slice(at, at + len(errors.is_turn)), errors.by_stop
 
 
-def lay_out(problem: Problem, kinds: Sequence[Mapping[str, SharedErrors]]) -> Layout:
+def place_effects(problem: Problem, kinds: Sequence[Mapping[str, SharedErrors]]) -> Layout:
     """Place the errors of stops, shared errors by kind and robot, jitter, and shapes of targets."""
     count = len(problem.stops)
     pairs = np.concatenate([np.column_stack([end.stop for end in g.ends]) for g in problem.groups])
@@ -130,7 +130,7 @@ def _jitter_layout(
 
 
 def _ends_of_sizes(sizes: IntArray, columns: int) -> list[int]:
-    """Ends of runs of blocks that are processed alike, from their sizes, (b,) ascending.
+    """Ends of runs of blocks that are processed with the same number of rows; sizes are (b,) ascending.
 
     Blocks of one size form a run, and take the next size if their padding costs less than calls on one more run.
     """
@@ -138,7 +138,7 @@ def _ends_of_sizes(sizes: IntArray, columns: int) -> list[int]:
     kept, first = [], 0
     for end, after in pairwise([*ends, len(sizes)]):
         padding = (end - first) * (sizes[after - 1] - sizes[end - 1]) * (columns + sizes[after - 1])
-        if padding > _LITTLE:
+        if padding > _MOST_PADDING:
             kept.append(end)
             first = end
     return [*kept, len(sizes)] if len(sizes) else []

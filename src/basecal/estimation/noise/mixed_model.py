@@ -19,7 +19,7 @@ from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.normal_equations import prior_equations
 from basecal.estimation.least_squares.tied_equations import linearise_scene
-from basecal.estimation.noise.layout import Layout, lay_out
+from basecal.estimation.noise.layout import Layout, place_effects
 from basecal.estimation.noise.shaped_targets import shaped_points, shaped_targets
 from basecal.estimation.noise.sigma_places import SigmaPlaces
 from basecal.estimation.noise.view_estimates import STATED, ViewEstimates, view_estimates
@@ -133,7 +133,7 @@ def mixed_model(
         kinds: Shared errors by robot, one mapping for each kind.
         estimates: Result of `make_estimates` for the problem and the state; None to compute it.
     """
-    layout = lay_out(problem, kinds)
+    layout = place_effects(problem, kinds)
     estimates = make_estimates(problem, state) if estimates is None else estimates
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, float]] = {}
