@@ -24,6 +24,7 @@ def test_a_light_from_images(tmp_path: Path) -> None:
     assert program.main(tmp_path, samples=12) < 33
 
 
+@pytest.mark.journey
 def test_python_of_imported_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The block of docs/importing.md gives a good answer; without `detect` it is refused with that call."""
     page = (EXAMPLES.parent / "docs" / "importing.md").read_text(encoding="utf-8")

@@ -32,6 +32,7 @@ def test_library_example_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     assert "GOOD: expected error " in printed
 
 
+@pytest.mark.journey
 def test_report_is_that_of_the_example(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The report that is shown is what the command beside it prints."""
     copytree(ROOT / "examples" / "ur5e_dual", tmp_path / "ur5e_dual")

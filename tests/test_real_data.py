@@ -236,6 +236,7 @@ def _stamped_poses(archive: zipfile.ZipFile, name: str) -> tuple[np.ndarray, SE3
     return table[:, 0], SE3.from_quaternion(table[:, 4:8], table[:, 1:4])
 
 
+@pytest.mark.journey
 def test_streams_of_an_arm_and_a_camera_by_two_clocks() -> None:
     """The camera's clock is -17 ms off, within 3; held-out views are predicted to 3.9 mm and 0.63 deg.
 

@@ -73,6 +73,7 @@ def controller(tmp_path):
         cell.close()
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("samples", [2, pytest.param(20, marks=pytest.mark.slow)])
 def test_it_captures(tmp_path, installed, controller, samples):
     """With it for one arm, and the simulated driver for the rest, samples are captured."""

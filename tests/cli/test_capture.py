@@ -43,6 +43,7 @@ def test_nothing_moves_without_go(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert not (tmp_path / "recording").exists()
 
 
+@pytest.mark.journey
 def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With --json one object says which samples there are; a finished plan is refused, --more records other samples."""
     words = ["capture", str(tmp_path), "--go", "--json", "--speed-limit-deg-s", "120"]

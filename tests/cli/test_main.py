@@ -161,6 +161,7 @@ def test_a_thread_that_decodes_hides_no_words(tmp_path: Path) -> None:
     assert found.stderr.count("\n") == 1
 
 
+@pytest.mark.journey
 def test_an_interrupted_process(tmp_path: Path) -> None:
     """It ends with 130 and one line, and leaves nothing half written."""
     words = [sys.executable, "-m", "basecal", "simulate", str(tmp_path / "cell"), "--samples", "100000"]

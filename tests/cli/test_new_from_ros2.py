@@ -11,6 +11,7 @@ pytest.importorskip("cyclonedds")
 from shared.ros2_domain import ros2
 
 
+@pytest.mark.journey
 def test_a_cell_of_what_runs(tmp_path, capsys):
     """It has the robot with its URDF, the camera with its lens, and drivers with which it can be captured at once."""
     with ros2(100, 30, 320, 240) as process:

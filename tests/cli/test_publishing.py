@@ -21,6 +21,7 @@ from shared.ros2_domain import DOMAIN, LOOPBACK
 ELSEWHERE = DOMAIN + 31
 
 
+@pytest.mark.journey
 def test_what_was_found_is_sent_until_it_is_interrupted(tmp_path, monkeypatch):
     """Another process hears it with its frames, and it ends by Ctrl-C without an error."""
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)

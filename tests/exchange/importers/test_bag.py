@@ -138,6 +138,7 @@ def test_joints_and_the_urdf_of_the_bag(tmp_path: Path, arm: SerialChain, capsys
     np.testing.assert_allclose(pose.matrix, arm.forward(places[2]).matrix, atol=1e-12)
 
 
+@pytest.mark.journey
 def test_streams_of_two_clocks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """An arm and views that move: the offset that was put in is found."""
     turned = SE3.exp(np.array([0, 0, 0, np.pi, 0, 0]))  # so that the camera looks at the tag

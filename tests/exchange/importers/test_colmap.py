@@ -54,6 +54,7 @@ def test_images_of_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     np.testing.assert_allclose(seen, [pose.translation for pose in poses[3:]], atol=1e-6)
 
 
+@pytest.mark.journey
 def test_a_film_of_a_moving_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Names of images are times of another clock: its offset, the unit and the mount come out together."""
     samples = streamed(-0.07, stated=False).recording.samples

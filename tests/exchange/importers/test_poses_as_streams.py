@@ -40,6 +40,7 @@ def tables(folder: Path, header: bool) -> tuple[str, str]:
     return arm, tag
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("header", quick([True, False], [True]))
 def test_two_clocks_by_two_commands(tmp_path: Path, header: bool, capsys: pytest.CaptureFixture[str]) -> None:
     """The offset that was put in is found; a robot that is recorded is not recorded again."""
