@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.estimation.scene.adjust import Task, adjust
-from basecal.estimation.scene.sigmas import estimate_sigmas
+from basecal.estimation.scene.sigmas import _Likelihood, estimate_sigmas
 from scene_points import ARM_M, ARM_RAD, LENS, PIXEL, made_scene
 
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
@@ -29,3 +29,17 @@ def test_stated_noise_stays():
     sigma_px, stop_sigma = estimate_sigmas(fit, (NOISE,))
     assert np.array_equal(stop_sigma, np.tile(NOISE, (15, 1)))
     assert sigma_px == pytest.approx(PIXEL, rel=0.1)
+
+
+@pytest.mark.parametrize("stated", [None, NOISE])
+def test_gradient_of_the_likelihood(stated):
+    """It agrees with central differences, of pixels and of arms, stated or not."""
+    scene = made_scene(2)
+    fit = adjust(Task(scene.views, scene.tracks, PIXEL, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
+    likelihood = _Likelihood.expand(fit, (stated,))
+    logs = np.log([1.3 * PIXEL, *([] if stated is not None else [2 * ARM_M, 0.5 * ARM_RAD])])
+    value, gradient = likelihood.negative_log_likelihood(logs)
+    steps = 1e-4 * np.eye(len(logs))
+    ends = [[likelihood.negative_log_likelihood(logs + sign * h)[0] for sign in (1, -1)] for h in steps]
+    np.testing.assert_allclose(gradient, [(after - before) / 2e-4 for after, before in ends], rtol=1e-5, atol=1e-3)
+    assert value < max(max(each) for each in ends)

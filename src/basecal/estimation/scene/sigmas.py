@@ -43,34 +43,63 @@ class _Likelihood:
     gradient: Array
     squares: float
 
+    @classmethod
+    def expand(cls, fit: SceneFit, stated: Sequence[Array | None]) -> _Likelihood:
+        """Expand about an optimum."""
+        own = fit.columns.errors
+        prior = fit.information - fit.pixel_information / fit.sigma_px**2
+        prior[own, own] = 0.0
+        errors = np.zeros(own.stop)
+        errors[own] = fit.state.errors.ravel()
+        carried = fit.pixel_information @ errors
+        residuals = residuals_px(fit.views, fit.tracks, fit.state)
+        residuals = residuals[np.isfinite(residuals)]  # points behind a camera are rejected in the next round
+        squares = float(np.sum(residuals**2) - 2 * fit.pixel_gradient @ errors + errors @ carried)
+        return cls(fit, stated, prior, fit.pixel_gradient - carried, squares)
+
     def sigmas(self, logs: Array) -> tuple[float, Array]:
         """Sigmas from logarithms: image points, then translation and rotation of each robot without stated noise."""
         left = iter(np.exp(np.repeat(logs[1:].reshape(-1, 2), 3, axis=1)))
         by_robot = [next(left) if noise is None else noise for noise in self.stated]
         return float(np.exp(logs[0])), sigmas_by_stop(self.fit.views, by_robot)
 
-    def negative_log_likelihood(self, logs: Array) -> float:
-        """Minus twice the log likelihood, plus the prior cost of the sigmas."""
+    def negative_log_likelihood(self, logs: Array) -> tuple[float, Array]:
+        """Minus twice the log likelihood, plus the prior cost of the sigmas, and its gradient in the logarithms."""
         sigma_px, stop_sigma = self.sigmas(logs)
-        information = self.fit.pixel_information / sigma_px**2 + self.prior
-        at = len(information) - stop_sigma.size + np.arange(stop_sigma.size)
-        information[at, at] += (1 / stop_sigma**2).ravel()
+        pixels, of_stops = self.fit.pixel_information / sigma_px**2, 1 / stop_sigma.ravel() ** 2
+        information = pixels + self.prior
+        diagonal = np.einsum("ii->i", information)  # a view
+        diagonal[-len(of_stops) :] += of_stops
         try:
-            root = np.linalg.cholesky(information)
+            root = np.linalg.inv(np.linalg.cholesky(information))
         except np.linalg.LinAlgError:
-            return _IMPOSSIBLE
-        gain = np.linalg.solve(root, self.gradient / sigma_px**2)
+            return _IMPOSSIBLE, np.zeros(len(logs))
+        inverse, force = root.T @ root, self.gradient / sigma_px**2
+        step = inverse @ force
         freedoms = 2 * len(self.fit.tracks) - 3 * self.fit.tracks.count
-        of_noise = 2 * freedoms * logs[0] + 2 * np.log(stop_sigma).sum() + 2 * np.log(np.diag(root)).sum()
-        return float(of_noise + self.squares / sigma_px**2 - gain @ gain + self._prior_cost(logs))
+        log_dets = 2 * np.log(stop_sigma).sum() - 2 * np.log(np.diag(root)).sum()
+        squares = self.squares / sigma_px**2
+        by_pixels = freedoms - np.vdot(inverse, pixels) - squares + step @ (2 * force - pixels @ step)
+        by_stops = 1 - of_stops * (np.diag(inverse) + step**2)[-len(of_stops) :]
+        prior, slope = self._prior_cost(logs)
+        value = 2 * freedoms * logs[0] + log_dets + squares - force @ step + prior
+        return float(value), 2 * np.append(by_pixels, self._sum_by_sigma(by_stops)) + slope
 
-    def _prior_cost(self, logs: Array) -> float:
-        """Prior cost of the logarithms of robots' sigmas."""
+    def _sum_by_sigma(self, by_stops: Array) -> Array:
+        """Sum values of all stops' errors, (6 s,), for translation and rotation of each robot without stated noise."""
+        by_stop = by_stops.reshape(-1, 2, 3).sum(-1)
+        robot = self.fit.views.stop_robot
+        return np.array([by_stop[robot == k].sum(0) for k, noise in enumerate(self.stated) if noise is None]).ravel()
+
+    def _prior_cost(self, logs: Array) -> tuple[float, Array]:
+        """Prior cost of the logarithms of robots' sigmas, and its gradient."""
         mean, factor = np.log(ROBOT_RAD)
         shift, turn = logs[1:].reshape(-1, 2).T
         reach_m = self.fit.views.reach_m[[noise is None for noise in self.stated]]
         tied = (shift - turn - np.log(np.maximum(reach_m, 0.1))) / np.log(TIE)
-        return float(np.sum(((turn - mean) / factor) ** 2 + tied**2))
+        off = (turn - mean) / factor
+        slope = 2 * np.column_stack([tied / np.log(TIE), off / factor - tied / np.log(TIE)])
+        return float(np.sum(off**2 + tied**2)), np.append(0.0, slope)
 
 
 def sigmas_by_stop(views: SceneViews, by_robot: Sequence[Array]) -> Array:
@@ -85,18 +114,9 @@ def estimate_sigmas(fit: SceneFit, stop_noise: Sequence[Array | None]) -> tuple[
         fit: The optimum.
         stop_noise: (6,) noise of each robot [m, rad]; None if it is to be estimated.
     """
-    own = fit.columns.errors
-    prior = fit.information - fit.pixel_information / fit.sigma_px**2
-    prior[own, own] = 0.0
-    errors = np.zeros(own.stop)
-    errors[own] = fit.state.errors.ravel()
-    carried = fit.pixel_information @ errors
-    residuals = residuals_px(fit.views, fit.tracks, fit.state)
-    residuals = residuals[np.isfinite(residuals)]  # points behind a camera are rejected in the next round
-    squares = float(np.sum(residuals**2) - 2 * fit.pixel_gradient @ errors + errors @ carried)
-    likelihood = _Likelihood(fit, stop_noise, prior, fit.pixel_gradient - carried, squares)
+    likelihood = _Likelihood.expand(fit, stop_noise)
     now = [fit.stop_sigma[fit.views.stop_robot == k][0, ::3] for k, noise in enumerate(stop_noise) if noise is None]
     start = np.log(np.concatenate([[fit.sigma_px], *now]))
     bounds, options = np.log([_PIXELS] + [_ROBOTS] * (len(start) - 1)), {"ftol": _RELATIVE_DECREASE}
     cost = likelihood.negative_log_likelihood
-    return likelihood.sigmas(minimize(cost, start, method="L-BFGS-B", bounds=bounds, options=options).x)
+    return likelihood.sigmas(minimize(cost, start, method="L-BFGS-B", jac=True, bounds=bounds, options=options).x)
