@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,3 +45,19 @@ def test_gradient_of_the_likelihood(stated):
     ends = [[likelihood.negative_log_likelihood(logs + sign * h)[0] for sign in (1, -1)] for h in steps]
     np.testing.assert_allclose(gradient, [(after - before) / 2e-4 for after, before in ends], rtol=1e-5, atol=1e-3)
     assert value < max(max(each) for each in ends)
+
+
+def test_the_sigma_of_pixels_may_be_held():
+    """With a gross point, the squares of all would make it large; the arm's sigmas are found beside the given one."""
+    scene = made_scene(1, count=25)
+    noise = np.tile(NOISE, (25, 1))
+    fit = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS,)), scene.truth)
+    _, expected = estimate_sigmas(fit, (None,), holds_pixels=True)
+    pixels = fit.tracks.pixels.copy()
+    pixels[0] += 1e3
+    gross = replace(fit, tracks=replace(fit.tracks, pixels=pixels))
+    assert estimate_sigmas(gross, (None,))[0] > 5 * PIXEL
+    sigma_px, stop_sigma = estimate_sigmas(gross, (None,), holds_pixels=True)
+    assert sigma_px == pytest.approx(fit.sigma_px)
+    np.testing.assert_allclose(stop_sigma, expected, rtol=1e-6)
+    assert ARM_RAD / 1.8 < stop_sigma[0, 3] < 1.8 * ARM_RAD

@@ -57,7 +57,7 @@ def fit_scene(
         _check_points(task)
         found = adjust(task, state)
         sigma_px = _robust_sigma(found)
-        _, stop_sigma = estimate_sigmas(replace(found, sigma_px=sigma_px), stop_noise)
+        _, stop_sigma = estimate_sigmas(replace(found, sigma_px=sigma_px), stop_noise, holds_pixels=True)
         limit_px = max(_GROSS * sigma_px, _FIRST_LIMIT_PX / 2**number if number < _REFINEMENTS - 1 else 0.0)
         tracks, state = _without_gross(found, limit_px)
         task = replace(task, tracks=tracks, sigma_px=sigma_px, stop_sigma=stop_sigma)

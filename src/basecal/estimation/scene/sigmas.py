@@ -8,7 +8,7 @@ eliminated. Source: Harville 1977; docs/mathematics.md (5.2).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -107,16 +107,22 @@ def sigmas_by_stop(views: SceneViews, by_robot: Sequence[Array]) -> Array:
     return np.array(by_robot)[views.stop_robot].reshape(-1, 6)
 
 
-def estimate_sigmas(fit: SceneFit, stop_noise: Sequence[Array | None]) -> tuple[float, Array]:
+def estimate_sigmas(
+    fit: SceneFit, stop_noise: Sequence[Array | None], holds_pixels: bool = False
+) -> tuple[float, Array]:
     """Most likely sigmas about an optimum: of image points [px], and of stop errors, (s, 6) [m, rad].
 
     Args:
         fit: The optimum.
         stop_noise: (6,) noise of each robot [m, rad]; None if it is to be estimated.
+        holds_pixels: Whether to keep the sigma of image points: squares of gross ones are no noise.
     """
     likelihood = _Likelihood.expand(fit, stop_noise)
+    if holds_pixels:  # a large constant would end the search early
+        likelihood = replace(likelihood, squares=0.0)
     now = [fit.stop_sigma[fit.views.stop_robot == k][0, ::3] for k, noise in enumerate(stop_noise) if noise is None]
     start = np.log(np.concatenate([[fit.sigma_px], *now]))
-    bounds, options = np.log([_PIXELS] + [_ROBOTS] * (len(start) - 1)), {"ftol": _RELATIVE_DECREASE}
+    of_pixels = (fit.sigma_px, fit.sigma_px) if holds_pixels else _PIXELS
+    bounds, options = np.log([of_pixels] + [_ROBOTS] * (len(start) - 1)), {"ftol": _RELATIVE_DECREASE}
     cost = likelihood.negative_log_likelihood
     return likelihood.sigmas(minimize(cost, start, method="L-BFGS-B", jac=True, bounds=bounds, options=options).x)
