@@ -66,6 +66,7 @@ def test_no_more_bars_are_shown_than_fit():
     assert figure.x == ("sample 0", "1")
     assert shown(1.0, 1.0, most=2)[0].caption.startswith("dashed")
     assert shown(1.0)[0].x == ("sample 0",)
+    assert shown(1.0, 2.0, 1.0)[0].x == ("sample 0", "2")
 
 
 def test_what_is_not_shown_is_not_in_the_caption():

@@ -24,7 +24,9 @@ def past(day: float, length_m: float, run: str = "r") -> PastVerification:
 
 def test_points_stand_by_day_and_length() -> None:
     """Days are evenly spaced, a larger shift stands higher; other runs are not drawn."""
-    figure = history_figure([past(0, 9e-3, "before"), past(0, 1e-3), past(2, 2e-3), past(4, 3e-3)])
+    figure = history_figure(
+        [past(0, 9e-3, "before"), past(0, 8e-3, "before"), past(0, 1e-3), past(2, 2e-3), past(4, 3e-3)]
+    )
     circles = [(float(x), float(y)) for x, y in re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)"', figure.svg)]
     (x0, y0), (x1, y1), (x2, y2) = circles
     assert abs(x2 - 2 * x1 + x0) < 0.3
@@ -65,7 +67,7 @@ def test_whiskers_reach_two_sigma_and_not_below_zero() -> None:
 
 def test_the_unit_is_the_largest_that_lasts_twice() -> None:
     """Two days are days, less are hours; two hours are hours, less are minutes."""
-    for last, unit in ((2.0, "days"), (1.99, "hours"), (2 / 24, "hours"), (1.99 / 24, "minutes")):
+    for last, unit in ((2.0, "days"), (1.99, "hours"), (2 / 24, "hours"), (1.99 / 24, "minutes"), (1e-3, "minutes")):
         assert history_figure([past(0, 1e-3), past(last, 2e-3)]).caption.startswith(f"{unit} since")
 
 
@@ -74,6 +76,7 @@ def test_times_are_rounded_by_their_number() -> None:
     for last, text in ((9.876, "9.88"), (10.876, "10.9")):
         svg = history_figure([past(0, 1e-3), past(last, 2e-3)]).svg
         assert f"<title>days {text}: " in svg
+    assert "<title>minutes 90.0: " in history_figure([past(0, 1e-3), past(1.5 / 24, 2e-3)]).svg
 
 
 def test_the_last_verifications_of_six_transforms_are_drawn() -> None:

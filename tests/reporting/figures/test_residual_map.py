@@ -64,7 +64,7 @@ def test_the_arrow_is_as_long_as_the_caption_and_its_ruler_say():
     np.testing.assert_allclose(shaft, [[20, 20], [20 + 0.6 * 32, 20 + 0.8 * 32]], atol=0.05)
     assert np.ptp(ruler, axis=0).tolist() == [32, 0]
     assert "enlarged 12.8 times" in figure.caption
-    assert [box.text for box in labels(figure.svg)][0] == "5 px"
+    assert labels(figure.svg)[0].text == "5 px"
 
 
 def test_arrows_of_a_camera_have_one_scale():

@@ -101,6 +101,8 @@ def test_axes_cross_in_the_middle_and_names_lie_on_their_rings():
     assert across.tolist() == [[MIDDLE - RADIUS, MIDDLE], [MIDDLE + RADIUS, MIDDLE]]
     assert down.tolist() == [[MIDDLE, MIDDLE - RADIUS], [MIDDLE, MIDDLE + RADIUS]]
     assert view(svg)[:4] == (0, 0, 2 * MIDDLE, 2 * MIDDLE)
+    circles = [[float(each) for each in found] for found in re.findall(r'cx="(.*?)" cy="(.*?)" r="(.*?)"', svg)]
+    assert circles == [[MIDDLE, MIDDLE, RADIUS / 2], [MIDDLE, MIDDLE, RADIUS]]
     for box, share in zip(labels(svg), (0.5, 1.0), strict=True):
         assert MIDDLE < box.left < MIDDLE + 8
         assert box.bottom <= MIDDLE - share * RADIUS < box.bottom + 8
@@ -152,3 +154,19 @@ def test_the_front_is_the_side_of_most_views(given, tilts):
     """The side of positive z if half of the views are there."""
     svg = orientation_figure(views(*given)).svg
     assert [int(each) for each in re.findall(r"tilted by (\d+) deg", svg)] == tilts
+
+
+@pytest.mark.parametrize(("count", "drawn"), [(1500, 1500), (1501, 751)])
+def test_up_to_1500_residuals_are_all_drawn(count, drawn):
+    """Every second of one more; of the residuals that were left out, the first ones."""
+    off = np.random.default_rng(1).normal(0, 0.1, (2 * count, 2))
+    figure = residual_polar(seen(np.zeros((2 * count, 2)), off, [True] * count + [False] * count))
+    clouds = dict(re.findall(r'class="(cloud|left-out)" d="([^"]*)"', figure.svg))
+    assert (clouds["cloud"].count("M"), clouds["left-out"].count("M")) == (drawn, 1500)
+    assert ("points drawn" in figure.caption) == (drawn < count)
+
+
+def test_up_to_four_hundred_views_are_all_drawn():
+    """Every second of one more."""
+    for count, drawn in ((400, 400), (401, 201)):
+        assert orientation_figure(views(*np.linspace(0, 20, count))).svg.count('class="mark view"') == drawn
