@@ -23,6 +23,8 @@ def test_points_fall_into_their_squares():
     grid = image_grid((1280, 720), pixels)
     assert (grid.shape, grid.pitch) == ((16, 9), 80.0)
     assert grid.square.tolist() == [0, 143, 143, 1]
+    outside = np.array([[-90.0, -90.0], [1400.0, 900.0], [1400.0, -90.0], [-90.0, 900.0]])
+    assert image_grid((1280, 720), outside).square.tolist() == [0, 143, 15, 128]
     assert grid.count[[0, 1, 143]].tolist() == [1, 1, 2]
     assert grid.count.sum() == 4
     assert grid.means(np.array([1.0, 2.0, 3.0, 4.0])).tolist() == [1.0, 4.0, 2.5]
