@@ -121,3 +121,34 @@ def test_several_homes_suit_no_arms():
     scene = draw_scene(Scenario(layout="chain"), make_layout("chain"), rng())
     with pytest.raises(InputError, match="'chain' has robots with several homes"):
         with_arms(scene, Scenario(layout="chain"), rng())
+
+
+def test_joints_turn_once_either_way_and_masses_lie_on_their_links():
+    """Those of both long links near their middles."""
+    arm = six_axis()
+    np.testing.assert_allclose([arm.lower, arm.upper], [np.full(6, -2 * np.pi), np.full(6, 2 * np.pi)])
+    np.testing.assert_array_equal(arm.axes, np.tile([0, 0, 1], (6, 1)))
+    for link in (1, 2):
+        assert arm.masses.centres[link, 0] == pytest.approx(arm.origins[link + 1].translation[0] / 2, abs=0.02)
+    assert np.linalg.norm(arm.masses.centres, axis=1).max() < 0.25
+    assert np.all(np.diff(arm.masses.kg[1:]) <= 0)
+
+
+def test_far_joints_are_found_in_bounded_steps():
+    """From joints that are a radian off; those of a single start serve all poses."""
+    arm = six_axis()
+    wanted = arm.forward(np.stack([HOME, HOME + 0.1]))
+    found, reached = solve_joints(arm, wanted, HOME + np.array([1, 0.5, -0.5, 0.5, -0.3, 1]))
+    assert reached.all()
+    np.testing.assert_allclose(arm.forward(found).matrix, wanted.matrix, atol=1e-8)
+
+
+def test_homes_turn_all_round_at_both_ends_of_the_arm():
+    """Shoulder and flange by half a turn either way, what is between by half a radian."""
+    scenario, draws = Scenario(layout="eye_in_hand", joints=True), rng()
+    scene = draw_scene(scenario, make_layout("eye_in_hand"), np.random.default_rng(1))
+    homes = np.stack([arm.home for _ in range(50) for arm in with_arms(scene, scenario, draws)[1].values()])
+    reach = np.abs(homes - [0.0, -1.2, 1.5, -1.8, 1.4, 0.0]).max(0)
+    limits = np.array([np.pi, 0.4, 0.4, 0.5, 0.5, np.pi])
+    assert np.all(reach <= limits)
+    assert np.all(reach > 0.9 * limits)
