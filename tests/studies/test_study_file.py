@@ -167,12 +167,10 @@ def test_missing_file(tmp_path: Path) -> None:
 )
 def test_limits_are_inclusive(text: str, over: str, words: str) -> None:
     """What is just at a limit is read, what is just beyond is refused with it."""
-    read = text if "cells" in text else f"{text}\ncells: 1"
+    read, refused = (each if "cells" in each else f"{each}\ncells: 1" for each in (text, over))
     study_from_text(f"schema: basecal/study/1\n{read}\n", "study.yaml")
     with pytest.raises(DatasetError) as told:
-        study_from_text(
-            f"schema: basecal/study/1\n{over}{'' if 'cells' in over else chr(10) + 'cells: 1'}\n", "study.yaml"
-        )
+        study_from_text(f"schema: basecal/study/1\n{refused}\n", "study.yaml")
     assert words in str(told.value)
 
 

@@ -114,6 +114,10 @@ def test_few_pixels_widen_the_variance() -> None:
         jacobian[0, :count] = 3.0
         jacobian[1, :count] = 4.0
         assert _variance_factor(at._replace(jacobian=jacobian), weights) == pytest.approx(factor)
+    for axis in (0, 1):
+        jacobian = np.zeros((6, 441))
+        jacobian[axis, :20] = np.repeat([1.0, 2.0], 10)  # which count as 50^2 / 170 equal ones
+        assert _variance_factor(at._replace(jacobian=jacobian), weights) == pytest.approx(2500 / (2500 - 2 * 170))
 
 
 def test_twelve_pixels_are_enough_to_begin_with() -> None:
