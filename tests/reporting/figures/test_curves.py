@@ -136,3 +136,12 @@ def test_truth_values_are_words() -> None:
     middle = (62 + 640 - 14) / 2
     width = 640 - 62 - 14
     np.testing.assert_allclose(places(svg), [middle - width / 4, middle + width / 4], atol=0.06)
+
+
+def test_a_drawing_is_about_half_as_high_as_wide() -> None:
+    """Its curves fill most of it."""
+    svg = curves("error", "days", "mm", {"": (Band(0, (1.0, 2.0, 3.0)), Band(1, (2.0, 3.0, 5.0)))})
+    whole, rules = view(svg), np.concatenate(ends(svg, "rule"))
+    assert 0.35 < whole.bottom / whole.right < 0.6
+    assert np.all(np.ptp(rules, axis=0) > 0.75 * np.array([whole.right, whole.bottom]))
+    assert np.ptp(heights(svg)) > 0.15 * whole.bottom
