@@ -8,7 +8,7 @@ import pytest
 from basecal.cell.cell import WORLD
 from basecal.errors import InputError
 from basecal.geometry import SE3
-from basecal.simulation.arms import six_axis, solve_joints, with_arms
+from basecal.simulation.arms import _arm, six_axis, solve_joints, with_arms
 from basecal.simulation.layout import make_layout
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import draw_scene
@@ -145,10 +145,9 @@ def test_far_joints_are_found_in_bounded_steps():
 
 def test_homes_turn_all_round_at_both_ends_of_the_arm():
     """Shoulder and flange by half a turn either way, what is between by half a radian."""
-    scenario, draws = Scenario(layout="eye_in_hand", joints=True), rng()
-    scene = draw_scene(scenario, make_layout("eye_in_hand"), np.random.default_rng(1))
-    homes = np.stack([arm.home for _ in range(50) for arm in with_arms(scene, scenario, draws)[1].values()])
+    draws = rng()
+    homes = np.stack([_arm(Scenario(joints=True), draws).home for _ in range(30)])
     reach = np.abs(homes - [0.0, -1.2, 1.5, -1.8, 1.4, 0.0]).max(0)
     limits = np.array([np.pi, 0.4, 0.4, 0.5, 0.5, np.pi])
     assert np.all(reach <= limits)
-    assert np.all(reach > 0.9 * limits)
+    assert np.all(reach > 0.85 * limits)

@@ -191,7 +191,6 @@ def test_trials_in_all_are_those_of_all_points() -> None:
 
 def test_an_axis_has_a_thousand_values_at_most() -> None:
     head = "schema: basecal/study/1\ntrials: 1\ncells: 1\n"
-    values = [k / 10 for k in range(1001)]
-    assert len(study_from_text(f"{head}axes: {{pixel_px: {values[:1000]}}}", "study.yaml").points) == 1000
+    values = list(range(1001))
     with pytest.raises(DatasetError, match="1000"):
         study_from_text(f"{head}axes: {{pixel_px: {values}}}", "study.yaml")

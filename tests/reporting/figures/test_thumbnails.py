@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 from tests.drawings import ends
 from tests.seen_points import seen
 
@@ -98,27 +99,31 @@ def test_points_stand_on_the_image():
     assert 'class="found" d="M25.0 50.0h0M1.0 1.2h0"' in shown
 
 
-def test_up_to_eighteen_used_and_six_other_views_are_shown(tmp_path):
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thumbnails are chosen, and not drawn."""
+    monkeypatch.setattr(thumbnails_module, "_picture", lambda *_: Markup("<svg></svg>"))
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_up_to_eighteen_used_and_six_other_views_are_shown(recording):
     """The largest of each, by the rms of the points that were used."""
-    write_png(tmp_path / "a.png", np.full((720, 1280), 90, np.uint8))
-    small = Recording(tuple(Sample(k, images={"wrist": "a.png"}) for k in range(40)), folder=str(tmp_path))
     found = [points(*np.linspace(0.1, 0.9, 30), left_out=range(20, 30))]
-    pictures, caption = thumbnails(CELL, small, CALIBRATION, found)
+    pictures, caption = thumbnails(CELL, recording, CALIBRATION, found)
     assert [int(view.sample[0]) for _, view, _ in pictures] == [*range(19, 1, -1), *range(29, 23, -1)]
     assert caption.startswith("24 of 30 views.")
 
 
-def test_lines_have_the_scale_of_the_calibration(recording):
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(("rms_px", "longest"), [(0.2, "0.5"), (None, "2"), (2.2, "5")])
+def test_lines_have_the_scale_of_the_calibration(recording, rms_px, longest):
     """Twice its rms, rounded up, is a twentieth of the width; without an rms, twice the largest of the views."""
-    for calibration, longest in (
-        (CALIBRATION, "0.5"),
-        (Calibration("good"), "2"),
-        (Calibration("good", residuals=Residuals(2.2)), "5"),
-    ):
-        _, caption = thumbnails(CELL, recording, calibration, [points(0.1, 1.0)])
-        assert f"; {longest} px are drawn as a twentieth" in caption
+    calibration = Calibration("good", residuals=Residuals(rms_px))
+    _, caption = thumbnails(CELL, recording, calibration, [points(0.1, 1.0)])
+    assert f"; {longest} px are drawn as a twentieth" in caption
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_rms_is_per_coordinate_and_of_used_points(recording):
     """Of two points with 3 and 4 px in one coordinate, one of which was left out."""
     found = points(3.0)

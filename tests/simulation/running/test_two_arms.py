@@ -34,6 +34,10 @@ def test_the_target_is_seen_whole_from_where_they_begin(seed):
         off = (world.truth[name].inverse() @ unknown.mean).log()
         assert 1e-3 < np.linalg.norm(off[:3]) < 0.1
         assert unknown.status == "free"
+    facing = SE3.from_rotvec([0, 0, np.pi], [1.7, 0, 0])
+    off = (facing.inverse() @ world.truth["eye_base_from_hand_base"]).log()
+    assert 1e-3 < np.linalg.norm(off[:3]) < 0.15
+    assert 1e-3 < np.linalg.norm(off[3:]) < 0.4
 
 
 def test_a_light_has_known_mounts():
@@ -66,7 +70,7 @@ def test_plates_are_in_front_of_the_flange_and_face_away(kind):
     """Their middle is 60 mm ahead, within 20 mm; a board is tilted by 0.06 rad at most, a point not at all."""
     shape, offs, tilts = SHAPES[kind], [], []
     rng = np.random.default_rng(0)
-    for _ in range(100):
+    for _ in range(50):
         plate = _plate(shape, rng)
         offs.append(np.linalg.norm(plate @ shape.points.mean(0) - [0, 0, 0.06]))
         facing = np.diag([1.0, -1.0, -1.0]) if not shape.is_point else np.eye(3)
@@ -80,16 +84,16 @@ def test_plates_are_in_front_of_the_flange_and_face_away(kind):
 def test_poses_are_drawn_with_their_sigmas():
     """Translation first."""
     rng = np.random.default_rng(0)
-    drawn = np.array([_draw_pose(rng, (0.03, 0.08)).log() for _ in range(300)])
-    np.testing.assert_allclose(drawn.std(0), [0.03] * 3 + [0.08] * 3, rtol=0.15)
+    drawn = np.array([_draw_pose(rng, (0.03, 0.08)).log() for _ in range(150)])
+    np.testing.assert_allclose(drawn.std(0), [0.03] * 3 + [0.08] * 3, rtol=0.2)
 
 
 def test_what_is_stated_is_a_guess_or_the_truth():
     """A guess is off by 20 mm and 50 mrad; mounts of a cell with a light are known, its base is not."""
     rng, true = np.random.default_rng(0), SE3.from_rpy((0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
-    guesses = [_stated_unknown("eye_flange_from_wrist", true, rng, False) for _ in range(300)]
+    guesses = [_stated_unknown("eye_flange_from_wrist", true, rng, False) for _ in range(150)]
     off = np.array([(true.inverse() @ guess.mean).log() for guess in guesses])
-    np.testing.assert_allclose(off.std(0), [0.02] * 3 + [0.05] * 3, rtol=0.15)
+    np.testing.assert_allclose(off.std(0), [0.02] * 3 + [0.05] * 3, rtol=0.2)
     assert {guess.status for guess in guesses} == {"free"}
     known = _stated_unknown("eye_flange_from_wrist", true, rng, True)
     assert (known.status, known.mean) == ("fixed", true)
@@ -105,12 +109,3 @@ def test_arms_reach_their_home_within_half_a_turn():
     assert abs(np.linalg.det(chain.jacobian(joints))) > 0.03
     with pytest.raises(InputError, match="choose another seed"):
         _joints(chain, SE3(_REACHED_POSE.rotation, np.array([2.0, 0.0, 0.5])))
-
-
-def test_arms_face_one_another():
-    """Bases 1.7 m apart, turned by half a turn, to the variation of such cells; seeds give other cells."""
-    bases = [two_arms("led", seed).truth["eye_base_from_hand_base"] for seed in range(2)]
-    off = np.array([(SE3.from_rotvec([0, 0, np.pi], [1.7, 0, 0]).inverse() @ base).log() for base in bases])
-    assert np.abs(off[:, :3]).max() < 0.15
-    assert np.abs(off[:, 3:]).max() < 0.4
-    assert len({tuple(row) for row in off}) == 2
