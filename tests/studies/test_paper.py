@@ -102,3 +102,9 @@ def test_quantiles_are_shares_of_draws_nearer_to_the_truth(study, key, level):
     angles = np.linalg.norm(rotation_log(turned), axis=1)
     own = np.linalg.norm(rotation_log(nearest_rotation(nearest_rotation(np.array(printed["R"])).T @ true.rotation)))
     assert entry["paper_quantile"]["rotation"] == np.mean(angles < own)
+
+
+def test_the_settings_are_those_that_were_used(study):
+    """Of a repetition they can be read off."""
+    assert study["settings"] == {"seed": 0, "draws": 4000, "length_draws": 2000, "sigma_px": 0.1}
+    assert [row["shift_m"] for row in study["shift_length"]] == [0.01, 0.02, 0.03, 0.06, 0.1, 0.2, 0.3, 0.6]
