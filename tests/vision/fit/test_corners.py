@@ -200,3 +200,14 @@ def test_initial_lines_are_the_axes() -> None:
     """The second is against its axis, so that both have the corner to their right."""
     q = _parameters(np.array([[40.0, 30.0]]), np.array([[[3.0, 3.0], [0.0, -2.0]]]))
     np.testing.assert_allclose(q, [[40, 30, np.pi / 4, np.pi / 2, 0, 0]])
+
+
+def test_noise_is_that_of_few_pixels_less_their_parameters() -> None:
+    """Of 36 pixels, ten numbers are fitted: errors over sigmas are those of Student's t with 26 degrees of freedom."""
+    small, ratio = replace(WINDOW, arm_px=3.0), []
+    for seed in range(4):
+        found = refine_corners(board(3.0, 0.8, 0.0, seed), saddle, PLACES, AXES, small)
+        assert found.trusted.all()
+        ratio.append((found.pixels - PLACES) / found.sigma_px[:, None])
+    # Of 384 coordinates an rms has a sigma of 3.6 %.
+    assert np.sqrt(np.mean(np.square(ratio))) == pytest.approx(np.sqrt(26 / 24), abs=0.1)
