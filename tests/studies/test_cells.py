@@ -85,3 +85,16 @@ def test_views_are_about_their_distance() -> None:
     scenario = _scenario(study(hold="distance_m: 2.0, robot_sigma_t_m: 1e-4").points[0].settings)
     assert scenario.distance_m == pytest.approx((1.6, 2.4))
     assert scenario.robot_noise == (1e-4, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("hold", "stated"), [("pixel_px: 0.3", 0.3), ("pixel_px: 0.3, state_pixel_noise: false", None)]
+)
+@pytest.mark.parametrize("layout", ["shifts", "paper"])
+def test_noise_of_pixels_is_stated_if_it_is_to_be(layout: str, hold: str, stated: float | None) -> None:
+    """Else the recording is exact, and noise is drawn for each trial."""
+    made = simulate_cell(study(hold=f"layout: {layout}, {hold}").points[0].settings, 0)
+    exact = simulate_cell(study(hold=f"layout: {layout}, pixel_px: 0.0").points[0].settings, 0)
+    assert made.cell.pixel_px == stated
+    pixels, without = (np.array([s.observations[0].pixels for s in each.recording.samples]) for each in (made, exact))
+    assert np.array_equal(pixels, without) == (stated is None)

@@ -206,10 +206,10 @@ def edge(sigma_px: float, height: float = 150.0) -> np.ndarray:
     return np.rint(50 + height * ndtr((np.arange(200.0) - 100) / sigma_px))[None].repeat(120, 0).astype(np.uint8)
 
 
-@pytest.mark.parametrize("sigma_px", [2.0, 4.5, 8.0])
+@pytest.mark.parametrize("sigma_px", [1.0, 2.0, 4.5, 8.0])
 def test_blur_is_the_sigma_of_the_sharpest_edges(sigma_px: float) -> None:
-    """To a tenth; without contrast there is none."""
-    assert _edge_px(edge(sigma_px)) == pytest.approx(sigma_px, rel=0.1)
+    """To a fifth of a pixel; without contrast there is none."""
+    assert _edge_px(edge(sigma_px)) == pytest.approx(sigma_px, abs=0.2)
     assert _edge_px(edge(sigma_px, 39.0)) is None
     assert _edge_px(edge(sigma_px, 45.0)) is not None
 

@@ -135,3 +135,10 @@ def test_centres_of_ellipses_are_off_by_perspective() -> None:
     np.testing.assert_allclose(*offset_of_centre(np.zeros((3, 2)), (0.02, 0.01)), atol=1e-5)
     every = np.array([[0.5, 0.3], [0.2, -0.4], [0.1, 0.6]])
     np.testing.assert_allclose(*offset_of_centre(every, (0.02, 0.01)), atol=1e-3)
+
+
+def test_bright_circles_on_black_paper() -> None:
+    """Whose level is zero: contrast is that of the discs, not the level beside them."""
+    found = detect(scene(SHAPE, RenderSettings(black=200.0, white=0.0, background=0.0, noise=1.0)), SHAPE)
+    assert found is not None
+    assert len(found.pixels) == 40
