@@ -138,7 +138,7 @@ def test_centres_of_ellipses_are_off_by_perspective() -> None:
 
 
 def test_bright_circles_on_black_paper() -> None:
-    """Whose level is zero: contrast is that of the discs, not the level beside them."""
+    """All discs are found, although the level of the paper is zero."""
     found = detect(scene(SHAPE, RenderSettings(black=200.0, white=0.0, background=0.0, noise=1.0)), SHAPE)
     assert found is not None
     assert len(found.pixels) == 40
