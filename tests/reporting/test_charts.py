@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from tests.drawings import ends, labels
 
-from basecal.reporting.charts import fitted_scale
+from basecal.reporting.charts import fitted_scale, horizontal_rules, value_text
 
 
 def test_a_scale_is_logarithmic_where_values_reach_far():
@@ -24,3 +26,57 @@ def test_a_scale_is_logarithmic_where_values_reach_far():
 def test_an_axis_has_four_round_values_at_least(values, ticks):
     """Of the roundest step that gives as many."""
     assert fitted_scale(values, 0.0, 10.0, logarithmic=False).ticks() == pytest.approx(ticks)
+
+
+def test_positions_and_margins():
+    """Ends of the drawing are 6 % beyond the outermost values; on a logarithmic scale of their logarithms."""
+    scale = fitted_scale([1.0, 3.0], 100.0, 212.0, logarithmic=False)
+    assert [scale.position(value) for value in (1.0, 2.0, 3.0)] == pytest.approx([106, 156, 206])
+    log = fitted_scale([1.0, 100.0], 100.0, 212.0)
+    assert [log.position(value) for value in (1.0, 10.0, 100.0)] == pytest.approx([106, 156, 206])
+    downwards = fitted_scale([1.0, 3.0], 212.0, 100.0, logarithmic=False)
+    assert downwards.position(1.0) == pytest.approx(206)
+
+
+@pytest.mark.parametrize(("values", "wide"), [([1.0, 8.0], False), ([1.0, 8.1], True), ([0.0, 9.0], False)])
+def test_a_wide_range_is_more_than_eight_times(values, wide):
+    """Of positive numbers."""
+    assert fitted_scale(values, 0.0, 1.0).logarithmic == wide
+
+
+@pytest.mark.parametrize(("value", "low", "high"), [(4.0, 2.0, 6.0), (-4.0, -6.0, -2.0), (0.0, -1.0, 1.0)])
+def test_one_value_has_room_on_both_sides(value, low, high):
+    """Half of its size, or one about zero."""
+    scale = fitted_scale([value], 0.0, 1.0)
+    assert (scale.low, scale.high) == (low, high)
+
+
+@pytest.mark.parametrize(
+    ("values", "ticks"),
+    [
+        ([1.0, 50.0], [1, 2, 5, 10, 20, 50]),
+        ([1.0, 500.0], [1, 10, 100]),
+        ([0.001, 10.0], [0.001, 0.01, 0.1, 1, 10]),
+        ([0.3, 30.0], [0.5, 1, 2, 5, 10, 20]),
+    ],
+)
+def test_logarithmic_ticks_are_round(values, ticks):
+    """1, 2 and 5 of each decade, and powers of ten alone over three decades and more."""
+    assert fitted_scale(values, 0.0, 1.0, logarithmic=True).ticks() == pytest.approx(ticks)
+
+
+def test_rules_have_their_numbers_beside_them():
+    """A line from the left to the right at each tick, and its number before it."""
+    scale = fitted_scale([1.0, 4.0], 200.0, 0.0, logarithmic=False)
+    svg = "<svg>" + "".join(horizontal_rules(scale, 60.0, 300.0)) + "</svg>"
+    rules, numbers = ends(svg, "rule"), labels(svg)
+    assert [box.text for box in numbers] == ["1", "2", "3", "4"]
+    for rule, box, value in zip(rules, numbers, (1.0, 2.0, 3.0, 4.0), strict=True):
+        np.testing.assert_allclose(rule, [[60, scale.position(value)], [300, scale.position(value)]], atol=0.06)
+        assert 50 < box.right < 60
+        assert box.top < rule[0, 1] < box.bottom
+
+
+def test_values_of_axes_are_short():
+    """Numbers without trailing zeros."""
+    assert [value_text(value) for value in (5.0, 0.25, 7, "a", True)] == ["5", "0.25", "7", "a", "True"]

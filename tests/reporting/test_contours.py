@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from tests.drawings import labels
 
 from basecal.reporting.contours import contours, level_segments, refine
 
@@ -47,3 +48,23 @@ def test_each_line_says_its_value_once() -> None:
     assert {float(x) for x in re.findall(r"[ML]([\d.]+) ", drawn)} == {60.0, 100.0, 140.0, 180.0}
     assert contours(np.ones((4, 6)), 40.0) == []
     assert contours(np.arange(6.0)[None], 40.0) == []
+
+
+def test_a_label_stands_on_its_line() -> None:
+    """And none closer than 34 to another, of the lines that have room."""
+    values = np.add.outer(np.zeros(4), np.arange(6.0))
+    drawn = "<svg>" + "".join(contours(values, 40.0)) + "</svg>"
+    for box, x in zip(labels(drawn), (60, 100, 140, 180), strict=True):
+        assert (box.left + box.right) / 2 == pytest.approx(x)
+        assert 10 <= box.top < box.bottom <= 140
+    close = "<svg>" + "".join(contours(values, 8.0)) + "</svg>"
+    middles = np.array([((box.left + box.right) / 2, box.bottom) for box in labels(close)])
+    assert 1 <= len(middles) < 4
+    assert np.linalg.norm(np.diff(middles, axis=0), axis=1).min(initial=99) > 33
+
+
+def test_two_rows_and_two_columns_have_lines() -> None:
+    """One of either has none."""
+    assert len(contours(np.array([[0.0, 5.0], [0.0, 5.0]]), 40.0)) > 1
+    assert contours(np.array([[0.0], [5.0]]), 40.0) == []
+    assert contours(np.array([[0.0, np.nan], [1.0, 5.0]]), 40.0) == []

@@ -2,13 +2,24 @@
 
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 
 from basecal.accuracy.compare import Comparison, Difference
+from basecal.accuracy.drift.history import Drift
 from basecal.accuracy.drift.shifts import Shift
 from basecal.accuracy.drift.verify import Verification
-from basecal.reporting.drift_text import comparison_dict, comparison_text, verification_dict, verification_text
+from basecal.cell import MeasuredShift, PastVerification
+from basecal.reporting.drift_text import (
+    comparison_dict,
+    comparison_text,
+    drift_sentence,
+    history_dict,
+    history_text,
+    verification_dict,
+    verification_text,
+)
 
 BASE = Shift(
     "hand_base",
@@ -81,3 +92,92 @@ def test_comparisons() -> None:
     alike = replace(found, agree=True)
     assert comparison_dict(["one", "two", "three"], [alike, found])["agree"] is False
     assert comparison_text(["one", "two"], [replace(found, agree=None)]).startswith("UNDECIDED")
+
+
+WHEN = datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)
+SHIFTS = {"a_from_b": MeasuredShift(np.array([3e-3, 0, 4e-3]), np.full(3, 1e-4))}
+PAST = PastVerification(WHEN, "r1", 4, True, 1e-7, 4e-4, "hand_base", SHIFTS)
+DRIFT = Drift("a_from_b", "r1", 5, np.array([3e-4, 0, 4e-4]), np.array([0, 6e-5, 8e-5]), 1e-5)
+
+
+def test_a_single_sample_is_one() -> None:
+    """And an error of a joint is that of its zero, in degrees, with its sigma."""
+    one = replace(
+        MOVED, samples=(40,), alternatives=(), shift=replace(JOINT, covariance=np.radians(0.05) ** 2 * np.eye(1))
+    )
+    first, *others = verification_text(one).splitlines()
+    assert first.startswith("MOVED: 1 sample are not explained")
+    assert first.endswith("most likely the zero of joint 3 of hand, by 0.200 ± 0.050 deg")
+    assert others[0] == "check what was bumped or loosened there, and calibrate again"
+
+
+def test_at_most_six_samples_are_listed_as_left_out() -> None:
+    for count, lines in ((6, 6), (7, 6)):
+        still = replace(MOVED, moved=False, alternatives=(), outliers=tuple(range(count)))
+        assert verification_text(still).count("was left out") == lines
+
+
+def test_a_shift_without_a_size_is_undecided() -> None:
+    """Whatever else is known."""
+    assert verification_text(replace(MOVED, shift=None)).startswith("UNDECIDED")
+    assert verification_text(replace(MOVED, moved=None)).startswith("UNDECIDED")
+
+
+def test_the_angle_of_a_shift_is_in_degrees() -> None:
+    assert round(verification_dict(MOVED)["shift_deg"], 9) == 0.5
+    assert verification_dict(MOVED)["alike"] == ["joint 3 of hand"]
+    assert verification_dict(replace(MOVED, shift=JOINT))["transform"] is None
+
+
+def test_a_history_has_a_line_for_each_verification() -> None:
+    """With its verdict, its chance and its shifts; then the drifts."""
+    other = replace(PAST, moved=False, chance=0.4, shifts={}), replace(PAST, moved=None, chance=1.0)
+    assert history_text([PAST, *other], [DRIFT]).splitlines() == [
+        "2026-03-04 05:06  MOVED, hand_base (p = 1e-07)  a_from_b 5.0 mm",
+        "2026-03-04 05:06  not moved (p = 0.4)  ",
+        "2026-03-04 05:06  cannot tell (p = 1)  a_from_b 5.0 mm",
+        "a_from_b drifts 0.50 ± 0.10 mm a day over 5 checks (p = 1e-05)",
+    ]
+    assert history_text([], []) == "nothing was verified yet: basecal verify CELL NEW.jsonl"
+
+
+def test_only_a_certain_drift_is_one() -> None:
+    assert drift_sentence(replace(DRIFT, chance=0.3)).startswith("a_from_b does not drift: 0.50 ± 0.10 mm a day")
+
+
+def test_a_history_as_json() -> None:
+    """Lengths in mm, rates in mm per day along each axis."""
+    data = json.loads(json.dumps(history_dict([PAST, replace(PAST, detectable_m=None)], [DRIFT])))
+    first, second = data["verifications"]
+    assert first == {
+        "when": "2026-03-04T05:06:07Z",
+        "run": "r1",
+        "samples": 4,
+        "moved": True,
+        "frame": "hand_base",
+        "p": 1e-7,
+        "detectable_mm": 0.4,
+        "shift_mm": {"a_from_b": 5.0},
+    }
+    assert second["detectable_mm"] is None
+    (drift,) = data["drift"]
+    np.testing.assert_allclose(drift["mm_per_day"], [0.3, 0, 0.4])
+    np.testing.assert_allclose(drift["sigma_mm_per_day"], [0, 0.06, 0.08])
+    assert (drift["transform"], drift["verifications"], drift["p"]) == ("a_from_b", 5, 1e-5)
+
+
+def test_runs_agree_if_all_do() -> None:
+    """One that disagrees decides, then one that is undecided; what is only in the first is named by it."""
+    difference = {"a_from_b": Difference(2e-3, np.radians(0.1), 4.5, 1e-6)}
+    same = Comparison(difference, {"c_from_d": 0}, (), {}, True)
+    unknown, other = replace(same, agree=None), replace(same, agree=False)
+    names = ["one", "two", "three"]
+    assert comparison_text(names, [same, same]).startswith("AGREE")
+    assert comparison_text(names, [same, unknown]).startswith("UNDECIDED")
+    assert comparison_text(names, [other, unknown]).startswith("DISAGREE")
+    assert comparison_dict(names, [same, same])["agree"] is True
+    assert comparison_dict(names, [same, unknown])["agree"] is None
+    assert comparison_dict(names, [same, same])["differences"][1]["only"] == {"c_from_d": "one"}
+    assert "  c_from_d is only in one" in comparison_text(names, [same, same]).splitlines()
+    found = comparison_dict(names, [same, same])["differences"][0]["transforms"]["a_from_b"]
+    np.testing.assert_allclose([found["shift_deg"], found["sigmas"], found["p"]], [0.1, 4.5, 1e-6])

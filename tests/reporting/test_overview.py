@@ -6,7 +6,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from basecal.cell import Calibration, CellTarget, Unknown
-from basecal.reporting.overview import answer_words, cell_words, provenance
+from basecal.reporting.overview import _options, answer_words, cell_words, provenance
 from basecal.simulation import Scenario, simulate
 
 CELL = simulate(Scenario(samples=2, joints=True), 0).cell
@@ -67,3 +67,38 @@ def test_noise_is_stated_estimated_or_none():
     assert known["noise of hand"] == "none, assumed exact"
     refused = provenance(cell, Calibration("refused", settings={"robot_noise": "estimated"}))
     assert refused["What was known"]["noise of eye"] == "not estimated"
+
+
+def test_options_are_words_and_sizes():
+    """Lengths in mm, pairs of whole numbers as columns and rows, other lists by their number."""
+    options = {
+        "squares": [5, 7],
+        "square_m": 0.0305,
+        "legacy_pattern": True,
+        "asymmetric": False,
+        "dictionary": "DICT_4X4_50",
+        "border": 2,
+        "tags": [1, 2, 3],
+        "points": [[0.0, 0.0]],
+        "sizes_m": [0.1, 0.2],
+        "marks": [],
+    }
+    assert list(_options(options)) == [
+        "5 x 7 squares",
+        "square 30.5 mm",
+        "legacy pattern",
+        "DICT_4X4_50",
+        "border 2",
+        "3 tags",
+        "1 point",
+        "2 sizes",
+        "0 marks",
+    ]
+
+
+def test_robots_of_poses_have_no_file_and_cameras_may_have_no_size():
+    cell = simulate(Scenario(samples=2, target="pose"), 0).cell
+    words = list(cell_words(cell))
+    assert words[:2] == [("Robot", "eye, the reference, poses recorded"), ("Robot", "hand, poses recorded")]
+    assert ("Camera", "wrist, on the flange of eye") in words
+    assert ("Target", "board, on the flange of hand, seen as poses") in words

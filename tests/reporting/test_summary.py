@@ -18,6 +18,7 @@ from basecal.cell import (
     Finding,
     Rival,
     Robot,
+    Tolerance,
     Validation,
 )
 from basecal.geometry import SE3, PoseEstimate
@@ -153,3 +154,54 @@ def test_a_certificate_that_was_requested_has_a_line(certificate: Certificate | 
     """Whether the optimum is proven, or why not; nothing if it was not requested."""
     lines = summary(a_cell("eye", "hand"), replace(good(), certificate=certificate)).splitlines()
     assert [each for each in lines if each.startswith("certificate")] == ([] if line is None else [line])
+
+
+def rows_of(lines: list[str]) -> int:
+    return sum(line.startswith("  t ") for line in lines)
+
+
+@pytest.mark.parametrize(("robots", "full"), [(4, 3), (5, 3), (3, 2)])
+def test_three_transforms_have_their_numbers(robots: int, full: int) -> None:
+    """Every further one has its line alone."""
+    cell = a_cell(*(f"r{k}" for k in range(robots)))
+    transforms = dict.fromkeys(cell.requested_transforms, estimate(1e-3, 1e-3))
+    lines = summary(cell, replace(good(), transforms=transforms)).splitlines()
+    assert rows_of(lines) == full
+    assert sum("(1 sigma, 3-D norm)" in line for line in lines) == robots - 1
+
+
+@pytest.mark.parametrize(("count", "also"), [(4, None), (5, "also found, see --verbose: code4")])
+def test_four_findings_have_their_text(count: int, also: str | None) -> None:
+    """Others are named, if there is no room for them."""
+    long = " ".join(["it is said at length"] * 20)
+    findings = tuple(Finding(f"code{k}", "warning", (), f"{k}: {long}") for k in range(count))
+    lines = summary(a_cell("eye", "hand"), replace(good(), verdict="doubtful", findings=findings)).splitlines()
+    assert [line for line in lines if line.startswith("also found")] == ([] if also is None else [also])
+    assert sum(line.startswith("warning: ") for line in lines) == 3
+
+
+@pytest.mark.parametrize(("count", "full"), [(9, True), (10, False)])
+def test_infos_have_their_text_up_to_fourteen_lines(count: int, full: bool) -> None:
+    """Five lines of the answer and nine infos; of ten, their codes and numbers."""
+    infos = tuple(Finding(f"code{k // 2}", "info", (), f"info {k}.") for k in range(count))
+    lines = summary(a_cell("eye", "hand"), replace(good(), findings=infos)).splitlines()
+    if full:
+        assert len(lines) == 14
+        assert lines[-1] == "info: info 8. [code4]"
+    else:
+        assert lines[-1] == "also found, see --verbose: code0 (2), code1 (2), code2 (2), code3 (2), code4 (2)"
+
+
+def test_a_tolerance_decides_first() -> None:
+    """Met or missed it comes first, with findings after it; doubt comes before it, and a refusal states none."""
+    warning = Finding("overfit", "warning", (), "It is overfit.")
+    met = Tolerance(1e-3, 4e-4, True)
+    sentence = "expected error 0.40 mm (95 %), tolerance 1 mm"
+    first, second, *_ = summary(a_cell("eye", "hand"), replace(good(), tolerance=met, findings=(warning,))).splitlines()
+    assert (first, second) == (f"PASS: {sentence}", "warning: It is overfit. [overfit]")
+    doubtful = replace(good(), verdict="doubtful", tolerance=met, findings=(warning,))
+    first, second, *_ = summary(a_cell("eye", "hand"), doubtful).splitlines()
+    assert (first, second) == ("DOUBTFUL: It is overfit. [overfit]", sentence)
+    refused = summary(a_cell("eye", "hand"), Calibration("refused", tolerance=met, findings=(TOO_FEW,)))
+    assert sentence not in refused
+    assert summary(a_cell("eye", "hand"), Calibration("refused")) == "REFUSED: no requested transform is observable."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zlib
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -151,3 +152,152 @@ def test_the_largest_square_that_fits(paper, pitch_mm):
     assert printed_pages(fitting, "title", paper)[0].paper == paper
     with pytest.raises(InputError, match=f"do not fit on {paper}"):
         printed_pages(larger, "title", paper)
+
+
+LEDS = led_target([[0, 0, 0], [0.05, 0.02, 0], [0.05, -0.03, 0]])
+
+
+def test_a_template_has_a_cross_and_a_ring_for_each_point():
+    """Crosses of 16 mm about rings of 5 mm, as far apart as the points, each with its number beside it."""
+    (page,) = printed_pages(LEDS, "title")
+    np.testing.assert_allclose(page.rings[:, 2], 2.5)
+    np.testing.assert_allclose(page.rings[:, :2] - page.rings[0, :2], 1e3 * LEDS.points[:, :2], atol=1e-9)
+    assert len(page.rectangles) == len(page.discs) == 0
+    for k, (x, y, _) in enumerate(page.rings):
+        crosses = page.lines[np.all(np.isclose((page.lines[:, :2] + page.lines[:, 2:]) / 2, [x, y]), axis=1)]
+        assert sorted((crosses[:, 2:] - crosses[:, :2]).round(9).tolist()) == [[0, 16], [16, 0]]
+        (number,) = (text for text in page.texts if text[2] == str(k))
+        assert 2.5 < np.hypot(number[0] - x, number[1] - y) < 8
+        assert number[0] > x
+        assert number[1] < y
+    assert page.texts[2][2] == "a cross where each point goes"
+
+
+def test_points_of_a_template_may_be_a_micrometre_off():
+    """Not two."""
+    for height, fits in ((0.9e-6, True), (-0.9e-6, True), (1.1e-6, False), (-1.1e-6, False)):
+        target = points_target([[0, 0, 0], [0, 0.05, height]])
+        if fits:
+            assert len(printed_pages(target, "title")) == 1
+        else:
+            with pytest.raises(InputError, match="z must be 0"):
+                printed_pages(target, "title")
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_shapes_are_in_the_middle_between_border_and_rulers(kind):
+    """As far from the left as from the right ruler, and from the top as from the texts."""
+    for page in printed_pages(SHAPES[kind], "title"):
+        low, high = _extent(page)
+        width, height = page.size_mm
+        if kind != "led":  # its numbers and crosses have a margin of their own
+            assert low[0] >= 8
+            assert low[1] >= 8
+        assert np.all(high <= np.array([width - 22, height - 30]) + 1e-6)
+
+
+def _extent(page):
+    shapes = [page.rectangles[:, :2], page.rectangles[:, 2:]]
+    round_ones = [
+        np.empty((0, 2)),
+        *(each[:, :2] + side * each[:, 2:] for each in (page.discs, page.rings) for side in (-1, 1)),
+    ]
+    every = np.concatenate([*shapes, *round_ones])
+    return every.min(0), every.max(0)
+
+
+def test_texts_and_rulers_can_be_read():
+    """On the page, clear of one another: an advice below the ruler, title and sizes above its ticks."""
+    (page,) = printed_pages(SHAPES["charuco"], "title")
+    width, height = page.size_mm
+    x, y, end, _ = page.lines[0]
+    (advice_x, advice_y, advice), (title_x, title_y, title), (check_x, check_y, _) = page.texts[:3]
+    assert advice.startswith("both rulers are 100 mm")
+    assert title == "title"
+    assert x == advice_x == title_x == check_x
+    assert y + 3.2 < advice_y < height - 8 + 3.2
+    assert check_y < y - 4
+    assert title_y < check_y - 3.2
+    assert title_y - 3.2 > page.rectangles[:, 3].max()
+    assert 8 < x < end < width - 8
+    upright = page.lines[1]
+    assert upright[0] == upright[2] < width - 8
+    assert upright[0] > end
+    assert upright[1] == y
+
+
+def test_ticks_of_the_upright_ruler_are_those_of_the_other():
+    """At its left, longer at ends and middle."""
+    (page,) = printed_pages(SHAPES["charuco"], "title")
+    x, y, _, end = page.lines[1]
+    ticks = [line for line in page.lines if line[0] == x and end <= line[1] == line[3] <= y]
+    lengths = {round(float(y - line[1])): float(line[0] - line[2]) for line in ticks}
+    assert lengths == {mm: 4.0 if mm in (0, 50, 100) else 2.5 for mm in range(0, 101, 10)}
+
+
+def test_axes_lie_beside_the_sheet():
+    """Arrows with a bar at their start, clear of the squares, and names beyond their tips."""
+    (page,) = printed_pages(SHAPES["charuco"], "title")
+    arrows = page.lines[np.isclose(np.linalg.norm(page.lines[:, 2:] - page.lines[:, :2], axis=1), 10.0)]
+    names = {text: np.array([x, y]) for x, y, text in page.texts if text in ("x", "y")}
+    sheet = np.array([(210 - 14) / 2 - 90, (297 - 22) / 2 - 120])
+    assert len(arrows) == 2
+    for name, line in zip("xy", arrows, strict=True):
+        start, tip = line[:2], line[2:]
+        along = (tip - start) / 10
+        side = int(np.argmin(np.abs(along)))
+        assert sheet[side] - 5 < start[side] < sheet[side] - 1
+        assert 1 < along @ (names[name] - tip) < 3
+        bars = page.lines[np.all(np.isclose((page.lines[:, :2] + page.lines[:, 2:]) / 2, start), axis=1)]
+        (bar,) = bars[:, 2:] - bars[:, :2]
+        assert np.abs(bar).tolist() == [2.0 * (side == 0), 2.0 * (side == 1)]
+        barbs = page.lines[np.all(page.lines[:, :2] == tip, axis=1)][:, 2:] - tip
+        np.testing.assert_allclose(barbs @ along, [-1.5, -1.5])
+        assert sorted(barbs[:, side].tolist()) == [-1.0, 1.0]
+
+
+def test_cut_marks_are_clear_of_the_sheet():
+    """They begin 1.5 mm outside of it, so that none is left on the board."""
+    (page,) = printed_pages(SHAPES["charuco"], "title")
+    marks = page.lines[np.isclose(np.abs(page.lines[:, 2:] - page.lines[:, :2]).sum(1), 4.0)]
+    board = np.array([(210 - 14) / 2, (297 - 22) / 2])
+    outside = np.abs(marks.reshape(-1, 2, 2) - board) - [90, 120]
+    outwards = outside.max(axis=2)
+    ticks = len(marks) - np.sum(np.all(np.isclose(np.sort(outwards, axis=1), [1.5, 5.5]), axis=1))
+    assert ticks == 6
+
+
+def test_the_smallest_paper_that_fits_is_chosen():
+    """From A4 on, upright first; beyond A0 a page of its own, of whole millimetres and with room for the ruler."""
+    for size_mm, name, shape in (
+        ((180, 259), "A4", (210, 297)),
+        ((181, 100), "A4", (297, 210)),
+        ((180, 260), "A3", (297, 420)),
+        ((800, 1150), "A0", (841, 1189)),
+        ((811.5, 1160), "custom", (842, 1198)),
+        ((3, 1200), "custom", (140, 1238)),
+    ):
+        width, height = (1e-3 * side - 0.032 for side in size_mm)
+        (page,) = printed_pages(points_target([[0, 0, 0], [width, height, 0]]), "title")
+        assert (page.paper, tuple(page.size_mm)) == (name, shape), size_mm
+
+
+def test_one_page_keeps_the_name_of_its_file(tmp_path: Path):
+    """Numbers are for several."""
+    assert [p.name for p in write_pages(printed_pages(LEDS, "leds"), tmp_path / "leds.svg")] == ["leds.svg"]
+
+
+def test_a_pdf_has_every_shape_of_its_page(tmp_path: Path):
+    """Rectangles and discs are filled, lines and rings are strokes of 0.15 mm, and texts are 3.2 mm high."""
+    for kind in ("circles", "led", "charuco"):
+        pages = printed_pages(SHAPES[kind], "title")
+        (written,) = write_pages(pages, tmp_path / f"{kind}.pdf")
+        (stream,) = re.findall(rb"stream\n(.*?)\nendstream", written.read_bytes(), re.DOTALL)
+        drawn = zlib.decompress(stream).decode()
+        (page,) = pages
+        assert drawn.count(" re f") == len(page.rectangles)
+        assert drawn.count(" h f") == len(page.discs)
+        assert drawn.count(" l S") == len(page.lines)
+        assert drawn.count(" h S") == len(page.rings)
+        assert drawn.count("/F1 3.2 Tf") == len(page.texts)
+        assert "\n0.15 w\n" in drawn

@@ -22,11 +22,27 @@ from basecal.cell import (
     SampleResidual,
     Validation,
 )
+from basecal.cell.calibration import Certificate, ClockOffset, LineTime, Loop, Rival
+from basecal.cell.work_error import BudgetEntry, LocalFit
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera, PoseEstimate
 from basecal.reporting.page import page
 from basecal.reporting.statement.verdict import headline
-from basecal.reporting.text import estimate_rows, frame_names, robot_blocks, text_report
+from basecal.reporting.text import (
+    certificate_lines,
+    clock_sentences,
+    estimate_rows,
+    fit_sentences,
+    frame_names,
+    local_rows,
+    noise_sentences,
+    outlier_sentences,
+    rival_lines,
+    robot_blocks,
+    task_rows,
+    task_sentence,
+    text_report,
+)
 
 BASE = "eye_base_from_hand_base"
 
@@ -250,3 +266,169 @@ def test_report_and_page_have_them() -> None:
     for told in (text_report(cell, with_robots()), page(cell, Recording(), with_robots())):
         assert "joint offsets of hand" in told
         assert "+0.3100 deg" in told
+
+
+def rows(**fields: object) -> list[str]:
+    """Lines of the report of a calibration with other fields, with single spaces."""
+    return [" ".join(line.split()) for line in text_report(a_cell(), replace(a_calibration(), **fields)).splitlines()]
+
+
+def test_a_transform_states_its_kind_and_its_quaternion() -> None:
+    """A fixed transform is not called estimated, and only a point has no quaternion."""
+    lines = rows(status={BASE: "fixed", "hand_flange_from_led": "free"})
+    assert f"fixed transform {BASE} (fixed): good" in lines
+    assert "estimated transform hand_flange_from_led (free, a point): good" in lines
+    assert [line for line in lines if line.startswith("q_xyzw")] == [
+        "q_xyzw 0.000000000 0.000000000 0.707106781 0.707106781"
+    ]
+
+
+def test_lines_to_paste_follow_their_transform() -> None:
+    """URDF first, then ROS 2, as the last lines of the block."""
+    block = text_report(a_cell(), a_calibration()).split("\n\n")[1].splitlines()
+    assert block[0].startswith(f"estimated transform {BASE}")
+    assert [line.split(":")[0].strip() for line in block[-2:]] == ["URDF", "ROS 2"]
+
+
+def test_ids_of_outliers_are_cut_after_ten() -> None:
+    """Ten points are all listed; of eleven the list ends with dots."""
+    ten, eleven = (Outlier(3, "wrist", "led", tuple(range(count)), "8 px off") for count in (10, 11))
+    assert list(outlier_sentences(replace(a_calibration(), outliers=(ten, eleven)))) == [
+        "sample 3, led by wrist, points 0, 1, 2, 3, 4, 5, 6, 7, 8, 9: 8 px off",
+        "sample 3, led by wrist, points 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, ...: 8 px off",
+    ]
+
+
+def test_loops_are_listed_if_there_are_several() -> None:
+    """Each with its path, error and views; a single loop is the rms of all."""
+    loops = (Loop(("eye", "wrist", "led"), 7, 1e-3, np.radians(0.1)), Loop(("hand", "led"), 1, 2e-3, np.radians(0.2)))
+    told = replace(a_calibration(), residuals=Residuals(loops=loops))
+    assert list(fit_sentences(told)) == [
+        "pose consistency error of eye - wrist - led: 1.0 mm and 0.10 deg over 7 views",
+        "pose consistency error of hand - led: 2.0 mm and 0.20 deg over 1 views",
+    ]
+    assert list(fit_sentences(replace(told, residuals=Residuals(loops=loops[:1])))) == []
+
+
+def test_a_certificate_is_stated_with_its_gap_or_reason() -> None:
+    proven, unproven = Certificate(2e-9, True), Certificate(None, False, "a dual did not converge")
+    lines = [list(certificate_lines(replace(a_calibration(), certificate=each))) for each in (proven, unproven, None)]
+    assert lines == [
+        ["certificate: global optimum proven; relative duality gap of the rotations 2e-09"],
+        ["certificate: not proven: a dual did not converge"],
+        [],
+    ]
+
+
+def test_methods_are_compared_by_held_out_errors() -> None:
+    """In mm and deg; a method without one of both errors failed."""
+    rivals = (
+        Rival("tsai", 1.5e-3, np.radians(0.25)),
+        Rival("no-angle", 1e-3, None),
+        Rival("no-length", None, 1e-3),
+        Rival("none"),
+    )
+    assert [" ".join(line.split()) for line in rival_lines(Validation("k-fold", 5, rivals=rivals))] == [
+        "tsai 1.500 mm 0.2500 deg, held out",
+        "no-angle fails",
+        "no-length fails",
+        "none fails",
+    ]
+
+
+def test_clocks_and_shutters_are_stated_in_ms_and_us() -> None:
+    """With their sigmas; a clock that is held has none."""
+    told = replace(
+        a_calibration(),
+        clocks={"wrist": ClockOffset(12.5e-3, 0.25e-3), "eye": ClockOffset(-1e-3, 0.0)},
+        line_times={"wrist": LineTime(15e-6, 0.5e-6), "top": LineTime(20e-6, 0.0)},
+        noise={"clocks": {"wrist": {"jitter_s": 1.5e-3}}},
+    )
+    assert list(clock_sentences(told)) == [
+        "clock of wrist: +12.500 ms to be added to its stamps, sigma 0.250 ms",
+        "clock of eye: -1.000 ms to be added to its stamps",
+        "stamps of wrist jitter by 1.50 ms (1 sigma)",
+        "rolling shutter of wrist: 15.000 us a row, sigma 0.500 us",
+        "rolling shutter of top: 20.000 us a row",
+    ]
+
+
+def test_noise_of_each_camera_is_stated_if_they_differ() -> None:
+    """A single camera without a factor has the noise of all pixels; two are listed, and a factor always is."""
+
+    def noise(**cameras: dict[str, float]) -> list[str]:
+        return list(noise_sentences(replace(a_calibration(), noise={"pixel_px": 0.2, "cameras": cameras})))
+
+    assert noise(wrist={"pixel_px": 0.2}) == ["measurement noise, 1 sigma per axis: 0.20 px"]
+    assert noise(wrist={"pixel_px": 0.2}, top={"pixel_px": 0.4})[1:] == [
+        "pixel noise of wrist: 0.20 px",
+        "pixel noise of top: 0.40 px",
+    ]
+    assert noise(wrist={"pixel_px": 0.2, "factor": 1.5})[1:] == [
+        "pixel noise of wrist: 0.20 px, 1.5 times the sigma stated by its detector"
+    ]
+
+
+def test_unstated_noise_of_poses_has_no_number() -> None:
+    """A sigma that is None, and figures that are no sigma, are left out."""
+    sigmas = {"sigma_t_m": [1e-3] * 3, "sigma_r_rad": None, "stops": 12}
+    told = replace(a_calibration(), noise={"robots": {"eye": sigmas}})
+    assert list(noise_sentences(told)) == ["pose noise of robot eye, 1 sigma per axis: 1.0 mm"]
+
+
+def test_the_error_at_the_task_is_the_root_of_squares() -> None:
+    """Of 3 and 4 mm it is 5 mm; the three largest sources are in the sentence, all in the rows."""
+    budget = tuple(
+        BudgetEntry(name, rms, share, halved)
+        for name, rms, share, halved in (
+            ("noise of eye", 4e-3, 0.64, 3.6e-3),
+            ("noise of hand", 3e-3, 0.36, 4.3e-3),
+            ("pixels", 1e-6, 1e-3, 5e-3),
+            ("joints", 1e-7, 1e-4, 5e-3),
+        )
+    )
+    first, *others = task_rows(replace(a_calibration(), budget=budget))
+    assert first == ("error at the task 5.0 mm rms, of its variance noise of eye 64 %, noise of hand 36 %, pixels 0 %")
+    assert len(others) == 4
+    assert " ".join(others[0].split()) == "4.0000 mm 64.0 % noise of eye; in all 3.6 mm with half of it"
+    assert task_sentence(a_calibration()) == ""
+
+
+def test_local_calibrations_are_compared_with_the_global_one() -> None:
+    """The better one is recommended; a fit that failed leaves the global one."""
+    part = LocalFit(np.array([0.1, -0.2, 0.5]), (1, 2, 3), 2e-3, 1e-3, 0.012, True, {})
+    place = "about 0.10 -0.20 0.50 m (3 samples): "
+    errors = (
+        "held-out 1.0 mm by a local calibration, 2.0 mm by the global; p = 0.012 for such a difference by noise alone"
+    )
+    failed = f"{place}the local calibration failed; use the global one"
+    parts = (part, replace(part, is_better=False), replace(part, local_m=None), replace(part, global_m=None))
+    assert list(local_rows(replace(a_calibration(), local=parts))) == [
+        f"{place}{errors}; use the local one there",
+        f"{place}{errors}; use the global one",
+        failed,
+        failed,
+    ]
+
+
+def test_a_task_box_with_too_few_samples_has_a_line() -> None:
+    """Without a box, or without local fits at all, there is none."""
+    boxed = replace(a_calibration(), local=(), settings={"task_box": [0, 0, 0, 1, 1, 1]})
+    (line,) = local_rows(boxed)
+    assert line.startswith("in the box: fewer than 10 samples")
+    assert list(local_rows(replace(boxed, settings={}))) == []
+    assert list(local_rows(replace(boxed, local=None))) == []
+
+
+def test_findings_list_reasons_and_steps() -> None:
+    """What, then why, then what to do; what they are about in brackets, if it is known."""
+    finding = Finding("poor-fit", "warning", ("eye", "wrist"), "Residuals are large.", ("Check units.",), "An error.")
+    bare = Finding("overfit", "info", (), "Few samples.")
+    assert rows(findings=(bare, finding))[-6:] == [
+        "warning: poor-fit [eye, wrist]",
+        "Residuals are large.",
+        "An error.",
+        "- Check units.",
+        "info: overfit",
+        "Few samples.",
+    ]

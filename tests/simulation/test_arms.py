@@ -8,7 +8,7 @@ import pytest
 from basecal.cell.cell import WORLD
 from basecal.errors import InputError
 from basecal.geometry import SE3
-from basecal.simulation.arms import six_axis, solve_joints, with_arms
+from basecal.simulation.arms import _arm, six_axis, solve_joints, with_arms
 from basecal.simulation.layout import make_layout
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import draw_scene
@@ -121,3 +121,33 @@ def test_several_homes_suit_no_arms():
     scene = draw_scene(Scenario(layout="chain"), make_layout("chain"), rng())
     with pytest.raises(InputError, match="'chain' has robots with several homes"):
         with_arms(scene, Scenario(layout="chain"), rng())
+
+
+def test_joints_turn_once_either_way_and_masses_lie_on_their_links():
+    """Those of both long links near their middles."""
+    arm = six_axis()
+    np.testing.assert_allclose([arm.lower, arm.upper], [np.full(6, -2 * np.pi), np.full(6, 2 * np.pi)])
+    np.testing.assert_array_equal(arm.axes, np.tile([0, 0, 1], (6, 1)))
+    for link in (1, 2):
+        assert arm.masses.centres[link, 0] == pytest.approx(arm.origins[link + 1].translation[0] / 2, abs=0.02)
+    assert np.linalg.norm(arm.masses.centres, axis=1).max() < 0.25
+    assert np.all(np.diff(arm.masses.kg[1:]) <= 0)
+
+
+def test_far_joints_are_found_in_bounded_steps():
+    """From joints that are a radian off; those of a single start serve all poses."""
+    arm = six_axis()
+    wanted = arm.forward(np.stack([HOME, HOME + 0.1]))
+    found, reached = solve_joints(arm, wanted, HOME + np.array([1, 0.5, -0.5, 0.5, -0.3, 1]))
+    assert reached.all()
+    np.testing.assert_allclose(arm.forward(found).matrix, wanted.matrix, atol=1e-8)
+
+
+def test_homes_turn_all_round_at_both_ends_of_the_arm():
+    """Shoulder and flange by half a turn either way, what is between by half a radian."""
+    draws = rng()
+    homes = np.stack([_arm(Scenario(joints=True), draws).home for _ in range(30)])
+    reach = np.abs(homes - [0.0, -1.2, 1.5, -1.8, 1.4, 0.0]).max(0)
+    limits = np.array([np.pi, 0.4, 0.4, 0.5, 0.5, np.pi])
+    assert np.all(reach <= limits)
+    assert np.all(reach > 0.85 * limits)

@@ -52,3 +52,25 @@ def test_movers_are_named_once_and_cameras_first():
     plan = make_layout("two_cameras")
     assert plan.movers(plan.groups[0]) == ("left", "right")
     assert make_layout("dual").movers(make_layout("dual").groups[0]) == ("eye", "hand")
+
+
+@pytest.mark.parametrize(
+    ("name", "robots", "seen"),
+    [
+        ("grid", 4, [(1, 2), (3, 4), (1, 3), (2, 4)]),
+        ("grid", 5, [(1, 2), (3, 4), (1, 3), (2, 4), (3, 5)]),
+        ("grid", 9, [(1, 2), (2, 3), (4, 5), (5, 6), (7, 8), (8, 9), *((k, k + 3) for k in range(1, 7))]),
+        ("ring", 2, [(1, 2), (2, 1)]),
+        ("ring", 3, [(1, 2), (1, 3), (2, 3), (2, 1), (3, 1), (3, 2)]),
+        ("ring", 4, [(1, 2), (1, 3), (2, 3), (2, 4), (3, 4), (3, 1), (4, 1), (4, 2)]),
+        ("chain", 2, [(1, 2), (2, 1)]),
+    ],
+)
+def test_many_robots_see_their_neighbours(name, robots, seen):
+    """In a grid those to the right and below, in a ring the next two; parked ones are recorded in a chain alone."""
+    plan = make_layout(name, robots)
+    assert plan.robots == tuple(f"r{k + 1}" for k in range(robots))
+    assert plan.groups == tuple(((f"camera{a}", f"board{b}"),) for a, b in seen)
+    assert plan.cameras == {f"camera{a}": f"r{a}" for a, _ in seen}
+    assert plan.targets == {f"board{b}": f"r{b}" for _, b in seen}
+    assert plan.records_all == (name == "chain")

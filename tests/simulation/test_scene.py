@@ -9,12 +9,13 @@ import pytest
 
 from basecal.cell.cell import WORLD
 from basecal.cell.targets.led import led_target
+from basecal.cell.targets.points import points_target
 from basecal.geometry import SE3
 from basecal.simulation.draw import rotations
 from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import seen_points
 from basecal.simulation.scenario import LayoutName, Scenario
-from basecal.simulation.scene import as_point, draw_scene, front, is_flat
+from basecal.simulation.scene import _bases, _poses_in_reach, _views, as_point, draw_scene, front, is_flat
 
 
 def scene_of(seed=0, **fields):
@@ -111,3 +112,68 @@ def test_a_seed_tells_the_scene_whatever_is_stated():
     np.testing.assert_array_equal(plain.bases["hand"].matrix, noisy.bases["hand"].matrix)
     np.testing.assert_array_equal(plain.homes[0]["eye"].matrix, noisy.homes[0]["eye"].matrix)
     assert np.abs(plain.bases["hand"].matrix - scene_of(8).bases["hand"].matrix).max() > 0.01
+
+
+def test_flanges_are_drawn_above_the_base_in_every_direction():
+    """0.4 to 0.8 m off, with any rotation."""
+    poses = _poses_in_reach(np.random.default_rng(0), 2000)
+    away = np.linalg.norm(poses.translation, axis=1)
+    assert 0.4 <= away.min() < 0.405 < 0.795 < away.max() <= 0.8
+    direction = poses.translation / away[:, None]
+    assert direction[:, 2].min() > 0
+    np.testing.assert_allclose(direction.mean(0), [0, 0, 0.5], atol=0.05)  # sigma 0.013
+    np.testing.assert_allclose(poses.rotation.mean(0), np.zeros((3, 3)), atol=0.06)
+
+
+@pytest.mark.parametrize("target", ["charuco", "points", "led"])
+def test_views_are_near_the_optical_axis(target):
+    """Within a tenth of the distance, from the nearest to the farthest; a board is tilted by 0.4 rad at most."""
+    scenario = Scenario(target=target, distance_m=(0.5, 0.9))
+    shape = scene_of(target=target).shapes["board"]
+    seen = _views(np.random.default_rng(0), scenario, shape, 1000)
+    middle = seen @ shape.points.mean(0)
+    assert 0.5 <= middle[:, 2].min() < 0.51 < 0.89 < middle[:, 2].max() <= 0.9
+    off = middle[:, :2] / middle[:, 2:]
+    assert -0.1 <= off.min() < -0.095
+    assert 0.095 < off.max() <= 0.1
+    away = (seen.rotation @ front(shape))[:, 2, 2]
+    if is_flat(shape):
+        tilt = np.arccos(np.clip(away, -1, 1))
+        assert 0.35 < tilt.max() <= 0.4
+    else:
+        assert away.min() < -0.9
+    right = (seen.rotation @ front(shape))[:, :2, 0]
+    assert np.all(np.abs(np.mean(right, axis=0)) < 0.1)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_neighbours_are_a_metre_and_a_half_apart_on_average(count):
+    """Up to half a metre more or less, and a decimetre of either's place; bases are about one height."""
+    names = tuple(f"r{k}" for k in range(count))
+    rng = np.random.default_rng(0)
+    places = np.array([[base.translation for base in _bases(rng, names).values()] for _ in range(100)])
+    apart = np.linalg.norm(places - np.roll(places, 1, axis=1), axis=2)
+    assert 0.7 < apart.min() < 1.0
+    assert 2.0 < apart.max() < 2.3
+    assert apart.mean() == pytest.approx(1.5, abs=0.1)
+    assert np.abs(places[..., 2]).max() <= 0.2
+    directions = np.arctan2(places[:, 1, 1], places[:, 1, 0])
+    assert np.ptp(directions) > 6
+
+
+def test_one_base_is_the_world():
+    assert list(_bases(np.random.default_rng(0), ("arm",))) == ["arm"]
+
+
+def test_homes_are_within_reach():
+    """A quarter of a metre to 1.1 m from the base, of every robot."""
+    scenes = [scene_of(seed, layout=layout) for seed in range(4) for layout in ("dual", "eye_in_hand", "eye_to_hand")]
+    away = [np.linalg.norm(home.translation) for scene in scenes for group in scene.homes for home in group.values()]
+    assert min(away) >= 0.25
+    assert max(away) <= 1.1
+
+
+def test_two_points_in_a_plane_are_a_board():
+    """One point is a light; points off the plane are a body."""
+    assert [is_flat(points_target(points)) for points in ([[0, 0, 0]], [[0, 0, 0], [0.1, 0, 0]])] == [False, True]
+    assert not is_flat(points_target([[0, 0, 0], [0.1, 0, 0.01]]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.studies.cells import simulate_cell, statuses
+from basecal.studies.cells import _scenario, simulate_cell, statuses
 from study_example import SMALL, study
 
 LAYOUTS = ["dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_cameras", "chain", "shifts"]
@@ -38,3 +38,63 @@ def test_one_number_is_one_cell_at_every_noise() -> None:
     first, other = study(axes="pixel_px: [0.1, 0.5]", hold=SMALL).points
     truths = [simulate_cell(point.settings, 5).truth["eye_base_from_hand_base"].matrix for point in (first, other)]
     assert np.array_equal(*truths)
+
+
+def test_the_shifted_light_is_near_the_axis_at_its_distance() -> None:
+    """A fifth more or less than the setting, and a tenth of it off the axis; bases are 1.5 m apart."""
+    settings = study(hold="layout: shifts, distance_m: 2.0, pixel_px: 0.0, shift_m: 0.001").points[0].settings
+    found = []
+    for seed in range(40):
+        made = simulate_cell(settings, seed)
+        base = made.truth["eye_base_from_hand_base"]
+        assert np.linalg.norm(base.translation) == pytest.approx(1.5)
+        sample = made.recording.samples[0]
+        eye, hand = (sample.robots[name].base_from_flange for name in ("eye", "hand"))
+        assert np.abs(eye.translation).max() <= 0.502
+        found.append((eye.inverse() @ base @ hand).translation)
+    places = np.array(found)
+    assert 1.59 < places[:, 2].min() < 1.7
+    assert 2.3 < places[:, 2].max() < 2.41
+    off = places[:, :2] / places[:, 2:]
+    assert np.abs(off).max() < 0.102
+    assert off.min() < -0.05
+    assert off.max() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("hold", "noise"),
+    [
+        ("robot_sigma_t_m: 1e-4, robot_sigma_r_rad: 1e-3", [1e-4] * 3 + [1e-3] * 3),
+        ("robot_sigma_t_m: 1e-4", [1e-4] * 3 + [0.0] * 3),
+        ("robot_sigma_t_m: 1e-4, state_robot_noise: false", None),
+        ("pixel_px: 0.1", None),
+    ],
+)
+@pytest.mark.parametrize("layout", ["shifts", "paper"])
+def test_noise_of_shifting_robots_is_stated_if_it_is_to_be(layout: str, hold: str, noise: list[float] | None) -> None:
+    """Translations first."""
+    robots = simulate_cell(study(hold=f"layout: {layout}, {hold}").points[0].settings, 0).cell.robots.values()
+    for robot in robots:
+        assert (robot.noise is None) == (noise is None)
+        if noise is not None:
+            np.testing.assert_array_equal(robot.noise, noise)
+
+
+def test_views_are_about_their_distance() -> None:
+    """A fifth nearer to a fifth farther."""
+    scenario = _scenario(study(hold="distance_m: 2.0, robot_sigma_t_m: 1e-4").points[0].settings)
+    assert scenario.distance_m == pytest.approx((1.6, 2.4))
+    assert scenario.robot_noise == (1e-4, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("hold", "stated"), [("pixel_px: 0.3", 0.3), ("pixel_px: 0.3, state_pixel_noise: false", None)]
+)
+@pytest.mark.parametrize("layout", ["shifts", "paper"])
+def test_noise_of_pixels_is_stated_if_it_is_to_be(layout: str, hold: str, stated: float | None) -> None:
+    """Else the recording is exact, and noise is drawn for each trial."""
+    made = simulate_cell(study(hold=f"layout: {layout}, {hold}").points[0].settings, 0)
+    exact = simulate_cell(study(hold=f"layout: {layout}, pixel_px: 0.0").points[0].settings, 0)
+    assert made.cell.pixel_px == stated
+    pixels, without = (np.array([s.observations[0].pixels for s in each.recording.samples]) for each in (made, exact))
+    assert np.array_equal(pixels, without) == (stated is None)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.studies.cells import Settings
-from basecal.studies.draws import Draws, draw, draw_cell
+from basecal.studies.draws import Draws, _robot_errors, draw, draw_cell
 from study_example import SMALL, study
 
 
@@ -57,3 +57,59 @@ def test_faults_are_in_what_is_seen() -> None:
     for fault in ("board_scale: 1.01", "focal_scale: 1.01"):
         moved = np.linalg.norm(drawn(f"pixel_px: 0.0, {fault}", 1)[0].measurement().pixels - exact[:1], axis=-1)
         assert 0.3 < moved.mean() < 20
+
+
+def test_noise_of_the_image_grows_with_the_distance_from_its_centre() -> None:
+    """By the stated share of it."""
+    draws, _ = drawn("pixel_px: 0.0, image_noise: 0.01")
+    pixels = draws.measurement().pixels
+    off = pixels.mean(0) - draws.made.cameras["wrist"].center
+    ratio = pixels.std(0) / np.abs(off)
+    assert np.median(ratio) == pytest.approx(0.01, rel=0.02)
+
+
+def test_outliers_are_spread_evenly_up_to_their_size() -> None:
+    """In both directions of both coordinates."""
+    exact = drawn("pixel_px: 0.0", 1)[0].measurement().pixels
+    off = drawn("pixel_px: 0.0, outlier_share: 1.0, outlier_px: 5.0")[0].measurement().pixels - exact
+    assert -5 <= off.min() < -4.99
+    assert 4.99 < off.max() <= 5
+    assert off.std() == pytest.approx(5 / np.sqrt(3), rel=0.01)
+
+
+def test_a_longer_focal_length_enlarges_the_image_about_its_centre() -> None:
+    """And a larger board enlarges what is seen of it."""
+    draws, _ = drawn("pixel_px: 0.0, lens: pinhole", 1)
+    exact = draws.measurement().pixels
+    centre = draws.made.cameras["wrist"].center
+    longer, larger = (
+        drawn(f"pixel_px: 0.0, {fault}: 1.01", 1)[0].measurement().pixels for fault in ("focal_scale", "board_scale")
+    )
+    np.testing.assert_allclose(longer - centre, 1.01 * (exact - centre), atol=1e-6)
+    spread = np.ptp(larger, axis=2) / np.ptp(exact, axis=2)
+    assert np.median(spread) == pytest.approx(1.01, abs=0.002)
+
+
+def test_errors_of_robots_have_their_sigmas_by_axis() -> None:
+    """Three translations and three rotations of each stop and robot; without sigmas there are none."""
+    _, settings = drawn("robot_sigma_t_m: 1e-4, robot_sigma_r_rad: 2e-3", 1)
+    cell = draw_cell(settings, 0, 0, None)
+    errors = _robot_errors(cell.problem, settings, np.random.SeedSequence(0), 300)
+    assert sorted(errors) == ["eye", "hand"]
+    for error in errors.values():
+        assert error.shape == (300, 8)
+        np.testing.assert_allclose(error.log().std((0, 1)), [1e-4] * 3 + [2e-3] * 3, rtol=0.07)
+    exact = {**settings, "robot_sigma_t_m": 0.0, "robot_sigma_r_rad": 0.0}
+    assert _robot_errors(cell.problem, exact, np.random.SeedSequence(0), 300) == {}
+
+
+def test_cells_and_trials_have_seeds_of_their_own() -> None:
+    """Another number is another cell, another seed of the study too; noise of another piece is other noise."""
+    _, settings = drawn("pixel_px: 0.2", 1)
+    cells = [draw_cell(settings, *each, None) for each in ((0, 0), (0, 1), (1, 0), (0, 0))]
+    truths = [cell.made.truth[cell.transform].translation for cell in cells]
+    assert truths[0].tolist() == truths[3].tolist()
+    assert len({tuple(truth) for truth in truths}) == 3
+    noisy = [draw(cells[0], settings, seed, 1).measurement().pixels for seed in ((0, 0, 0), (0, 0, 1), (0, 0, 0))]
+    assert np.array_equal(noisy[0], noisy[2])
+    assert not np.array_equal(noisy[0], noisy[1])

@@ -81,3 +81,30 @@ def test_the_study_is_json_and_is_told(study):
     assert set(told["table1_camera_from_led"]) == set(told["paper"]["table1_camera_from_led"])
     assert "3.6092" in paper_text(study)
     assert set(length_figures(study)) == {"shift_length_rotation.svg", "shift_length_translation.svg"}
+
+
+@pytest.mark.parametrize(("key", "level"), [("1%", 0.01), ("5%", 0.05)])
+def test_quantiles_are_shares_of_draws_nearer_to_the_truth(study, key, level):
+    """Noise multiplies the coordinates; means, deviations and both quantiles are those of its draws."""
+    bed, entry = paper_cell(paper_numbers()), study["table1_camera_from_led"][key]
+    printed = paper_numbers()["table1_camera_from_led"][key]
+    exact = bed.image(bed.camera_from_light, bed.shift_m)
+    found = bed.closed_form(
+        exact * (1 + level * np.random.default_rng(0).normal(size=(4000, *exact.shape))), bed.shift_m
+    )
+    np.testing.assert_allclose(entry["R"], found.raw_rotation.mean(0))
+    np.testing.assert_allclose(entry["t_sd"], found.camera_from_light.translation.std(0))
+    true = bed.camera_from_light
+    away = np.linalg.norm(found.camera_from_light.translation - true.translation, axis=1)
+    own = np.linalg.norm(np.array(printed["t"]) - true.translation)
+    assert entry["paper_quantile"]["translation"] == np.mean(away < own)
+    turned = nearest_rotation(np.swapaxes(found.camera_from_light.rotation, -1, -2) @ true.rotation)
+    angles = np.linalg.norm(rotation_log(turned), axis=1)
+    own = np.linalg.norm(rotation_log(nearest_rotation(nearest_rotation(np.array(printed["R"])).T @ true.rotation)))
+    assert entry["paper_quantile"]["rotation"] == np.mean(angles < own)
+
+
+def test_the_settings_are_those_that_were_used(study):
+    """Of a repetition they can be read off."""
+    assert study["settings"] == {"seed": 0, "draws": 4000, "length_draws": 2000, "sigma_px": 0.1}
+    assert [row["shift_m"] for row in study["shift_length"]] == [0.01, 0.02, 0.03, 0.06, 0.1, 0.2, 0.3, 0.6]

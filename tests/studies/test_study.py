@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from basecal.studies.study import BLOCK
+from itertools import pairwise
+
+from basecal.studies.solvers.registry import SOLVERS
+from basecal.studies.study import _MOST_CELLS, BLOCK, label
 from study_example import BOARD, study
 
 
@@ -43,3 +46,37 @@ def test_boards_are_labelled_by_kind_and_sizes() -> None:
     made = study(axes="board: [{kind: chessboard, corners: [4, 3], square_m: 0.06}], samples: [5]")
     assert made.points[0].label == {"board": "chessboard 4x3 0.06", "samples": 5}
     assert BOARD.startswith("board")
+
+
+def test_pieces_are_numbered_by_cell_and_generator() -> None:
+    """Of 515 trials the first of two cells has one more: a generator each for a block, and for the rest."""
+    made = study(trials=2 * BLOCK + 3, cells=2)
+    pieces = [piece for chunk in made.chunks for piece in chunk.pieces]
+    assert [(piece.cell, piece.block, piece.first, piece.count) for piece in pieces] == [
+        (0, 0, 0, BLOCK),
+        (0, 1, BLOCK, 2),
+        (1, 0, BLOCK + 2, BLOCK),
+        (1, 1, 2 * BLOCK + 2, 1),
+    ]
+
+
+def test_chunks_are_numbered_and_have_few_blocks() -> None:
+    """Never more trials than the solver's blocks, and not one chunk for each piece."""
+    made = study(trials=4 * BLOCK, cells=64, axes="solver: [maximum_likelihood, closed_form]", hold="layout: shifts")
+    assert [chunk.index for chunk in made.chunks] == list(range(len(made.chunks)))
+    for point in made.points:
+        own = [chunk for chunk in made.chunks if chunk.point == point]
+        most = BLOCK * SOLVERS[point.settings["solver"]].blocks
+        assert max(chunk.trials for chunk in own) <= most
+        assert sum(chunk.trials for chunk in own) == made.trials
+        for chunk, after in pairwise(own):
+            cells = {piece.cell for piece in (*chunk.pieces, after.pieces[0])}
+            assert chunk.trials + after.pieces[0].count > most or len(cells) > _MOST_CELLS
+
+
+def test_labels_are_short() -> None:
+    """Without truth values and long lists."""
+    boards = "{kind: charuco, squares: [5, 7], square_m: 0.03, marker_m: 0.0225, dictionary: DICT_4X4_50}"
+    made = study(axes=f"board: [{boards}]")
+    assert [point.label["board"] for point in made.points] == ["charuco 5x7 0.03 0.0225 DICT_4X4_50"]
+    assert label(True) is True

@@ -143,3 +143,54 @@ def test_missing_file(tmp_path: Path) -> None:
     """The path is named."""
     with pytest.raises(DatasetError, match="there is no such file"):
         read_study(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "over", "words"),
+    [
+        ("trials: 10000000", "trials: 10000001", "less than or equal to 10000000"),
+        ("trials: 10000\ncells: 10000", "trials: 10001\ncells: 10001", "less than or equal to 10000"),
+        ("trials: 10\nhold: {samples: 555}", "trials: 10\nhold: {samples: 556}", "at most 20000"),
+        (
+            "trials: 10\nhold: {samples: 1000, board: {kind: chessboard, corners: [4, 5], square_m: 0.1}}",
+            "trials: 10\nhold: {samples: 1001, board: {kind: chessboard, corners: [4, 5], square_m: 0.1}}",
+            "1001 samples of 20 points make 20020",
+        ),
+        ("trials: 1000000\nseed: 9223372036854775807", "trials: 1\nseed: 9223372036854775808", "less than"),
+        ("trials: 10\nhold: {board_scale: 0.5}", "trials: 10\nhold: {board_scale: 0.49}", "0.5"),
+        ("trials: 10\nhold: {focal_scale: 2}", "trials: 10\nhold: {focal_scale: 2.01}", "2"),
+        ("trials: 10\nhold: {outlier_share: 1}", "trials: 10\nhold: {outlier_share: 1.01}", "1"),
+        ("trials: 10\nhold: {spread_rad: 3.15}", "trials: 10\nhold: {spread_rad: 3.16}", "3.15"),
+        ("trials: 10\nhold: {distance_m: 1e-9}", "trials: 10\nhold: {distance_m: 0}", "greater than 0"),
+        ("trials: 10\nhold: {robots: 2}", "trials: 10\nhold: {robots: 1}", "2"),
+    ],
+)
+def test_limits_are_inclusive(text: str, over: str, words: str) -> None:
+    """What is just at a limit is read, what is just beyond is refused with it."""
+    read, refused = (each if "cells" in each else f"{each}\ncells: 1" for each in (text, over))
+    study_from_text(f"schema: basecal/study/1\n{read}\n", "study.yaml")
+    with pytest.raises(DatasetError) as told:
+        study_from_text(f"schema: basecal/study/1\n{refused}\n", "study.yaml")
+    assert words in str(told.value)
+
+
+def test_trials_in_all_are_those_of_all_points() -> None:
+    """A hundred million are read at ten points, one more at each is not; likewise a million cells."""
+    axes = f"axes: {{pixel_px: {[k / 10 for k in range(10)]}}}"
+    hundred = f"axes: {{pixel_px: {[k / 10 for k in range(100)]}}}"
+    head = "schema: basecal/study/1\n"
+    assert len(study_from_text(f"{head}trials: 10000000\n{axes}\n", "study.yaml").points) == 10
+    assert study_from_text(f"{head}trials: 10000\ncells: 10000\n{hundred}\n", "study.yaml").cells == 10000
+    eleven = axes.replace("[0.0,", "[99.0, 0.0,")
+    with pytest.raises(DatasetError, match="make 110000000, at most 100000000"):
+        study_from_text(f"{head}trials: 10000000\n{eleven}\n", "study.yaml")
+    more = hundred.replace("[0.0,", "[99.0, 0.0,")
+    with pytest.raises(DatasetError, match="make 1010000, at most 1000000"):
+        study_from_text(f"{head}trials: 10000\ncells: 10000\n{more}\n", "study.yaml")
+
+
+def test_an_axis_has_a_thousand_values_at_most() -> None:
+    head = "schema: basecal/study/1\ntrials: 1\ncells: 1\n"
+    values = list(range(1001))
+    with pytest.raises(DatasetError, match="1000"):
+        study_from_text(f"{head}axes: {{pixel_px: {values}}}", "study.yaml")

@@ -12,11 +12,11 @@ import pytest
 
 from basecal.errors import InputError
 from basecal.studies import summary as module
-from basecal.studies.chunk import COLUMNS, chunk_path
+from basecal.studies.chunk import COLUMNS, Trials, chunk_path
 from basecal.studies.jobs import WorkerPool
 from basecal.studies.run import run_study
 from basecal.studies.study import Study
-from basecal.studies.summary import results, summarise, write_table
+from basecal.studies.summary import _point_summary, results, summarise, write_table
 from study_example import SMALL, study
 
 
@@ -107,3 +107,61 @@ def test_a_missing_chunk_is_said(made: tuple[Study, Path], tmp_path: Path) -> No
     with pytest.raises(InputError, match="lacks the trials of chunk 0"):
         write_table(made[0], tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def trials(nees: list[float], solved: list[bool], directions: int = 6) -> Trials:
+    """Trials with errors of 1, 2, ... mm, and as many degrees."""
+    count = len(nees)
+    numbers = np.arange(1.0, count + 1)
+    whole = np.zeros(count, dtype=np.int64)
+    sigmas = np.full(count, 2.0), np.full(count, 3.0)
+    return Trials(
+        whole,
+        whole,
+        whole,
+        numbers,
+        2 * numbers,
+        *sigmas,
+        np.array(nees),
+        whole + directions,
+        np.array(solved),
+        numbers,
+    )
+
+
+def point_summary(*given: object) -> dict[str, object]:
+    (point,) = study(hold=SMALL).points
+    return _point_summary(point, trials(*given), ["why"])
+
+
+def test_only_solved_trials_count() -> None:
+    """But for time and number."""
+    found = point_summary([1.0, 12.5, 12.7, 99.0], [True, True, True, False])
+    assert (found["trials"], found["solved"], found["reasons"]) == (4, 3, ["why"])
+    assert found["error_mm"]["rms"] == pytest.approx(np.sqrt(14 / 3))
+    assert found["error_deg"]["median"] == 4
+    assert (found["sigma_mm"], found["sigma_deg"], found["time_s"]) == (2.0, 3.0, 2.5)
+    assert found["nees"]["mean"] == pytest.approx(26.2 / 3)
+    assert found["nees"]["expected"] == 6
+    assert found["coverage"] == {"share": pytest.approx(2 / 3), "expected": 0.95}
+
+
+def test_one_trial_has_no_standard_error() -> None:
+    """Two have; without directions there is no squared error at all, nor is there without a solution."""
+    assert point_summary([3.0], [True])["nees"] == {"mean": 3.0, "expected": 6, "standard_error": None}
+    assert point_summary([3.0, 5.0], [True, True])["nees"]["standard_error"] == pytest.approx(1.0)
+    for found in (point_summary([3.0], [True], 0), point_summary([3.0], [False])):
+        assert (found["nees"], found["coverage"]) == (None, None)
+    assert point_summary([3.0], [False])["error_mm"] is None
+
+
+def test_coverage_is_by_the_directions_that_are_known() -> None:
+    """A squared error of 8 is within 95 % of six directions and beyond those of three."""
+    assert point_summary([8.0], [True], 6)["coverage"]["share"] == 1
+    assert point_summary([8.0], [True], 3)["coverage"]["share"] == 0
+
+
+def test_unknown_sigmas_have_no_root_mean_square() -> None:
+    made = trials([1.0, 1.0], [True, True])
+    made.sigma_mm[1] = np.nan
+    assert _point_summary(study(hold=SMALL).points[0], made, [])["sigma_mm"] is None

@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter
 from basecal.cell.target import Target
 from basecal.cell.targets.apriltag import apriltag_target
 from basecal.cell.targets.chessboard import chessboard_target
+from basecal.cell.targets.led import led_target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detection import Detection
@@ -201,3 +202,12 @@ def test_tags_with_a_wide_border() -> None:
     detection = find(render(WIDE, wide, pose), plain)
     assert detection is not None
     np.testing.assert_allclose(detection.pixels, WIDE.project(pose @ plain.points), atol=0.1)
+
+
+@pytest.mark.parametrize(("height", "found"), [(15, False), (16, True)])
+def test_images_have_sixteen_rows(height: int, found: bool) -> None:
+    """With less, OpenCV's detectors fail; an LED is sought in no smaller ones either."""
+    rows, columns = np.indices((height, 24))
+    image = np.rint(200 * np.exp(-0.5 * ((rows - 7.2) ** 2 + (columns - 11.6) ** 2) / 1.5**2)).astype(np.uint8)
+    for each in (image, image.T.copy()):
+        assert (find(each, led_target()) is not None) == found

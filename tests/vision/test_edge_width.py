@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from basecal.geometry import SE3
 from basecal.vision.draw.motion_blur import blur_motion
@@ -51,3 +52,47 @@ def test_nothing_to_measure():
     plain = np.full((100, 100), 90, dtype=np.uint8)
     assert edge_width(plain, np.array([[50.0, 50.0]])) is None
     assert edge_width(plain, np.array([[500.0, 50.0]])) is None
+
+
+def edge(turn, sigma, shape=(120, 160), at=(80.0, 60.0)):
+    """A step of 100 levels, blurred by a Gaussian, in a direction."""
+    x, y = np.meshgrid(np.arange(float(shape[1])) - at[0], np.arange(float(shape[0])) - at[1])
+    return 100 + 100 * ndtr((x * np.cos(turn) + y * np.sin(turn)) / sigma)
+
+
+BOX = np.array([[50.0, 30.0], [110.0, 90.0]])
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, np.pi / 2, 2.5, -0.4])
+@pytest.mark.parametrize("sigma", [1.5, 3.0])
+def test_a_gaussian_edge_has_three_and_a_half_sigmas(turn, sigma):
+    """In any direction, dark or bright first; no edge is narrower or wider."""
+    for turned in (turn, turn + np.pi):
+        found = edge_width(edge(turned, sigma), BOX)
+        assert found.narrow_px == pytest.approx(3.5 * sigma, rel=0.07)
+        assert found.wide_px == pytest.approx(found.narrow_px, rel=0.05)
+
+
+def test_widths_of_two_directions_are_told_apart():
+    """A sharp edge upright and a soft one across it, as long."""
+    image = edge(0.0, 1.5) + edge(np.pi / 2, 4.0)
+    found = edge_width(image, BOX)
+    assert found.wide_px == pytest.approx(4.0 / 1.5 * found.narrow_px, rel=0.15)
+
+
+def test_only_edges_about_the_points_count():
+    """Ten pixels around their box, as far as the image goes."""
+    image = edge(0.0, 3.0)
+    image[:, 130:] += 400 * (np.arange(30) >= 10)
+    near, far = np.array([[60.0, 30.0], [100.0, 90.0]]), np.array([[60.0, 30.0], [130.5, 90.0]])
+    assert edge_width(image, near).narrow_px == pytest.approx(10.5, rel=0.1)
+    assert edge_width(image, far).narrow_px < 8
+    beyond = edge_width(edge(0.0, 3.0), np.array([[-30.0, -20.0], [400.0, 300.0]]))
+    assert beyond.wide_px == pytest.approx(10.5, rel=0.1)
+
+
+def test_nothing_to_measure_is_none():
+    """A wall, and a part of less than three pixels."""
+    assert edge_width(np.full((60, 80), 100, np.uint8), np.array([[20.0, 20.0], [40.0, 40.0]])) is None
+    assert edge_width(edge(0.0, 1.5)[:2], np.array([[50.0, 0.0], [110.0, 1.0]])) is None
+    assert edge_width(edge(0.0, 1.5)[:3], np.array([[50.0, 0.0], [110.0, 1.0]])) is not None

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 import pytest
 
+from basecal.errors import InputError
 from basecal.vision import image_file
-from basecal.vision.image_file import grey_image, is_turned, read_bytes
+from basecal.vision.image_file import grey_image, is_turned, read_bytes, write_png
 from vision_scenes import TARGETS, scene, with_exif
 
 SIZE = (64, 48)
@@ -253,3 +254,12 @@ TO_DO = "use these images, or state size_px and the lens of the recorded images"
 def test_cause_of_another_size(size_px: tuple[int, int], cause: str) -> None:
     """Where the camera's size is the image's turned or scaled, that is said."""
     assert grey_image(encoded(".png"), size_px) == f"has 64 x 48 pixels, its camera {size_px[0]} x {size_px[1]}{cause}"
+
+
+def test_images_are_written_into_new_and_old_folders(tmp_path: Path) -> None:
+    """Of both depths, again over an old one; a file instead of the folder is one line."""
+    for image in (IMAGE, IMAGE.astype(np.uint16) * 251, IMAGE):
+        write_png(tmp_path / "a" / "b" / "c.png", image)
+        np.testing.assert_array_equal(grey_image((tmp_path / "a/b/c.png").read_bytes(), SIZE), image)
+    with pytest.raises(InputError, match=r"c\.png.d\.png cannot be written"):
+        write_png(tmp_path / "a" / "b" / "c.png" / "d.png", IMAGE)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.vision.image_header import Header, header
+from basecal.vision.image_header import Header, header, png_chunks
 from vision_scenes import with_exif
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (48, 64)).astype(np.uint8)
@@ -111,3 +111,103 @@ def test_any_bytes(name: str) -> None:
         told = header(data.tobytes())
         assert told is None or min(told.size_px) >= -(2**31)
     assert header(io.BytesIO(b"RIFF\x24\x00\x00\x00AVI LIST").getvalue() + bytes(500)) is None
+
+
+def tiff(*tags: tuple[int, int, int, int], order: str = "<", values: bytes = b"") -> bytes:
+    """A TIFF whose directory has such tags: number, type, count and value or position; `values` follow at byte 100."""
+    start = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(order + "IH", 8, len(tags))
+    fields = [
+        struct.pack(order + ("HHIHH" if tag[1] == 3 and tag[2] == 1 else "HHII"), *tag, *[0] * (tag[1:3] == (3, 1)))
+        for tag in tags
+    ]
+    return (start + b"".join(fields)).ljust(100, b"\0") + values
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_tags_of_a_tiff(order: str) -> None:
+    """Long and short numbers; the first of a list, which is elsewhere unless it fits into four bytes."""
+    size = ((256, 4, 1, 70000), (257, 3, 1, 480))
+    assert header(tiff(*size, order=order)) == Header((70000, 480), 1, 1)
+    listed = struct.pack(order + "HHH", 9, 8, 8)
+    assert header(tiff(*size, (258, 3, 3, 100), (277, 3, 1, 3), order=order, values=listed)) == Header(
+        (70000, 480), 1, 6
+    )
+    pair = int.from_bytes(struct.pack(order + "HH", 16, 8), "little" if order == "<" else "big")
+    assert header(tiff(*size, (258, 3, 2, pair), order=order)) == Header((70000, 480), 1, 2)
+    assert header(tiff((256, 4, 2, 100), size[1], order=order, values=struct.pack(order + "II", 5, 6)))[0] == (5, 480)
+
+
+def test_other_types_of_a_tiff_are_skipped() -> None:
+    """A rational of the same number states nothing; without a size there is no header."""
+    size = ((256, 4, 1, 640), (257, 4, 1, 480))
+    assert header(tiff(*size, (274, 5, 1, 6))) == Header((640, 480), 1, 1)
+    assert header(tiff(*size, (274, 3, 1, 6))) == Header((640, 480), 6, 1)
+    assert header(tiff(size[0])) is None
+
+
+@pytest.mark.parametrize(("before", "read"), [(498, True), (499, False)])
+def test_a_directory_is_read_for_five_hundred_tags(before: int, read: bool) -> None:
+    """Of a longer one the first five hundred."""
+    others = [(1000 + k, 3, 1, 0) for k in range(before)]
+    assert (header(tiff(*others, (256, 4, 1, 640), (257, 4, 1, 480))) is not None) == read
+
+
+def test_sizes_of_bitmaps() -> None:
+    """The oldest header has two bytes a side; a negative height is of rows from the top."""
+    old = b"BM".ljust(14, b"\0") + struct.pack("<IHH", 12, 640, 480)
+    assert header(old) == Header((640, 480))
+    assert header(b"BM".ljust(14, b"\0") + struct.pack("<Iii", 40, 70000, -480)) == Header((70000, 480))
+
+
+def test_sizes_of_webps() -> None:
+    """The extended one has three bytes a side, the lossless 14 bits, the lossy 14 of 16 with a scale."""
+    start = b"RIFF\0\0\0\0WEBP"
+    extended = start + b"VP8X" + bytes(8) + (69999).to_bytes(3, "little") + (479).to_bytes(3, "little")
+    assert header(extended) == Header((70000, 480))
+    lossless = start + b"VP8L" + bytes(5) + struct.pack("<I", 9999 | 8999 << 14 | 3 << 28)
+    assert header(lossless) == Header((10000, 9000))
+    lossy = start + b"VP8 " + bytes(10) + struct.pack("<HH", 10000 | 1 << 14, 9000 | 2 << 14)
+    assert header(lossy) == Header((10000, 9000))
+
+
+def png(*chunks: tuple[bytes, bytes], bits: int = 8, kind: int = 0) -> bytes:
+    """A PNG of 640 x 480 without pixels and with such chunks."""
+    size = struct.pack(">IIBB", 640, 480, bits, kind) + bytes(3)
+    every = ((b"IHDR", size), *chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(struct.pack(">I4s", len(d), n) + d + b"crc " for n, d in every)
+
+
+def test_only_whole_chunks_are_chunks() -> None:
+    """The last byte of the checksum is part of one; each is given by its content."""
+    data = png((b"tEXt", b"hello"), (b"IEND", b""))
+    found = [(name, data[start:end]) for name, start, end in png_chunks(data)]
+    assert [name for name, _ in found] == [b"IHDR", b"tEXt", b"IEND"]
+    assert found[1:] == [(b"tEXt", b"hello"), (b"IEND", b"")]
+    assert [name for name, *_ in png_chunks(data[:-1])] == [b"IHDR", b"tEXt"]
+    assert [name for name, *_ in png_chunks(data[:-13])] == [b"IHDR"]
+
+
+@pytest.mark.parametrize(("bits", "size"), [(1, 1), (8, 1), (16, 2)])
+def test_bits_of_a_png(bits: int, size: int) -> None:
+    """Up to eight are a byte; an unknown type is taken as the largest."""
+    assert header(png(bits=bits)) == Header((640, 480), 1, size)
+    assert header(png(bits=bits, kind=7)) == Header((640, 480), 1, 4 * size)
+
+
+def test_segments_of_a_jpeg() -> None:
+    """Bytes between segments, fill bytes and markers without a length are passed over."""
+    frame = b"\xff\xc0" + struct.pack(">HBHHB", 8, 8, 480, 640, 1)
+    for between in (b"", b"\xff\xff", b"\xff\x01", b"\xff\xd0\xff\xd7", b"\0\1\2", b"\xff\xe1\0\2", b"\xff\xe0\0\0"):
+        assert header(b"\xff\xd8" + b"\xff\xe0\0\4ab" + between + frame) == Header((640, 480))
+    assert header(b"\xff\xd8" + b"\xff\xe0\0\4ab") is None
+
+
+def test_only_exif_states_an_orientation() -> None:
+    """Another segment with the same number does not, and one that is cut before its tags breaks the file."""
+    frame = b"\xff\xc0" + struct.pack(">HBHHB", 8, 8, 480, 640, 1)
+    exif = tiff((274, 3, 1, 6))
+    for name, marker, orientation in ((b"Exif\0\0", 0xE1, 6), (b"XMPx\0\0", 0xE1, 1), (b"Exif\0\0", 0xE2, 1)):
+        segment = bytes([0xFF, marker]) + struct.pack(">H", 8 + len(exif)) + name + exif
+        assert header(b"\xff\xd8" + segment + frame) == Header((640, 480), orientation)
+    cut = b"\xff\xe1" + struct.pack(">H", 8 + 12) + b"Exif\0\0" + exif
+    assert header(b"\xff\xd8" + cut + frame) is None

@@ -7,7 +7,7 @@ import pytest
 
 from basecal.geometry import SE3
 from basecal.vision.draw.render import RenderSettings, expose, radiance
-from basecal.vision.image_motion import reduce_image, shift_between
+from basecal.vision.image_motion import _block_sums, reduce_image, shift_between
 from shared.facing_arms import facing_arms
 
 WORLD = facing_arms()
@@ -47,3 +47,47 @@ def test_nothing_to_see_and_other_sizes():
     plain = np.full((240, 320), 100, dtype=np.uint8)
     assert image_shift(plain, plain) == 0.0
     assert shift_between(reduce_image(plain), reduce_image(plain[:200])) == np.inf
+
+
+def streak(turn, off, x0=120.0, y0=120.0):
+    """A wall with a bright streak, moved across its length, without rounding, (240, 320)."""
+    x, y = np.meshgrid(np.arange(320.0) - x0, np.arange(240.0) - y0)
+    across, along = x * np.cos(turn) + y * np.sin(turn) - off, y * np.cos(turn) - x * np.sin(turn)
+    return 100 * (1 + np.exp(-0.5 * (across / 6) ** 2 - 0.5 * (along / 18) ** 2))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, np.pi / 2, 2.0, 3 * np.pi / 4])
+def test_motion_is_measured_across_edges(turn):
+    """In any direction, either way."""
+    for off in (0.4, -0.4):
+        assert image_shift(streak(turn, 0.0), streak(turn, off)) == pytest.approx(0.4, rel=0.05)
+
+
+def test_the_part_that_moves_most_counts():
+    """Wherever it is."""
+    for x0, y0 in ((40.0, 40.0), (280.0, 200.0), (280.0, 40.0)):
+        first, second = (streak(0.0, 0.1 * k) + streak(0.0, 0.5 * k, x0, y0) for k in (0, 1))
+        assert image_shift(first, second) == pytest.approx(0.5, rel=0.1)
+
+
+def test_blocks_without_structure_do_not_count():
+    """Flicker of a plain wall is no motion, and noise beyond structure none that is certain."""
+    plain = np.full((240, 320), 100, dtype=np.uint8)
+    assert image_shift(plain, plain + np.uint8(3)) == 0
+    noisy = [100 + np.random.default_rng(k).normal(0, 4, (240, 320)) for k in range(2)]
+    assert image_shift(*(levels.astype(np.uint8) for levels in noisy)) == 0
+
+
+def test_blocks_are_of_forty_pixels_or_more():
+    """As many as fit whole, and one of a small image; what is left at the borders has no say."""
+    levels = np.arange(85.0 * 130).reshape(85, 130).astype(np.float32)
+    sums = _block_sums(levels)
+    assert sums.shape == (2, 3)
+    assert sums[1, 2] == levels[42:84, 86:129].sum(dtype=np.float64)
+    assert _block_sums(levels[:20, :30]).shape == (1, 1)
+    assert _block_sums(levels[:80, :120]).shape == (2, 3)
+    assert _block_sums(levels[:79, :119]).shape == (1, 2)
+
+
+def test_images_are_halved():
+    assert reduce_image(np.zeros((240, 320), dtype=np.uint8)).shape == (120, 160)

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from basecal.vision import losses
 from basecal.vision.losses import Searched, explain_no_target, lost_images
 from vision_scenes import TARGETS, scene
 
@@ -83,3 +84,52 @@ def test_many_turned_images(tmp_path: Path) -> None:
     (told,) = lost_images(searched(12, 0, turned=True), {"board": TARGETS["charuco"]}, tmp_path)
     assert told.code == "turned-images"
     assert told.what.endswith("samples " + ", ".join(map(str, np.arange(10))) + ", ....")
+
+
+@pytest.mark.parametrize(("count", "end"), [(10, "8, 9."), (11, "8, 9, ....")])
+def test_ten_samples_are_listed(count: int, end: str, tmp_path: Path) -> None:
+    """Of eleven the first ten."""
+    (told,) = lost_images(searched(count, 0, turned=True), {}, tmp_path)
+    assert told.what.startswith(f"EXIF of {count} images of 'wrist'")
+    assert told.what.endswith(end)
+
+
+def test_the_most_frequent_reason_comes_first(tmp_path: Path) -> None:
+    """Each with its samples, and all of a camera's as such."""
+    faults = ["is empty", "is missing", "is missing", "is empty", "is missing"]
+    images = [Searched(k, "wrist", f"{k}.png", unusable=fault) for k, fault in enumerate(faults)]
+    assert explain_no_target(images, {}, tmp_path) == (
+        "each of samples 1, 2, 4, such as 1.png, is missing; each of samples 0, 3, such as 0.png, is empty"
+    )
+    assert explain_no_target(images[:1], {}, tmp_path) == "sample 0: 0.png is empty"
+    assert explain_no_target(images[1:3], {}, tmp_path) == "each of them, such as 1.png, is missing"
+
+
+@pytest.mark.parametrize(("missed", "surveyed"), [(9, [0, 3, 6]), (2, [0, 1]), (1, [0]), (5, [0, 1, 2])])
+def test_three_images_are_surveyed_over_the_recording(
+    missed: int, surveyed: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those in which the target was missed; what is seen there is said of each target."""
+    asked: list[list[int]] = []
+
+    def read(images: list[Searched], folder: Path) -> list[int]:
+        asked.append([image.sample for image in images])
+        return asked[-1]
+
+    monkeypatch.setattr(losses, "_read_images", read)
+    monkeypatch.setattr(losses, "describe_other_targets", lambda images, target: "another board" if images else None)
+    targets = {"board": TARGETS["charuco"], "other": TARGETS["tags"]}
+    assert explain_no_target(searched(0, missed), targets, tmp_path) == "'board': another board"
+    assert asked == [surveyed, []]
+
+
+@pytest.mark.parametrize(("found", "hinted"), [(5, False), (4, True)])
+def test_images_are_surveyed_if_more_than_half_are_lost(
+    found: int, hinted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of ten, five are not."""
+    monkeypatch.setattr(losses, "_read_images", lambda *_: [])
+    monkeypatch.setattr(losses, "describe_other_targets", lambda *_: "another board")
+    first, *_ = lost_images(searched(found, 10 - found), {"board": TARGETS["charuco"]}, tmp_path)
+    assert first.code == "few-images"
+    assert (first.do == ("'board': another board.",)) == hinted

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from scipy.special import ndtr
 
 from basecal.cell.target import Target
 from basecal.cell.targets.apriltag import apriltag_target
@@ -16,7 +17,7 @@ from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
 from basecal.vision.detectors import describe_other_targets, find
 from basecal.vision.draw.render import render
-from basecal.vision.survey import describe_blur, unlike_print
+from basecal.vision.survey import _edge_px, _ids, _near_sizes, describe_blur, describe_darkness, unlike_print
 from quick import quick
 from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
 
@@ -187,3 +188,50 @@ def test_a_dictionary_is_not_named_by_one_marker() -> None:
     """One marker of another dictionary may be clutter."""
     image = render(CAMERA, tag("DICT_6X6_250", 3), SE3.from_rpy((np.pi, 0, 0), (0, 0, 0.6)), None, 1)
     assert "dictionary" not in (describe_other_targets([image, image], BOARD) or "")
+
+
+@pytest.mark.parametrize(("level", "dark"), [(39, True), (40, False)])
+def test_dark_images_are_named(level: int, dark: bool) -> None:
+    """If 99 % of the pixels of the brightest are below level 40; a few bright pixels change nothing."""
+    image = np.full((100, 100), level, np.uint8)
+    image[0, :50] = 255
+    said = describe_darkness([np.zeros((100, 100), np.uint8), image])
+    assert (said is not None) == dark
+    assert said is None or f"99 % of their pixels are below level {level + 1} of 255; more light" in said
+    assert describe_darkness([]) is None
+
+
+def edge(sigma_px: float, height: float = 150.0) -> np.ndarray:
+    """A blurred step."""
+    return np.rint(50 + height * ndtr((np.arange(200.0) - 100) / sigma_px))[None].repeat(120, 0).astype(np.uint8)
+
+
+@pytest.mark.parametrize("sigma_px", [1.0, 2.0, 4.5, 8.0])
+def test_blur_is_the_sigma_of_the_sharpest_edges(sigma_px: float) -> None:
+    """To a fifth of a pixel; without contrast there is none."""
+    assert _edge_px(edge(sigma_px)) == pytest.approx(sigma_px, abs=0.2)
+    assert _edge_px(edge(sigma_px, 39.0)) is None
+    assert _edge_px(edge(sigma_px, 45.0)) is not None
+
+
+def test_images_are_blurred_if_all_are() -> None:
+    """By the sharpest of them; one that shows nothing tells nothing, and a sharp one is enough."""
+    soft, softer, sharp = edge(5.0), edge(9.0), edge(1.0)
+    said = describe_blur([soft, softer])
+    assert said is not None
+    assert "by about 5 px" in said
+    assert describe_blur([softer, sharp]) is None
+    assert describe_blur([softer, np.full((60, 60), 90, np.uint8)]) is None
+    assert describe_blur([edge(3.7)]) is None
+    assert describe_blur([]) is None
+
+
+def test_five_ids_are_listed() -> None:
+    """In order."""
+    assert _ids({3, 1, 2, 5, 4}) == "1, 2, 3, 4, 5"
+    assert _ids({3, 1, 2, 5, 4, 6}) == "1, 2, 3, 4, 5, ..."
+
+
+def test_sizes_beside_a_stated_one() -> None:
+    """One more of either or both, then one less."""
+    assert _near_sizes(9, 6) == [(10, 6), (9, 7), (10, 7), (8, 6), (9, 5), (8, 5)]

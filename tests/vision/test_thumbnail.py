@@ -37,3 +37,26 @@ def test_a_small_image_is_not_made_larger():
 def test_what_is_no_such_image_has_none(data, size_px):
     """Nothing, something else, or another size."""
     assert thumbnail(data, size_px, 300) is None
+
+
+def shown(image, size_px=None, width=300):
+    """A thumbnail as levels."""
+    return cv2.imdecode(np.frombuffer(thumbnail(encoded(image), size_px, width), np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+def test_levels_of_sixteen_bits_are_relative_to_the_brightest():
+    """A few hot pixels do not darken the others, half of the levels is half as bright, and black stays black."""
+    image = np.full((100, 200), 2000, np.uint16)
+    image[:, :100] = 1000
+    image[0, :50] = 65535
+    small = shown(image)
+    assert abs(int(small[50, 50]) - 127) < 4
+    assert small[50, 150] > 250
+    assert shown(np.zeros((40, 60), np.uint16)).max() < 4
+    assert shown(np.full((40, 60), 2, np.uint16)).min() > 250
+
+
+@pytest.mark.parametrize(("shape", "small"), [((1, 2000), (1, 300)), ((2000, 1), (2000, 1)), ((2, 900), (1, 300))])
+def test_narrow_images_keep_a_pixel(shape, small):
+    """No side becomes zero."""
+    assert shown(np.zeros(shape, np.uint8)).shape == small

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.drawings import ends
 from tests.shared.stages import without_stages
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.stages.concluding import find_error_at_task
+from basecal.geometry import SE3
 from basecal.reporting.cell_view.picture import Label, _place_labels, picture
 from basecal.reporting.cell_view.scene import Scene, scene
 from basecal.simulation import Scenario, simulate
@@ -63,3 +65,83 @@ def test_labels_too_far_to_be_moved_end():
     """At 1e18 a line's height is no step, which once never ended."""
     labels = [Label("hand_base", np.array([1e18, 1e18])) for _ in range(3)]
     assert len(list(_place_labels(labels))) == 3
+
+
+def shown_axes(svg: str) -> dict[str, list[np.ndarray]]:
+    return {axis: ends(svg, f"axis-{axis}") for axis in "xyz"}
+
+
+def test_up_is_up_and_the_cell_fills_the_picture(drawn: Scene) -> None:
+    """Upright bases point upwards; everything keeps 44 px from the border, and touches it on two sides."""
+    upright = tuple(replace(arm, world_from_base=SE3(np.eye(3), arm.world_from_base.translation)) for arm in drawn.arms)
+    svg = picture(replace(drawn, arms=upright, bodies=()))
+    for foot, tip in shown_axes(svg)["z"][1::2]:
+        assert tip[0] == foot[0]
+        assert tip[1] < foot[1] - 5
+    bases = [ends(svg, "axis-x")[k][0] for k in (1, 3)]
+    assert ends(svg, "floor")[0].tolist() == [bases[0].tolist(), bases[1].tolist()]
+    every = np.concatenate(
+        [np.concatenate(lines) for lines in (ends(svg, "trail robot-0"), ends(svg, "trail robot-1"))]
+    )
+    every = np.concatenate([every, *(line for lines in shown_axes(svg).values() for line in lines[1::2])])
+    low, high = every.min(0), every.max(0)
+    margins = [*low, *(np.array([640, 440]) - high)]
+    assert min(margins) == pytest.approx(44, abs=0.1)
+    assert sorted(margins)[1] == pytest.approx(44, abs=0.1)
+    assert low[0] + high[0] == pytest.approx(640, abs=0.2)
+    assert low[1] + high[1] == pytest.approx(440, abs=0.2)
+
+
+def test_names_stand_at_what_they_name(drawn: Scene) -> None:
+    """Of a base below its foot, in its colour; of a body above it."""
+    svg = picture(drawn)
+    feet = {f"{arm.name}_base": ends(svg, "axis-x")[2 * k + 1][0] for k, arm in enumerate(drawn.arms)}
+    found = re.findall(r'class="([^"]*)" x="([^"]*)" y="([^"]*)">(\w+)<', svg)
+    for number, (name, foot) in enumerate(feet.items()):
+        kind, x, y = next((kind, float(x), float(y)) for kind, x, y, word in found if word == name)
+        assert kind == f"label robot-{number}"
+        assert (x, y) == (pytest.approx(foot[0], abs=0.2), pytest.approx(foot[1] + 18, abs=0.2))
+    lines = np.concatenate(ends(svg, "camera"))
+    _, x, y, _ = next(each for each in found if each[3] == "wrist")
+    assert float(y) == pytest.approx(lines[:, 1].min() - 7, abs=0.2)
+    assert lines[:, 0].min() < float(x) < lines[:, 0].max()
+
+
+@pytest.mark.parametrize(
+    ("off", "covered"), [((47, 16), True), ((-47, -16), True), ((49, 16), False), ((47, 18), False), ((0, 17), False)]
+)
+def test_labels_cover_one_another_by_their_letters(off: tuple[int, int], covered: bool) -> None:
+    """Of four and eight letters, six of 8 px beside, and a line of 17 px above or below."""
+    one, other = Label("abcd", np.array([100.0, 50.0])), Label("abcdefgh", np.array([100.0, 50.0]) + off)
+    assert one.covers(other) == other.covers(one) == covered
+
+
+def test_covered_labels_move_down_line_by_line() -> None:
+    """Three at one place are below one another; one that is elsewhere stays."""
+    labels = [Label("base", np.array([10.0, 20.0]))] * 3 + [Label("base", np.array([90.0, 20.0]))]
+    assert re.findall(r'x="(.*?)" y="(.*?)"', "".join(_place_labels(labels))) == [
+        ("10.0", "20.0"), ("10.0", "37.0"), ("10.0", "54.0"), ("90.0", "20.0")
+    ]  # fmt: skip
+
+
+def test_a_fifth_robot_has_the_colour_of_the_first(drawn: Scene) -> None:
+    many = replace(drawn, arms=tuple(replace(drawn.arms[0], name=f"r{k}") for k in range(5)), bodies=())
+    assert re.findall(r'class="trail (robot-\d)"', picture(many)) == [f"robot-{k}" for k in (0, 1, 2, 3, 0)]
+
+
+def test_ellipsoids_are_drawn_in_the_scale_of_the_cell(drawn: Scene) -> None:
+    """A ball is a circle about its base; a long axis towards the right is as long as it is."""
+    right = drawn.across
+    scales = []
+    for axes in (0.1 * np.eye(3), np.column_stack([0.1 * right, 1e-6 * np.eye(3)[:, 1:]])):
+        base = replace(drawn.arms[0], world_from_base=SE3.identity(), ellipsoid=axes)
+        others = (replace(arm, ellipsoid=None) for arm in drawn.arms[1:])
+        svg = picture(replace(drawn, arms=(base, *others), bodies=()))
+        outline = np.concatenate(ends(svg, "ellipsoid"))
+        foot = ends(svg, "axis-x")[1][0]
+        np.testing.assert_allclose((outline.max(0) + outline.min(0)) / 2, foot, atol=0.2)
+        scales.append(np.ptp(outline, axis=0))
+    ball, line = scales
+    assert ball[0] == pytest.approx(ball[1], rel=0.01)
+    assert line[0] == pytest.approx(ball[0], rel=0.01)
+    assert line[1] < 1

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import pytest
+from tests.drawings import check_labels, ends, labels, rectangles, view
 
 from basecal.cell import ErrorMap
 from basecal.geometry import SE3, PoseEstimate
@@ -85,3 +87,64 @@ def test_each_axis_has_its_row() -> None:
     assert intervals == [15, 45, 75]
     words = re.findall(r'y="([-0-9.]+)"[^>]*>([xyz])<', figure.svg)
     assert [(axis, round(float(y)) // 30) for y, axis in words] == [("x", 0), ("y", 1), ("z", 2)]
+
+
+@pytest.mark.parametrize("tolerance_m", [None, 3e-3, 30e-3])
+def test_intervals_and_the_tolerance_have_one_scale(tolerance_m) -> None:
+    """About one middle, within the drawing, beside their labels."""
+    svg = component_figure("hand_base", ESTIMATE, tolerance_m).svg
+    check_labels(svg)
+    whole, rule = view(svg), ends(svg, "rule")[0]
+    middle = rule[0, 0]
+    assert rule[:, 1].tolist() == [0, whole.bottom]
+    intervals = [
+        np.concatenate(found) for kind in ("within", "beyond") for found in [ends(svg, f"interval {kind}")] if found
+    ]
+    for every in intervals:
+        assert every[:, 0].min() + every[:, 0].max() == pytest.approx(2 * middle, abs=0.2)
+        names = [label for label in labels(svg) if label.text in "xyz"]
+        numbers = [label for label in labels(svg) if label.text.startswith("±")]
+        assert max(label.right for label in names) < every[:, 0].min()
+        assert every[:, 0].max() < min(label.left for label in numbers)
+    if tolerance_m is None:
+        return
+    (allowed,) = rectangles(svg, "allowed")
+    assert allowed.left + allowed.right == pytest.approx(2 * middle, abs=0.2)
+    assert (allowed.top, allowed.bottom) == (0, whole.bottom)
+    reach = max(every[:, 0].max() for every in intervals) - middle
+    assert (allowed.right - middle) / reach == pytest.approx(1e3 * tolerance_m / (1.96 * 3), rel=0.01)
+    assert max(reach, allowed.right - middle) == pytest.approx(148 / 1.1, rel=0.01)
+
+
+def test_an_interval_has_ends_of_twelve() -> None:
+    """A bar at each end, and the line between their middles."""
+    (found,) = re.findall(r'interval within" d="([^"]*)"', component_figure("a", ESTIMATE, 3e-3).svg)
+    numbers = [float(each) for each in re.findall(r"-?[\d.]+", found)]
+    assert numbers[2:5] == [12, 0, -6]
+    assert numbers[6:] == [0, -6, 12]
+
+
+def test_the_tolerance_itself_is_within() -> None:
+    """Not a thousandth more; an exact estimate has a drawing."""
+    for share, kind in ((1.001, "within"), (0.999, "beyond")):
+        svg = component_figure("hand_base", PoseEstimate(SE3.identity(), np.eye(6) * 1e-6), 1.96e-3 * share).svg
+        assert re.findall(r"interval (\w+)", svg) == [kind] * 3
+    exact = component_figure("a_from_hand_base", PoseEstimate(SE3.identity(), np.zeros((6, 6))), None)
+    assert "nan" not in exact.svg
+    assert exact.caption == "Intervals that hold 95 % of errors along each axis of hand_base."
+
+
+def test_squares_of_a_height_lie_by_their_place() -> None:
+    """Three along x and two along y, each square where its point is; shades are shares of the range in all."""
+    points = np.array([[x, y, 0.5] for x in (0.0, 0.5, 1.0) for y in (0.0, 2.0)])
+    lengths = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) * 1e-3
+    (figure,) = workspace(ErrorMap(points, lengths, np.full(6, 0.01)))
+    boxes = [*rectangles(figure.svg, "tile"), *rectangles(figure.svg, "tile worst")]
+    found = {(box.left / 40, box.top / 40): float(box.text) for box in boxes}
+    assert list(found) == [(0, 1), (0, 0), (1, 1), (1, 0), (2, 1), (2, 0)]
+    np.testing.assert_allclose(list(found.values()), 0.12 + 0.88 * np.arange(6) / 5, atol=0.006)
+    assert view(figure.svg)[:4] == (0, 0, 120, 80)
+    (frame,) = rectangles(figure.svg, "frame")
+    assert frame[:4] == (0, 0, 120, 80)
+    assert (figure.x, figure.y) == (("x 0.00 m", "1.00 m"), ("y 2.00 m", "0.00 m"))
+    assert figure.caption.startswith("95 % of errors below 1.0 to 6.0 mm here, 1.0 to 6.0 mm in all.")

@@ -6,17 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.task.expected_error import ExpectedError
 from basecal.cell import (
     BudgetEntry,
     Calibration,
+    Cell,
     Finding,
     MeetingError,
     Outlier,
     Recording,
     Residuals,
+    Robot,
     Sample,
     SampleResidual,
     Tolerance,
@@ -94,3 +97,53 @@ def test_what_found_something_has_not_passed() -> None:
     doubted = Calibration("doubtful", made.transforms, findings=(Finding("overfit", "warning", (), "x"),))
     assert {code for code, _ in passed_checks(made)} - {code for code, _ in passed_checks(doubted)} == {"overfit"}
     assert list(passed_checks(Calibration("refused"))) == []
+
+
+@pytest.mark.parametrize(("expected_mm", "tolerance_mm"), [(0.4, 1.0), (4.0, 1.0), (1.0, 1.0)])
+def test_bars_are_to_scale(expected_mm: float, tolerance_mm: float) -> None:
+    """The larger of error and tolerance ends just before the end; equal ones are within."""
+    tile = error_tile(1e-3 * expected_mm, 1e-3 * tolerance_mm)
+    error, limit = tile.shares
+    assert error / limit == pytest.approx(expected_mm / tolerance_mm)
+    assert 0.6 < max(error, limit) < 1
+    assert tile.kind == ("within" if expected_mm <= tolerance_mm else "beyond")
+    assert tile.limit == f"{tolerance_mm:g} mm"
+    assert error_tile(4e-3, None).kind == ""
+
+
+def test_the_least_known_transform_is_shown() -> None:
+    """Of several; of a point without an angle."""
+    cell = Cell("eye", {name: Robot(name) for name in ("eye", "hand", "third")})
+    near, far = (f"eye_base_from_{name}_base" for name in ("hand", "third"))
+    sigmas = {near: 1e-3, far: 2e-3}
+    known = {name: PoseEstimate(SE3.identity(), np.eye(6) * sigma**2 / 3) for name, sigma in sigmas.items()}
+    made = Calibration("good", known)
+    (tile,) = tiles(cell, Recording(), made, FitDetails())
+    assert (tile.value, tile.name) == ("2.0 mm, 0.11 deg", f"1 sigma (3-D norm) of {far}, the least known")
+    (tile,) = tiles(cell, Recording(), replace(made, points=frozenset({far})), FitDetails())
+    assert tile.value == "2.0 mm"
+
+
+def test_held_out_errors_stand_alone_or_beside() -> None:
+    """In the image beside the residuals, at the target as a tile; points left out are counted over all views."""
+    only_pixels = replace(CALIBRATION, validation=Validation("k-fold", 5, 1.069), outliers=None)
+    names = [tile.name for tile in tiles(CELL, RECORDING, only_pixels, FitDetails())][1:]
+    assert names == ["reprojection error, rms, held out 1.1 px", "samples used"]
+    without = replace(CALIBRATION, validation=None)
+    assert "reprojection error, rms" in [tile.name for tile in tiles(CELL, RECORDING, without, FitDetails())]
+    more = replace(CALIBRATION, outliers=(*CALIBRATION.outliers, Outlier(1, "wrist", "board", (5,), "far")))
+    assert list(tiles(CELL, RECORDING, more, FitDetails()))[-1].name == "samples used, 3 points left out"
+
+
+def test_the_largest_of_complete_errors_counts() -> None:
+    """If one of the requested transforms is unknown, nothing is expected."""
+    errors = (ExpectedError(BASE, 4e-4, np.zeros(3)), ExpectedError("other", 6e-4, np.zeros(3)))
+    assert expected_error_m(CELL, CALIBRATION, FitDetails(errors=errors)) == 6e-4
+    assert expected_error_m(CELL, CALIBRATION, FitDetails(errors=errors[1:])) is None
+
+
+def test_remarks_have_plurals() -> None:
+    """Errors first; a single step is no outlook."""
+    codes = (("x", "info"), ("y", "warning"), ("z", "warning"), ("w", "error"))
+    found = tuple(Finding(code, severity, (), "x") for code, severity in codes)
+    assert list(remarks(replace(CALIBRATION, findings=found), [(40, 1e-3)])) == ["1 error, 2 warnings, 1 note."]

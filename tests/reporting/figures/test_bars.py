@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from tests.drawings import ends, rectangles, view
+
 from basecal.cell import SampleResidual
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
 
@@ -29,3 +32,50 @@ def test_nothing_to_show():
     """No view has the quantity; or all were left out."""
     assert bar_figure(VIEWS, QUANTITIES[1], 2) is None
     assert bar_figure(VIEWS[:1], QUANTITIES[0], 2, VIEWS) is not None
+
+
+def shown(*values_px, most=10, left_out=()):
+    """A figure of such views, and its bars."""
+    views = [SampleResidual(k, "wrist", "board", value) for k, value in enumerate(values_px)]
+    figure = bar_figure(views, QUANTITIES[0], most, [views[k] for k in left_out])
+    return figure, rectangles(figure.svg, "bar")
+
+
+def test_bars_are_as_high_as_their_labels_say():
+    """A bar of 4 px under 5 px is 80 % high; the middle of the axis is half of its end."""
+    figure, bars = shown(1.0, 4.0)
+    assert figure.y == ("5 px", "2.5", "0")
+    assert [round(box.bottom - box.top) for box in bars] == [20, 80]
+    assert bars[0].right < bars[1].left
+    assert view(figure.svg).right - bars[1].right == bars[0].left
+
+
+def test_the_level_is_at_the_rms():
+    """Of 3 and 4 px it is 3.54 px, 71 % of 5 px, across the whole figure."""
+    figure, _ = shown(3.0, 4.0)
+    (level,) = ends(figure.svg, "level")
+    np.testing.assert_allclose(level, [[0, 29.29], [20, 29.29]], atol=0.01)
+    assert figure.caption == "dashed: rms over the views used, 3.5 px"
+
+
+def test_no_more_bars_are_shown_than_fit():
+    """Of equal views, the first; and if all fit, the caption counts none."""
+    figure, bars = shown(1.0, 1.0, 1.0, most=2)
+    assert len(bars) == 2
+    assert figure.caption.startswith("the 2 largest of 3 views; ")
+    assert figure.x == ("sample 0", "1")
+    assert shown(1.0, 1.0, most=2)[0].caption.startswith("dashed")
+    assert shown(1.0)[0].x == ("sample 0",)
+    assert shown(1.0, 2.0, 1.0)[0].x == ("sample 0", "2")
+
+
+def test_what_is_not_shown_is_not_in_the_caption():
+    """A view that was left out and is too small for the figure needs no colour."""
+    assert "orange" not in shown(0.1, 1.0, 2.0, most=2, left_out=[0])[0].caption
+
+
+def test_quantities_are_in_their_units():
+    """Pixels, millimetres and degrees; a quantity that is not defined has no number."""
+    view_of_one = SampleResidual(1, "wrist", "board", 0.5, 2e-3, np.pi / 180)
+    assert [(each.value(view_of_one), each.unit) for each in QUANTITIES] == [(0.5, "px"), (2.0, "mm"), (1.0, "deg")]
+    assert QUANTITIES[1].value(VIEWS[0]) is None

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from itertools import pairwise
 
+import numpy as np
 import pytest
+from tests.drawings import check_labels, ends, labels, view
 
 from basecal.reporting.figures.curves import Band, curves
 
@@ -78,3 +80,68 @@ def test_an_axis_has_enough_numbers(most: float) -> None:
     assert 4 <= len(upwards) <= 13
     step = upwards[1] - upwards[0]
     assert any(step == pytest.approx(share * 10.0**d) for share in (1, 2, 5) for d in range(-4, 2))
+
+
+def test_labels_and_points_lie_on_the_drawing() -> None:
+    """All labels can be read, and points, bands and rules lie between the axis and the right border."""
+    bands = tuple(Band(x, (0.5 * y, y, 2.0 * y)) for x, y in ((1, 1.0), (10, 2.0), (100, 4.0)))
+    for drawn in (bands, tuple(replace_at(band, f"{band.at} samples of a board") for band in bands)):
+        svg = curves("error", "samples", "mm", {"ours": drawn}, 1.5)
+        check_labels(svg)
+        assert 0 < view(svg).bottom - max(label.bottom for label in labels(svg)) < 40
+        rules = np.concatenate(ends(svg, "rule"))
+        low, high = rules.min(0), rules.max(0)
+        inside = np.concatenate([each for kind in ("band", "whisker", "level") for each in ends(svg, kind)])
+        assert np.all(inside >= low - 0.1)
+        assert np.all(inside <= high + 0.1)
+        assert high[0] < view(svg).right
+        upwards = [label for label in labels(svg) if label.right < low[0]]
+        assert len(upwards) >= 4
+        below = [label for label in labels(svg) if label.top > high[1]]
+        assert len(upwards) + len(below) == len(labels(svg))
+        middles = [(label.left + label.right) / 2 for label in below]
+        np.testing.assert_allclose(middles, places(svg), atol=0.1)
+
+
+def replace_at(band: Band, at: str) -> Band:
+    return band._replace(at=at)
+
+
+def test_bands_and_whiskers_reach_from_the_low_to_the_high_end() -> None:
+    """The band goes over the high ends and back over the low ones; the median line joins the points."""
+    bands = (Band(0, (1.0, 2.0, 3.0)), Band(1, (2.0, 3.0, 5.0)))
+    svg = curves("error", "days", "mm", {"": bands}, logarithmic=False)
+    (band,), (median,) = ends(svg, "band"), ends(svg, "median")
+    assert median.tolist() == [list(each) for each in zip(places(svg), heights(svg), strict=True)]
+    bottoms, tops = ([whisker[k, 1] for whisker in ends(svg, "whisker")] for k in (0, 1))
+    assert band[:, 1].tolist() == [*tops, *bottoms[::-1]]
+    per_mm = bottoms[0] - heights(svg)[0]
+    np.testing.assert_allclose(
+        [bottoms[0] - bottoms[1], tops[0] - tops[1], per_mm], [per_mm, 2 * per_mm, per_mm], atol=0.2
+    )
+    assert per_mm > 30
+
+
+def test_a_point_states_its_place_and_median() -> None:
+    """A line has its name, and at most six have colours of their own."""
+    lines = {f"l{k}": (Band(10, (1.0, 2.0, 3.0)), Band(20, (1.0, 2.0, 3.0))) for k in range(7)}
+    svg = curves("error", "samples", "mm", lines)
+    assert "<title>samples 10: 2.0 mm</title>" in svg
+    assert re.findall(r'class="(line-\d)"', svg) == [f"line-{k}" for k in (0, 1, 2, 3, 4, 5, 0)]
+
+
+def test_truth_values_are_words() -> None:
+    """Columns of equal width, not places of a scale."""
+    svg = curves("error", "joints", "mm", {"": [Band(each, (1.0, 1.0, 1.0)) for each in (True, False)]})
+    middle = (62 + 640 - 14) / 2
+    width = 640 - 62 - 14
+    np.testing.assert_allclose(places(svg), [middle - width / 4, middle + width / 4], atol=0.06)
+
+
+def test_a_drawing_is_about_half_as_high_as_wide() -> None:
+    """Its curves fill most of it."""
+    svg = curves("error", "days", "mm", {"": (Band(0, (1.0, 2.0, 3.0)), Band(1, (2.0, 3.0, 5.0)))})
+    whole, rules = view(svg), np.concatenate(ends(svg, "rule"))
+    assert 0.35 < whole.bottom / whole.right < 0.6
+    assert np.all(np.ptp(rules, axis=0) > 0.75 * np.array([whole.right, whole.bottom]))
+    assert np.ptp(heights(svg)) > 0.15 * whole.bottom

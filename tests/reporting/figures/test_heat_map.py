@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 
+from tests.drawings import check_labels, labels, rectangles, view
+
 from basecal.reporting.figures.heat_map import heat_map
+from basecal.reporting.svg import FAINTEST
 
 
 def test_larger_numbers_are_darker() -> None:
@@ -34,3 +37,67 @@ def test_long_names_of_columns_are_within_their_column() -> None:
     assert "<tspan" in long
     height = r'viewBox="0 0 [\d.]+ ([\d.]+)"'
     assert float(re.findall(height, long)[0]) >= float(re.findall(height, short)[0]) + 14
+
+
+LONG, WIDE = "a board of tags with large squares", "a wide board of small circles"
+
+
+def test_labels_lie_beside_their_tiles() -> None:
+    """Names of rows at the left of their tiles, of columns below them; every label can be read."""
+    values = [[1.0, 2.0, 123.0], [None, 0.0, 4.0]]
+    svg = heat_map("error", ("samples", [5.0, 0.25, WIDE]), ("board", [LONG, "b"]), values).svg
+    check_labels(svg)
+    named = {box.text.replace(" ", ""): box for box in labels(svg)}
+    boxes = sorted([*rectangles(svg, "tile"), *rectangles(svg, "frame")], key=lambda box: (box.top, box.left))
+    assert len(boxes) == 6
+    for k, name in enumerate((LONG, "b")):
+        row = named[name.replace(" ", "")]
+        assert row.right < boxes[3 * k].left < row.right + 12
+        assert row.top > boxes[3 * k].top - 1
+        assert row.bottom < boxes[3 * k].bottom + 1
+    for k, name in enumerate(("5", "0.25", WIDE)):
+        column = named[name.replace(" ", "")]
+        assert (column.left + column.right) / 2 == (boxes[k].left + boxes[k].right) / 2
+        assert boxes[3].bottom < column.top < boxes[3].bottom + 12
+
+
+def test_tiles_touch_and_hold_their_numbers() -> None:
+    """No tile lies on another, each touches its neighbours, and its number is in its middle."""
+    svg = heat_map("error", ("samples", [5, 10]), ("board", ["a", "b"]), [[1.0, 2.0], [3.0, 4.0]]).svg
+    one, right, below, last = rectangles(svg, "tile")
+    assert (one.right, one.bottom) == (right.left, below.top)
+    assert (last.left, last.top) == (right.left, below.top)
+    for box, number in zip((one, right, below, last), ("1.0", "2.0", "3.0", "4.0"), strict=True):
+        (label,) = (each for each in labels(svg) if each.text == number)
+        assert (label.left + label.right) / 2 == (box.left + box.right) / 2
+        assert abs(label.top + label.bottom - box.top - box.bottom) < 4
+
+
+def test_shades_are_by_ratio_and_leave_numbers_readable() -> None:
+    """From 0.1 to 10 the middle of the shades is 1; the strongest stays below full, and equal numbers are faint."""
+    svg = heat_map("error", ("samples", [1, 2, 3]), ("board", ["a"]), [[0.1, 1.0, 10.0]]).svg
+    low, middle, high = (float(box.text) for box in rectangles(svg, "tile"))
+    assert low == FAINTEST
+    assert abs(middle - (low + high) / 2) < 0.011
+    assert 0.7 < high < 0.9
+    equal = heat_map("error", ("samples", [1, 2]), ("board", ["a"]), [[2.0, 2.0]]).svg
+    assert {box.text for box in rectangles(equal, "tile")} == {f"{FAINTEST}"}
+
+
+def test_a_number_without_a_logarithm_has_a_frame() -> None:
+    """Zero is shown without a shade, and a missing number is a dash; neither changes the shades of others."""
+    svg = heat_map("error", ("samples", [1, 2, 3]), ("board", ["a"]), [[0.0, None, 0.5]]).svg
+    assert [label.text for label in labels(svg)][:3] == ["0", "-", "0.50"]
+    assert len(rectangles(svg, "frame")) == 2
+    assert [box.text for box in rectangles(svg, "tile")] == [f"{FAINTEST}"]
+
+
+def test_the_drawing_ends_close_to_its_content() -> None:
+    """Less than 20 px beside the tiles and below the last line of labels, whatever the number of lines."""
+    for name in ("a", WIDE):
+        svg = heat_map("error", ("samples", [name]), ("board", ["b"]), [[1.0]]).svg
+        (box,) = rectangles(svg, "tile")
+        whole = view(svg)
+        assert box.top < 20
+        assert 0 < whole.right - box.right < 20
+        assert 0 < whole.bottom - max(label.bottom for label in labels(svg)) < 20

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.drawings import check_labels, labels, rectangles, view
 from tests.seen_points import seen
 
 from basecal.geometry import Camera
@@ -22,6 +23,8 @@ def test_points_fall_into_their_squares():
     grid = image_grid((1280, 720), pixels)
     assert (grid.shape, grid.pitch) == ((16, 9), 80.0)
     assert grid.square.tolist() == [0, 143, 143, 1]
+    outside = np.array([[-90.0, -90.0], [1400.0, 900.0], [1400.0, -90.0], [-90.0, 900.0]])
+    assert image_grid((1280, 720), outside).square.tolist() == [0, 143, 15, 128]
     assert grid.count[[0, 1, 143]].tolist() == [1, 1, 2]
     assert grid.count.sum() == 4
     assert grid.means(np.array([1.0, 2.0, 3.0, 4.0])).tolist() == [1.0, 4.0, 2.5]
@@ -95,3 +98,61 @@ def test_contours_lie_over_the_whole_image() -> None:
     assert places.min() >= 0
     assert np.all(places.max(0) <= [640, 360])
     assert np.all(np.ptp(places, axis=0) > [500, 250])
+
+
+@pytest.mark.parametrize("size_px", [(1280, 720), (480, 640)])
+def test_a_strip_can_be_read(size_px):
+    """The colour bar lies between its labels, below the image, and its parts touch."""
+    svg = image_grid(size_px, np.array([[1.0, 2.0]])).drawing("x", {}, ("0.05", "0.5 px"))
+    check_labels(svg)
+    size, low, high = labels(svg)
+    bars, (frame,) = rectangles(svg, "tile shade"), rectangles(svg, "frame")
+    assert len(bars) == 8
+    assert size.right < low.left
+    assert low.right < bars[0].left < low.right + 12
+    assert bars[-1].right < high.left < bars[-1].right + 12
+    np.testing.assert_allclose([box.left for box in bars[1:]], [box.right for box in bars[:-1]], atol=0.11)
+    assert bars[-1].right - bars[0].left == 160
+    for box in (*bars, size, low, high):
+        assert frame.bottom <= box.top
+        assert box.bottom <= view(svg).bottom
+    assert size.left == frame.left == 0
+    np.testing.assert_allclose(frame.bottom, 640 * size_px[1] / size_px[0], atol=0.06)
+
+
+def test_an_unknown_image_is_the_box_of_its_points():
+    """Enlarged by 5 % on each side, and at least an eighth as high as wide."""
+    grid = image_grid(None, np.array([[100.0, 50.0], [300.0, 150.0]]))
+    np.testing.assert_allclose([grid.low, grid.size], [[90, 45], [220, 110]])
+    line = image_grid(None, np.array([[0.0, 5.0], [160.0, 5.0]]))
+    np.testing.assert_allclose(line.size, [176, 22])
+    np.testing.assert_allclose(image_grid(None, np.zeros((1, 2))).size, [0.1375, 0.1375])
+
+
+def test_tiles_lie_on_their_squares():
+    """A point is inside the tile of its square, in the drawing's scale."""
+    pixels = np.array([[10.0, 10.0], [700.0, 500.0], [1270.0, 30.0]])
+    boxes = rectangles(image_coverage((1280, 720), seen(pixels, np.zeros((3, 2)))).svg, "tile")
+    assert len(boxes) == 3
+    for x, y in (pixels + 0.5) / 2:
+        assert sum(box.left <= x <= box.right and box.top <= y <= box.bottom for box in boxes) == 1
+    assert {(round(box.right - box.left), round(box.bottom - box.top)) for box in boxes} == {(40, 40)}
+
+
+def test_shades_of_counts_are_their_roots():
+    """One of four points in a square is half as strong; all squares count for the share."""
+    pixels = [[10.0, 10.0]] * 4 + [[700.0, 500.0]]
+    figure = image_coverage((1280, 720), seen(pixels, np.zeros((5, 2))))
+    assert [box.text for box in rectangles(figure.svg, "tile")] == ["1.00", "0.56"]
+    assert [label.text for label in labels(figure.svg)][1:] == ["1 point", "4"]
+
+
+def test_sigmas_of_a_lens_are_least_and_most_in_its_words():
+    """The faintest and the strongest square state the ends of the colour bar."""
+    figure = lens_uncertainty("wrist", CAMERA, COVARIANCE)
+    words = [float(each) for each in re.findall(r"1 sigma ([0-9.]+) px", figure.svg)]
+    _, low, high = (label.text for label in labels(figure.svg) if label.top > 360)
+    assert (f"{min(words):g}", f"{max(words):g} px") == (f"{float(low):g}", f"{float(high[:-3]):g} px")
+    shades = [float(box.text) for box in rectangles(figure.svg, "tile")]
+    assert words[int(np.argmax(shades))] == max(words)
+    assert words[int(np.argmin(shades))] <= 1.1 * min(words)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import numpy as np
+from tests.drawings import check_labels, ends, labels, rectangles
 from tests.seen_points import seen
 
 from basecal.reporting.figures.residual_map import residual_map
@@ -50,3 +51,64 @@ def test_few_points_have_no_arrow():
 def test_exact_points_are_drawn():
     """Residuals of zero divide nothing by zero."""
     assert "rms 0 px" in residual_map(None, seen(THREE, [[0.0, 0.0]] * 3)).svg
+
+
+SIZE = (1280, 720)  # [px]: squares of 80 px, drawn with edges of 40
+
+
+def test_the_arrow_is_as_long_as_the_caption_and_its_ruler_say():
+    """A mean of 5 px fills 80 % of a square of 40, and the ruler of 5 px is as long."""
+    figure = residual_map(SIZE, seen(THREE, [[3.0, 4.0]] * 3))
+    shaft = ends(figure.svg, "arrows")[0]
+    (ruler,) = ends(figure.svg, "ruler")
+    np.testing.assert_allclose(shaft, [[20, 20], [20 + 0.6 * 32, 20 + 0.8 * 32]], atol=0.05)
+    assert np.ptp(ruler, axis=0).tolist() == [32, 0]
+    assert "enlarged 12.8 times" in figure.caption
+    assert labels(figure.svg)[0].text == "5 px"
+
+
+def test_arrows_of_a_camera_have_one_scale():
+    """Means of 2 and of 1 px: both arrows are drawn with the length of the ruler of 2 px."""
+    right = [[1270.0, 10.0], [1260.0, 10.0], [1250.0, 10.0]]
+    off = [[-2.0, 0.0]] * 3 + [[0.0, 1.0]] * 3
+    figure = residual_map(SIZE, seen([*right, *THREE], off))
+    shafts = [line for line in ends(figure.svg, "arrows") if np.ptp(line[:, 0]) == 0 or np.ptp(line[:, 1]) == 0]
+    np.testing.assert_allclose(shafts, [[[20, 20], [20, 36]], [[620, 20], [588, 20]]], atol=0.05)
+    shades = [float(box.text) for box in rectangles(figure.svg, "tile")]
+    np.testing.assert_allclose(shades, [0.12 + 0.88 * 0.5**0.5 / 2, 0.12 + 0.88 * 2**0.5 / 2], atol=0.006)
+
+
+def test_the_ruler_lies_in_the_image_beside_its_label():
+    """At the lower left, clear of the strip below."""
+    svg = residual_map(SIZE, seen(THREE, [[3.0, 4.0]] * 3)).svg
+    check_labels(svg)
+    (ruler,), label = ends(svg, "ruler"), labels(svg)[0]
+    assert 0 < ruler[0, 0] < ruler[1, 0] < label.left < ruler[1, 0] + 20
+    assert label.top < ruler[0, 1] < label.bottom < 360
+    assert ruler[0, 1] > 330
+
+
+def test_heads_are_alike_on_both_sides_of_the_shaft():
+    """Lines of 4 px along the shaft and 2 px beside it, from its tip."""
+    shaft, *heads = ends(residual_map(SIZE, seen(THREE, [[3.0, 4.0]] * 3)).svg, "arrows")
+    along = (shaft[1] - shaft[0]) / np.linalg.norm(shaft[1] - shaft[0])
+    back = np.array([head[0] - shaft[1] for head in heads])
+    np.testing.assert_allclose(back @ along, -4, atol=0.15)
+    np.testing.assert_allclose(sorted(back @ [-along[1], along[0]]), [-2, 2], atol=0.15)
+
+
+def test_short_arrows_have_no_head():
+    """An arrow of 7.5 px has none beside one of 32 px; an arrow of 8.5 px has one."""
+    far = [[x + 320.0, y] for x, y in THREE]
+    counts = []
+    for length in (7.5, 8.5):
+        off = [[10.0, 0.0]] * 3 + [[0.0, 10 * length / 32]] * 3
+        counts.append(len(ends(residual_map(SIZE, seen([*THREE, *far], off)).svg, "arrows")))
+    assert counts == [4, 6]
+
+
+def test_the_ruler_fits_small_means():
+    """Means of 0.03 and 0.04 px have a ruler of 0.05 px, which fills 80 % of a square."""
+    figure = residual_map(SIZE, seen(THREE, [[0.03, 0.04]] * 3))
+    assert labels(figure.svg)[0].text == "0.05 px"
+    np.testing.assert_allclose(np.ptp(ends(figure.svg, "arrows")[0], axis=0), [19.2, 25.6], atol=0.05)

@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from tests.drawings import check_labels, ends, labels, view
 from tests.seen_points import seen
 
 from basecal.accuracy.fit_details import ViewPoses
@@ -90,3 +91,82 @@ def test_what_is_seen_all_round_has_rings_to_the_back():
 def test_many_views_are_thinned():
     """At most 400 marks."""
     assert orientation_figure(views(*np.linspace(0, 20, 1000))).svg.count('class="mark view"') <= 400
+
+
+def test_axes_cross_in_the_middle_and_names_lie_on_their_rings():
+    """Two lines over the whole plot, and each name just above the top of its ring."""
+    svg = polar_drawing("x", [(0.5, "1 px"), (1.0, "2 px")])
+    check_labels(svg)
+    across, down = ends(svg, "ring")
+    assert across.tolist() == [[MIDDLE - RADIUS, MIDDLE], [MIDDLE + RADIUS, MIDDLE]]
+    assert down.tolist() == [[MIDDLE, MIDDLE - RADIUS], [MIDDLE, MIDDLE + RADIUS]]
+    assert view(svg)[:4] == (0, 0, 2 * MIDDLE, 2 * MIDDLE)
+    circles = [[float(each) for each in found] for found in re.findall(r'cx="(.*?)" cy="(.*?)" r="(.*?)"', svg)]
+    assert circles == [[MIDDLE, MIDDLE, RADIUS / 2], [MIDDLE, MIDDLE, RADIUS]]
+    for box, share in zip(labels(svg), (0.5, 1.0), strict=True):
+        assert MIDDLE < box.left < MIDDLE + 8
+        assert box.bottom <= MIDDLE - share * RADIUS < box.bottom + 8
+
+
+def test_rings_and_percentiles_of_residuals():
+    """Lengths 0.01 to 1 px: half are below 0.51, 95 % below 0.95, and the outer ring is 2 px, above 2.5 rms."""
+    off = np.stack([np.arange(1, 101) / 100, np.zeros(100)], axis=-1)
+    figure = residual_polar(seen(np.zeros((100, 2)), off))
+    assert figure.caption.startswith("50 % are below 0.51 px, 95 % below 0.95 px. A cloud")
+    assert [label.text for label in labels(figure.svg)] == ["1 px", "2 px"]
+
+
+def test_longer_residuals_are_counted():
+    """One of fifty is beyond the ring; all are drawn, and nothing is said of those that were not left out."""
+    off = np.full((50, 2), 0.1)
+    off[0] = 5, 0
+    figure = residual_polar(seen(np.zeros((50, 2)), off))
+    assert " 1 are longer and drawn on the outer ring." in figure.caption
+    assert "points drawn" not in figure.caption
+    assert "orange" not in figure.caption
+
+
+def places(figure):
+    """Middles of the marks from the middle of the plot, and the direction of their lines."""
+    circles = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="3"', figure.svg)
+    lines = re.findall(r'<path d="M([\d.]+) ([\d.]+)L([\d.]+) ([\d.]+)"', figure.svg)
+    along = np.array(lines, float).reshape(-1, 2, 2)
+    return np.array(circles, float) - MIDDLE, along[:, 1] - along[:, 0], along.mean(1) - MIDDLE
+
+
+def test_tilts_are_radii_and_lines_the_x_axis():
+    """15 degrees are half of 30 towards x; the line of 12 px lies along the camera's x axis about its mark."""
+    at, along, middles = places(orientation_figure(views(0, 15, 30)))
+    np.testing.assert_allclose(at, [[0, 0], [RADIUS / 2, 0], [RADIUS, 0]], atol=0.06)
+    np.testing.assert_allclose(middles, at, atol=0.06)
+    np.testing.assert_allclose(along, [[12, 0]] * 3, atol=0.11)
+
+
+@pytest.mark.parametrize(("tilt", "names"), [(30, "10 20 30"), (31, "20 40 60"), (61, "30 60 90"), (91, "60 120 180")])
+def test_rings_are_named_by_thirds(tilt, names):
+    """The outer ring is the next of 30, 60, 90 and 180 degrees."""
+    figure = orientation_figure(views(0, 0, tilt - 1e-9))
+    assert [label.text for label in labels(figure.svg)] == [f"{each}°" for each in names.split()]
+
+
+@pytest.mark.parametrize(("given", "tilts"), [((0, 0, 180, 180), [0, 0, 180, 180]), ((0, 180, 180), [180, 0, 0])])
+def test_the_front_is_the_side_of_most_views(given, tilts):
+    """The side of positive z if half of the views are there."""
+    svg = orientation_figure(views(*given)).svg
+    assert [int(each) for each in re.findall(r"tilted by (\d+) deg", svg)] == tilts
+
+
+@pytest.mark.parametrize(("count", "drawn"), [(1500, 1500), (1501, 751)])
+def test_up_to_1500_residuals_are_all_drawn(count, drawn):
+    """Every second of one more; of the residuals that were left out, the first ones."""
+    off = np.random.default_rng(1).normal(0, 0.1, (2 * count, 2))
+    figure = residual_polar(seen(np.zeros((2 * count, 2)), off, [True] * count + [False] * count))
+    clouds = dict(re.findall(r'class="(cloud|left-out)" d="([^"]*)"', figure.svg))
+    assert (clouds["cloud"].count("M"), clouds["left-out"].count("M")) == (drawn, 1500)
+    assert ("points drawn" in figure.caption) == (drawn < count)
+
+
+def test_up_to_four_hundred_views_are_all_drawn():
+    """Every second of one more."""
+    for count, drawn in ((400, 400), (401, 201)):
+        assert orientation_figure(views(*np.linspace(0, 20, count))).svg.count('class="mark view"') == drawn

@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from markupsafe import Markup
+from tests.drawings import ends
 from tests.seen_points import seen
 
 from basecal.cell import Calibration, Recording, Residuals, Sample
@@ -94,3 +97,57 @@ def test_points_stand_on_the_image():
     shown = image_drawing("wrist", b"", (1440, 1080), pixels, 0 * pixels, np.ones(2, dtype=bool))
     assert 'viewBox="0 0 360 270"' in shown
     assert 'class="found" d="M25.0 50.0h0M1.0 1.2h0"' in shown
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thumbnails are chosen, and not drawn."""
+    monkeypatch.setattr(thumbnails_module, "_picture", lambda *_: Markup("<svg></svg>"))
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_up_to_eighteen_used_and_six_other_views_are_shown(recording):
+    """The largest of each, by the rms of the points that were used."""
+    found = [points(*np.linspace(0.1, 0.9, 30), left_out=range(20, 30))]
+    pictures, caption = thumbnails(CELL, recording, CALIBRATION, found)
+    assert [int(view.sample[0]) for _, view, _ in pictures] == [*range(19, 1, -1), *range(29, 23, -1)]
+    assert caption.startswith("24 of 30 views.")
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(("rms_px", "longest"), [(0.2, "0.5"), (None, "2"), (2.2, "5")])
+def test_lines_have_the_scale_of_the_calibration(recording, rms_px, longest):
+    """Twice its rms, rounded up, is a twentieth of the width; without an rms, twice the largest of the views."""
+    calibration = Calibration("good", residuals=Residuals(rms_px))
+    _, caption = thumbnails(CELL, recording, calibration, [points(0.1, 1.0)])
+    assert f"; {longest} px are drawn as a twentieth" in caption
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_rms_is_per_coordinate_and_of_used_points(recording):
+    """Of two points with 3 and 4 px in one coordinate, one of which was left out."""
+    found = points(3.0)
+    both = replace(found, off_px=np.array([[3.0, 0.0], [0.0, 40.0]]), used=np.array([True, False]))
+    ((_, _, words),), _ = thumbnails(CELL, recording, CALIBRATION, [both])
+    assert words == "wrist, 2.1 px rms"
+
+
+def test_at_most_three_hundred_points_are_drawn():
+    """All of 300, and every second of one more; marks of the large image of a sample are those of the small one."""
+    for count, drawn in ((300, 300), (301, 151)):
+        pixels = np.column_stack([np.linspace(0, 1000, count), np.full(count, 50.0)])
+        found = seen(pixels, np.full((count, 2), 0.1))
+        with TemporaryDirectory() as folder:
+            write_png(Path(folder) / "a.png", np.full((720, 1280), 90, np.uint8))
+            one = Recording((Sample(0, images={"wrist": "a.png"}), Sample(1, images={"wrist": "a.png"})), folder=folder)
+            (svg,) = sample_pictures(CELL, one, CALIBRATION, [found], 0)
+        assert re.search(r'class="found" d="([^"]*)"', svg)[1].count("M") == drawn
+
+
+def test_points_that_were_left_out_have_no_line():
+    """They have a mark of their own, where they are."""
+    pixels, offsets = np.array([[99.5, 199.5], [3.5, 4.5]]), np.array([[40.0, -80.0], [400.0, 400.0]])
+    svg = image_drawing("wrist", b"", (1440, 1080), pixels, offsets, np.array([True, False]))
+    (line,) = ends(svg, "off")
+    assert line.tolist() == [[25, 50], [35, 30]]
+    assert [each.tolist() for each in ends(svg, "left-out")] == [[[1.0, 1.2], [1.0, 1.2]]]

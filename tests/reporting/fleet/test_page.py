@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from basecal.reporting.fleet.page import COLUMN_TITLES, fleet_page, fleet_text, row_texts, sort_by_verdict
 from basecal.studies.fleet.run import Fleet
 from basecal.studies.fleet.summary import summarise_fleet
@@ -61,3 +63,19 @@ def test_rows_have_the_columns_of_the_head() -> None:
     """A word for each, nothing where nothing is known."""
     assert all(len(row_texts(row)) == len(COLUMN_TITLES) for row in ROWS)
     assert row_texts(ROWS[2])[:4] == ["<c>", "unreadable", "cell.yaml:1: <gossip>", ""]
+
+
+@pytest.mark.parametrize(("waiting", "end"), [(20, "c19: doubtful, it moved"), (21, "and 1 more")])
+def test_twenty_cells_are_named(waiting: int, end: str) -> None:
+    """A good one is not waiting; a spread that is unknown has no line."""
+    rows = [ROWS[0], *({**ROWS[1], "cell": f"c{k:02}"} for k in range(waiting))]
+    lines = fleet_text({**SUMMARY, "sigma_mm": None}, rows).splitlines()
+    assert lines[-1] == end
+    assert len(lines) == 1 + 20 + (waiting > 20)
+    assert "95 %" in fleet_text(SUMMARY, rows)
+
+
+def test_numbers_of_a_row_have_two_digits() -> None:
+    """Counts are whole."""
+    texts = dict(zip(COLUMN_TITLES, row_texts({**ROWS[0], "sigma_mm": 0.456, "samples": 1234}), strict=True))
+    assert (texts["sigma mm"], texts["samples"], texts["time s"], texts["held out mm"]) == ("0.46", "1234", "2.0", "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 import urllib.request
 from dataclasses import replace
@@ -12,12 +13,14 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from basecal.acquisition.coverage import COVERAGE_GRID
+from basecal.acquisition.capture import Step
+from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.watching import End, Sigma, Snapshot
 from basecal.cell import RobotState, Unknown
 from basecal.errors import DriverError
 from basecal.geometry import SE3
 from basecal.reporting.live import page
+from drawings import ends
 from shared.browser import CHROMIUM, browsing, visit
 from shared.watched_capture import captured, cell_with_a_board
 
@@ -145,3 +148,71 @@ def test_the_error_of_a_capture_is_drawn_beside_its_tolerance() -> None:
     assert task is not None
     assert "1.0 mm with 4, 0.80 mm with 5 samples. Dashed: the tolerance, 0.5 mm." in task.caption
     assert task.svg.count('class="level"') == 1
+
+
+def test_the_last_image_is_drawn_with_its_points(cell):
+    """Each point that is found is marked, without a line; a camera without an image has none."""
+    live = page.LivePage(captured(cell), cell)
+    (camera,) = cell.cameras
+    drawn = live.image(camera)
+    count = int(re.search(rf"last image of {camera}, (\d+) points found", drawn)[1])
+    assert count > 10
+    assert re.search(r'class="found" d="(.*?)"', drawn)[1].count("h0") == count
+    assert all(np.ptp(line, axis=0).max() == 0 for line in ends(drawn, "off"))
+    assert 'href="data:image/jpeg;base64,' in drawn
+    assert live.image("another") == ""
+
+
+def test_an_image_without_a_target_is_drawn_bare(cell):
+    watch = captured(cell)
+    (camera,) = cell.cameras
+    watch.note_image(camera, np.full((48, 64), 90, dtype=np.uint8))
+    drawn = page.LivePage(watch, cell).image(camera)
+    assert "0 points found" in drawn
+    assert 'viewBox="0 0 360 270"' in drawn
+
+
+def test_the_way_to_a_goal_is_a_length_and_an_angle(cell):
+    """Of an arm that has a state and a goal; in mm and deg."""
+    here, there = SE3.identity(), SE3.from_rpy((0, 0, np.radians(2)), (0.0, 0.0, 0.0125))
+    states = {"hand": RobotState(here), "eye": RobotState(here)}
+    snapshot = SimpleNamespace(states=states, goals={"hand": RobotState(there)})
+    live = page.LivePage(captured(cell), cell)
+    assert list(live._motions(snapshot)) == ["hand: 12.5 mm and 2.00 deg to go"]
+
+
+def tiles(**fields):
+    """Values and texts of the tiles of a snapshot."""
+    return [(tile.value, tile.name) for tile in page._tiles(Snapshot(**fields))]
+
+
+def test_tiles_state_what_is_known():
+    """Counts, coverage and sigma of the last step, and the error only beside a tolerance."""
+    coverage = Coverage(np.arange(np.prod(COVERAGE_GRID)).reshape(COVERAGE_GRID) < 6, {})
+    step = Step(3, "", 7, 25, coverage, (2e-3, np.radians(0.5)))
+    assert tiles() == []
+    assert tiles(step=step) == [
+        ("2.0 mm, 0.50 deg", "1 sigma (3-D norm) of the base"),
+        ("7 of 25", "samples taken"),
+        (f"{100 * coverage.share:.0f} %", "of the image covered"),
+    ]
+    assert len(tiles(step=replace(step, sigma=None))) == 2
+    assert len(tiles(errors=((5, 8e-4),), tolerance_m=5e-4)) == 1
+    assert tiles(errors=((5, 8e-4),)) == tiles(tolerance_m=5e-4) == []
+
+
+def test_the_time_left_is_in_minutes_above_ninety_seconds():
+    """After the end there is none."""
+    step = Step(3, "", 7, 8, Coverage(np.zeros(COVERAGE_GRID, dtype=bool), {}), None)
+    for seconds, text in ((90.0, "90 s"), (91.0, "2 min"), (0.0, "0 s")):
+        assert tiles(step=step, times_s=(0.0, seconds))[-1] == (text, "left, at the pace so far")
+    assert len(tiles(step=step, times_s=(0.0, 91.0), end=End("GOOD", ""))) == 2
+
+
+def test_two_errors_are_a_line():
+    """One is none, and then the sigmas are drawn if there are two."""
+    one, two = ((4, 1e-3),), ((4, 1e-3), (5, 8e-4))
+    sigmas = (Sigma(1, 2e-3, 1e-3), Sigma(2, 1e-3, 1e-3))
+    assert page._progress_figure(Snapshot(errors=one)) is None
+    assert "with 5 samples" in page._progress_figure(Snapshot(errors=two)).caption
+    assert "with 2 samples" in page._progress_figure(Snapshot(errors=one, sigmas=sigmas)).caption

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.cell import BudgetEntry, Sample
+from basecal.cell import BudgetEntry, RobotState, Sample, TouchObservation
+from basecal.geometry import SE3
 from basecal.planning.plan import Plan, plan_for_task
-from basecal.reporting.plans.page import plan_headline, plan_lines, plan_page
+from basecal.reporting.plans import page as page_module
+from basecal.reporting.plans.page import plan_headline, plan_lines, plan_page, touch_lines
 from basecal.simulation import Scenario, simulate
 
 POINT = np.array([[-0.3, 0.7, 0.1]])
@@ -88,3 +92,52 @@ def test_lines_are_said_once() -> None:
     assert third == "   90.0 % of the variance: views of wrist; 0.10 mm rms in all with half of it"
     assert len(list(plan_lines(plan(None, None), None))) == 2
     assert len(list(plan_lines(plan(0, True, count=0), 5e-4))) == 2
+
+
+def test_two_steps_are_a_curve(made) -> None:
+    """One is none."""
+    simulated, calibration = made
+    shown = [
+        plan_page(
+            simulated.cell, replace(plan(None, None, count=0), steps=steps), calibration, None, title="", steps=()
+        )
+        for steps in (((0, 1e-3),), ((0, 1e-3), (1, 5e-4)))
+    ]
+    assert ["0.50 mm with 13 samples" in each for each in shown] == [False, True]
+
+
+def test_the_needed_samples_may_be_all_that_are_planned() -> None:
+    """One more is doubtful; a tolerance that cannot be reached without a source has no cause."""
+    assert plan_headline(plan(3, True), 1e-3).word == "PASS"
+    assert plan_headline(plan(4, True), 1e-3).word == "DOUBTFUL"
+    unknown = replace(plan(None, False), budget=(), expected_m=None)
+    assert str(plan_headline(unknown, 1e-3)) == "FAIL: 1 mm where the arms worked cannot be reached."
+    assert "an unknown error" in str(plan_headline(unknown, None))
+
+
+def test_ways_are_from_sample_to_sample() -> None:
+    """The first has none, nor has an arm that was not recorded in both; others are in mm and deg."""
+    arms = {"hand": RobotState(SE3.identity())}
+    moved = {"hand": RobotState(SE3.from_rpy((0, 0, np.radians(2)), (0.0, 0.0, 0.0125)))}
+    samples = (Sample(4, robots=arms), Sample(5, robots=moved), Sample(6))
+    sketch = SimpleNamespace(movers=("hand",), base_from_flange=lambda _, state: state.base_from_flange)
+    first, second, third = page_module._ways(sketch, samples)
+    assert (first, third) == (("4", ""), ("6", ""))
+    assert second[0] == "5"
+    assert second[1].startswith("12 mm and 2.0 deg")
+
+
+def test_touches_are_listed_with_their_marks() -> None:
+    """Positions of new marks in m, and the orientation of the flange in deg if it is planned."""
+    seen = (TouchObservation("tip", "m1"),)
+    turned = RobotState(SE3.from_rpy(np.radians([10, -20, 30]), np.zeros(3)))
+    samples = (
+        Sample(1, robots={"eye": turned}, observations=seen),
+        Sample(2, robots={"eye": RobotState(joints_rad=np.zeros(6))}, observations=seen),
+    )
+    lines = list(touch_lines(replace(plan(3, True), samples=samples, marks={"m1": np.array([0.1, -0.25, 0.333])})))
+    assert lines == [
+        "Make a mark near (0.10, -0.25, 0.33) m in the reference's base: m1.",
+        "  touch m1 with tip, flange turned by roll, pitch, yaw 10, -20, 30 deg",
+        "  touch m1 with tip",
+    ]

@@ -24,11 +24,13 @@ from basecal.cell.calibration import Validation, Verdict
 from basecal.cli.calibrate import exit_code
 from basecal.geometry import SE3, PoseEstimate
 from basecal.reporting.statement.verdict import (
+    Headline,
     calibrate_command,
     headline,
     held_out_errors,
     missed_step,
     shown_decimals,
+    sort_by_severity,
     tangent_text,
     two_digits,
 )
@@ -163,3 +165,72 @@ def test_a_tangent_is_two_lengths():
     """In millimetres and degrees."""
     tangent = np.array([3e-3, 0, 4e-3, 0, *np.radians([0.6, 0.8])])
     assert tangent_text(tangent) == "5.0 mm and 1.0 deg"
+
+
+def finding(code: str, severity: Literal["error", "warning", "info"] = "warning") -> Finding:
+    return Finding(code, severity, (), f"It is {code}.")
+
+
+def test_the_reason_counts_the_other_findings() -> None:
+    """Of errors and warnings; a single one is a sentence, and infos do not count."""
+
+    def doubt(*codes: str) -> str:
+        found = (*map(finding, codes), finding("same-stop", "info"))
+        return headline(CELL, Calibration("doubtful", KNOWN, findings=found)).doubt
+
+    assert doubt() == ""
+    assert doubt("outlier-samples") == "It is outlier-samples."
+    assert doubt("outlier-samples", "overfit") == "It is outlier-samples (and 1 more finding)"
+    assert doubt("outlier-samples", "overfit", "weak") == "It is outlier-samples (and 2 more findings)"
+
+
+def test_doubt_is_joined_to_the_sentence_by_the_word() -> None:
+    """`but` for a doubtful answer, `doubtful` for one that fails all the same; none without a reason."""
+    assert str(Headline("DOUBTFUL", "a to 1 mm", "it is off")) == "DOUBTFUL: a to 1 mm, but: it is off"
+    assert str(Headline("FAIL", "1 mm", "it is off")) == "FAIL: 1 mm; doubtful: it is off"
+    assert str(Headline("GOOD", "a to 1 mm.")) == "GOOD: a to 1 mm."
+
+
+def test_causes_come_before_their_consequences() -> None:
+    """Errors first; samples that were lost before the finding that they are too few, and only beside it."""
+    few = finding("too-few-samples", "error")
+    lost, other = finding("dropped-sample"), finding("outlier-samples")
+    poor = finding("poor-fit")
+    note = finding("same-stop", "info")
+    assert sort_by_severity([note, poor, other, lost, few]) == [lost, few, other, poor, note]
+    cut = finding("not-converged", "error")
+    assert sort_by_severity([poor, lost, cut]) == [cut, lost, poor]
+    told = finding("dropped-sample", "info")
+    assert sort_by_severity([told, few]) == [few, told]
+
+
+@pytest.mark.parametrize(
+    ("settings", "command"),
+    [
+        ({}, "basecal calibrate cell"),
+        ({"method": "axis-shift"}, "basecal calibrate cell --method axis-shift"),
+        ({"tolerance_m": 5e-4}, "basecal calibrate cell --tolerance 0.5mm"),
+        ({"task_point": [0.1, -0.25, 0.5]}, "basecal calibrate cell --task-point 0.1 -0.25 0.5"),
+        (
+            {"task_box": [0, 0, 0, 1, 1, 0.5], "task_point": None, "tolerance_m": 1e-3},
+            "basecal calibrate cell --task-box 0 0 0 1 1 0.5 --tolerance 1mm",
+        ),
+    ],
+)
+def test_commands_repeat_task_and_tolerance(settings: dict[str, object], command: str) -> None:
+    """With the digits that were given."""
+    assert calibrate_command(CELL, Calibration("good", settings=settings), "cell") == command
+
+
+def test_an_answer_of_several_transforms_or_none() -> None:
+    """Each with its sigma; with the first of the held-out errors."""
+    cell = replace(CELL, robots={name: Robot(name) for name in ("eye", "hand", "third")})
+    third = {**KNOWN, "eye_base_from_third_base": next(iter(KNOWN.values()))}
+    made = Calibration("good", third, validation=Validation("k-fold", 5, 0.3, 2e-3, np.radians(0.1)))
+    each = "to 0.17 mm and 0.0099 deg (1 sigma, 3-D norm)"
+    assert headline(cell, made).sentence == (
+        f"eye_base_from_hand_base {each}; eye_base_from_third_base {each}; "
+        "cross-validation error, rms: 2.0 mm and 0.10 deg at the target."
+    )
+    assert headline(CELL, Calibration("good")).sentence == "no transform is requested, all are fixed."
+    assert headline(CELL, Calibration("refused")).sentence == "the requested transforms are unobservable."

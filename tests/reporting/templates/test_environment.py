@@ -91,3 +91,12 @@ def test_templates_that_cannot_be_kept_are_filled_in(
     made = environment().overlay(bytecode_cache=BesideModules(folder))
     assert made.get_template("sheet.svg").root_render_func is not None
     assert list(tmp_path.iterdir()) == []
+
+
+def test_sentences_begin_with_a_capital_letter() -> None:
+    """Unless they begin with a name or code; code between backticks alternates with words."""
+    made = environment()
+    shown = made.from_string("{{ a | sentence }}|{{ b | sentence }}|{{ c | words }}|{{ d | breakable }}")
+    assert shown.render(a="it moved", b="hand_base moved", c="`a` or `b`", d="a_from_b") == (
+        "It moved|hand_base moved|<code>a</code> or <code>b</code>|a_<wbr>from_<wbr>b"
+    )

@@ -6,15 +6,18 @@ import re
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.residuals.without_samples import WithoutSamples, without_samples
-from basecal.cell import Residuals, SampleResidual
+from basecal.cell import Calibration, Cell, Residuals, Robot, SampleResidual
+from basecal.geometry import SE3, PoseEstimate
 from basecal.reporting.decision.tiles import tiles
 from basecal.reporting.statement.verdict import error_text
 from basecal.reporting.summary import summary
+from basecal.reporting.viewing import page as page_module
 from basecal.reporting.viewing.page import ViewPage, answer_rows, fit_sentence, sample_words, serve_view
 from basecal.simulation import Scenario, simulate
 from shared.browser import CHROMIUM, visit
@@ -108,3 +111,37 @@ def test_what_is_not_there_is_said(made) -> None:
     nothing = WithoutSamples({}, Residuals(), False)
     assert next(answer_rows(cell.cell, calibration, nothing))[2] == "unobservable in some direction"
     assert fit_sentence(nothing) == "no optimum was found."
+
+
+def test_numbers_have_fifteen_digits_at_most() -> None:
+    """Longer ones, signs and fractions are left out."""
+    long = "9" * 15
+    assert page_module._numbers(f"0,12,{long},{long}9,-1,1.5, 3,") == (0, 12, int(long))
+
+
+def test_answers_state_what_is_known() -> None:
+    """A transform that neither has, one that the run lacks, and one that moved, in mm and deg."""
+    cell = Cell("eye", {"eye": Robot("eye"), "hand": Robot("hand")})
+    (name,) = cell.requested_transforms
+    here = PoseEstimate(SE3.identity(), np.diag([1e-6] * 3 + [1e-6] * 3))
+    there = PoseEstimate(SE3.from_rpy((0, 0, np.radians(2)), (0.0, 0.0, 0.0125)), 4 * here.covariance)
+    run = Calibration("good", {name: here})
+    (row,) = answer_rows(cell, run, WithoutSamples({name: there}, Residuals(), True))
+    assert row == (name, "1.7 mm and 0.099 deg", "3.5 mm and 0.20 deg", "12 mm and 2.0 deg")
+    (row,) = answer_rows(cell, Calibration("refused"), WithoutSamples({name: there}, Residuals(), True))
+    assert row == (name, "unknown", "3.5 mm and 0.20 deg", "")
+    (row,) = answer_rows(cell, run, WithoutSamples({name: here}, Residuals(), True))
+    assert row[3] == ""
+
+
+@pytest.mark.parametrize(
+    ("residuals", "converged", "said"),
+    [
+        (Residuals(), True, ""),
+        (Residuals(0.25), True, "reprojection error 0.25 px rms."),
+        (Residuals(loop_rms_m=2e-3), True, "pose consistency error 2.0 mm rms."),
+        (Residuals(0.25), False, "reprojection error 0.25 px rms; no optimum was found."),
+    ],
+)
+def test_the_fit_is_a_sentence_of_what_is_known(residuals: Residuals, converged: bool, said: str) -> None:
+    assert fit_sentence(WithoutSamples({}, residuals, converged)) == said

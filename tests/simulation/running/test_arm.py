@@ -7,7 +7,7 @@ import pytest
 
 from basecal.errors import InputError
 from basecal.estimation.problem.robot_parameters import Kinematics
-from basecal.simulation.running.arm import RunningArm
+from basecal.simulation.running.arm import Leg, RunningArm
 from basecal.simulation.running.faults import read_faults
 from basecal.simulation.running.ur5e import ur5e
 
@@ -113,3 +113,96 @@ def test_what_it_cannot_do(joints, speed):
     with pytest.raises(InputError):
         one.move(joints, speed, 0.0)
     assert one.moves == 0
+
+
+@pytest.mark.parametrize(("way", "speed", "peak_speed"), [(3.0, 10.0, np.pi), (0.4, 0.5, 0.5)])
+def test_no_joint_is_faster_than_it_can_be(way, speed, peak_speed):
+    """Nor than asked; the duration follows."""
+    one = arm()
+    one.move(HOME - np.array([way, 0, 0, 0, 0, 0]), speed, 1.0)
+    middle = 1.0 + (one.arrives_s - 1.0) / 2
+    apart = one.commanded_joints(middle + 1e-4)[0] - one.commanded_joints(middle - 1e-4)[0]
+    assert apart / 2e-4 == pytest.approx(-peak_speed, rel=1e-4)
+    assert one.goal[0] == HOME[0] - way
+
+
+def test_short_ways_are_limited_by_acceleration():
+    """Eight rad/s^2 at most, at a fifth of the way."""
+    one = arm()
+    one.move(HOME + 0.01, 3.0, 0.0)
+    times = np.linspace(0, one.arrives_s, 400)
+    way = np.array([one.commanded_joints(t)[0] for t in times])
+    acceleration = np.gradient(np.gradient(way, times), times)[2:-2]
+    assert np.abs(acceleration).max() == pytest.approx(8.0, rel=0.01)
+
+
+def test_a_share_of_the_way_is_smooth():
+    """Zero before, half in the middle, one after; of a way without duration all."""
+    leg = Leg(2.0, 4.0, HOME, THERE, np.ones(6), np.zeros(6), np.zeros(6))
+    shares = [leg.share(t) for t in (0.0, 2.0, 3.0, 4.0, 5.0, 6.0, 9.0)]
+    assert shares == pytest.approx([0, 0, 0.103515625, 0.5, 0.896484375, 1, 1])
+    assert Leg(2.0, 0.0, HOME, HOME, np.ones(6), np.zeros(6), np.zeros(6)).share(1.0) == 1
+
+
+def test_a_joint_that_stays_keeps_its_side_and_its_error_changes_on_the_way():
+    """Sides of joints that move are those of their direction."""
+    goal = HOME + np.array([0.1, -0.1, 0, 1e-10, 0, 0])
+    before = np.array([-1.0, 1, -1, 1, 1, -1])
+    leg = Leg(0.0, 1.0, HOME, goal, before, np.zeros(6), np.ones(6))
+    assert leg.side.tolist() == [1, -1, -1, 1, 1, -1]
+    side, error = leg.rest(0.25)
+    assert side.tolist() == [-0.5, 0.5, -1, 1, 1, -1]
+    assert error.tolist() == [0.25] * 6
+
+
+def test_a_stop_after_the_arrival_changes_nothing():
+    """Before it the arm comes to rest 0.15 s later, where it would have been in half of that time."""
+    one, other = arm(), arm()
+    for each in (one, other):
+        each.move(THERE, 0.5, 0.0)
+    end = one.arrives_s
+    one.stop(end + 0.1)
+    assert (one.arrives_s, one.moves) == (end, 1)
+    other.stop(0.6)
+    assert other.arrives_s == pytest.approx(0.75)
+    np.testing.assert_allclose(other.goal, one.commanded_joints(0.675))
+
+
+def test_positioning_errors_are_those_of_an_industrial_arm():
+    """Of 600 joints 3e-5 rad rms, to a tenth."""
+    errors = [arm()._error(HOME + 0.01 * k) for k in range(100)]
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(3e-5, rel=0.1)
+
+
+def test_joints_may_go_to_their_limits():
+    """Not beyond."""
+    one = arm()
+    one.move(one.chain.upper, 1.0, 0.0)
+    one.move(one.chain.lower, 1.0, 100.0)
+    assert one.moves == 2
+    with pytest.raises(InputError, match="within"):
+        one.move(one.chain.upper + 1e-6, 1.0, 200.0)
+
+
+def test_straying_is_largest_halfway():
+    """By 4 s (1 - s) of its size there."""
+    one, exact = arm("following-error=0.1"), arm()
+    for each in (one, exact):
+        each.move(THERE, 1.0, 0.0)
+    times = np.array([0.3, 0.5]) * one.arrives_s
+    quarter, half = (one._true_joints(t) - exact._true_joints(t) for t in times)
+    share = one._leg.share(times[0])
+    np.testing.assert_allclose(quarter, 4 * share * (1 - share) * half)
+    assert 0.3 < np.sqrt(np.mean(half**2)) / np.radians(0.1) < 2
+
+
+def test_ringing_has_nine_periods_a_second():
+    """It begins with its size, crosses zero after a 36th of a second, and decays linearly."""
+    one, exact = arm("ringing=5"), arm()
+    for each in (one, exact):
+        each.move(THERE, 1.0, 0.0)
+    swing = [(one._true_joints(one.arrives_s + t) - exact._true_joints(10.0))[0] for t in (1e-9, 1 / 36, 1 / 18, 1 / 9)]
+    np.testing.assert_allclose(np.array(swing[1:]) / swing[0], [0, -(1 - 1 / 9), 1 - 2 / 9], atol=1e-6)
+    np.testing.assert_array_equal(one._true_joints(one.arrives_s - 0.01), exact._true_joints(exact.arrives_s - 0.01))
+    at_home = arm("ringing=5")
+    np.testing.assert_array_equal(at_home._true_joints(0.1), arm()._true_joints(0.1))

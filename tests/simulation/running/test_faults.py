@@ -70,3 +70,22 @@ def test_every_fault_acts(name):
     fault = f"{name}={4 * FAULTS[name].usual}{'@1' if FAULTS[name].is_sudden else ''}"
     pairs = zip(answers(fault), answers(), strict=True)
     assert not all(np.array_equal(wrong, right) for wrong, right in pairs)
+
+
+def test_sudden_faults_come_after_twelve_moves():
+    """Unless another number is given; one from the start is given as none. Others act from the start."""
+    for written, moves in (("base-bumped", 12), ("base-bumped=3", 12), ("base-bumped@1=", None), ("base-bumped=@1", 1),
+                           ("base-bumped=3@0", 0), ("sag=1", 0), ("sag=1@0", 0)):  # fmt: skip
+        if moves is None:
+            with pytest.raises(InputError, match="no fault"):
+                read_faults([written])
+        else:
+            assert read_faults([written]).delay_moves(written.partition("=")[0]) == moves
+    assert read_faults([]).delay_moves("base-bumped") == 0
+
+
+@pytest.mark.parametrize("size", ["0", "inf", "-0.0"])
+def test_sizes_are_above_zero_and_finite(size):
+    with pytest.raises(InputError, match="size above 0"):
+        read_faults([f"sag={size}"])
+    assert read_faults(["sag=1e-9"]).size("sag") > 0

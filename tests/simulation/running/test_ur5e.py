@@ -42,3 +42,10 @@ def test_centres_of_mass_are_the_published_ones():
     for joints in np.random.default_rng(0).uniform(-np.pi, np.pi, (5, 6)):
         published = (frames_by_denavit_hartenberg(joints) @ np.c_[CENTRES, np.ones(6)][..., None])[:, :3, 0]
         np.testing.assert_allclose((ur5e().joint_frames(joints) @ masses.centres), published, atol=1e-12)
+
+
+def test_joints_turn_once_either_way_but_for_the_elbow():
+    """Which turns half."""
+    chain = ur5e()
+    np.testing.assert_allclose(chain.upper, np.radians([360, 360, 180, 360, 360, 360]))
+    np.testing.assert_allclose(chain.lower, -chain.upper)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from basecal.cell.targets.led import led_target
 from basecal.cell.targets.registry import TARGETS
 from basecal.simulation.running.ur5e import ur5e
-from basecal.simulation.surroundings.model import TRAY, Stage, body_names, mjcf
+from basecal.simulation.surroundings.model import TABLE_M, TRAY, Stage, body_names, mjcf
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'basecal[sim]'")
 
@@ -43,3 +44,81 @@ def test_another_seed_is_other_clutter():
     one, other = (mjcf(Stage({}, {"eye": np.zeros(3)}, led_target(), seed), (64, 48), 40.0) for seed in (0, 1))
     different = [(a, b) for a, b in zip(one.splitlines(), other.splitlines(), strict=True) if a != b]
     assert len(different) == 1
+
+
+def geoms(xml):
+    """Geometries of the world by their order, and of each body by its name."""
+    root = ElementTree.fromstring(xml)
+    world = root.find("worldbody")
+    return world.findall("geom"), {body.get("name"): body.findall("geom") for body in world.findall("body")}
+
+
+def numbers(geom, key):
+    return np.array([float(word) for word in geom.get(key).split()])
+
+
+def test_the_table_reaches_beyond_the_bases():
+    """By 1.3 m on all sides; its top is at its height, and the floor is below."""
+    (table, floor, *_), _ = geoms(mjcf(stage(led_target()), (64, 48), 40.0))
+    middle, half = numbers(table, "pos"), numbers(table, "size")
+    np.testing.assert_allclose(middle[:2] - half[:2], [-1.3, -1.3])
+    np.testing.assert_allclose(middle[:2] + half[:2], [3.0, 1.3])
+    assert middle[2] + half[2] == pytest.approx(TABLE_M)
+    assert numbers(floor, "pos")[2] < TABLE_M - 0.5
+
+
+def test_clutter_stands_on_the_table_out_of_the_way():
+    """Sixteen grey things on both sides of the line between the bases, each on its lowest point."""
+    (_, _, *things), _ = geoms(mjcf(stage(led_target()), (64, 48), 40.0))
+    assert len(things) == 16
+    places = np.array([numbers(thing, "pos") for thing in things])
+    assert np.all((np.abs(places[:, 1]) >= 0.45) & (np.abs(places[:, 1]) <= 1.1))
+    assert {-1.0, 1.0} == set(np.sign(places[:, 1]))
+    assert np.all((places[:, 0] >= -0.5) & (places[:, 0] <= 2.5))
+    for thing, place in zip(things, places, strict=True):
+        size = numbers(thing, "size")
+        assert np.all((size >= 0.03) & (size <= 0.12))
+        half = {"box": size[2], "cylinder": size[1], "sphere": size[0]}[thing.get("type")]
+        assert place[2] - half == pytest.approx(TABLE_M)
+        red, green, blue, alpha = numbers(thing, "rgba")
+        assert red == green == blue < 1
+        assert alpha == 1
+
+
+def test_links_lead_from_joint_to_joint_and_become_thinner():
+    """From 55 to 40 mm, with housings along the axes that are a fifth thicker."""
+    _, bodies = geoms(mjcf(stage(led_target()), (64, 48), 40.0))
+    chain, radii = ur5e(), []
+    for k in range(7):
+        link, *housings = bodies[f"eye/{k}"]
+        radii.append(float(link.get("size")))
+        ahead = chain.origins[k].translation if k < 6 else chain.tip.translation
+        if np.linalg.norm(ahead) > 1e-4:
+            np.testing.assert_allclose(numbers(link, "fromto"), [0, 0, 0, *ahead])
+        else:
+            assert link.get("type") == "sphere"
+        assert len(housings) == (k > 0)
+        for housing in housings:
+            assert float(housing.get("size")) == pytest.approx(1.2 * radii[-1])
+            start, end = np.split(numbers(housing, "fromto"), 2)
+            np.testing.assert_allclose([end, -start], [1.2 * radii[-1] * chain.axes[k - 1]] * 2)
+    np.testing.assert_allclose(radii, np.linspace(0.055, 0.04, 7))
+
+
+def test_plates_are_behind_their_paper():
+    """As large as the sheet and 4 mm thick, with a stem of 46 mm from the middle of their back."""
+    target = TARGETS["chessboard"].usual(np.random.default_rng(0))
+    _, bodies = geoms(mjcf(stage(target), (64, 48), 40.0))
+    (sheet,), (plate, stem) = target.sheets, bodies["target"]
+    left, top, right, bottom = sheet.paper
+    np.testing.assert_allclose(2 * numbers(plate, "size"), [right - left, bottom - top, 0.004])
+    sheet_from_target = sheet.target_from_sheet.inverse()
+    middle = [(left + right) / 2, (top + bottom) / 2]
+    np.testing.assert_allclose(sheet_from_target @ numbers(plate, "pos"), [*middle, 0.002], atol=1e-12)
+    start, end = np.split(numbers(stem, "fromto"), 2)
+    np.testing.assert_allclose(
+        sheet_from_target @ np.stack([start, end]), [[*middle, 0.004], [*middle, 0.05]], atol=1e-12
+    )
+    np.testing.assert_allclose(numbers(plate, "xyaxes").reshape(2, 3), sheet.target_from_sheet.rotation[:, :2].T)
+    _, lights = geoms(mjcf(stage(led_target([[0, 0, 0], [0.05, 0.02, 0]])), (64, 48), 40.0))
+    np.testing.assert_allclose([numbers(each, "pos") for each in lights["target"]], [[0, 0, 0], [0.05, 0.02, 0]])

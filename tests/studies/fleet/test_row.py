@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
+from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, Robot, Sample, Validation
 from basecal.cell.files import calibration_from_dict, input_hashes, write_cell, write_recording
+from basecal.geometry import SE3, PoseEstimate
 from basecal.simulation import Scenario, simulate
 from basecal.studies.fleet import row as module
 from basecal.studies.fleet.row import COLUMNS, calibrate_row, killed_row
@@ -88,3 +91,30 @@ def test_a_cell_that_kills_is_a_row() -> None:
     """It says why."""
     row = json.loads(killed_row("a", "is there enough memory?"))["row"]
     assert (row["cell"], row["verdict"], row["said"]) == ("a", "failed", "is there enough memory?")
+
+
+def test_a_row_has_the_numbers_of_its_calibration() -> None:
+    """Findings once each, the worst first and infos left out; lengths in mm, angles in degrees."""
+    cell = Cell("eye", {"eye": Robot("eye"), "hand": Robot("hand")})
+    pose = SE3.from_rpy((0, 0, np.pi / 2), (1.0, 2.0, 3.0))
+    covariance = np.diag(np.array([1e-3, 2e-3, 2e-3, *np.radians([1, 2, 2])]) ** 2)
+    codes = (("overfit", "warning"), ("dropped-sample", "info"), ("not-converged", "error"), ("overfit", "warning"))
+    calibration = Calibration(
+        "doubtful",
+        {"eye_base_from_hand_base": PoseEstimate(pose, covariance)},
+        findings=tuple(Finding(code, severity, (), f"It is {code}.") for code, severity in codes),
+        residuals=Residuals(0.25),
+        validation=Validation("k-fold", 5, 0.3, 2e-3, np.radians(0.5)),
+    )
+    row = module._row("a", cell, Recording((Sample(0), Sample(4))), calibration)
+    assert (row.cell, row.verdict, row.samples) == ("a", "doubtful", 2)
+    assert row.findings == "not-converged overfit"
+    assert row.said == "It is not-converged."
+    assert row.transform == "eye_base_from_hand_base"
+    assert (row.x_m, row.y_m, row.z_m) == (1.0, 2.0, 3.0)
+    assert (row.qx, row.qy, row.qz, row.qw) == pytest.approx((0, 0, 0.5**0.5, 0.5**0.5))
+    assert (row.sigma_mm, row.sigma_deg) == pytest.approx((3.0, 3.0))
+    assert (row.rms_px, row.held_out_mm, row.held_out_deg) == pytest.approx((0.25, 2.0, 0.5))
+    bare = module._row("a", cell, Recording(()), Calibration("good", validation=Validation("k-fold", 5, 0.3)))
+    assert (bare.findings, bare.said, bare.samples, bare.transform) == ("", "", 0, None)
+    assert (bare.held_out_mm, bare.held_out_deg, bare.rms_px) == (None, None, None)

@@ -27,3 +27,44 @@ def test_what_stands_still_is_left_alone():
     """A way of less than a fiftieth of a pixel changes nothing, not even the array."""
     image = np.arange(12.0).reshape(3, 4)
     assert blur_motion(image, np.array([0.01, 0.0])) is image
+
+
+@pytest.mark.parametrize("way", [(6.0, 0.0), (0.0, -4.5), (3.0, -5.0), (0.5, 0.2)])
+def test_a_line_is_alike_on_both_sides(way):
+    """Also backwards, and a plain wall stays plain; no light is far from the line."""
+    image = np.zeros((41, 41))
+    image[20, 20] = 100.0
+    out = blur_motion(image, np.array(way))
+    np.testing.assert_allclose(out, out[::-1, ::-1], atol=1e-12)
+    np.testing.assert_allclose(out, blur_motion(image, -np.array(way)), atol=1e-12)
+    v, u = np.nonzero(out > 1e-9)
+    assert np.abs(u - 20).max() <= abs(way[0]) / 2 + 1
+    assert np.abs(v - 20).max() <= abs(way[1]) / 2 + 1
+    np.testing.assert_allclose(blur_motion(np.full((9, 9), 7.0), np.array(way)), 7.0)
+
+
+def test_a_line_has_equal_light_along_it():
+    """Twelve pixels along a row: a twelfth in each, and less at the ends."""
+    image = np.zeros((5, 41))
+    image[2, 20] = 1.0
+    out = blur_motion(image, np.array([12.0, 0.0]))
+    np.testing.assert_allclose(out[2, 15:26], 1 / 12, rtol=0.1)
+    np.testing.assert_allclose(out[2, [14, 26]], 0.5 / 12, rtol=0.1)
+    assert out[[0, 1, 3, 4]].max() < 1e-12
+
+
+def test_a_line_has_a_largest_length():
+    """Of 400 px, in the direction of the way."""
+    image = np.zeros((9, 901))
+    image[4, 450] = 1.0
+    out = blur_motion(image, np.array([800.0, 0.0]))
+    assert out.sum() == pytest.approx(1.0)
+    columns = np.nonzero(out[4] > 1e-9)[0]
+    assert (columns.min(), columns.max()) == (pytest.approx(250, abs=2), pytest.approx(650, abs=2))
+
+
+def test_a_visible_way_blurs():
+    """From a fiftieth of a pixel on."""
+    image = np.arange(12.0).reshape(3, 4)
+    assert blur_motion(image, np.array([0.0, 0.019])) is image
+    assert blur_motion(image, np.array([0.015, 0.015])) is not image

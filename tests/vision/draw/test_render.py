@@ -171,3 +171,17 @@ def test_shared_edges_cancel() -> None:
     right = np.array([[3.0, 0.4], [8.1, 0.2], [7.7, 7.1], [4.2, 7.3]])
     union = np.array([[0.3, 0.1], [3.0, 0.4], [8.1, 0.2], [7.7, 7.1], [4.2, 7.3], [0.6, 6.6]])
     np.testing.assert_allclose(coverage(edges(left, right), (10, 9)), coverage(edges(union), (10, 9)), atol=1e-12)
+
+
+def test_paper_has_its_area() -> None:
+    """From behind, on black: to a hundred-thousandth, about its middle."""
+    board = chessboard_target((3, 3), 0.05)
+    behind = SE3.from_rpy((np.pi, 0, 0), (-0.05, 0.05, 0.5))
+    levels = radiance(PLAIN, [(board, behind)], replace(CLEAN, background=0.0))
+    left, top, right, bottom = board.sheets[0].paper
+    assert levels.sum() / 200 == pytest.approx((right - left) * (bottom - top) * 1000**2, rel=1e-5)
+    row, column = np.indices(levels.shape)
+    corners = np.array([[left, top, 0], [right, bottom, 0]])
+    middle = PLAIN.project(behind @ board.sheets[0].target_from_sheet @ corners).mean(0)
+    centre = np.array([(levels * column).sum(), (levels * row).sum()]) / levels.sum()
+    np.testing.assert_allclose(centre, middle, atol=1e-4)

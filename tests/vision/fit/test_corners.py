@@ -9,7 +9,19 @@ import pytest
 
 from basecal.geometry import Array
 from basecal.vision.fit.corner_shapes import saddle
-from basecal.vision.fit.corners import BOARD_ARM_PX, Window, _pixel_error_px, cut_patches, refine_corners
+from basecal.vision.fit.corners import (
+    BOARD_ARM_PX,
+    Window,
+    _accepted_fits,
+    _Context,
+    _cross_mask,
+    _lens,
+    _parameters,
+    _pixel_error_px,
+    cut_patches,
+    refine_corners,
+)
+from basecal.vision.fit.patch_fit import Fit
 
 WINDOW = Window(arm_px=BOARD_ARM_PX, arm=0.7, inside=0.7, outside=0.7, before=0.7)
 PITCH = 24.0
@@ -107,3 +119,95 @@ def test_pieces_at_the_border() -> None:
     patches = cut_patches(image, np.array([[0.0, 0.0], [2.0, 2.0]]), 1)
     np.testing.assert_array_equal(patches.weights[0].reshape(3, 3), [[0, 0, 0], [0, 1, 1], [0, 1, 1]])
     np.testing.assert_array_equal(patches.values[1].reshape(3, 3), image[1:4, 1:4])
+
+
+CROSS = Window(arm_px=100.0, arm=0.7, inside=0.3, outside=0.4, before=0.5)
+SQUARE, SLANTED = np.array([[20.0, 0.0], [0.0, 20.0]]), np.array([[20.0, 0.0], [12.0, 16.0]])
+
+
+def in_cross(
+    xy: list[tuple[float, float]], window: Window = CROSS, spread: float = 0.5, axes: Array = SQUARE
+) -> list[bool]:
+    """Whether places [px] beside a corner are in its window; the guard is twice the spread."""
+    q = np.array([[0.0, 0.0, 0.0, 0.0, np.log(spread), 0.0]])
+    context = _Context(np.zeros((1, 1)), saddle, axes[None], window)
+    return _cross_mask(context, q, np.array([[5.0, 7.0]]), np.array(xy)[None] + [5.0, 7.0])[0].tolist()
+
+
+def test_the_window_is_a_cross_along_both_lines() -> None:
+    """Each border is where it is stated, less the guard: of arms, beside them, and behind the corner."""
+    arms = [(13.9, 0.1), (14.1, 0.1), (0.1, 13.9), (0.1, 14.1)]
+    inside = [(8, 4.9), (8, 5.1), (4.9, 8), (5.1, 8)]
+    outside = [(8, -6.9), (8, -7.1), (-6.9, 8), (-7.1, 8), (-6.9, -8), (-7.1, -8)]
+    before = [(-8.9, 0.1), (-9.1, 0.1), (0.1, -8.9), (0.1, -9.1)]
+    for places in (arms, inside, outside, before):
+        assert in_cross(places) == [True, False] * (len(places) // 2)
+
+
+def test_arms_are_short_enough_for_straight_lines() -> None:
+    """In pixels, however large a pitch is."""
+    assert in_cross([(8.9, 0.1), (9.1, 0.1), (0.1, 8.9), (0.1, 9.1)], replace(CROSS, arm_px=9.0)) == [True, False] * 2
+
+
+def test_wide_spreads_leave_a_band_along_the_lines() -> None:
+    """Of 1.6 px on each side, if the guard is wider than the window."""
+    assert in_cross([(8, 1.5), (8, 1.7), (1.5, -1.9), (1.7, -1.9)], spread=4.0) == [True, False] * 2
+    assert in_cross([(-1.9, 0.1), (-2.1, 0.1)], spread=4.0) == [True, False]
+
+
+def test_borders_of_a_slanted_cross_are_distances_from_its_lines() -> None:
+    """Of 4.8 px, less the guard of 1 px, from either line."""
+    away = np.array([0.8, -0.6])
+    along = np.array([6.0, 8.0])
+    places = [(10, 3.7), (10, 3.9), *(tuple(along + length * away) for length in (3.7, 3.9))]
+    assert in_cross(places, axes=SLANTED) == [True, False] * 2
+
+
+@pytest.mark.parametrize(("noise", "share"), [(1.0, 0.0), (6.0, 0.0), (1.0, 0.5)])
+def test_the_lens_is_that_of_the_image(noise: float, share: float) -> None:
+    """Its spread within 3 %; a camera that does not sharpen is found to be one."""
+    log_spread, found = _lens(board(noise, 0.8, share), saddle, PLACES, AXES, WINDOW)
+    assert np.exp(log_spread) == pytest.approx(0.8, rel=0.03)
+    assert found == pytest.approx(share, abs=0.03)
+    assert (found == 0) == (share == 0)
+
+
+def test_without_corners_the_lens_is_a_typical_one() -> None:
+    """A spread of a pixel, and no sharpening."""
+    assert _lens(np.full((220, 260), 100.0), saddle, PLACES, AXES, WINDOW).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("moved", "spread", "converged", "accepted"),
+    [
+        ((2.0, 2.2), 1.0, True, True),
+        ((2.0, 2.3), 1.0, True, False),
+        ((0.0, 0.0), 5.9, True, True),
+        ((0.0, 0.0), 6.1, True, False),
+        ((0.0, 0.0), 1.0, False, False),
+    ],
+)
+def test_a_fit_is_accepted_near_its_start(
+    moved: tuple[float, float], spread: float, converged: bool, accepted: bool
+) -> None:
+    """Within 3 px, with a spread below 6 px, if it converged."""
+    shape = np.array([[40 + moved[0], 30 + moved[1], 0.0, 0.0, np.log(spread), 0.0]])
+    fit = Fit(shape, np.ones((1, 1)), np.zeros((1, 6, 6)), np.zeros((1, 1)), np.array([converged]))
+    assert _accepted_fits(fit, np.array([[40.0, 30.0]])).tolist() == [accepted]
+
+
+def test_initial_lines_are_the_axes() -> None:
+    """The second is against its axis, so that both have the corner to their right."""
+    q = _parameters(np.array([[40.0, 30.0]]), np.array([[[3.0, 3.0], [0.0, -2.0]]]))
+    np.testing.assert_allclose(q, [[40, 30, np.pi / 4, np.pi / 2, 0, 0]])
+
+
+def test_noise_is_that_of_few_pixels_less_their_parameters() -> None:
+    """Of 36 pixels, ten numbers are fitted: errors over sigmas are those of Student's t with 26 degrees of freedom."""
+    small, ratio = replace(WINDOW, arm_px=3.0), []
+    for seed in range(4):
+        found = refine_corners(board(3.0, 0.8, 0.0, seed), saddle, PLACES, AXES, small)
+        assert found.trusted.all()
+        ratio.append((found.pixels - PLACES) / found.sigma_px[:, None])
+    # Of 384 coordinates an rms has a sigma of 3.6 %.
+    assert np.sqrt(np.mean(np.square(ratio))) == pytest.approx(np.sqrt(26 / 24), abs=0.1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.geometry import SE3, Array
-from basecal.vision.fit.local_map import grid_axes, local_axes, local_homographies, orient_grid
+from basecal.vision.fit.local_map import _second_derivatives, grid_axes, local_axes, local_homographies, orient_grid
 from vision_scenes import PLAIN, WIDE
 
 PITCH = 0.03
@@ -70,3 +70,29 @@ def test_right_handed(mirrored: bool) -> None:
     assert axes.shape == (35, 2, 2)
     np.testing.assert_allclose(axes[10, 0], (grid[1, 4] - grid[1, 2]) / 2)
     np.testing.assert_allclose(axes[10, 1], (grid[2, 3] - grid[0, 3]) / 2)
+
+
+def test_second_derivatives_of_a_cubic_are_exact() -> None:
+    """Of each term, at any point of a grid, with any weights."""
+    offset = np.stack(np.meshgrid(np.arange(-2.0, 3), np.arange(-2.0, 3)), -1).reshape(1, -1, 2)
+    x, y = offset[0].T
+    values = 3 + x - 2 * y + 0.7 * x * x / 2 - 0.4 * x * y + 0.9 * y * y / 2
+    cubic = values + 0.3 * x**3 - 0.2 * x * x * y + 0.5 * x * y * y - 0.6 * y**3
+    weight = np.random.default_rng(0).uniform(0.5, 1.0, (1, 25))
+    found = _second_derivatives(offset, weight, np.stack([cubic, -2 * cubic], -1)[None])
+    np.testing.assert_allclose(found, [[[0.7, -1.4], [-0.4, 0.8], [0.9, -1.8]]], atol=1e-5)
+
+
+def test_maps_are_local() -> None:
+    """A pixel's error moves the maps around its neighbours by a tenth or more, and those six pitches away hardly."""
+    pixels = seen(PLANE)
+    wrong = pixels.copy()
+    wrong[0] += [0.0, 1.0]
+    (before, _), (after, _) = (local_homographies(PLANE, each, PITCH) for each in (pixels, wrong))
+    moved = np.linalg.norm((after - before)[:, :2, 2], axis=1)
+    assert moved[[1, 7]].min() > 0.02
+    assert moved[-1] < 1e-3
+    steps = local_axes(PLANE, PLANE, wrong, PITCH) - local_axes(PLANE, PLANE, pixels, PITCH)
+    lengths = np.linalg.norm(steps, axis=(1, 2))
+    assert lengths[[0, 1, 7]].min() > 0.1
+    assert lengths[-1] < 1e-2

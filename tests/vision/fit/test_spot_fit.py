@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from basecal.geometry import Array
 from basecal.vision.fit import spot_fit
-from basecal.vision.fit.spot_fit import fit_spot
+from basecal.vision.fit.spot_fit import _At, _variance, _variance_factor, fit_spot
 
 SIZE = 21
 
@@ -69,3 +69,61 @@ def test_too_few_pixels() -> None:
     usable = np.zeros((SIZE, SIZE), bool)
     usable[10, 5:16] = True
     assert fit_spot(spot(10, 10, 1.5, 1.5, 3000.0), usable, (10, 10, 1.5)) is None
+
+
+def noisy(floor: float, slope: float) -> tuple[_At, Array]:
+    """A spot whose squared residuals are exactly linear in its level, and weights of its pixels."""
+    level = spot(9.7, 10.4, 1.5, 1.5, 3000.0).ravel()
+    signs = np.where(np.arange(level.size) % 2, 1.0, -1.0)
+    return _At(level, signs * np.sqrt(floor + slope * level), np.zeros((6, level.size))), np.ones(level.size)
+
+
+@pytest.mark.parametrize(("floor", "slope"), [(1.0, 0.0), (4.0, 0.25), (0.5, 3.0)])
+def test_variance_is_linear_in_the_level(floor: float, slope: float) -> None:
+    """Of read-out and photons, from all pixels that count; others have no say."""
+    at, weights = noisy(floor, slope)
+    np.testing.assert_allclose(_variance(at, weights, np.zeros((6, 6))), floor + slope * at.level, rtol=1e-9)
+    weights[5::7] = 0.0
+    at.residuals[5::7] = 1e3
+    np.testing.assert_allclose(_variance(at, weights, np.zeros((6, 6))), floor + slope * at.level, rtol=1e-9)
+
+
+def test_variance_is_not_below_that_of_rounding() -> None:
+    """Exact levels have that of rounding to whole numbers; noise that is lower in the spot has no slope."""
+    at, weights = noisy(0.0, 0.0)
+    np.testing.assert_allclose(_variance(at, weights, np.zeros((6, 6))), 1 / 12)
+    falling = at._replace(residuals=np.where(at.level > 1, 0.5, 2.0) * np.where(np.arange(441) % 2, 1.0, -1.0))
+    found = _variance(falling, weights, np.zeros((6, 6)))
+    assert np.ptp(found) == 0
+    assert found[0] > 1
+
+
+def test_residuals_are_corrected_by_their_leverage() -> None:
+    """Of a pixel that determines half of a parameter, the squared residual is half of its variance."""
+    at, weights = noisy(1.0, 0.0)
+    half = at._replace(jacobian=np.pad(np.full((1, 441), 0.5), ((0, 5), (0, 0))))
+    np.testing.assert_allclose(_variance(half, weights, 2 * np.eye(6)), 2.0, rtol=1e-9)
+    np.testing.assert_allclose(_variance(half, weights, 4 * np.eye(6)), 20.0, rtol=1e-9)
+
+
+def test_few_pixels_widen_the_variance() -> None:
+    """By Student's t: of ten equal pixels 10 / 8; never more than twice."""
+    at, weights = noisy(1.0, 0.0)
+    for count, factor in ((10, 10 / 8), (3, 2.0), (100, 100 / 98)):
+        jacobian = np.zeros((6, 441))
+        jacobian[0, :count] = 3.0
+        jacobian[1, :count] = 4.0
+        assert _variance_factor(at._replace(jacobian=jacobian), weights) == pytest.approx(factor)
+    for axis in (0, 1):
+        jacobian = np.zeros((6, 441))
+        jacobian[axis, :20] = np.repeat([1.0, 2.0], 10)  # which count as 50^2 / 170 equal ones
+        assert _variance_factor(at._replace(jacobian=jacobian), weights) == pytest.approx(2500 / (2500 - 2 * 170))
+
+
+def test_twelve_pixels_are_enough_to_begin_with() -> None:
+    """Of a spot as bright and as high as its pixels show."""
+    usable = np.zeros((SIZE, SIZE), bool)
+    usable[9:12, 8:12] = True
+    found = fit_spot(spot(9.7, 10.4, 1.3, 1.3, 3000.0) + 12.0, usable, (9.7, 10.4, 1.3))
+    assert found is not None
+    assert (found.x, found.y) == (pytest.approx(9.7, abs=0.01), pytest.approx(10.4, abs=0.01))

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from basecal.cell.targets.circles import circles_target
 from basecal.geometry import SE3, Array
 from basecal.vision.draw.render import RenderSettings, render
-from basecal.vision.kinds.circles import detect, has_further_row
+from basecal.vision.kinds.circles import _eccentricity, detect, has_further_row
 from vision_scenes import DARK, TARGETS, WIDE, at, check_poor_image, errors_of, scene, shrunk
 
 SHAPE = TARGETS["circles"]
@@ -99,3 +99,46 @@ def test_fewer_circles_than_printed_are_none(size: tuple[int, int]) -> None:
     image = shrunk(IMAGE, 2)
     assert detect(image, SHAPE) is not None
     assert detect(image, circles_target(size, 0.03)) is None
+
+
+def offset_of_centre(bend: Array, tilt: tuple[float, float]) -> tuple[Array, Array]:
+    """Stated and true offset of the ellipse of a disc from the image of its centre, in the middle of a grid [px].
+
+    The image bends by second derivatives xx, xy and yy, (3, 2) [px per pitch^2], and has a perspective.
+    """
+    places = np.stack(np.meshgrid(np.arange(7.0) - 3, np.arange(7.0) - 3), -1).reshape(-1, 2)
+    turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    ring = np.stack([np.cos(turn), np.sin(turn)], -1)
+
+    def image(xy: Array) -> Array:
+        x, y = xy.T
+        return 40 * xy / (1 + xy @ tilt)[:, None] + np.stack([x * x / 2, x * y, y * y / 2], -1) @ bend
+
+    shapes = np.tile([0.0, 0.0, np.log(12.0), 0.0, np.log(12.0), 0.0], (49, 1))
+    shapes[:, :2] = image(places)
+    stated = sum(each[24] for each in _eccentricity(0.03 * places, shapes, 0.03))
+    outline = image(0.3 * ring) - shapes[24, :2]
+    return stated, 2 * np.mean((outline * ring).sum(axis=1)[:, None] * ring, axis=0)
+
+
+@pytest.mark.parametrize("row", [0, 1, 2])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_centres_of_ellipses_are_off_by_bends(row: int, axis: int) -> None:
+    """Each second derivative shifts the outline's centre by what a fit of the outline finds."""
+    bend = np.zeros((3, 2))
+    bend[row, axis] = 1.0
+    np.testing.assert_allclose(*offset_of_centre(bend, (0.0, 0.0)), atol=1e-4)
+
+
+def test_centres_of_ellipses_are_off_by_perspective() -> None:
+    """Alone, and together with all bends."""
+    np.testing.assert_allclose(*offset_of_centre(np.zeros((3, 2)), (0.02, 0.01)), atol=1e-5)
+    every = np.array([[0.5, 0.3], [0.2, -0.4], [0.1, 0.6]])
+    np.testing.assert_allclose(*offset_of_centre(every, (0.02, 0.01)), atol=1e-3)
+
+
+def test_bright_circles_on_black_paper() -> None:
+    """All discs are found, although the level of the paper is zero."""
+    found = detect(scene(SHAPE, RenderSettings(black=200.0, white=0.0, background=0.0, noise=1.0)), SHAPE)
+    assert found is not None
+    assert len(found.pixels) == 40

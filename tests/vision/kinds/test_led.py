@@ -12,7 +12,8 @@ from basecal.cell.targets.led import led_target
 from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.vision.draw.light import LightSettings, light_levels, render_light
-from basecal.vision.kinds.led import detect
+from basecal.vision.fit.spot_fit import Spot
+from basecal.vision.kinds.led import _bright_spots, _fit_place, _Place, detect
 from quick import quick
 from vision_scenes import SMALL as PLAIN
 
@@ -153,3 +154,79 @@ def test_background_of_another_size() -> None:
     """An image of the light off that does not fit is a named error."""
     with pytest.raises(InputError, match="differs in size"):
         detect(np.zeros((50, 50), np.uint8), LIGHT, np.zeros((50, 40), np.uint8))
+
+
+def gaussians(*spots: tuple[float, float, float, float], shape: tuple[int, int] = (120, 160)) -> Array:
+    """Levels on black of spots: x, y, height and sigma [px]."""
+    rows, columns = np.indices(shape)
+    levels = np.zeros(shape)
+    for x, y, height, sigma in spots:
+        levels += height * np.exp(-0.5 * ((columns - x) ** 2 + (rows - y) ** 2) / sigma**2)
+    return np.rint(levels).astype(np.uint16)
+
+
+def test_bright_spots_are_about_where_and_as_wide_as_they_are() -> None:
+    """To a pixel; a Gaussian is 3.3 sigmas wide at a quarter of its height."""
+    for x, y, sigma in ((50.3, 40.8, 2.0), (101.0, 77.5, 4.0)):
+        (place,) = _bright_spots(gaussians((x, y, 4000, sigma)))
+        assert (place.x, place.y) == (pytest.approx(x, abs=1.1), pytest.approx(y, abs=1.1))
+        assert place.extent == pytest.approx(3.3 * sigma, abs=2.5)
+
+
+@pytest.mark.parametrize(("height", "count"), [(1200, 2), (800, 1)])
+def test_a_spot_has_a_quarter_of_the_height_of_the_brightest(height: int, count: int) -> None:
+    assert len(_bright_spots(gaussians((40, 60, 4000, 2.0), (110, 60, height, 2.0)))) == count
+
+
+@pytest.mark.parametrize(("side", "count"), [(44, 1), (56, 0)])
+def test_large_bright_areas_are_no_spots(side: int, count: int) -> None:
+    """Windows and walls."""
+    image = np.zeros((120, 160), np.uint16)
+    image[20 : 20 + side, 30 : 30 + side] = 4000
+    assert len(_bright_spots(image)) == count
+
+
+def test_the_eight_brightest_spots_are_candidates() -> None:
+    """Of eight all in the order of the image, of more without the darkest."""
+    every = [(16 + 32 * (k % 5), 20 + 36 * (k // 5), 2000 + 200 * k, 2.0) for k in range(10)]
+    assert len(_bright_spots(gaussians(*every[:8]))) == 8
+    found = _bright_spots(gaussians(*every))
+    assert {(round(place.x / 32 - 0.5), round((place.y - 20) / 36)) for place in found} == {
+        (k % 5, k // 5) for k in range(2, 10)
+    }
+
+
+def test_noise_has_no_spots() -> None:
+    """Nor has a wall; six sigmas above it is one."""
+    noise = np.random.default_rng(0).normal(1000, 40, (480, 640))
+    assert _bright_spots(noise.astype(np.uint16)) == []
+    assert _bright_spots(np.full((120, 160), 1000, np.uint16)) == []
+    assert len(_bright_spots((noise + gaussians((300, 200, 400, 2.0), shape=(480, 640))).astype(np.uint16))) == 1
+
+
+def fitted(image: Array, x: float, y: float, extent: float, background: Array | None = None) -> Spot | None:
+    return _fit_place(image, background, 65535.0, _Place(x, y, extent))
+
+
+def test_a_spot_is_fitted_wherever_it_is_in_the_image() -> None:
+    """Also beside its border, and from a pixel away; a background is subtracted."""
+    for x, y in ((80.3, 60.8), (1.4, 2.6), (157.6, 118.2)):
+        image = gaussians((x, y, 30000, 2.0))
+        background = np.full_like(image, 500)
+        for found in (fitted(image, x + 0.7, y - 0.6, 7), fitted(image + background, x, y, 7, background)):
+            assert found is not None
+            assert (found.x, found.y) == (pytest.approx(x, abs=2e-3), pytest.approx(y, abs=2e-3))
+
+
+@pytest.mark.parametrize(("sigma", "fits"), [(0.05, False), (0.6, True), (12.0, True), (20.0, False)])
+def test_spots_have_the_width_of_a_light(sigma: float, fits: bool) -> None:
+    """Neither that of a hot pixel nor that of a window."""
+    image = gaussians((80.0, 60.0, 30000, sigma))
+    assert (fitted(image, 80.0, 60.0, max(3.3 * sigma, 1.0)) is not None) == fits
+
+
+def test_a_dark_spot_or_another_one_is_none() -> None:
+    """A spot that is far from where it was sought."""
+    dark = (40000 - gaussians((80.0, 60.0, 30000, 2.0))).astype(np.uint16)
+    assert fitted(dark, 80.0, 60.0, 7) is None
+    assert fitted(gaussians((92.0, 60.0, 30000, 2.0)), 80.0, 60.0, 7) is None

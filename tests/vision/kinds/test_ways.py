@@ -117,3 +117,58 @@ def test_corners_of_markers() -> None:
     assert corners.shape == (17, 4, 2)
     np.testing.assert_allclose(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2), 0.03, atol=1e-7)
     np.testing.assert_allclose((corners.mean(axis=1) / 0.04) % 1, 0.5, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("way", "shape", "suits"),
+    [
+        (Way(), (16, 30), True),
+        (Way(), (15, 30), False),
+        (Way(), (30, 15), False),
+        (Way(0.5), (32, 32), True),
+        (Way(0.5), (30, 64), False),
+        (Way(), (4000, 9000), True),
+        (Way(2.0), (8, 8), True),
+    ],
+)
+def test_sizes_that_just_suit(way: Way, shape: tuple[int, int], suits: bool) -> None:
+    """Sixteen pixels after the change of scale; an image that is not enlarged may have any size."""
+    assert way.suits(np.zeros(shape, np.uint8)) == suits
+
+
+def test_enlarged_images_have_a_largest_size() -> None:
+    """It is the same for wide and high ones."""
+    sides = [side for side in range(500, 5000, 100) if Way(2.0).suits(np.zeros((side, side // 2), np.uint8))]
+    assert sides == [side for side in range(500, 5000, 100) if Way(2.0).suits(np.zeros((side // 2, side), np.uint8))]
+    assert 1000 < max(sides) < 4900
+
+
+def test_levels_are_stretched_evenly() -> None:
+    """A level halfway between the darkest and the brightest is grey; one that is outside is clipped."""
+    image = np.zeros((96, 96), np.uint8)
+    image[:, :48], image[:, 48:] = 40, 60
+    image[40:42] = 50
+    image[44, :2] = 0, 255
+    shown = Way(stretched=True).apply(image)
+    assert (shown[0, 0], shown[0, 95], shown[44, 0], shown[44, 1]) == (0, 255, 0, 255)
+    assert abs(int(shown[40, 10]) - 127) <= 1
+
+
+def test_sharpening_steepens_edges() -> None:
+    """Levels beside an edge go beyond those far from it, by less than their step; flat areas stay."""
+    image = np.full((60, 60), 100, np.uint8)
+    image[:, 30:] = 140
+    shown = Way(sharpened=True).apply(image).astype(int)
+    assert (shown[30, 2], shown[30, 57]) == (100, 140)
+    assert 60 <= shown.min() < 95
+    assert 145 < shown.max() <= 180
+
+
+def test_an_equal_result_does_not_replace_an_earlier_one() -> None:
+    """And one that is just enough ends the search."""
+    counts = iter([2, 2, 3, 9])
+    found = best_result(np.zeros((50, 50), np.uint8), [Way()] * 4, lambda image, way: [next(counts)] * 2, 3)
+    assert found == [2, 2]
+    assert list(counts) == []
+    counts = iter([2, 3, 4])
+    assert best_result(np.zeros((50, 50), np.uint8), [Way()] * 3, lambda image, way: [0] * next(counts), 3) == [0] * 3

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.vision.tracks.chains import chain_matches
+from basecal.vision.tracks.chains import Chains, chain_matches, longest_chains
 from basecal.vision.tracks.matching import Matches
 
 
@@ -45,3 +45,18 @@ def test_without_matches_there_are_no_tracks() -> None:
     """Features alone are no tracks."""
     found = chain_matches([4, 3], {}, 2)
     assert [len(part) for part in found] == [0, 0, 0]
+
+
+def test_the_longest_tracks_are_kept() -> None:
+    """In the order of their numbers, of equal ones the first; all, if there are not more."""
+    view = np.array([0, 1, 0, 1, 2, 1, 2, 0, 1, 2])
+    track = np.array([0, 0, 1, 1, 1, 2, 2, 3, 3, 3])
+    chains = Chains(view, np.arange(10), track)
+    two = longest_chains(chains, 2)
+    assert two.feature.tolist() == [2, 3, 4, 7, 8, 9]
+    assert two.track.tolist() == [0, 0, 0, 1, 1, 1]
+    assert two.view.tolist() == [0, 1, 2, 0, 1, 2]
+    three = longest_chains(chains, 3)
+    assert three.track.tolist() == [0, 0, 1, 1, 1, 2, 2, 2]
+    assert three.feature.tolist() == [0, 1, 2, 3, 4, 7, 8, 9]
+    assert longest_chains(chains, 9).track.tolist() == track.tolist()

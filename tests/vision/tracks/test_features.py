@@ -9,7 +9,18 @@ import numpy as np
 import pytest
 
 from basecal.vision.tracks import features
-from basecal.vision.tracks.features import DESCRIPTOR, MAX_FEATURES, Features, find_features, kept_features
+from basecal.vision.tracks.features import (
+    DESCRIPTOR,
+    MAX_FEATURES,
+    Features,
+    _mask,
+    _spread,
+    descriptor_levels,
+    find_features,
+    kept_features,
+    named_features,
+    unit_descriptors,
+)
 
 SHIFT = (31, 17)  # [px]
 IMAGE = np.random.default_rng(1).integers(0, 255, (60, 80)).repeat(2, 0).repeat(2, 1).astype(np.uint8)
@@ -139,3 +150,50 @@ def test_a_folder_that_takes_no_files_is_only_slower(tmp_path: Path) -> None:
     """Where `derived` is a file features are found all the same."""
     (tmp_path / "derived").write_text("")
     assert len(kept_features(tmp_path, "key", IMAGE, [])) > 50
+
+
+def test_the_strongest_of_each_cell_come_first() -> None:
+    """The second of a cell comes after the first of all; a place counts once, by its strongest."""
+    pixels = np.array([[5.0, 5.0], [6.0, 6.0], [5.0, 5.0], [395.0, 295.0], [30.0, 5.0], [5.0, 30.0]])
+    response = np.array([0.5, 0.6, 0.9, 0.1, 0.2, 0.3])
+    assert _spread(pixels, response, (300, 400)).tolist() == [2, 5, 4, 3, 1]
+
+
+def test_cells_are_a_grid_over_the_image() -> None:
+    """Its last column and row reach to the border; pixels just beyond are in them."""
+    pixels = np.array([[16.6, 0.0], [16.7, 0.0], [400.4, 300.4], [399.0, 299.0], [-0.4, -0.4]])
+    order = _spread(pixels, np.array([0.9, 0.8, 0.7, 0.6, 0.5]), (300, 400)).tolist()
+    assert order == [0, 1, 2, 3, 4]
+    assert _spread(pixels[[0, 4, 1]], np.array([0.9, 0.8, 0.1]), (300, 400)).tolist() == [0, 2, 1]
+    assert _spread(pixels[[2, 3, 1]], np.array([0.9, 0.8, 0.1]), (300, 400)).tolist() == [0, 2, 1]
+
+
+def test_masks_are_enlarged_about_their_middle() -> None:
+    """By 30 %; two pixels cover nothing, and every target has its own."""
+    square = np.array([[100.0, 80.0], [200.0, 80.0], [200.0, 180.0], [100.0, 180.0]])
+    other = square + np.array([150, 100])
+    rows, columns = np.nonzero(_mask((300, 400), [square, square[:2], other]) == 0)
+    first = columns < 216
+    assert (columns[first].min(), columns[first].max(), rows[first].min(), rows[first].max()) == (85, 215, 65, 195)
+    assert (columns.max(), rows.max()) == (365, 295)
+    assert (_mask((300, 400), [square[:3]]) == 0).any()
+    assert set(np.unique(_mask((300, 400), [square]))) == {0, 255}
+
+
+def test_named_points_have_a_look_of_their_own() -> None:
+    """The same each time, of length one, without negative numbers; negative names are names."""
+    looks = named_features(np.array([3, -3, 3]), np.zeros((3, 2))).descriptors
+    np.testing.assert_array_equal(looks[0], looks[2])
+    assert looks.min() >= 0
+    np.testing.assert_allclose(np.linalg.norm(looks, axis=1), 1, atol=1e-6)
+    assert looks[0] @ looks[1] < 0.9
+    assert named_features(np.array([], dtype=int), np.zeros((0, 2))).descriptors.shape == (0, DESCRIPTOR)
+
+
+def test_descriptors_survive_their_bytes() -> None:
+    """To half a level; one of zeros remains zero."""
+    shares = np.zeros((2, DESCRIPTOR), dtype=np.float32)
+    shares[0, :4] = 0.5
+    levels = descriptor_levels(shares)
+    assert levels[0, :5].tolist() == [128, 128, 128, 128, 0]
+    np.testing.assert_allclose(unit_descriptors(levels), shares, atol=1e-6)

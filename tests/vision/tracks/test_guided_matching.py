@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from basecal.vision.tracks.features import Features
 from basecal.vision.tracks.guided_matching import match_predictions
@@ -65,3 +66,32 @@ def test_no_features_give_nothing() -> None:
     empty = Features(np.zeros((0, 2)), np.zeros((0, 128), dtype=np.float32))
     assert match_predictions(empty, features.pixels, looks, RADIUS_PX).by_chance == 0
     assert len(match_predictions(features, np.full((len(looks), 2), np.nan), looks, RADIUS_PX).point) == 0
+
+
+@pytest.mark.parametrize(("off_px", "found"), [(4.9, True), (5.1, False)])
+def test_the_radius_is_a_border(off_px: float, found: bool) -> None:
+    features, looks = grid()
+    near = match_predictions(features, features.pixels + off_px * np.array([0.6, 0.8]), looks, RADIUS_PX)
+    assert len(near.point) == (len(looks) if found else 0)
+
+
+@pytest.mark.parametrize(("squared", "found"), [(0.33, True), (0.37, False)])
+def test_descriptors_have_a_largest_distance(squared: float, found: bool) -> None:
+    """Of 0.35 of their squared length."""
+    looks = np.zeros((1, 128), dtype=np.float32)
+    looks[0, 0] = 1.0
+    other = np.zeros((1, 128), dtype=np.float32)
+    other[0, 0] = 1 - squared / 2
+    other[0, 1] = np.sqrt(1 - other[0, 0] ** 2)
+    near = match_predictions(Features(np.array([[100.0, 90.0]]), other), np.array([[100.0, 90.0]]), looks, RADIUS_PX)
+    assert len(near.point) == found
+
+
+@pytest.mark.parametrize("way", [(50.0, 0.0), (-50.0, 0.0), (0.0, 50.0), (0.0, -50.0)])
+def test_chance_is_the_mean_of_four_sides(way: tuple[float, float]) -> None:
+    """A feature that is 50 px beside its prediction is found by chance on one of them."""
+    looks = np.zeros((1, 128), dtype=np.float32)
+    looks[0, 0] = 1.0
+    place = np.array([[300.0, 200.0]])
+    found = match_predictions(Features(place + way, looks), place, looks, RADIUS_PX)
+    assert (len(found.point), found.by_chance) == (0, 0.25)

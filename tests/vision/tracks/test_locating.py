@@ -42,3 +42,26 @@ def test_few_points_give_no_pose() -> None:
     """One point less than are needed, and matches that are all wrong."""
     assert located(FEWEST_POINTS - 1, 0.0)[0] is None
     assert located(200, 1.0)[0] is None
+
+
+def test_thirty_points_give_a_pose() -> None:
+    """All of them are its inliers; points behind the camera are no points."""
+    found, _ = located(FEWEST_POINTS, 0.0)
+    assert found is not None
+    assert sorted(found.point.tolist()) == list(range(FEWEST_POINTS))
+    assert np.linalg.norm((POSE.inverse() @ found.camera_from_world).log()) < 0.02
+
+
+def test_wrong_pixels_are_no_inliers() -> None:
+    """Beyond 3 px."""
+    for off_px, count in ((2.0, 0), (6.0, 20)):
+        rng = np.random.default_rng(3)
+        points = rng.uniform(-0.2, 0.2, (100, 3)) * [1, 1, 0.5]
+        looks = np.abs(rng.standard_normal((100, DESCRIPTOR)))
+        looks = (looks / np.linalg.norm(looks, axis=1, keepdims=True)).astype(np.float32)
+        pixels = LENS.project(POSE @ points)
+        pixels[:20, 0] += off_px
+        found = locate_camera(Features(pixels, looks), looks, points, LENS)
+        assert found is not None
+        assert np.count_nonzero(~np.isin(np.arange(20), found.point)) == count
+        assert np.isin(np.arange(20, 100), found.point).all()

@@ -81,3 +81,45 @@ def test_few_matches_are_none() -> None:
     assert match_rigid(first, second, planes, FOCAL_PX) is None
     first, second, planes, _ = two_images(2 * MIN_MATCHES, wrong=2 * MIN_MATCHES - 6)
     assert match_rigid(first, second, planes, FOCAL_PX) is None
+
+
+def at_angles(*degrees: float) -> np.ndarray:
+    """Descriptors in one plane, at such angles."""
+    angles = np.radians(degrees)
+    looks = np.zeros((len(degrees), 128), dtype=np.float32)
+    looks[:, 0], looks[:, 1] = np.cos(angles), np.sin(angles)
+    return looks
+
+
+def test_the_nearest_is_clearly_nearer_than_the_second() -> None:
+    """By less than 0.8 of its distance: chords of 10 deg beside those of 12 and of 13 deg."""
+    for second, count in ((12.0, 0), (13.0, 1)):
+        found = match(at_angles(0.0, 90.0), at_angles(10.0, -second, 140.0))
+        assert np.count_nonzero(found.first == 0) == count
+    found = match(at_angles(0.0, 90.0), at_angles(1.0, 91.0))
+    assert (found.first.tolist(), found.second.tolist()) == ([0, 1], [0, 1])
+
+
+def test_equal_features_are_matched_once() -> None:
+    """By the first of them."""
+    found = match(at_angles(0.0, 0.0, 90.0), at_angles(1.0, 91.0))
+    assert (found.first.tolist(), found.second.tolist()) == ([0, 2], [0, 1])
+
+
+def test_fifteen_matches_are_enough() -> None:
+    """If they moved by more than 3 px."""
+    first, second, planes, _ = two_images(MIN_MATCHES)
+    found = match_rigid(first, second, planes, FOCAL_PX)
+    assert found is not None
+    assert len(found.first) == MIN_MATCHES
+
+
+def test_features_move_by_three_pixels() -> None:
+    """Less is a feature of the camera's own mount."""
+    looks = at_angles(*np.linspace(0, 170, 40))
+    pixels = np.random.default_rng(0).uniform(0, 600, (40, 2))
+    for off, expected in ((2.9, False), (3.1, True)):
+        moved = pixels + np.array([off, 0.0])
+        planes = pixels / FOCAL_PX, moved / FOCAL_PX
+        found = match_rigid(Features(pixels, looks), Features(moved, looks), planes, FOCAL_PX)
+        assert (found is not None) == expected
