@@ -104,7 +104,8 @@ def test_rotations_range_over_all_samples():
 
 
 @pytest.mark.parametrize(("off", "is_same"), [
-    ([1.9e-3, 0, 0, 0, 0, 1.9e-3], True), ([2.1e-3, 0, 0, 0, 0, 0], False), ([0, 0, 0, 0, 2.1e-3, 0], False),
+    ([1.9e-3, 0, 0, 0, 0, 1.9e-3], True), ([2.1e-3, 0, 0, 0, 0, 0], False),
+    ([0, 0, 0, 0, 2.1e-3, 0], False), ([0, 0, 0, 2.1e-3, 0, 0], False),
     ([1.5e-3, 1.5e-3, 0, 0, 0, 0], False),
 ])  # fmt: skip
 def test_poses_are_equal_within_two_millimetres_and_milliradians(off, is_same):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from basecal.estimation.scene.adjust import Task, adjust
-from basecal.estimation.scene.sigmas import estimate_sigmas
+from basecal.estimation.scene.sigmas import _Likelihood, estimate_sigmas
 from scene_points import ARM_M, ARM_RAD, LENS, PIXEL, made_scene
 
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
@@ -29,3 +31,62 @@ def test_stated_noise_stays():
     sigma_px, stop_sigma = estimate_sigmas(fit, (NOISE,))
     assert np.array_equal(stop_sigma, np.tile(NOISE, (15, 1)))
     assert sigma_px == pytest.approx(PIXEL, rel=0.1)
+
+
+def likelihood(arms=1, stated=(None,)):
+    """The likelihood of a scene about its truth, as `estimate_sigmas` makes it."""
+    scene = made_scene(1, arms=arms)
+    noise = np.tile(NOISE, (15 * arms, 1))
+    fit = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS,) * arms), scene.truth)
+    prior = np.zeros_like(fit.information)
+    return _Likelihood(fit, stated, prior, fit.pixel_gradient, 100.0)
+
+
+def test_sigmas_of_logarithms_leave_out_stated_ones():
+    """The pixels' first, then translation and rotation of each robot that states none, by its stops."""
+    sigma_px, of_stops = likelihood(2, (NOISE, None)).sigmas(np.log([0.5, 2e-4, 3e-3]))
+    assert sigma_px == pytest.approx(0.5)
+    assert of_stops.shape == (30, 6)
+    np.testing.assert_allclose(of_stops[:15], np.tile(NOISE, (15, 1)))
+    np.testing.assert_allclose(of_stops[15:], np.tile([2e-4] * 3 + [3e-3] * 3, (15, 1)))
+
+
+def test_arms_are_supposed_to_be_usual():
+    """A prior of 0.3 mrad within a factor of 4, and of a translation that is reach times it within 5 %."""
+    of = likelihood()
+    reach_m = of.fit.views.reach_m[0]
+
+    def cost(rad, m):
+        """Of an arm's sigmas."""
+        return of._prior_cost(np.log([0.3, m, rad]))
+
+    assert cost(3e-4, 3e-4 * reach_m) == pytest.approx(0.0, abs=1e-12)
+    for factor in (4.0, 1 / 4):
+        assert cost(3e-4 * factor, 3e-4 * factor * reach_m) == pytest.approx(1.0)
+    for factor in (1.05, 1 / 1.05):
+        assert cost(3e-4, 3e-4 * reach_m * factor) == pytest.approx(1.0)
+    assert cost(3e-4 * 4, 3e-4 * 4 * reach_m * 1.05) == pytest.approx(2.0)
+    assert likelihood(1, (NOISE,))._prior_cost(np.log([0.3])) == 0.0
+
+
+def test_the_likelihood_is_that_of_a_gaussian():
+    """Minus twice its logarithm, against the determinant and the inverse of the whole information."""
+    of = likelihood()
+    logs = np.log([0.4, 2e-4, 3e-4])
+    sigma_px, of_stops = of.sigmas(logs)
+    information = of.fit.pixel_information / sigma_px**2
+    at = of.fit.columns.errors
+    information[at, at] += np.diag(1 / of_stops.ravel() ** 2)
+    pull = of.gradient / sigma_px**2
+    freedoms = 2 * len(of.fit.tracks) - 3 * of.fit.tracks.count
+    expected = (
+        freedoms * np.log(sigma_px**2)
+        + np.log(of_stops**2).sum()
+        + np.linalg.slogdet(information)[1]
+        + of.squares / sigma_px**2
+        - pull @ np.linalg.solve(information, pull)
+        + of._prior_cost(logs)
+    )
+    assert of.negative_log_likelihood(logs) == pytest.approx(expected, rel=1e-9)
+    broken = replace(of, prior=-1e15 * np.eye(len(information)))
+    assert broken.negative_log_likelihood(logs) >= 1e12
