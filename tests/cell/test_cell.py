@@ -220,9 +220,9 @@ def test_what_is_unstated_is_the_usual():
 def test_clocks_have_finite_numbers(number):
     """Offsets, sigmas, jitter and the time of a line."""
     for fields in ({"offset_s": number}, {"status": "prior", "sigma_s": number}, {"jitter_s": number}):
-        with pytest.raises(ValidationError, match="finite number|a positive number"):
+        with pytest.raises(ValidationError, match=r"finite number|a positive number"):
             CameraEntry.model_validate({"on": "world", "clock": fields})
-    with pytest.raises(ValidationError, match="finite number|a positive number"):
+    with pytest.raises(ValidationError, match=r"finite number|a positive number"):
         CameraEntry.model_validate({"on": "world", "rolling_shutter": {"line_time_s": number}})
 
 
