@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -33,18 +34,20 @@ def test_stated_noise_stays():
     assert sigma_px == pytest.approx(PIXEL, rel=0.1)
 
 
+@cache
 def likelihood(arms=1, stated=(None,)):
     """The likelihood of a scene about its truth, as `estimate_sigmas` makes it."""
     scene = made_scene(1, arms=arms)
     noise = np.tile(NOISE, (15 * arms, 1))
     fit = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS,) * arms), scene.truth)
     prior = np.zeros_like(fit.information)
-    return _Likelihood(fit, stated, prior, fit.pixel_gradient, 100.0)
+    noises = tuple(None if each is None else NOISE for each in stated)
+    return _Likelihood(fit, noises, prior, fit.pixel_gradient, 100.0)
 
 
 def test_sigmas_of_logarithms_leave_out_stated_ones():
     """The pixels' first, then translation and rotation of each robot that states none, by its stops."""
-    sigma_px, of_stops = likelihood(2, (NOISE, None)).sigmas(np.log([0.5, 2e-4, 3e-3]))
+    sigma_px, of_stops = likelihood(2, ("stated", None)).sigmas(np.log([0.5, 2e-4, 3e-3]))
     assert sigma_px == pytest.approx(0.5)
     assert of_stops.shape == (30, 6)
     np.testing.assert_allclose(of_stops[:15], np.tile(NOISE, (15, 1)))
@@ -66,7 +69,7 @@ def test_arms_are_supposed_to_be_usual():
     for factor in (1.05, 1 / 1.05):
         assert cost(3e-4, 3e-4 * reach_m * factor) == pytest.approx(1.0)
     assert cost(3e-4 * 4, 3e-4 * 4 * reach_m * 1.05) == pytest.approx(2.0)
-    assert likelihood(1, (NOISE,))._prior_cost(np.log([0.3])) == 0.0
+    assert likelihood(1, ("stated",))._prior_cost(np.log([0.3])) == 0.0
 
 
 def test_the_likelihood_is_that_of_a_gaussian():

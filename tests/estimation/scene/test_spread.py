@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from scene_points import ARM_M, ARM_RAD, LENS, MOUNT, PIXEL, looks, looks_at_one
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
 
 
+@cache
 def fitted(pull_px: float) -> SceneFit:
     """A scene, the image points of one half of which are pulled by so much in one direction of the world."""
     scene = made_scene(1, count=12)
@@ -27,19 +29,25 @@ def fitted(pull_px: float) -> SceneFit:
     return adjust(Task(scene.views, tracks, PIXEL, np.tile(NOISE, (12, 1)), (LENS,)), scene.truth)
 
 
+@cache
+def covariance_of(pull_px: float) -> np.ndarray:
+    """The covariance of `fitted`."""
+    return scene_covariance(fitted(pull_px))
+
+
 def test_sigmas_of_sound_data_are_nearly_those_of_the_model():
     """Every sigma is that of the model or larger, by half at most."""
     fit = fitted(0.0)
-    own = len(scene_covariance(fit))
+    own = len(covariance_of(0.0))
     model = np.sqrt(np.diag(np.linalg.inv(fit.information))[:own])
-    ratio = np.sqrt(np.diag(scene_covariance(fit))) / model
+    ratio = np.sqrt(np.diag(covariance_of(0.0))) / model
     assert ratio.min() > 1 - 1e-9
     assert ratio.max() < 1.5
 
 
 def test_contradicting_parts_widen_sigmas():
     """Where half of the points is pulled by a pixel from view to view, sigmas of the mount are larger."""
-    sound, pulled = scene_covariance(fitted(0.0)), scene_covariance(fitted(2.0))
+    sound, pulled = covariance_of(0.0), covariance_of(2.0)
     assert np.trace(pulled[:6, :6]) > 1.5 * np.trace(sound[:6, :6])
 
 
@@ -106,9 +114,10 @@ def test_folds_of_views_are_interleaved():
 def test_sigmas_are_widened_by_the_mean_of_all():
     """The factor whose square is the mean of variances in units of the model's."""
     fit = fitted(2.0)
-    covariance = scene_covariance(fit)
+    covariance = covariance_of(2.0)
     own = len(covariance)
     root = np.linalg.cholesky(np.linalg.inv(fit.information)[:own, :own])
     whitened = np.linalg.solve(root, np.linalg.solve(root, covariance).T)
-    assert spread.widening(fit) == pytest.approx(np.sqrt(np.mean(np.diag(whitened))))
-    assert spread.widening(fit) > 1.0
+    factor = spread.widening(fit)
+    assert factor == pytest.approx(np.sqrt(np.mean(np.diag(whitened))))
+    assert factor > 1.0
