@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from basecal.exchange.controller_poses import (
     read_pose_rows,
     read_poses,
 )
+from basecal.exchange.controllers.convention import DEGREE, RADIAN
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.text_table import read_text_table
 from basecal.geometry import SE3
@@ -515,3 +517,24 @@ def test_images_are_a_column_whose_every_cell_is_one():
     assert row.sample == 0
     with pytest.raises(DatasetError, match="-1 is not a whole number from 0"):
         keyed_rows(read_text_table("sample;x\n-1;1\n", "t.csv", ("x",)))
+
+
+@pytest.mark.parametrize(("length", "angle", "advice"), [
+    (1e-3, DEGREE, ""), (1e-3, RADIAN, ""), (1.0, DEGREE, ""), (1.0, RADIAN, "mm --deg"), (0.0254, RADIAN, "mm --deg"),
+])  # fmt: skip
+def test_a_unit_that_fits_is_not_doubted(length, angle, advice):
+    """Numbers in millimetres and degrees are advised upon where both are read otherwise."""
+    numbers = np.random.default_rng(0).uniform(-1, 1, (30, 6)) * np.repeat([400.0, 90.0], 3)
+    said = _other_controllers(numbers, replace(CONTROLLERS["kuka"], length=length, angle=angle), Reading("kuka"))
+    assert (advice in said) if advice else said == ""
+
+
+@pytest.mark.parametrize(("length", "angle", "count", "is_told"), [
+    (20.1, 90.0, 3, True), (19.9, 90.0, 3, False), (400.0, 6.2, 3, False), (400.0, 6.4, 3, True),
+    (400.0, 90.0, 2, False),
+])  # fmt: skip
+def test_units_are_told_by_the_largest_numbers(length, angle, count, is_told):
+    """Beyond twenty in lengths and a turn in angles, of three poses and more."""
+    numbers = np.zeros((count, 6))
+    numbers[0, 1], numbers[1, 4] = -length, -angle
+    assert bool(_other_controllers(numbers, CONTROLLERS["ur"], Reading("ur"))) == is_told

@@ -167,3 +167,11 @@ def test_offsets_of_forty_five_degrees_are_the_widest(tmp_path: Path) -> None:
     for sigma in (45.0, 1e-3):
         entry = joint_model(tmp_path / "c", "left", path, "base", "tool0", sigma).entry["robots"]["left"]
         assert entry["joint_offsets"]["sigma_rad"] == pytest.approx(np.radians(sigma), abs=1e-5)
+
+
+def test_numbers_beyond_all_degrees_are_no_degrees(tmp_path: Path, limited: SerialChain) -> None:
+    """Where they would leave the limits as degrees, too, the order is to be checked."""
+    rows = np.degrees(ROWS)
+    rows[1, 2] = -400.0
+    with pytest.raises(DatasetError, match="check the order of the joints"):
+        read(tmp_path, lines(rows), limited)

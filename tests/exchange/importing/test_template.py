@@ -98,3 +98,17 @@ def test_targets_have_the_shape_that_is_given():
     assert [entry["squares"] for entry in targets.values()] == [[4, 6], [4, 6]]
     assert targets["target"]["dictionary"] != targets["target2"]["dictionary"]
     assert [text.count("columns, rows of squares") for text in (given, example)] == [0, 1]
+
+
+def test_fields_are_written_as_people_write_them():
+    """Text without quotes, lists and yes or no as YAML has them."""
+    shape = {"kind": "charuco", "squares": [4, 6], "square_m": 0.05, "marker_m": 0.03, "dictionary": "DICT_4X4_50"}
+    text = cell_text(1, "charuco", shape={**shape, "legacy_pattern": True})
+    for line in (
+        "kind: charuco",
+        "squares: [4, 6]",
+        "square_m: 0.05",
+        "dictionary: DICT_4X4_50",
+        "legacy_pattern: true",
+    ):
+        assert f"    {line}\n" in text
