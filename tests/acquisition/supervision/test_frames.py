@@ -89,6 +89,7 @@ def test_a_closed_link_gives_its_descriptors_back(pair):
     here, there = pair
     for _ in range(2):
         here.close()
+        assert here.is_broken
     for fd in (here.read_fd, here._write_fd):
         with pytest.raises(OSError, match="Bad file descriptor"):
             os.fstat(fd)
