@@ -7,7 +7,7 @@ import pytest
 
 from basecal.acquisition.capture import capture_led
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.freedrive import END_KEY, TAKE_KEY, Led
+from basecal.acquisition.freedrive import END_KEY, TAKE_KEY, Led, wait_for_led_arms
 from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import RobotState
@@ -137,3 +137,55 @@ def test_a_place_where_nothing_is_seen_is_told_and_waited_for_anew(tmp_path):
     assert [step.sample for step in steps] == [0, 0]
     assert "not seen" in steps[0].why_not
     assert steps[1].why_not == ""
+
+
+@pytest.mark.parametrize(("step", "is_new"), [(0.029, False), (0.031, True), (-0.031, True)])
+def test_a_new_place_is_three_hundredths_away(step, is_new):
+    """From where the last sample was taken, whichever way."""
+    arm = Arm([0.0] * 12 + [step] * 40)
+    keys = iter([""] * 45 + [END_KEY] * 9)
+    person = led(arm, lambda: next(keys))
+    assert person.wait()
+    assert person.wait() == is_new
+
+
+@pytest.mark.parametrize(("drift", "is_rest"), [(0.9e-4, True), (1.2e-4, False)])
+def test_arms_that_drift_are_not_held(drift, is_rest):
+    """By a milliradian within nine states, 0.8 s and one more."""
+    keys = iter([""] * 60 + [END_KEY])
+    assert led(Arm(drift * np.arange(80)), lambda: next(keys)).wait() == is_rest
+
+
+def test_all_arms_are_held():
+    """One of two that moves on is waited for; both are free meanwhile, and those that cannot be are left alone."""
+    still, late = Arm([0.0] * 60), Arm([*np.linspace(0, 0.5, 20), *[0.5] * 40])
+    bound = Arm([0.0] * 60)
+    bound.freedrive = None
+    person = Led(Rig({"eye": still, "hand": late}, {}), lambda: "", lambda words: None)
+    assert person.wait()
+    assert 28 <= late.asked == still.asked <= 32
+    assert still.freedrives == late.freedrives == [True, False]
+
+
+def test_whoever_types_poses_ends_with_a_key():
+    """Any other key goes on."""
+    arm = Arm([0.0])
+    arm.is_live = False
+    keys = iter(["", " ", END_KEY])
+    person = led(arm, lambda: next(keys))
+    assert [person.wait() for _ in range(3)] == [True, True, False]
+
+
+def test_arms_that_a_program_moves_are_not_led():
+    """Nor are those that are not live; the others are told by their new states."""
+    moved, typed = Arm([0.0]), Arm([0.0])
+    moved.move = moved.stop = moved.goal_refusal = lambda *_: ""
+    typed.is_live = False
+    free = Arm([0.0] * 3 + [0.4] * 40)
+    rig = Rig({"free": free, "typed": typed, "moved": moved}, {})
+    before = {"free": RobotState(joints_rad=np.array([0.0]))}
+    found = wait_for_led_arms(rig, before, 9.0)
+    assert {name: state.joints_rad.tolist() for name, state in found.items()} == {"free": [0.4]}
+    assert free.freedrives == [True, False]
+    assert wait_for_led_arms(Rig({"typed": typed}, {}), {}, 9.0) == {}
+    assert (typed.asked, moved.asked, moved.freedrives) == (0, 0, [])

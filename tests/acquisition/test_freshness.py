@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from basecal.acquisition import freshness
 from basecal.acquisition.freshness import Patience, Stale, Waits, wait_for_newer
 from basecal.errors import DriverError
 
@@ -70,3 +71,93 @@ def test_patience_ends_though_stamps_stand_still(step_s):
         assert time.monotonic() - began_s < 10
     assert time.monotonic() - began_s >= 0.05
     assert waited.cause == " (the stamps of its states do not advance)"
+
+
+class Clock:
+    """A clock that sleeping moves on."""
+
+    def __init__(self):
+        self.now_s, self.slept = 100.0, 0
+
+    def monotonic(self):
+        return self.now_s
+
+    def sleep(self, time_s):
+        self.now_s += time_s
+        self.slept += 1
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """The clock of the module."""
+    made = Clock()
+    monkeypatch.setattr(freshness, "time", made)
+    return made
+
+
+def test_what_is_there_is_given_at_once(clock):
+    """Without a pause, zero as well as anything else; what is there when the time is up is still given."""
+    assert wait_for_newer(lambda: 0, 0.0) == 0
+    assert clock.slept == 0
+    given = iter([None, "late"])
+    assert wait_for_newer(lambda: next(given), 0.0) == "late"
+
+
+@pytest.mark.parametrize("wait_s", [0.25, None])
+def test_what_is_awaited_is_polled_until_the_time_is_up(clock, wait_s):
+    """More often than any robot sends, for a second if nothing else is said."""
+    with pytest.raises(Stale):
+        wait_for_newer(lambda: None, **({} if wait_s is None else {"wait_s": wait_s}))
+    assert clock.now_s - 100.0 == pytest.approx(wait_s or 1.0, abs=2e-3)
+    assert clock.slept >= 500 * (wait_s or 1.0)
+
+
+@pytest.mark.parametrize(("wait_s", "is_enough"), [(0.099, True), (0.1015, False)])
+def test_the_rate_is_that_of_five_seconds(wait_s, is_enough):
+    """Just above and just below ten in a second; what was before five seconds does not count."""
+    waits = Waits("eye")
+    for each_s in (*15 * [0.3], *51 * [0.01]):
+        waits.add(each_s)
+    if is_enough:
+        for _ in range(100):
+            waits.add(wait_s)
+    else:
+        with pytest.raises(DriverError, match=r"eye: only 9\.9 states in a second came for 5\.1 s"):
+            [waits.add(wait_s) for _ in range(100)]
+
+
+def test_waits_before_a_lost_connection_do_not_count():
+    """A rate that was too low for four seconds, before and after."""
+    waits = Waits("eye")
+    for _ in range(2):
+        for _ in range(16):
+            waits.add(0.25)
+        waits.forget()
+        waits.forget()
+
+
+def test_patience_is_over_when_more_has_passed(clock):
+    """As much as the limit is within it; stamps and the clock count together, whichever moved."""
+    waited = Patience(0.5)
+    assert not waited.is_over(8.0)
+    clock.sleep(7.0)  # stamps advance: the clock does not count
+    assert not waited.is_over(8.25)
+    clock.sleep(0.125)
+    assert not waited.is_over(8.25)
+    assert waited.cause == ""
+    assert not waited.is_over(8.375)  # 0.375 s of stamps and 0.125 s of the clock
+    assert waited.is_over(8.3765)
+    assert waited.cause == ""
+
+
+def test_stamps_are_blamed_if_they_stood_for_longer(clock):
+    """Longer than they advanced; as long is not longer."""
+    waited = Patience(9.0)
+    waited.is_over(1.0)
+    waited.is_over(1.25)
+    clock.sleep(0.25)
+    waited.is_over(1.25)
+    assert waited.cause == ""
+    clock.sleep(0.25)
+    waited.is_over(1.0)
+    assert waited.cause != ""

@@ -188,3 +188,39 @@ def test_it_goes_on_from_what_was_taken(captured):
     numbers = [sample.sample for sample in read_recording(folder).samples]
     assert len(set(numbers)) == len(numbers) == sum(not step.why_not for step in steps)
     assert [step.taken for step in steps if not step.why_not] == list(range(1, len(numbers) + 1))
+
+
+@pytest.mark.parametrize("count", [7, 8])
+def test_eight_samples_in_which_something_was_seen_are_solved(monkeypatch, count):
+    """One more in which nothing was seen does not count; a solution that fails is none."""
+    asked = []
+
+    def fail(*args):
+        """Note that a solution was asked for, and fail."""
+        asked.append(args)
+        raise InputError("no solution")
+
+    monkeypatch.setattr(replanning, "solve", fail)
+    made = simulate(Scenario(samples=count), 0)
+    samples = [*made.recording.samples, Sample(99, robots=made.recording.samples[0].robots)]
+    task = replanning._task_settings(POINT)
+    assert replanning._current_calibration(made.cell, samples, task) is None
+    assert len(asked) == (count == 8)
+
+
+def test_a_task_is_a_point_or_a_box():
+    """A single point, or a centre with the corners of the box, the first and the last of them."""
+    point = replanning._task_settings(POINT)
+    assert (point.task_point, point.task_box) == ((0.5, 0.0, 0.3), None)
+    corners = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0], [9.0, 9.0, 9.0], [2.0, 4.0, 6.0]])
+    box = replanning._task_settings(corners)
+    assert (box.task_point, box.task_box) == ((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 2.0, 4.0, 6.0))
+
+
+@pytest.mark.parametrize(("numbers", "home_number"), [([], 0), ([3], 4), ([7, 2], 8)])
+def test_home_comes_first_under_a_number_of_its_own(numbers, home_number):
+    """The samples follow as they are."""
+    samples = [Sample(number) for number in numbers]
+    found = replanning._with_home(Sample(0, robots=ARMS), samples).samples
+    assert [sample.sample for sample in found] == [home_number, *numbers]
+    assert found[0].robots == ARMS

@@ -10,6 +10,7 @@ import types
 
 import pytest
 
+from basecal.acquisition import rig
 from basecal.acquisition.drivers import registry
 from basecal.acquisition.drivers.registry import GROUP, driver_names
 from basecal.acquisition.rig import Rig, check_cameras, check_guarantees, open_rig, openers
@@ -140,3 +141,20 @@ def test_a_rig_without_a_camera_is_refused():
     with pytest.raises(InputError, match="no camera of the cell has a `driver`"):
         check_cameras(Rig({"eye": Arm(None)}, {}))
     check_cameras(Rig({}, {"wrist": object()}))
+
+
+def test_calls_that_hang_are_left_behind():
+    """All are made at once, within one time; those that fail or do not return are named."""
+    ended, began_s = threading.Event(), time.monotonic()
+    calls = {
+        "hangs": lambda: ended.wait(3.0),
+        "fails": lambda: 1 / 0,
+        "works": lambda: None,
+        "waits": lambda: ended.wait(3.0),
+    }
+    failed = rig._call_in_parallel(calls, 0.05)
+    assert sorted(failed) == ["fails", "hangs", "waits"]
+    assert time.monotonic() - began_s < 1.0
+    ended.set()
+    assert rig._call_in_parallel({"works": lambda: None}, 3.0) == []
+    assert rig._call_in_parallel({}, 0.0) == []

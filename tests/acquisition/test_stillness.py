@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
 from basecal.acquisition.driver import CameraImage, Reading
 from basecal.acquisition.rig import open_rig
 from basecal.acquisition.stillness import (
+    Moving,
     Unfit,
     _is_still,
     wait_for_arms,
@@ -16,6 +19,7 @@ from basecal.acquisition.stillness import (
     wait_until_led,
 )
 from basecal.cell import RobotState
+from basecal.cell.targets.registry import TARGETS
 from basecal.geometry import SE3
 from shared.running_cell import running
 
@@ -169,3 +173,115 @@ def test_states_that_differ_by_noise_are_still(sigmas, still):
         step *= sigmas / shown
     readings = [Reading(0.01 * k, RobotState(joints_rad=np.array([v]))) for k, v in enumerate(values)]
     assert _is_still(readings, None) == still
+
+
+class Paced:
+    """An arm whose first joint moves by `step` from one state to the next, until a number of states."""
+
+    is_live = True
+
+    def __init__(self, step, until=10**9):
+        self.count, self.step, self.until = 0, step, until
+
+    def state(self):
+        self.count += 1
+        return Reading(0.1 * self.count, RobotState(joints_rad=np.array([self.step * min(self.count, self.until)])))
+
+
+@pytest.mark.parametrize(("step", "still"), [(1.6e-5, True), (1.7e-5, False), (-1.7e-5, False)])
+def test_halves_of_twelve_states_differ_by_a_tenth_of_a_millirad(step, still):
+    """A steady motion moves them apart by six steps."""
+    arm = Paced(step)
+    readings = [arm.state() for _ in range(12)]
+    assert _is_still(readings, None) == still
+    assert not _is_still(readings[1:], None)
+
+
+def test_the_mean_is_of_twelve_states():
+    """With the time of the last; every state is shown."""
+    shown = []
+    found = wait_for_arms({"arm": Paced(1e-5)}, {}, 50.0, lambda *seen: shown.append(seen))
+    assert found["arm"].stamp_s == pytest.approx(1.2)
+    assert found["arm"].state.joints_rad[0] == pytest.approx(6.5e-5)
+    assert [name for name, _ in shown] == ["arm"] * 12
+
+
+def test_one_arm_that_moves_is_waited_for_by_all():
+    """The others go on giving states; a robot that is not live is asked once, and the moving one is named."""
+    still, typed = Paced(0.0), Paced(0.0)
+    typed.is_live = False
+    arms = {"still": still, "typed": typed, "late": Paced(1e-2, until=30)}
+    assert set(wait_for_arms(arms, {}, 50.0)) == set(arms)
+    assert (still.count, typed.count) == (arms["late"].count, 1)
+    assert still.count >= 30
+    with pytest.raises(Moving, match=r"^arm still moving: late$"):
+        wait_for_arms({"still": Paced(0.0), "late": Paced(1e-2)}, {}, 3.0)
+    goals = {name: RobotState(joints_rad=np.array([0.5])) for name in ("still", "late")}
+    with pytest.raises(Moving, match=r"^arm not at its goal: still$"):
+        wait_for_arms({"still": Paced(0.0), "late": Paced(1e-2)}, goals, 3.0)
+
+
+@pytest.mark.parametrize(("off", "is_new"), [(1.9e-3, False), (2.1e-3, True), (-2.1e-3, True)])
+def test_a_new_place_is_two_millirad_away(off, is_new):
+    """Every arm that was somewhere must be elsewhere; one that was nowhere may be anywhere."""
+    before = {"arm": RobotState(joints_rad=np.array([off])), "gone": RobotState(joints_rad=np.array([9.0]))}
+    arms = {"arm": Paced(0.0), "first": Paced(0.0)}
+    if is_new:
+        wait_until_led(arms, before, 5.0)
+        with pytest.raises(Moving, match=r"^arm not led to another place: arm, first$"):
+            wait_until_led(arms, {**before, "first": RobotState(joints_rad=np.array([1e-3]))}, 5.0)
+    else:
+        with pytest.raises(Moving):
+            wait_until_led(arms, before, 5.0)
+
+
+class Slides:
+    """A camera whose images show one picture each, at given instants by its own stamps and by this machine's clock."""
+
+    is_live = True
+
+    def __init__(self, greys, step_s=1.0, exposed_s=None):
+        self.greys, self.step_s, self.exposed_s, self.count = greys, step_s, exposed_s, 0
+
+    def image(self):
+        self.count += 1
+        grey = self.greys[min(self.count, len(self.greys)) - 1]
+        return CameraImage(self.step_s * self.count, grey, exposed_s=self.exposed_s)
+
+
+def spot(u, v=50.0):
+    """A spot of light in a dark image, whose middle is anywhere."""
+    x, y = np.meshgrid(np.arange(100.0), np.arange(100.0))
+    return np.round(20 + 200 * np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * 2.0**2))).astype(np.uint8)
+
+
+LED = TARGETS["led"].usual(np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("off", "taken"), [(0.08, 3), (0.14, 6)])
+def test_a_light_is_tracked_to_a_tenth_of_a_pixel(off, taken):
+    """Three images in a row show it at one place; each is shown, and the last is taken."""
+    shown = []
+    slides = Slides([spot(50.0), spot(50.0), spot(50.0 + off), spot(50.0 + off)])
+    found = wait_for_image(slides, [LED], 50.0, show=shown.append)
+    assert (found.stamp_s, slides.count, len(shown)) == (taken, taken, taken)
+
+
+def test_images_without_the_light_are_compared_as_a_whole():
+    """A light that is not found in one of them is no motion."""
+    dark = np.full((100, 100), 20, dtype=np.uint8)
+    assert wait_for_image(Slides([dark]), [LED], 5.0).stamp_s == 3.0
+
+
+def test_an_image_exposed_at_an_instant_is_not_after_it():
+    """A later one is, and so is one whose exposure is unknown; each is shown."""
+    shown = []
+    late = Delayed(2, 5.0)
+    assert wait_for_image_after(late, 4.0, 5.0, shown.append).exposed_s == 5.01
+    assert len(shown) == 3
+    unknown = Slides([spot(50.0)])
+    assert wait_for_image_after(unknown, 1e9, 5.0).stamp_s == 1.0
+    for exposed_s, is_after in ((4.0, False), (4.5, True)):
+        slides = Slides([spot(50.0)], exposed_s=exposed_s)
+        with nullcontext() if is_after else pytest.raises(Moving, match="image too old"):
+            assert wait_for_image(slides, [], 0.0, after_s=4.0).stamp_s == 3.0

@@ -204,3 +204,41 @@ def test_what_is_touched():
     assert not board.is_touched
     assert not board.has_free_scale
     assert replace(board, size_sigma=np.inf).has_free_scale
+
+
+def test_what_is_unstated_is_the_usual():
+    """Robots have own noise, lenses errors, cameras an area of all rows at once; a mount is free."""
+    robot, camera = Robot("a"), CellCamera("b", "a")
+    assert not robot.is_total_noise
+    assert (camera.kind, camera.model, camera.mount.status) == ("camera", "pinhole", "free")
+    assert not Intrinsics().exact
+    assert not camera.touches
+    assert [replace(camera, kind=kind).touches for kind in ("tracker", "tip", "clamp")] == [False, True, True]
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf")])
+def test_clocks_have_finite_numbers(number):
+    """Offsets, sigmas, jitter and the time of a line."""
+    for fields in ({"offset_s": number}, {"status": "prior", "sigma_s": number}, {"jitter_s": number}):
+        with pytest.raises(ValidationError, match=r"finite number|a positive number"):
+            CameraEntry.model_validate({"on": "world", "clock": fields})
+    with pytest.raises(ValidationError, match=r"finite number|a positive number"):
+        CameraEntry.model_validate({"on": "world", "rolling_shutter": {"line_time_s": number}})
+
+
+def test_what_stands_on_a_plate_is_named_by_it():
+    """A plate is a frame of its own; what it carries has no flange."""
+    plated = Cell(
+        "eye",
+        {"eye": Robot("eye"), "hand": Robot("hand")},
+        cameras={"wrist": CellCamera("wrist", "eye")},
+        targets={"board": CellTarget("board", "table")},
+        plates={"table": FIXED},
+    )
+    assert list(plated.transforms) == [
+        "eye_base_from_hand_base", "eye_base_from_table", "eye_flange_from_wrist", "table_from_board",
+    ]  # fmt: skip
+    assert plated.transforms["eye_base_from_table"] is FIXED
+    fixed = plated.with_transform("eye_base_from_hand_base", FIXED)
+    assert plated.requested_transforms == ["eye_base_from_hand_base"]
+    assert fixed.requested_transforms == ["eye_flange_from_wrist", "table_from_board"]

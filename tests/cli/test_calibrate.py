@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,11 @@ from tests.shared.remembered import remembering
 
 from basecal.accuracy import calibrate as calibrating
 from basecal.cell.files import latest_run, read_calibration, read_cell
+from basecal.cli import calibrate as verb
 from basecal.cli import main
 from basecal.cli.calibrate import calibrate_folder
 from basecal.cli.demo import _SAMPLES
+from basecal.errors import UsageError
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
 
@@ -241,3 +244,29 @@ def test_a_box_stands_alone(simulated: Path, more: list[str], said: str, capsys:
     """Neither a point nor the closed form of the paper goes with it."""
     assert main(["calibrate", str(simulated), "--task-box", "0 0 0 1 1 1", *more]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("method", "start", "point", "box", "choice", "said"), [
+    ("bundle", "closed", None, None, "nearest", ""),
+    ("bundle", "guess", None, (0.0,) * 6, "nearest", ""),
+    ("scene", "guess", None, None, "nearest", "--start guess has no effect on --scene"),
+    ("scene", "closed", (0.0,) * 3, None, "nearest", ""),
+    ("bundle", "closed", None, None, "mean", "--station-choice has no effect on --method bundle"),
+    ("axis-shift", "closed", (0.0,) * 3, None, "mean", ""),
+    ("axis-shift", "closed", None, None, "nearest", ""),
+    ("axis-shift", "closed", None, None, "mean", "--station-choice needs a point"),
+    ("axis-shift", "closed", None, (0.0,) * 6, "nearest", "--task-box has no effect on --method axis-shift"),
+    ("axis-shift", "guess", None, None, "nearest", "--start guess is ignored: --method axis-shift"),
+])  # fmt: skip
+def test_options_that_change_nothing_are_refused(method, start, point, box, choice, said):  # type: ignore[no-untyped-def]
+    """With the method that does not use them; all others pass."""
+    with pytest.raises(UsageError, match=said) if said else nullcontext():
+        verb._refuse_unused_options(method, start, point, box, choice)
+
+
+def test_a_scene_is_a_method_or_is_joined() -> None:
+    """Not with the closed form of shifts."""
+    assert [verb._method_in_use("bundle", scene) for scene in (True, False, "also")] == ["scene", "bundle", "bundle"]
+    assert verb._method_in_use("axis-shift", False) == "axis-shift"
+    with pytest.raises(UsageError, match="--scene also has no effect on --method axis-shift"):
+        verb._method_in_use("axis-shift", "also")

@@ -16,9 +16,19 @@ from basecal.cell import Calibration
 from basecal.cell.calibration import Verdict
 from basecal.cell.files import append_verification, input_hashes, write_calibration, write_cell
 from basecal.cell.results.verification_file import PastVerification
+from basecal.cli import capture_plan as module
 from basecal.cli import main
-from basecal.cli.capture_plan import known_sketch, say_plan
-from basecal.errors import InputError
+from basecal.cli.capture_plan import (
+    _finished_count,
+    _speeds,
+    _ways,
+    capture_plan,
+    known_sketch,
+    refuse,
+    say_plan,
+    say_ways,
+)
+from basecal.errors import InputError, UsageError
 from basecal.geometry import PoseEstimate
 from basecal.simulation import Scenario, simulate
 from basecal.simulation.arms import BASE_LINK
@@ -159,3 +169,110 @@ def test_a_cell_without_drivers_is_not_sent_to_go(tmp_path: Path, capsys: pytest
     assert main([*words, "--go"]) == 3
     assert "no camera of the cell has a `driver`" in capsys.readouterr().err
     assert not (tmp_path / "recording").exists(), "a refused capture has not begun"
+
+
+@pytest.mark.parametrize("count", [20, 21])
+def test_the_first_twenty_refusals_are_printed(count: int, capsys: pytest.CaptureFixture[str]) -> None:
+    """Samples are counted once, however many robots refuse them; without a refusal nothing is said."""
+    refusals = [SimpleNamespace(sample=k // 2) for k in range(count)]
+    with pytest.raises(InputError, match=rf"^{(count + 1) // 2} of 30 samples of the plan are refused: nothing was"):
+        refuse(SimpleNamespace(refusals=refusals), 30)  # type: ignore[arg-type]
+    assert len(capsys.readouterr().err.splitlines()) == 20
+    refuse(SimpleNamespace(refusals=[]), 30)  # type: ignore[arg-type]
+    assert capsys.readouterr() == ("", "")
+
+
+def way(sample: int, robot: str, *gaps: tuple[str, str, float], rad_s: float = 0.5, m_s: float = 0.1):  # type: ignore[no-untyped-def]
+    """A motion, with its clearances."""
+    found = [SimpleNamespace(robot=one, other=other, gap_m=gap_m) for one, other, gap_m in gaps]
+    return SimpleNamespace(sample=sample, robot=robot, joint_rad_s=rad_s, tool_m_s=m_s, gaps=found)
+
+
+CHECK = SimpleNamespace(
+    ways=[
+        way(0, "eye", ("eye", "hand", 0.3), ("eye", "table", 0.5), rad_s=np.radians(30)),
+        way(1, "hand", ("eye", "hand", 0.123), m_s=0.25),
+    ],
+    refusals=[SimpleNamespace(sample=1)],
+)
+
+
+def test_the_fastest_and_the_nearest_of_all_motions_are_said() -> None:
+    """Over all motions; the least clearance of each pair, the widest pair first; without motions neither."""
+    assert _speeds(CHECK) == ", no joint faster than 30 deg/s and no point faster than 250 mm/s"  # type: ignore[arg-type]
+    least = "500 mm between eye and table, 123 mm between eye and hand"
+    assert _ways(CHECK) == f"least clearance of motions: {least}; nothing else is checked"  # type: ignore[arg-type]
+    still = SimpleNamespace(ways=[], refusals=[])
+    assert (_speeds(still), _ways(still)) == ("", "the motions are not checked")  # type: ignore[arg-type]
+
+
+def test_each_motion_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """With its speeds, its clearance to each other body, and whether its sample is refused."""
+    say_ways(CHECK)  # type: ignore[arg-type]
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert lines[1:] == [
+        ["0", "eye", "30.0", "100", "hand", "300,", "table", "500"],
+        ["1", "hand", "28.6", "250", "eye", "123", "refused"],
+    ]
+
+
+@pytest.mark.parametrize(("is_new", "go", "cameras", "said"), [
+    (True, True, True, ["2 samples; no robot will move"]),
+    (False, True, True, ["continues the interrupted plan: 2 samples; no robot will move"]),
+    (True, False, True, ["2 samples; no robot", "nothing has moved: add --go"]),
+    (True, False, False, ["2 samples; no robot", "nothing has moved: no camera has a `driver`"]),
+    (True, True, False, ["2 samples; no robot"]),
+])  # fmt: skip
+def test_what_a_capture_will_do_is_said(
+    is_new: bool, go: bool, cameras: bool, said: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is continued, what moves, who leads, and what is lacking before it goes."""
+    robots = {name: SimpleNamespace(is_live=name != "typed") for name in ("left", "right", "typed")}
+    rig = SimpleNamespace(robots=robots, cameras={"eye": None} if cameras else {})
+    sketch = SimpleNamespace(view=("eye", "board"))
+    still = SimpleNamespace(ways=[], refusals=[])
+    say_plan(rig, sketch, [None, None], is_new, still, go, None)  # type: ignore[arg-type,list-item]
+    lines = capsys.readouterr().out.splitlines()
+    led = "left and right will be guided by hand: a sample is taken when all are at rest at a new pose"
+    assert lines.pop(1) == led
+    assert len(lines) == len(said)
+    assert all(line.startswith(start) for line, start in zip(lines, said, strict=True))
+    assert "with board in view of eye at every stop; the motions are not checked" in lines[0]
+
+
+@pytest.mark.parametrize(("recorded", "is_continued", "added"), [(None, False, 0), (None, True, 0), (7, True, 7)])
+def test_further_samples_are_drawn_by_another_seed(
+    recorded: int | None, is_continued: bool, added: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the number of those that were recorded; a finished plan is not gone on with unless that is asked for."""
+    sketch = SimpleNamespace(cell=None)
+    monkeypatch.setattr("basecal.acquisition.capture.finished_count", lambda *_: recorded)
+    assert _finished_count(Path(), sketch, 25, is_continued) == added  # type: ignore[arg-type]
+    for count, are in ((1, "1 sample is"), (7, "7 samples are")):
+        monkeypatch.setattr("basecal.acquisition.capture.finished_count", lambda *_, count=count: count)
+        with pytest.raises(UsageError, match=rf"The plan is finished: {are} recorded\. Add --more to record 25 more"):
+            _finished_count(Path(), sketch, 25, False)  # type: ignore[arg-type]
+
+
+def test_samples_come_from_a_pattern_a_file_or_what_was_left(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Those of an interrupted plan before all others; 25 of a pattern where no number is given."""
+    asked: list[tuple[object, ...]] = []
+    left: list[object] = []
+    monkeypatch.setattr("basecal.acquisition.capture.remaining_samples", lambda *_: left)
+    monkeypatch.setattr("basecal.acquisition.capture.finished_count", lambda *_: 3)
+    monkeypatch.setattr("basecal.acquisition.rig.starting_states", lambda *_: "home")
+    monkeypatch.setitem(module.PATTERNS, "poses", lambda *given: asked.append(given) or ["drawn"])
+    sketch = SimpleNamespace(cell=None)
+
+    def made(pattern: str, samples: int | None, replanner: object = None) -> tuple[object, bool]:
+        """A plan of the next samples."""
+        return capture_plan(None, sketch, tmp_path, pattern, samples, 10, replanner)  # type: ignore[arg-type]
+
+    assert made("poses", None) == (["drawn"], True)
+    assert made("poses", 4) == (["drawn"], True)
+    assert asked == [(sketch, "home", 25, 13), (sketch, "home", 4, 13)]
+    with pytest.raises(InputError, match=r"no pattern 'poes' \(did you mean 'poses'\?\); it is one of .*, or a file"):
+        made("poes", 4)
+    assert made("poes", 4, SimpleNamespace(samples=["planned"])) == (["planned"], True)
+    left.append("left")
+    assert made("poes", 4) == (["left"], False)

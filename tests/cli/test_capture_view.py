@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,8 +15,9 @@ import pytest
 from basecal.acquisition.capture import Step
 from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.rig import Rig
+from basecal.acquisition.running.check import Doubt
 from basecal.acquisition.watching import End
-from basecal.cli.capture_view import capture_view, pressed_keys
+from basecal.cli.capture_view import capture_view, pressed_keys, say_step
 from basecal.errors import DriverError
 from basecal.simulation import Scenario, simulate
 
@@ -119,3 +121,26 @@ def test_a_key_at_a_terminal_comes_at_once(monkeypatch: pytest.MonkeyPatch) -> N
             assert key() == ""
         assert termios.tcgetattr(stream.fileno()) == before
     os.close(outside)
+
+
+@pytest.mark.parametrize(("changes", "line"), [
+    ({"sigma": None}, "   4/9 sample 3: taken, 100 % of the image"),
+    ({"sigma": None, "why_not": "target not seen"}, "   4/9 sample 3: not taken: target not seen"),
+    ({"taken": 12, "planned": 1000, "sigma": None}, "  12/1000 sample 3: taken, 100 % of the image"),
+])  # fmt: skip
+def test_a_sample_is_a_line(changes: dict[str, object], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a sigma where the base is not observable, with the reason where it was not taken."""
+    say_step(replace(step(), **changes), 1)  # type: ignore[arg-type]
+    assert capsys.readouterr().out == f"{line}\n"
+
+
+def test_advice_and_doubts_follow(capsys: pytest.CaptureFixture[str]) -> None:
+    """Advice in the line, doubts below; those that last are warnings."""
+    half = Coverage(np.arange(24).reshape(COVERAGE_GRID) < 12, {"eye": np.array([0.5, 0.1, 0.5])})
+    doubts = (Doubt(3, "eye moved", True), Doubt(3, "blurred", False))
+    say_step(replace(step(), coverage=half, sigma=None, taken=5, doubts=doubts), 1)
+    assert capsys.readouterr().out.splitlines() == [
+        "   5/9 sample 3: taken, 50 % of the image; turn eye further about y",
+        "  WARNING: eye moved",
+        "  check: blurred",
+    ]

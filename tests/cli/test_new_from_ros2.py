@@ -6,6 +6,8 @@ import pytest
 
 from basecal.cell.files import read_cell
 from basecal.cli import main
+from basecal.cli.new_from_ros2 import _add_drivers, _add_target
+from basecal.exchange.bags.sources import ByFrames, ByPoses, CameraSource, Taken
 
 pytest.importorskip("cyclonedds")
 from shared.ros2_domain import ros2
@@ -42,3 +44,40 @@ def test_what_does_not_go_together(tmp_path, capsys):
     assert main(["new", str(tmp_path / "c"), "--domain", "3"]) == 2
     assert not (tmp_path / "c").exists()
     capsys.readouterr()
+
+
+@pytest.mark.parametrize("domain", [None, 0, 3])
+def test_drivers_listen_to_what_was_chosen(domain):
+    """Robots to frames or a topic, cameras to their topic, in the domain if one is given; further bases are free."""
+    data = {"reference": "a", "robots": {"a": {"urdf": "a.urdf"}}, "cameras": {"eye": {"on": "a"}}}
+    robots = {"a": ByFrames("base", "tool"), "b": ByPoses("/b/pose")}
+    where = {} if domain is None else {"domain": domain}
+    _add_drivers(data, Taken(robots, {"eye": CameraSource("/image", None, "a")}), domain)
+    assert data["robots"] == {
+        "a": {"urdf": "a.urdf", "driver": {"kind": "ros2", "frames": ["base", "tool"], **where}},
+        "b": {"driver": {"kind": "ros2", "topic": "/b/pose", **where}},
+    }
+    assert data["cameras"] == {"eye": {"on": "a", "driver": {"kind": "ros2", "topic": "/image", **where}}}
+    assert data["bases"] == {"b": {"status": "free"}}
+    alone = {"reference": "a", "robots": {}, "cameras": {}}
+    _add_drivers(alone, Taken({"a": ByPoses("/a")}), domain)
+    assert "bases" not in alone
+
+
+@pytest.mark.parametrize(("robots", "on"), [(["a"], "world"), (["a", "b"], "b"), (["b", "a", "c"], "b")])
+def test_a_target_is_where_the_first_camera_is_not(robots, on):
+    """On another robot than the camera, or on the world; one target for all cameras, none without a camera."""
+    data = {"robots": dict.fromkeys(robots), "cameras": {"eye": {"on": "a"}, "other": {"on": robots[-1]}}}
+    _add_target(data, None, "charuco")
+    assert list(data["targets"]) == ["target"]
+    target = data["targets"]["target"]
+    assert (target["on"], target["mount"], target["kind"]) == (on, {"status": "free"}, "charuco")
+    data.pop("targets")
+    _add_target(data, {"kind": "led"}, "led")
+    assert data["targets"]["target"] == {"on": on, "mount": {"status": "free"}, "kind": "led"}
+    data.pop("targets")
+    _add_target(data, None, "pose")
+    assert "kind" not in data["targets"]["target"]
+    blind = {"robots": dict.fromkeys(robots)}
+    _add_target(blind, None, "charuco")
+    assert "targets" not in blind

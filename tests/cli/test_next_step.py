@@ -9,7 +9,14 @@ import pytest
 
 from basecal.cell import Calibration, Driver, Finding, Recording, Tolerance
 from basecal.cli import main
-from basecal.cli.next_step import name_cell, next_command, next_step
+from basecal.cli.next_step import (
+    cameras_without_lens,
+    capture_command,
+    has_drivers,
+    name_cell,
+    next_command,
+    next_step,
+)
 from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(samples=3), 0)
@@ -168,3 +175,51 @@ def test_findings_name_the_cell() -> None:
     finding = Finding("x", "warning", (), "Wrong.", ("Or let `basecal fix CELL` do so.",))
     (named,) = name_cell(Calibration("doubtful", findings=(finding,)), Path("my cell")).findings
     assert named.message == "Wrong. Or let `basecal fix 'my cell'` do so."
+
+
+def test_a_capture_needs_a_driver_of_each() -> None:
+    """Robots and cameras; a cell without any has none to reach."""
+    driver = Driver("manual")
+    robots = {name: replace(each, driver=driver) for name, each in MADE.cell.robots.items()}
+    cameras = {name: replace(each, driver=driver) for name, each in MADE.cell.cameras.items()}
+    assert has_drivers(replace(MADE.cell, robots=robots, cameras=cameras))
+    assert not has_drivers(replace(MADE.cell, robots=robots))
+    assert not has_drivers(replace(MADE.cell, cameras=cameras))
+    assert not has_drivers(replace(MADE.cell, robots={**robots, "eye": MADE.cell.robots["eye"]}, cameras=cameras))
+
+
+def test_a_scene_is_captured_by_hand() -> None:
+    """Where it is seen, or where no target is; a target alone is planned for."""
+    folder = Path("my cell")
+    assert capture_command(MADE.cell, folder) == "basecal capture 'my cell'"
+    for cell in (replace(MADE.cell, sees_scene=True), replace(MADE.cell, targets={})):
+        assert capture_command(cell, folder) == "basecal capture 'my cell' --freedrive"
+
+
+def test_a_lens_is_missed_where_images_are() -> None:
+    """Of cameras without any, those that have images; points in metres need none."""
+    cameras = {name: replace(each, intrinsics=None) for name, each in MADE.cell.cameras.items()}
+    blind = replace(MADE.cell, cameras=cameras)
+    shown = without(images={"wrist": "a.png"})
+    assert cameras_without_lens(blind, shown) == ["wrist"]
+    assert cameras_without_lens(MADE.cell, shown) == []
+    assert cameras_without_lens(blind, MADE.recording) == []
+    told = next_step(blind, shown, Path("c"))
+    assert told == "next, the lens of wrist: add `intrinsics: {status: free}` to it in cell.yaml"
+
+
+def test_samples_without_any_robot_are_not_missed() -> None:
+    """Nor is the only robot of a cell; the first and the last sample of a robot are named."""
+    bare = [replace(each, sample=each.sample + 3, robots={}) for each in MADE.recording.samples]
+    assert next_step(MADE.cell, Recording((*MADE.recording.samples, *bare)), Path("c")) is None
+    alone = simulate(Scenario(samples=3, layout="eye_in_hand"), 0)
+    still = [replace(each, sample=each.sample + 3, robots={}) for each in alone.recording.samples]
+    assert next_step(alone.cell, Recording((*alone.recording.samples, *still)), Path("c")) is None
+
+
+def test_images_beside_other_files_are_seen(tmp_path: Path) -> None:
+    """A folder of notes alone is none of images."""
+    dropped = tmp_path / "recording" / "images" / "wrist"
+    dropped.mkdir(parents=True)
+    (dropped / "notes.txt").touch()
+    assert " DIR --camera wrist" in step(tmp_path, recording=without(observations=()))

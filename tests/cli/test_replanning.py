@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
 import pytest
 
-from basecal.cli.replanning import Task, requested_task
+from basecal.cli import replanning as module
+from basecal.cli.replanning import Replanner, Task, requested_task
 from basecal.errors import UsageError
 
 
@@ -22,3 +27,84 @@ def test_half_a_task_is_refused() -> None:
     for words in ((None, None, "1mm"), ((0.5, 0.0, 0.3), None, None), ((0.0,) * 3, (0.0,) * 6, "1mm")):
         with pytest.raises(UsageError):
             requested_task(*words)
+
+
+Making = Callable[..., tuple[Replanner, list[tuple[object, ...]]]]
+
+
+def plan(samples: int = 5, **more: object) -> SimpleNamespace:
+    """A plan with so many samples left."""
+    steps = [(0, 4e-4), (samples, 2e-4)]
+    usual = {"reachable": True, "needed": samples, "place": "task point", "expected_m": 2.5e-4, "budget": ()}
+    left = tuple(range(100, 100 + samples))
+    return SimpleNamespace(**{**usual, "steps": steps, "samples": left, **more})
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> Making:
+    """A replanner of two recorded samples, that plans what it is given; with what it was asked."""
+
+    def make(*plans: SimpleNamespace, most: int | None = None) -> tuple[Replanner, list[tuple[object, ...]]]:
+        """One that gives these plans in turn."""
+        asked: list[tuple[object, ...]] = []
+        given = iter(plans)
+
+        def next_plan(samples: tuple[int, ...], bad: list[str]) -> SimpleNamespace:
+            """Note what is known, and give the next plan."""
+            asked.append((samples, [*bad]))
+            return next(given)
+
+        monkeypatch.setattr(module, "taken_so_far", lambda *_: (0, 1))
+        monkeypatch.setattr("basecal.acquisition.capture.abandoned_samples", lambda *_: ["given up"])
+        monkeypatch.setattr("basecal.acquisition.rig.starting_states", lambda *_: {})
+        monkeypatch.setattr("basecal.acquisition.replanning.replanner", lambda *_: SimpleNamespace(plan=next_plan))
+        sketch = SimpleNamespace(cell=None)
+        task = Task([(0.5, 0.0, 0.3)], 3e-4)
+        return Replanner(None, sketch, Path("c"), task, None, most, 0), asked  # type: ignore[arg-type]
+
+    return make
+
+
+def test_samples_are_planned_up_to_their_most(made: Making) -> None:
+    """Those recorded before do not count; refused ones are given up for good."""
+    found, asked = made(plan(5), plan(5), plan(5), plan(5), most=3)
+    assert found.samples == (100, 101, 102)
+    assert found.exclude(["refused"]) == (100, 101, 102)  # type: ignore[list-item]
+    assert found((0, 1, 2, 3), ["bad"]) == (100,)  # type: ignore[arg-type,list-item]
+    assert found((0, 1, 2, 3, 4, 5, 6), []) == ()  # type: ignore[arg-type]
+    assert asked == [
+        ((0, 1), ["given up"]),
+        ((0, 1), ["given up", "refused"]),
+        ((0, 1, 2, 3), ["bad"]),
+        ((0, 1, 2, 3, 4, 5, 6), []),
+    ]
+
+
+@pytest.mark.parametrize(("latest", "reached", "words"), [
+    (plan(0), True, "reached: 95 % of errors are expected below 0.25 mm"),
+    (plan(0, expected_m=None), True, "reached: 95 % of errors are expected below 0 mm"),
+    (plan(4), False, "needs 4 samples more"),
+    (plan(4, reachable=False, budget=[SimpleNamespace(source="noise")]), False, "cannot be reached: noise forbids it"),
+    (plan(0, reachable=False), False, "cannot be reached"),
+])  # fmt: skip
+def test_a_tolerance_is_reached(made: Making, latest: SimpleNamespace, reached: bool, words: str) -> None:
+    """Where nothing is left to take, and the last plan says that it can be; in words and as data."""
+    found, _ = made(latest)
+    assert found.is_reached == reached
+    assert found.words().startswith("0.3 mm ")
+    assert found.words().endswith(words)
+    predicted_mm = None if latest.expected_m is None else pytest.approx(0.25)
+    assert found.as_dict() == {"reached": reached, "needed": latest.needed, "predicted_mm": predicted_mm}
+    assert found.error_m == 4e-4
+
+
+def test_an_error_is_known_where_the_plan_has_steps(made: Making) -> None:
+    """Else it is none."""
+    assert made(plan(2, steps=[]))[0].error_m is None
+
+
+def test_a_task_may_be_open() -> None:
+    """Where a number of samples ends the capture."""
+    assert requested_task((0.5, 0.0, 0.3), None, None, may_be_open=True) == Task([(0.5, 0.0, 0.3)], None)
+    with pytest.raises(UsageError, match=r"ends at a tolerance: give --tolerance, such as 0\.3mm"):
+        requested_task((0.5, 0.0, 0.3), None, None)

@@ -18,7 +18,21 @@ from basecal.accuracy.calibrate import JUDGING_STAGES, READING_STAGES, SOLVING_S
 from basecal.cell.files import read_cell
 from basecal.cli import main, terminal
 from basecal.cli.detect import detected_recording
-from basecal.cli.terminal import _SHARES, TimeLeft, ask, counting, quote_path, say, say_verdict
+from basecal.cli.terminal import (
+    _SHARES,
+    TimeLeft,
+    ask,
+    can_ask,
+    counting,
+    is_terminal,
+    print_json,
+    print_stages,
+    progress,
+    quote_path,
+    say,
+    say_next,
+    say_verdict,
+)
 from basecal.errors import UsageError, printable
 
 CLI = Path(__file__).parents[2] / "src" / "basecal" / "cli"
@@ -251,3 +265,81 @@ def test_the_last_step_is_the_whole(monkeypatch, capsys, total):
     with counting("detecting") as step:
         step(total, total)
     assert "100%" in capsys.readouterr().err
+
+
+def test_stages_are_printed_by_their_time(capsys: pytest.CaptureFixture[str]) -> None:
+    """The longest first, then all of them."""
+    print_stages({"start": 0.25, "noise": 2.0, "descent": 1.0})
+    lines = [line.split() for line in capsys.readouterr().err.splitlines()]
+    assert lines == [
+        ["2.000", "s", "noise"],
+        ["1.000", "s", "descent"],
+        ["0.250", "s", "start"],
+        ["3.250", "s", "all", "stages"],
+    ]
+
+
+def test_programs_are_told_no_number_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+    """An answer is one line of JSON; NaN is none of its numbers."""
+    print_json({"a": 1.5, "b": [None, "ü"]})
+    assert capsys.readouterr().out == '{"a": 1.5, "b": [null, "\\u00fc"]}\n'
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        print_json({"a": float("nan")})
+
+
+@pytest.mark.parametrize(("passed_s", "is_known"), [(0.9, False), (1.1, True)])
+def test_time_left_is_known_after_a_second(clock: Clock, passed_s: float, is_known: bool) -> None:
+    """Before that the first stages say nothing of those to come."""
+    left = TimeLeft("calibrating", clock)
+    left.enter("noise")
+    clock.time_s += passed_s
+    left.enter("conventions")
+    assert (left.seconds() is not None) == is_known
+
+
+@pytest.mark.parametrize(("later_s", "shown"), [(8.9, ", about 1 s left"), (9.1, "")])
+def test_the_last_second_is_not_counted(clock: Clock, later_s: float, shown: str) -> None:
+    """Of 10 s that are left at the start of a stage."""
+    left = TimeLeft("calibrating", clock)
+    done = sum(_SHARES.values()) - _SHARES["noise"]
+    for stage in _SHARES:
+        if stage != "noise":
+            left.enter(stage)
+    clock.time_s += 10.0 * done / _SHARES["noise"]
+    left.enter("noise")
+    clock.time_s += later_s
+    assert str(left) == f"calibrating: noise{shown}"
+
+
+@pytest.mark.parametrize("is_watched", [False, True])
+def test_progress_is_shown_to_who_watches(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], is_watched: bool
+) -> None:
+    """The stage that goes on, on a terminal; else nothing."""
+    monkeypatch.setattr(terminal, "is_terminal", lambda stream: is_watched)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with progress("calibrating") as enter:
+        enter("noise")
+    said = capsys.readouterr()
+    assert ("calibrating" in said.err) == is_watched
+    assert said.out == ""
+
+
+def test_the_next_command_is_no_answer(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """It goes to stderr, and nowhere where there is none; the answer goes to stdout, or is an error."""
+    say_next("basecal report c")
+    assert capsys.readouterr() == ("", "next: basecal report c\n")
+    monkeypatch.setattr(sys, "stderr", None)
+    say_next("basecal report c")
+    monkeypatch.setattr(sys, "stdout", None)
+    with pytest.raises(OSError, match="it is closed"):
+        say("answer")
+    assert not is_terminal(None)
+
+
+@pytest.mark.parametrize(("reads", "writes"), [(True, True), (True, False), (False, True)])
+def test_questions_need_both_ends(monkeypatch: pytest.MonkeyPatch, reads: bool, writes: bool) -> None:
+    """One that is typed into, and one that shows the question."""
+    monkeypatch.setattr(sys, "stdin", Watched() if reads else io.StringIO())
+    monkeypatch.setattr(sys, "stderr", Watched() if writes else io.StringIO())
+    assert can_ask() == (reads and writes)

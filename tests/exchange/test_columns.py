@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.columns import read_columns
+from basecal.exchange.columns import read_columns, read_table_text
 
 ALIASES = {"x": ("tx", "pos_x"), "time": ("stamp",)}
 
@@ -69,3 +69,42 @@ def test_texts_of_windows(tmp_path, encoding):
     path = tmp_path / "table.csv"
     path.write_bytes("x,A [°],Gerät\r\n1,2,3\r\n".encode(encoding))
     assert list(read_columns(path, ALIASES).values) == ["x", "a [°]", "gerät"]
+
+
+@pytest.mark.parametrize("sign", ["", "-", "\u2212"])
+def test_numbers_reach_to_a_million_millions(tmp_path, sign):
+    """Either sign, also as word processors write it."""
+    assert read_columns(written(tmp_path, f"x\n{sign}1e12\n"), ALIASES).values["x"].tolist() == [
+        -1e12 if sign else 1e12
+    ]
+    with pytest.raises(DatasetError, match=r"x: '-?1\.1e12' is not finite, or beyond"):
+        read_columns(written(tmp_path, f"x\n{sign}1.1e12\n"), ALIASES)
+
+
+@pytest.mark.parametrize(
+    ("byte", "is_text"), [(0x08, False), (0x09, True), (0x0E, False), (0x19, False), (0x1B, True), (0x0B, True)]
+)
+def test_control_characters_are_no_text(tmp_path, byte, is_text):
+    """But for tabs, ends of lines and what terminals obey."""
+    path = tmp_path / "table.csv"
+    path.write_bytes(b"x,a" + bytes([byte]) + b"b\n1,2\n")
+    if is_text:
+        assert len(read_table_text(str(path), "a table")) > 8
+    else:
+        with pytest.raises(DatasetError, match="not text, expected a table"):
+            read_table_text(str(path), "a table")
+
+
+def test_an_old_sheet_is_to_be_saved_otherwise(tmp_path):
+    """By its first bytes, whatever its name."""
+    path = tmp_path / "table.csv"
+    path.write_bytes(b"\xd0\xcf\x11\xe0" + bytes(9))
+    with pytest.raises(DatasetError, match="is a file of a spreadsheet program: save it as CSV, and import that"):
+        read_table_text(str(path), "a table")
+
+
+def test_rows_of_blanks_are_passed_over(tmp_path):
+    """Quoted cells may hold commas and ends of lines; the line is that of the row's end."""
+    table = read_columns(written(tmp_path, 'x,"a, b"\n1,2\n , \n3,"4"\n'), ALIASES)
+    assert {name: values.tolist() for name, values in table.values.items()} == {"x": [1, 3], "a, b": [2, 4]}
+    assert list(table.lines) == [2, 4]

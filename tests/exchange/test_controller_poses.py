@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,14 @@ from basecal.errors import DatasetError, InputError
 from basecal.exchange.controller_poses import (
     Reading,
     _other_controllers,
+    column_unit,
     guessed_format,
     keyed_rows,
     read_controller_poses,
+    read_pose_rows,
+    read_poses,
 )
+from basecal.exchange.controllers.convention import DEGREE, RADIAN
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.text_table import read_text_table
 from basecal.geometry import SE3
@@ -382,3 +387,154 @@ def test_both_units_of_other_controllers_are_named(controller, length, angle, wo
     said = _other_controllers(numbers, CONTROLLERS[controller], Reading(controller))
     assert re.search(words, said) if words else said == ""
     assert _other_controllers(numbers, CONTROLLERS[controller], Reading(controller, length_m=1e-3)) == ""
+
+
+@pytest.mark.parametrize(("column", "unit"), [
+    ("x_mm", ("mm", 1e-3)), ("Z [M]", ("m", 1.0)), ("y in inch", ("inch", 0.0254)), (" x (in) ", ("in", 0.0254)),
+    ("rx_deg", None), ("x", None), ("mm", None),
+])  # fmt: skip
+def test_units_of_length_in_names(column, unit):
+    """Angles and names without a unit have none."""
+    assert column_unit(column) == unit
+
+
+STACKED = "1 0 0 100\n0 1 0 200\n0 0 1 300\n0 0 0 1\n"
+
+
+@pytest.mark.parametrize(("text", "length_m"), [
+    (STACKED, 1e-3), (STACKED.replace("\n", " "), 1e-3), ("# one\n\n" + STACKED.replace(" ", ",") + STACKED, 1e-3),
+    ("m00,m01,m02,m03,m10,m11,m12,m13,m20,m21,m22,m23\n1,0,0,100,0,1,0,200,0,0,1,300\n", 1e-3),
+    (STACKED, None),
+])  # fmt: skip
+def test_matrices_have_their_unit(tmp_path, text, length_m):
+    """On four lines, on one, or under names of their numbers without the last row; metres if none is stated."""
+    read = poses(tmp_path, text, Reading("matrix", length_m))
+    scale = length_m or 1.0
+    np.testing.assert_allclose(read.translation, [[100 * scale, 200 * scale, 300 * scale]] * len(read), atol=1e-12)
+    np.testing.assert_allclose(read.rotation, [np.eye(3)] * len(read), atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "column"), [("matrix", 3), ("matrix", 11), ("franka", 12), ("franka", 14)])
+def test_translations_of_matrices_alone_have_a_unit(tmp_path, name, column):
+    """The last column by rows, or the last four numbers by columns, but not the one."""
+    names = list(CONTROLLERS[name].names)
+    row = ",".join("1" if k in (0, 5, 10, 15) else "0" for k in range(16))
+
+    def read(place, unit):
+        """The file with a unit at one name."""
+        header = ",".join(f"{each} [{unit}]" if k == place else each for k, each in enumerate(names))
+        return poses(tmp_path, f"{header}\n{row}\n", Reading(name))
+
+    assert len(read(column, "m")) == 1
+    with pytest.raises(DatasetError, match="the unit is mm, but another is read: give --length-unit mm"):
+        read(column, "mm")
+    for place in {0, 12, 14, 15} if name == "matrix" else {0, 3, 11, 15}:
+        with pytest.raises(DatasetError, match="the unit is m, expected no unit"):
+            read(place, "m")
+
+
+def test_a_column_has_one_name(tmp_path):
+    """Two of one name, or two names of one number, are refused with both."""
+    for header in ("x,x,y,z,rx,ry,rz", "X,x [m],y,z,rx,ry,rz", "pos x,tx,y,z,rx,ry,rz"):
+        with pytest.raises(DatasetError, match="names the column 'x' twice: "):
+            poses(tmp_path, f"{header}\n1,1,2,3,0,0,0\n", Reading("ur"))
+    assert poses(tmp_path, "x,tx,y,z,rx,ry,rz\n1,9,2,3,0,0,0\n", Reading("ur")).translation[0, 0] == 1
+
+
+@pytest.mark.parametrize(("degrees", "is_wrong"), [([3.1, 0, 0], True), ([3.2, 0, 0], False)])
+def test_degrees_pass_three_somewhere(tmp_path, degrees, is_wrong):
+    """Of three poses and more; two may be near each other."""
+    rows = [f"100,20,30,{a},0,{k}" for k, a in zip((0, 0, 1), degrees, strict=True)]
+    if is_wrong:
+        with pytest.raises(DatasetError, match=r"the angles of 3 poses reach only 3\.1: they look like radians"):
+            poses(tmp_path, "\n".join(rows), Reading("kuka"))
+    else:
+        assert len(poses(tmp_path, "\n".join(rows), Reading("kuka"))) == 3
+    assert len(poses(tmp_path, "\n".join(rows[:2]), Reading("kuka"))) == 2
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [(3, ":1: 9 is not an angle in radians: correct line 1, 2, 3, or"), (4, "angles up to 9 are not radians")],
+)
+def test_three_rows_of_ten_may_be_wrong(tmp_path, wrong, said):
+    """More of them are another unit."""
+    text = "0.1,0.2,0.3,0,9,0\n" * wrong + "0.1,0.2,0.3,0,6.28,0\n" * (10 - wrong)
+    with pytest.raises(DatasetError, match=said):
+        poses(tmp_path, text, Reading("ur"))
+
+
+def test_streams_have_times(tmp_path):
+    """The first column without a header, or a column of that name; a table needs none."""
+    path = tmp_path / "a.csv"
+    path.write_text("12.5,1,2,3,0,0,0\n13.5,1,2,3,0,0,0\n")
+    found = read_pose_rows(str(path), Reading("ur"), is_stream=True)
+    assert [row.stamp_s for row in found.rows] == [12.5, 13.5]
+    path.write_text("x,y,z,rx,ry,rz\n1,2,3,0,0,0\n")
+    assert read_pose_rows(str(path), Reading("ur")).rows[0].stamp_s is None
+    with pytest.raises(DatasetError, match="rows of a stream need times: add a column stamp_s"):
+        read_pose_rows(str(path), Reading("ur"), is_stream=True)
+
+
+def test_inverted_poses_are_turned_about(tmp_path):
+    """Those of the base in the flange's frame; others are as they stand."""
+    path = tmp_path / "a.csv"
+    path.write_text("1,2,3,0.1,0.2,0.3\n")
+    plain, turned = (
+        read_controller_poses(str(path), "left", Reading("ur"), is_inverted=each)[0].robots["left"].base_from_flange
+        for each in (False, True)
+    )
+    np.testing.assert_allclose((plain @ turned).matrix, np.eye(4), atol=1e-12)
+    assert plain.translation.tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize(("text", "stamps"), [
+    ("stamp_s,x,y,z,qx,qy,qz,qw\n4,1000,0,0,0,0,0,1\n5,1000,0,0,0,0,0,1\n", [4, 5]),
+    ("x,y,z,qx,qy,qz,qw\n1000,0,0,0,0,0,1\n", None),
+    ("1 0 0 1000 0 1 0 0 0 0 1 0 0 0 0 1\n", None),
+])  # fmt: skip
+def test_poses_of_a_guessed_format(tmp_path, text, stamps):
+    """With times where the file has them, in the unit that is given."""
+    path = tmp_path / ("a.csv" if "," in text else "a.txt")
+    path.write_text(text)
+    found = read_poses(path, "mm")
+    np.testing.assert_allclose(found.poses.translation, [[1, 0, 0]] * len(found.poses))
+    assert (None if found.stamps_s is None else found.stamps_s.tolist()) == stamps
+
+
+def test_a_job_is_of_a_yaskawa(tmp_path):
+    """Its format is named where another is asked for."""
+    with pytest.raises(DatasetError, match="is a job of a Yaskawa, not a file of ur: give --format yaskawa"):
+        poses(tmp_path, "/JOB\n//NAME A\n//POS\n///NPOS 1,0,0,0,0,0\n", Reading("ur"), "a.jbi")
+
+
+def test_images_are_a_column_whose_every_cell_is_one():
+    """Whatever its name; one that is not an image makes it none, and sample 0 is a sample."""
+    for last, names in (("b.png", ["a.png", "b.png"]), ("b", [None, None])):
+        table = read_text_table(f"n;x\na.png;1\n{last};2\n", "t.csv", ("x",))
+        assert [row.image for row in keyed_rows(table)] == names
+    (row,) = keyed_rows(read_text_table("sample;x\n0;1\n", "t.csv", ("x",)))
+    assert row.sample == 0
+    with pytest.raises(DatasetError, match="-1 is not a whole number from 0"):
+        keyed_rows(read_text_table("sample;x\n-1;1\n", "t.csv", ("x",)))
+
+
+@pytest.mark.parametrize(("length", "angle", "advice"), [
+    (1e-3, DEGREE, ""), (1e-3, RADIAN, ""), (1.0, DEGREE, ""), (1.0, RADIAN, "mm --deg"), (0.0254, RADIAN, "mm --deg"),
+])  # fmt: skip
+def test_a_unit_that_fits_is_not_doubted(length, angle, advice):
+    """Numbers in millimetres and degrees are advised upon where both are read otherwise."""
+    numbers = np.random.default_rng(0).uniform(-1, 1, (30, 6)) * np.repeat([400.0, 90.0], 3)
+    said = _other_controllers(numbers, replace(CONTROLLERS["kuka"], length=length, angle=angle), Reading("kuka"))
+    assert (advice in said) if advice else said == ""
+
+
+@pytest.mark.parametrize(("length", "angle", "count", "is_told"), [
+    (20.1, 90.0, 3, True), (19.9, 90.0, 3, False), (400.0, 6.2, 3, False), (400.0, 6.4, 3, True),
+    (400.0, 90.0, 2, False),
+])  # fmt: skip
+def test_units_are_told_by_the_largest_numbers(length, angle, count, is_told):
+    """Beyond twenty in lengths and a turn in angles, of three poses and more."""
+    numbers = np.zeros((count, 6))
+    numbers[0, 1], numbers[1, 4] = -length, -angle
+    assert bool(_other_controllers(numbers, CONTROLLERS["ur"], Reading("ur"))) == is_told

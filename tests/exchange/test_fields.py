@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.fields import parse_fields, read_fields
+from basecal.exchange.fields import parse_fields, read_fields, written_number
 
 TEXT = """\
 name: wrist
@@ -100,3 +100,71 @@ def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:
     for name in ("none.yaml", ".", "bytes.yaml", "open.yaml"):
         with pytest.raises(DatasetError, match=name):
             read_fields(tmp_path / name)
+
+
+@pytest.mark.parametrize(("value", "found"), [("true", True), ("false", False), ("1", True), ("0", False)])
+def test_booleans_may_be_numbers(value: str, found: bool) -> None:
+    """Zero and one; no other number, and no text."""
+    assert parse_fields(f"a: {value}", "a.yaml").find("a").boolean() is found
+    for other in ("2", "-1", "1.0", "0.0", "'true'", "[1]"):
+        with pytest.raises(DatasetError, match="expected true or false"):
+            parse_fields(f"a: {other}", "a.yaml").find("a").boolean()
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "is_whole"),
+    [("1", 1, True), ("0", 1, False), ("0", 0, True), ("2.0", 2, True), ("2.5", 1, False), ("-1", 0, False)],
+)
+def test_whole_numbers_have_a_least(value: str, low: int, is_whole: bool) -> None:
+    """One, if no other is given; a whole number may have a point."""
+    field = parse_fields(f"a: {value}", "a.yaml").find("a")
+    if is_whole:
+        assert field.integer(low) == float(value)
+    else:
+        with pytest.raises(DatasetError, match=f"expected a whole number from {low}"):
+            field.integer(low)
+    assert parse_fields("a: 1", "a.yaml").find("a").integer() == 1
+    with pytest.raises(DatasetError, match="expected a whole number from 1"):
+        parse_fields("a: 0", "a.yaml").find("a").integer()
+
+
+@pytest.mark.parametrize("value", ["1e6", "-1e6", "1000000"])
+def test_numbers_reach_to_a_million(value: str) -> None:
+    """Either sign; what is beyond is said with the limit."""
+    assert abs(parse_fields(f"a: {value}", "a.yaml").find("a").number()) == 1e6
+    for beyond in ("1000001", "-1.1e6"):
+        with pytest.raises(DatasetError, match=r"beyond 1e\+06"):
+            parse_fields(f"a: {beyond}", "a.yaml").find("a").number()
+
+
+def test_lists_of_numbers() -> None:
+    """Of any length if none is asked for, empty too; of one of several; rows of different lengths are flattened."""
+    root = parse_fields("a: []\nb: [1, 2]\nc: [[1], [2, 3]]\nd: [1, [2]]\ne: 3\nf: [[1], []]", "a.yaml")
+    assert root.find("a").numbers() == []
+    assert root.find("b").numbers(4, 2) == [1, 2]
+    assert root.find("c").numbers(3) == [1, 2, 3]
+    with pytest.raises(DatasetError, match="b: has 2 numbers, expected 3 or 4"):
+        root.find("b").numbers(3, 4)
+    with pytest.raises(DatasetError, match="a: has 0 numbers, expected 2"):
+        root.find("a").numbers(2)
+    for name, said in (
+        ("d", r"d\[1\]: is a list of 1"),
+        ("e", "e: is 3, expected a list of"),
+        ("f", r"f\[1\]: is an empty"),
+    ):
+        with pytest.raises(DatasetError, match=said):
+            root.find(name).numbers()
+
+
+def test_fields_that_hold_nothing_are_not_there() -> None:
+    """The next name is taken; names of what is no mapping are none."""
+    root = parse_fields("a:\nb: 0\nc: 1", "a.yaml")
+    assert root.find("a", "b", "c").number() == 0
+    assert root.first("a") is None
+    assert root.find("b").first("x") is None
+    with pytest.raises(DatasetError, match=r"has no a or d.*; it has b, c"):
+        root.find("a", "d")
+    assert (root.names(), root.find("b").names()) == (["a", "b", "c"], [])
+    assert [written_number(text) for text in ("1", "-.5e1")] == [1.0, -5.0]
+    with pytest.raises(ValueError, match="1_0"):
+        written_number("1_0")

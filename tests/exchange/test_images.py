@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.images import image_size, list_images, missing_numbers, read_time, unreadable_images, usual_size
+from basecal.exchange import images
+from basecal.exchange.images import (
+    check_image,
+    image_size,
+    is_image,
+    list_images,
+    missing_numbers,
+    natural_order,
+    read_time,
+    unreadable_images,
+    usual_size,
+)
 
 
 def filled(folder: Path, *names: str) -> Path:
@@ -102,3 +113,72 @@ def test_the_size_of_a_image(tmp_path: Path) -> None:
     assert image_size(tmp_path / "a.png") == (64, 48)
     assert image_size(tmp_path / "b.png") is None
     assert image_size(tmp_path / "c.png") is None
+
+
+def test_the_size_stands_behind_long_metadata(tmp_path: Path) -> None:
+    """A JPEG with a megabyte of segments before its frame."""
+    path = tmp_path / "a.jpg"
+    cv2.imwrite(str(path), np.zeros((48, 64), np.uint8))
+    plain = path.read_bytes()
+    segment = b"\xff\xe2" + (65_535).to_bytes(2, "big") + bytes(65_533)
+    path.write_bytes(plain[:2] + 16 * segment + plain[2:])
+    assert image_size(path) == (64, 48)
+
+
+def test_a_file_with_the_name_of_an_image_is_one(tmp_path: Path) -> None:
+    """By its first bytes, however short it is; names are compared without case."""
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((4, 4), np.uint8))
+    check_image(tmp_path / "a.png")
+    (tmp_path / "b.png").write_bytes(b"P")
+    with pytest.raises(DatasetError, match=r"is not an image, despite its name; expected \.png"):
+        check_image(tmp_path / "b.png")
+    assert [is_image(Path(name)) for name in ("a.PNG", "a.tif", "a.raw", "png")] == [True, True, False, False]
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_images_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """As many as a recording may have are listed, one more is too many."""
+    monkeypatch.setattr(images, "_MOST_IMAGES", 3)
+    filled(tmp_path, *(f"{k}.png" for k in range(count)))
+    if count == 3:
+        assert len(list_images(tmp_path)) == 3
+    else:
+        with pytest.raises(DatasetError, match="4 images, expected at most 3"):
+            list_images(tmp_path)
+
+
+def test_the_commonest_endings_are_named(tmp_path: Path) -> None:
+    """Three of them, the most frequent first, without hidden files; folders without images are not named."""
+    filled(tmp_path, "1.a", "2.a", "3.a", "1.b", "2.b", "1.c", "2.c", "1.d", "e/1.txt", ".f.png")
+    with pytest.raises(DatasetError, match=r": 3 of \.a, 2 of \.b, 2 of \.c; expected"):
+        list_images(tmp_path)
+    filled(tmp_path / "none", "bare")
+    with pytest.raises(DatasetError, match=": 1 of no ending; expected"):
+        list_images(tmp_path / "none")
+
+
+def test_a_folder_with_the_name_of_an_image_is_none(tmp_path: Path) -> None:
+    """Images beside it are listed."""
+    filled(tmp_path, "a.png/1.txt", "b.png")
+    assert [path.name for path in list_images(tmp_path)] == ["b.png"]
+
+
+def test_equal_numbers_are_ordered_by_name() -> None:
+    """Digits and letters are told apart wherever they stand, and case is not."""
+    names = ["b1a2.png", "B1a10.png", "b01a2.png", "1.png", "a.png"]
+    assert [path.name for path in sorted(map(Path, names), key=natural_order)] == [
+        "1.png", "a.png", "b01a2.png", "b1a2.png", "B1a10.png",
+    ]  # fmt: skip
+
+
+def test_gaps_are_few(tmp_path: Path) -> None:
+    """Numbers below twice their count are a numbering; its gaps have the fewest digits of its names."""
+    assert missing_numbers(["1.png", "3.png", "5.png"]) == ("2", "4")
+    assert missing_numbers(["1.png", "3.png", "6.png"]) == ()
+    assert missing_numbers(["08.png", "09.png", "010.png", "11.png", "13.png", "6.png", "7.png"]) == ("12",)
+    assert missing_numbers(["a1b.png", "a2b.png", "a4b.png"]) == ("3",)
+
+
+def test_a_tie_of_sizes_goes_to_the_first() -> None:
+    """Of two and two."""
+    assert usual_size([(4, 3), (8, 6), (8, 6), (4, 3)]) == (4, 3)

@@ -11,8 +11,9 @@ import pytest
 
 from basecal.cli import main
 from basecal.errors import DatasetError, InputError, UsageError
-from basecal.exchange.joints import joint_model, read_joints
+from basecal.exchange.joints import joint_model, radians_finding, read_joints
 from basecal.kinematics import SerialChain
+from basecal.kinematics.chain import LIMIT_EXCESS_RAD
 from cell_example import URDF
 
 ROWS = np.radians([[10, -90, 100, -45, 60, 340], [-20, -80, 90, -40, 70, -170], [30, -70, 80, -35, 80, 0]])
@@ -131,3 +132,46 @@ def test_offsets(tmp_path: Path) -> None:
     for sigma in (0.0, 46.0, float("nan")):
         with pytest.raises(UsageError, match="expected more than 0 and at most 45"):
             joint_model(tmp_path / "c", "left", path, "base", "tool0", sigma)
+
+
+@pytest.mark.parametrize(("off", "is_inside"), [(0.9, True), (1.1, False)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_joints_may_pass_their_limits_by_a_little(
+    tmp_path: Path, limited: SerialChain, off: float, is_inside: bool, sign: int
+) -> None:
+    """By what controllers let them; of several the first is named."""
+    rows = ROWS.copy()
+    rows[1:, 1] = sign * (limited.upper[1] + off * LIMIT_EXCESS_RAD)
+    if is_inside:
+        np.testing.assert_allclose(read(tmp_path, lines(rows), limited), rows, atol=1e-10)
+    else:
+        with pytest.raises(DatasetError, match=rf"q.csv:2: {limited.joint_names[1]}: is at -?3\.426 rad"):
+            read(tmp_path, lines(rows), limited)
+
+
+@pytest.mark.parametrize(("most", "count", "is_told"), [(3.1, 3, True), (3.2, 3, False), (3.1, 2, False)])
+def test_three_rows_of_small_angles_look_like_radians(most: float, count: int, is_told: bool) -> None:
+    """Where joints move at all; fewer rows, and an arm that stands still, may be near zero."""
+    values = np.zeros((count, 2))
+    values[0, 1] = -most
+    assert bool(radians_finding(values)) == is_told
+    assert radians_finding(np.full((5, 2), 1.0)) == ""
+    if is_told:
+        assert radians_finding(values).startswith("no joint of 3 rows is beyond 3.1 degrees")
+
+
+def test_offsets_of_forty_five_degrees_are_the_widest(tmp_path: Path) -> None:
+    """As much is taken."""
+    path = tmp_path / "hand.urdf"
+    path.write_text(URDF)
+    for sigma in (45.0, 1e-3):
+        entry = joint_model(tmp_path / "c", "left", path, "base", "tool0", sigma).entry["robots"]["left"]
+        assert entry["joint_offsets"]["sigma_rad"] == pytest.approx(np.radians(sigma), abs=1e-5)
+
+
+def test_numbers_beyond_all_degrees_are_no_degrees(tmp_path: Path, limited: SerialChain) -> None:
+    """Where they would leave the limits as degrees, too, the order is to be checked."""
+    rows = np.degrees(ROWS)
+    rows[1, 2] = -400.0
+    with pytest.raises(DatasetError, match="check the order of the joints"):
+        read(tmp_path, lines(rows), limited)

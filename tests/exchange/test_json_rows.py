@@ -28,3 +28,16 @@ def test_a_row_for_each_record(data: object, rows: list[str]) -> None:
 def test_other_texts_are_none(text: str) -> None:
     """Tables, lists of numbers, records that differ, and what is no JSON."""
     assert json_rows(text) == ""
+
+
+@pytest.mark.parametrize(("data", "rows"), [
+    ({"poses": [[1, 2]], "count": 1}, "1,2\n"),
+    ({"poses": [[1, 2]], "times": [3]}, ""),
+    ([{"a": [{"b": 1}, 2]}], "a.0.b,a.1\n1,2\n"),
+    ([{"a": "x, y", "b": None}], 'a,b\n"x, y",\n'),
+    ([[], []], ""), ([{}], ""), ([], ""), ([[1], {"a": 1}], ""), ([{"a": 1}, {"b": 1}], ""), (3, ""),
+])  # fmt: skip
+def test_one_list_of_records_alike(data: object, rows: str) -> None:
+    """Of an object with a single list, of any depth, with text in quotes; empty records are none."""
+    assert json_rows(json.dumps(data)) == rows
+    assert json_rows(f"\n  {json.dumps(data)}") == rows

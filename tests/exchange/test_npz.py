@@ -129,3 +129,43 @@ def test_arrays_that_are_cut_off(tmp_path):
     path.write_bytes(path.read_bytes()[:-13])
     with pytest.raises(DatasetError, match=r"does not match 147 bytes|is cut off"):
         read_arrays(str(path))
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("dtype", ["<i2", "u1", ">f4", "<f8"])
+def test_arrays_keep_their_shape(tmp_path, order, dtype):
+    """Whole numbers and others, by rows or by columns, of any byte order."""
+    values = np.arange(24).reshape(2, 3, 4).astype(dtype)
+    np.save(tmp_path / "a.npy", np.asarray(values, order=order))
+    np.testing.assert_array_equal(read_arrays(str(tmp_path / "a.npy"))[1]["array"], np.arange(24).reshape(2, 3, 4))
+
+
+@pytest.mark.parametrize("dtype", ["<c8", "|b1", "<U3", "<M8[s]"])
+def test_other_kinds_are_no_numbers(tmp_path, dtype):
+    """The kind is named where that array is asked for; of an archive the others are read."""
+    np.savez(tmp_path / "a.npz", x=np.ones(1), odd=np.zeros(2, dtype=dtype))
+    assert list(read_arrays(str(tmp_path / "a.npz"))[1]) == ["x"]
+    with pytest.raises(DatasetError, match=r"odd: not a NumPy archive of numbers: holds .*, expected numbers"):
+        read_arrays(f"{tmp_path / 'a.npz'}:odd")
+
+
+def test_headers_of_the_second_version_are_read(tmp_path):
+    """With a length of four bytes; nothing and single numbers have a shape, too."""
+    for array in (np.float64(3.0), np.zeros((0, 3)), np.ones(2)):
+        with (tmp_path / "a.npy").open("wb") as file:
+            np.lib.format.write_array(file, np.asarray(array), version=(2, 0))
+        found = read_arrays(str(tmp_path / "a.npy"))[1]["array"]
+        assert found.shape == np.shape(array)
+        np.testing.assert_array_equal(found, array)
+
+
+def test_an_archive_may_be_as_large_as_the_limit(tmp_path, monkeypatch):
+    """With headers; one byte more is too much."""
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, x=np.ones(1000))
+    size = 8128
+    monkeypatch.setattr(npz, "LARGEST_BYTES", size)
+    assert len(read_arrays(str(path))[1]["x"]) == 1000
+    monkeypatch.setattr(npz, "LARGEST_BYTES", size - 1)
+    with pytest.raises(DatasetError, match="unpacks to more than"):
+        read_arrays(str(path))

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.errors import DatasetError
+from basecal.errors import DatasetError, InputError
+from basecal.exchange import poses as poses_module
 from basecal.exchange.controller_poses import read_poses
+from basecal.exchange.poses import unit_length_m
 from basecal.geometry import SE3
 
 
@@ -158,3 +160,47 @@ def test_lengths_are_those_of_a_cell(tmp_path):
     np.savetxt(tmp_path / "a.txt", pose)
     with pytest.raises(DatasetError, match=r"a\.txt:1: a translation is beyond 1e\+06: is this the length unit\?"):
         read_poses(tmp_path / "a.txt", "m")
+
+
+@pytest.mark.parametrize(
+    ("row", "said"), [("2 0 0 0", "not a rotation"), ("1 0 0 2e6", "a translation is beyond 1e\\+06")]
+)
+def test_faults_of_matrices_have_their_first_line(tmp_path: Path, row: str, said: str) -> None:
+    """Of the second matrix, with comments and empty lines counted; in an archive its number is named."""
+    rest = f"0 1 0 0\n0 0 1 0\n{BOTTOM}\n"
+    path = write(tmp_path, "a.txt", f"# one\n1 0 0 -1e6\n{rest}\n# two\n{row}\n{rest}")
+    with pytest.raises(DatasetError, match=said) as caught:
+        read_poses(path, "m")
+    assert caught.value.line == 8
+    second = np.eye(4)
+    second[0] = [float(word) for word in row.split()]
+    np.save(tmp_path / "a.npy", np.stack([np.eye(4), second]))
+    with pytest.raises(DatasetError, match=f"matrix 1: .*{said}"):
+        read_poses(tmp_path / "a.npy", "m")
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_matrices_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """As many as a recording may have, and not one more."""
+    monkeypatch.setattr(poses_module, "MOST_POSES", 2)
+    path = write(tmp_path, "a.txt", as_text(drawn(count).matrix))
+    if count == 2:
+        assert len(read_poses(path, "m").poses) == 2
+    else:
+        with pytest.raises(DatasetError, match="3 poses, expected at most 2"):
+            read_poses(path, "m")
+
+
+@pytest.mark.parametrize("shape", [(0, 4, 4), (4, 4), (2, 3, 4), (2, 4, 3)])
+def test_archives_hold_stacks_of_matrices(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    """At least one; the shape that is there is named."""
+    np.savez(tmp_path / "a.npz", key=np.zeros(shape))
+    with pytest.raises(DatasetError, match=r"key: has shape \(.*\), expected \(n, 4, 4\)"):
+        read_poses(f"{tmp_path / 'a.npz'}:key", "m")
+
+
+def test_lengths_have_three_units() -> None:
+    """Metres of each; another name is refused with them."""
+    assert [unit_length_m(name) for name in ("m", "mm", "inch")] == [1.0, 1e-3, 0.0254]
+    with pytest.raises(InputError, match="length unit 'cm': expected one of m, mm, inch"):
+        unit_length_m("cm")

@@ -42,3 +42,26 @@ def test_an_arm_that_rests(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     still.write_text(ECHO + ECHO.replace("0.500", "0.510"))
     assert main([*words, "c", str(still), "--still"]) == 3
     assert "still.txt: holds 2 rows that differ: --still is for an arm at rest" in capsys.readouterr().err
+
+
+def test_each_rotation_has_the_translation_above_it() -> None:
+    """The last before it, whatever stands between; one translation is of one rotation."""
+    moved, turned = "- Translation: [{}, 0, 0]", "- Rotation: in Quaternion [0, 0, 0, {}]"
+    lines = [
+        moved.format(1),
+        moved.format(2),
+        "At time 3",
+        turned.format(1),
+        turned.format(2),
+        moved.format(3),
+        turned.format(3),
+    ]
+    assert transform_rows("\n".join(lines)).split("\n") == [
+        "",
+        "",
+        "",
+        "2, 0, 0, 0, 0, 0, 1",
+        "",
+        "",
+        "3, 0, 0, 0, 0, 0, 3",
+    ]

@@ -100,3 +100,39 @@ def test_what_is_no_workbook_is_said(data: bytes, said: str) -> None:
     """Damaged files, entities, bombs and archives of something else are one line each."""
     with pytest.raises(DatasetError, match=said):
         workbook_text(data, "w.xlsx")
+
+
+def sheet(rows: str) -> str:
+    """The text of a sheet of these rows."""
+    text = f"<worksheet {MAIN}><sheetData>{rows}</sheetData></worksheet>"
+    return workbook_text(workbook([], xl__worksheets__sheet1=text), "w.xlsx")
+
+
+@pytest.mark.parametrize(
+    ("place", "column"),
+    [("A1", 0), ("Z1", 25), ("AA1", 26), ("AZ1", 51), ("BA1", 52), ("IV1", 255), ("IW1", None), ("AAA1", None)],
+)
+def test_columns_have_letters(place: str, column: int | None) -> None:
+    """Up to 256 of them; what is beyond is left out."""
+    assert sheet(f'<row r="1"><c r="{place}"><v>7</v></c></row>') == ("\n" if column is None else "," * column + "7\n")
+
+
+def test_cells_without_a_place_follow_one_another() -> None:
+    """Rows likewise; text in parts is one, and ends of lines in it are blanks."""
+    parts = '<c t="inlineStr"><is><r><t>a</t></r><r><t> b\n c</t></r></is></c>'
+    assert sheet(f"<row><c><v>1</v></c>{parts}</row><row><c><v>2</v></c></row>") == "1,a b c\n2\n"
+    assert sheet('<row r="2"><c r="B2"><v>1</v></c><c r="A2"><v> </v></c></row>') == "\n,1\n"
+
+
+def test_the_sheet_of_the_lowest_number_is_the_first() -> None:
+    """Not that of the first name."""
+    body = "<sheetData><row><c><v>{}</v></c></row></sheetData>"
+    texts = {f"xl__worksheets__sheet{k}": f"<worksheet {MAIN}>{body.format(k)}</worksheet>" for k in (10, 2)}
+    data = workbook([], **texts).replace(b"xl/worksheets/sheet1.xml", b"xl/worksheets/sheeta.xml")
+    assert workbook_text(data, "w.xlsx") == "2\n"
+
+
+def test_a_string_that_is_not_there_is_damage() -> None:
+    """A number beyond the shared strings."""
+    with pytest.raises(DatasetError, match="is a damaged Excel workbook"):
+        sheet('<row><c t="s"><v>0</v></c></row>')

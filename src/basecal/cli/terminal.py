@@ -169,9 +169,6 @@ class TimeLeft:
         return str(self)
 
 
-if TYPE_CHECKING:
-    pass
-
 Step = Callable[[int, int], None]
 
 

@@ -347,12 +347,7 @@ def _other_controllers(numbers: Array, convention: AnyConvention, reading: Readi
     length, angle = (float(np.abs(part).max()) for part in (numbers[:, :3], numbers[:, 3:]))
     units = (METRES["mm"], DEGREE) if length > _LONGEST_ARM_M else (METRES["m"], RADIAN)
     fits = angle > _FULL_TURN if units[1] == DEGREE else 0 < angle <= _SMALL_TURN
-    if (
-        not fits
-        or units == (convention.length, convention.angle)
-        or convention.length == units[0]
-        or convention.angle == units[1]
-    ):
+    if not fits or convention.length == units[0] or convention.angle == units[1]:
         return ""
     names = [name for name, each in CONTROLLERS.items() if each.has_angles and (each.length, each.angle) == units]
     words, options = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from types import SimpleNamespace
 
@@ -87,3 +88,37 @@ def test_three_are_enough_to_measure(monkeypatch, count):
         return
     with pytest.raises(DriverError, match="only 2 states or images came in 1 s"):
         record_images(camera, 1.0)
+
+
+def test_a_watchdog_is_kept_alive_until_it_is_to_bite(monkeypatch):
+    """By heartbeats from the start on, which end when that is asked for, and at the latest with the context."""
+    monkeypatch.setattr(promises, "_HEARTBEAT_S", 1e-3)
+
+    class Watched:
+        """A robot that counts heartbeats."""
+
+        def __init__(self):
+            self.count, self.third = 0, threading.Event()
+
+        def keep_alive(self):
+            """Count one."""
+            self.count += 1
+            if self.count >= 3:
+                self.third.set()
+
+    for is_ended_early in (True, False):
+        robot = Watched()
+        with promises._kept_alive(robot) as end:
+            assert robot.third.wait(5.0)
+            if is_ended_early:
+                end()
+                time.sleep(0.01)
+                count = robot.count
+                time.sleep(0.01)
+                assert robot.count == count
+        time.sleep(0.01)
+        count = robot.count
+        time.sleep(0.01)
+        assert robot.count == count
+    with promises._kept_alive(SimpleNamespace()) as end:
+        end()

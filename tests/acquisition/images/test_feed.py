@@ -5,13 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Camera, CameraImage, Switches
-from basecal.acquisition.images.feed import feed_camera
+from basecal.acquisition.images.feed import CameraFeed, feed_camera
 from basecal.acquisition.images.latency import ArmMotion
 from basecal.acquisition.stillness import Moving, wait_for_image_after
 from basecal.errors import DriverError
@@ -235,3 +236,16 @@ def test_a_program_that_saves_without_pause_is_told_from_a_person(opened):
     image = by_hand.image()
     assert not by_hand.is_live
     assert image.exposed_s == pytest.approx(image.stamp_s, abs=0.1)
+
+
+@pytest.mark.parametrize(("ago_s", "is_live"), [
+    ([4.9, 3, 2, 1], True), ([5.1, 3, 2, 1], False), ([99, 4.9, 3, 2, 1], True), ([3, 2, 1], False), ([], False),
+])  # fmt: skip
+def test_four_images_in_five_seconds_are_a_stream(ago_s, is_live):
+    """Files that a program saves; fewer of them, or slower ones, are those of a person."""
+    now_s, feed = time.monotonic(), CameraFeed.__new__(CameraFeed)
+    feed._changed, feed._camera, feed._began_s = threading.Condition(), SimpleNamespace(is_live=False), now_s - 9.0
+    feed._arrivals = [(now_s - each, False) for each in ago_s]
+    assert feed.is_live == is_live
+    feed._camera.is_live = True
+    assert feed.is_live

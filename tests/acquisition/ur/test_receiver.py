@@ -6,12 +6,14 @@ import socket
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Freedrives, Moves, Place
 from basecal.acquisition.drivers.ur import open_robot
+from basecal.acquisition.ur.receiver import Receiver
 from basecal.errors import DriverError
 from shared.second_process import own_host
 from shared.ur_place import CELL, controller
@@ -121,3 +123,55 @@ def test_another_program_at_the_port(words, message):
         threading.Thread(target=answer, args=(server,), daemon=True).start()
         with pytest.raises(DriverError, match=message):
             open_robot(Place("eye", CELL, Path("."), {"host": host}))
+
+
+@pytest.mark.parametrize(
+    ("bits", "is_running"), [(0b0000, False), (0b0001, False), (0b0010, True), (0b1101, False), (0b1111, True)]
+)
+def test_a_program_runs_by_its_own_bit(bits, is_running):
+    """Power, buttons and the rest are other bits."""
+    receiver = Receiver.__new__(Receiver)
+    receiver._line = SimpleNamespace(getRobotStatus=lambda: bits, isConnected=lambda: bits > 0)
+    assert receiver.is_program_running == is_running
+    assert receiver.is_connected == (bits > 0)
+
+
+@pytest.mark.parametrize(("bits", "tolerated", "words"), [
+    (0b01, (), None), (0b11, (), None), (1 << 2, (), "protective stop"), (1 << 3, (), "recovery mode"),
+    (1 << 10 | 1 << 4, (), "safeguard stop"), (1 << 10 | 1 << 4, (4, 10), None), (1 << 10, (), "stopped for safety"),
+    (1 << 9 | 1 << 2, (), "the controller reports a fault"), (1 << 4 | 1 << 6, (4, 10), "emergency stop of the robot"),
+])  # fmt: skip
+def test_the_most_specific_stop_is_named(bits, tolerated, words):
+    """Normal and reduced mode are none; a safeguard stop may be tolerated."""
+    receiver = Receiver.__new__(Receiver)
+    receiver._name, receiver._tolerated = "eye", tolerated
+    receiver._line = SimpleNamespace(getSafetyStatusBits=lambda: bits)
+    if words is None:
+        receiver._check_safety()
+    else:
+        with pytest.raises(DriverError, match=rf"^eye: {words}\. Release it at the pendant\.$"):
+            receiver._check_safety()
+
+
+@pytest.mark.parametrize("gives_joints", [True, False])
+def test_a_state_is_read_whole_and_once(gives_joints):
+    """Not one that was read before, nor one in whose middle another came; with joints or the pose of the tool."""
+    stamps = iter([7.0, 7.0, 7.0, 8.0, 8.25, 8.5, 8.5])
+    receiver = Receiver.__new__(Receiver)
+    receiver._last_s, receiver._gives_joints, receiver._tolerated = -1.0, gives_joints, ()
+    receiver._line = SimpleNamespace(
+        getTimestamp=lambda: next(stamps),
+        getActualQ=lambda: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
+        getActualTCPPose=lambda: [1.0, 2.0, 3.0, 0.0, 0.0, 0.5],
+        getSafetyStatusBits=lambda: 1,
+    )
+    first = receiver._newer()
+    assert first.stamp_s == 7.0
+    if gives_joints:
+        assert first.state.joints_rad.tolist() == [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+    else:
+        pose = first.state.base_from_flange
+        assert (pose.translation.tolist(), pose.rotvec[2]) == ([1.0, 2.0, 3.0], pytest.approx(0.5))
+    assert receiver._newer() is None
+    assert receiver._newer() is None
+    assert receiver._newer().stamp_s == 8.5

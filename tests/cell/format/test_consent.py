@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 
 import pytest
@@ -44,3 +45,30 @@ def test_without_a_place_to_remember_it_is_asked_again(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", os.fspath(tmp_path / "file"))
     allow(tmp_path, ["a"])
     assert not is_allowed(tmp_path, "a")
+
+
+@pytest.mark.parametrize("variable", [None, ""])
+def test_it_is_remembered_in_the_home_folder(tmp_path, monkeypatch, variable):
+    """In the usual place for states of programs, where the environment names no other."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_STATE_HOME", raising=False)
+    if variable is not None:
+        monkeypatch.setenv("XDG_STATE_HOME", variable)
+    allow(tmp_path / "cell", ["a"])
+    assert (tmp_path / ".local" / "state" / "basecal" / "allowed.json").is_file()
+    assert is_allowed(tmp_path / "cell", "a")
+
+
+def test_what_is_withdrawn_last_leaves_no_cell(memory, tmp_path):
+    """Other cells, and other places of one cell, stay; odd entries are dropped."""
+    allow(tmp_path / "one", ["b", "a"])
+    allow(tmp_path / "two", ["a"])
+    allow(tmp_path / "one", ["a", "c"])
+    one, two = (os.path.realpath(tmp_path / name) for name in ("one", "two"))
+    assert json.loads(memory.read_text()) == {one: ["a", "b", "c"], two: ["a"]}
+    withdraw(tmp_path / "two", "a")
+    withdraw(tmp_path / "two", "a")
+    assert json.loads(memory.read_text()) == {one: ["a", "b", "c"]}
+    memory.write_text(json.dumps({one: ["a", 3], two: "a"}))
+    assert is_allowed(tmp_path / "one", "a")
+    assert not is_allowed(tmp_path / "two", "a")

@@ -172,3 +172,47 @@ def test_tracks_are_read():
         tracks(tracks=[7, 7], pixels=[[1, 2], [3, 4]])
     with pytest.raises(DatasetError, match="'depth' need its size_px and intrinsics"):
         tracks(camera="depth", tracks=[7], pixels=[[1, 2]])
+
+
+@pytest.mark.parametrize("key", ["sigma_m", "sigma_rad"])
+def test_a_touch_has_one_sigma(key):
+    """A number, or a list of one; a list of two, a zero and a word are none."""
+    grip = touched(HELD, clamp="part", **{key: [2e-3]})[1]
+    assert getattr(grip, key) == 2e-3
+    for wrong, message in (([1e-3, 1e-3], "or 1, got 2"), (0.0, "positive"), ("thin", key)):
+        with pytest.raises(DatasetError, match=message) as caught:
+            touched(HELD, clamp="part", **{key: wrong})
+        assert caught.value.field == f"observations[0].{key}"
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_each_point_has_its_sigma_or_all_have_one(count):
+    """Lists of another length than the points are refused."""
+    with pytest.raises(DatasetError, match=f"expected one positive number or 2, got {count}"):
+        read(target="board", ids=[4, 1], pixels=[[1, 2], [3, 4]], sigma_px=[0.5] * count)
+
+
+def test_all_points_of_a_target_may_be_seen_at_once():
+    """As many as it has, in any order; the ids are those of the line."""
+    ids = [5, 0, 3, 1, 4, 2]
+    assert read(target="board", ids=ids, pixels=[[k, k] for k in ids])[1].ids.tolist() == ids
+    with pytest.raises(DatasetError, match="7 points, 'board' has 6"):
+        read(target="board", ids=[*ids, 0], pixels=[[1, 2]] * 7)
+
+
+def test_an_unknown_point_names_what_was_seen_and_what_is_there():
+    """The lowest id of those that are not there, or that are there twice."""
+    with pytest.raises(UnknownPoint, match="id 8 is not on") as caught:
+        read(target="board", ids=[9, 8, 0], pixels=[[1, 2]] * 3)
+    assert (caught.value.target, caught.value.ids, caught.value.known) == ("board", {9, 8, 0}, set(range(6)))
+    with pytest.raises(UnknownPoint, match="id 1 of 'board' is given twice") as caught:
+        read(target="board", ids=[4, 1, 1, 4], pixels=[[1, 2]] * 4)
+    assert (caught.value.ids, caught.value.known) == ({1, 4}, set(range(6)))
+
+
+def test_points_in_three_dimensions_have_three_numbers():
+    """And pixels have two."""
+    with pytest.raises(DatasetError, match="points_in_camera_m"):
+        read(camera="depth", target="light", points_in_camera_m=[[0, 1]])
+    with pytest.raises(DatasetError, match="pixels"):
+        read(target="light", pixels=[[0, 1, 2]])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import pytest
 from pydantic import ValidationError
 
@@ -114,3 +116,27 @@ def test_a_driver_has_a_name(driver):
     data = DATA | {"robots": {"eye": {"driver": driver}}}
     with pytest.raises(DatasetError, match=r"robots\.eye\.driver: expected `kind`"):
         cell_from_dict(data)
+
+
+LENS = {"status": "fixed", "fx": 500.0, "fy": 500.0, "cx": 320.0, "cy": 240.0}
+
+
+@pytest.mark.parametrize(
+    "fields", [{"intrinsics": LENS}, {"size_px": [640, 480]}, {"size_px": [640, 480], "intrinsics": LENS}]
+)
+def test_a_tracker_has_no_lens(fields):
+    """Nor a size of images; a camera may have both, or the lens alone."""
+    with pytest.raises(ValidationError, match="a tracker measures points in metres: remove intrinsics and size_px"):
+        CameraEntry.model_validate({"on": "eye", "kind": "tracker", **fields})
+    assert CameraEntry.model_validate({"on": "eye", **fields}).kind == "camera"
+    assert CameraEntry.model_validate({"on": "eye", "kind": "tracker"}).intrinsics is None
+
+
+@pytest.mark.parametrize(("fields", "is_valid"), [
+    ({}, True), ({"pixel_px": 0.3}, True), ({"pixel_px": 0.3, "correlated_px": 0.1}, True),
+    ({"correlated_px": 0.1}, False),
+])  # fmt: skip
+def test_correlated_noise_stands_beside_that_of_single_points(fields, is_valid):
+    """The latter may stand alone."""
+    with nullcontext() if is_valid else pytest.raises(ValidationError, match="correlated_px needs pixel_px"):
+        NoiseEntry.model_validate(fields)

@@ -37,3 +37,31 @@ def test_what_is_neither_is_refused(wrong, why):
     """Nothing, a box without a place, a table with sides, and a box without thickness."""
     with pytest.raises(ValidationError, match=why):
         KeepOutEntry(**wrong)
+
+
+@pytest.mark.parametrize("height", [-0.5, 0.7])
+def test_a_table_is_as_wide_every_way(height):
+    """Ten metres from the base in each direction, and as deep as wide."""
+    table = KeepOutEntry(table_z_m=height).noun("table")
+    ways = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    np.testing.assert_allclose(table.distance(9.9 * ways + [0, 0, height - 0.1]), 0.0)
+    beyond = table.distance(30.0 * ways + [0, 0, height - 0.1])
+    np.testing.assert_allclose(beyond, beyond[0])
+    assert beyond[0] > 10
+
+
+def test_a_box_with_any_pose_is_one():
+    """A matrix, or a place with or without a rotation; sides below zero are refused, and so is a rotation alone."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = [1.0, 2.0, 3.0]
+    for pose in ({"matrix": matrix.tolist()}, {"t_m": [1.0, 2.0, 3.0], "q_xyzw": [0, 0, 0, 1]}):
+        box = KeepOutEntry(size_m=[0.1, 0.2, 0.3], **pose).noun("box")
+        np.testing.assert_allclose(box.world_from_box.matrix, matrix)
+        np.testing.assert_array_equal(box.size_m, [0.1, 0.2, 0.3])
+    for wrong in (
+        {"size_m": [0.1, 0.1, -0.1], "t_m": [0, 0, 0]},
+        {"size_m": [0.1] * 3, "rpy_deg": [0, 0, 0]},
+        {"table_z_m": 0.1, "t_m": [0, 0, 0]},
+    ):
+        with pytest.raises(ValidationError):
+            KeepOutEntry(**wrong)

@@ -67,3 +67,8 @@ def test_a_cell_has_boards_without_a_marker_in_common():
         "DICT_5X5_50",
         "DICT_6X6_50",
     ]
+
+
+def test_the_new_pattern_is_usual():
+    """Of boards that are made by name, too."""
+    assert charuco_target((4, 4), 0.04, 0.03, "DICT_4X4_50").options["legacy_pattern"] is False

@@ -104,3 +104,20 @@ def test_grids_without_marks_look_alike_turned() -> None:
     assert {kind for kind, target in usual.items() if target.alike_turned} == {"chessboard", "circles"}
     measured = {kind for kind, each in TARGETS.items() if each.printed is None}
     assert {kind for kind, target in usual.items() if target.found_by is None} == measured
+
+
+@pytest.mark.parametrize("kind", TARGETS)
+def test_usual_targets_are_held_in_a_hand(kind: TargetKindName) -> None:
+    """Papers are 10 to 40 cm wide; markers lie on them, and no marker lies on another."""
+    for sheet in TARGETS[kind].usual(np.random.default_rng(0)).sheets:
+        left, top, right, bottom = sheet.paper
+        assert 0.1 < right - left < 0.4
+        assert 0.1 < bottom - top < 0.4
+        corners = np.array(
+            [(mark.left, mark.top, mark.left + mark.size_m, mark.top + mark.size_m) for mark in sheet.markers]
+        )
+        for k, mark in enumerate(corners):
+            assert np.all(mark[:2] >= (left, top))
+            assert np.all(mark[2:] <= (right, bottom))
+            others = np.delete(corners, k, axis=0)
+            assert np.all(np.any((others[:, :2] >= mark[2:]) | (others[:, 2:] <= mark[:2]), axis=1))

@@ -12,6 +12,7 @@ from basecal.cell import Unknown
 from basecal.errors import NotObservable
 from basecal.estimation.axis_shift.stations import Station, _station, base_for_task, find_stations, fuse_bases
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Camera
 from basecal.simulation.shifts import simulate_shifts
 
@@ -166,3 +167,18 @@ def test_shifts_start_from_the_view_nearest_to_their_middle():
     for some in (views[:3], np.array([0, 1, 2, 4, 5])):
         assert _station(group, some, px[some], cameras[some], lights[some], FOCAL) is None
     assert _station(group, views[:4], px[:4], cameras[:4], lights[:4], FOCAL) is not None
+
+
+def test_targets_of_several_points_have_no_stations():
+    """Nor has a light that is not measured in pixels; a light beside them has its own."""
+    problem, cameras = recorded()
+    (group,) = problem.groups
+    of = group.measurement
+    twice = {name: np.repeat(getattr(of, name), 2, axis=1) for name in ("pixels", "seen", "stated", "weight")}
+    board = replace(group, measurement=replace(of, points_in_target=np.zeros((2, 3)), **twice))
+    ones = np.ones((len(group), 6))
+    poses = replace(group, measurement=PoseMeasurement(SE3.identity((len(group),)), ones, ones))
+    for other in (board, poses):
+        with pytest.raises(NotObservable, match="no station found"):
+            find_stations(problem.with_groups([other]), cameras)
+        assert len(find_stations(problem.with_groups([other, group]), cameras)) == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.stages.judging import prove_solution
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
+from basecal.estimation.certificate import certificate as module
 from basecal.estimation.certificate.certificate import _turned_states, certify, proven_loops
 from basecal.estimation.certificate.relaxation import kronecker_product
 from basecal.estimation.certificate.rotation_cost import loop_form, present, rotation_factors
@@ -322,3 +324,36 @@ def test_views_of_four_points_have_a_pose(corners, told):
     reason = "no pose from a single view: less than four points are seen"
     assert (certificate.reason == reason) != told
     assert (certificate.gap is None) != told
+
+
+@pytest.mark.parametrize(("cost", "off", "is_global", "is_better"), [
+    (1.0, 0.1, True, False), (2.0, 0.0, True, False), (2.0, 0.9e-6, True, False), (2.0, 1.1e-6, None, False),
+    (0.5, 1e-3, None, True),
+])  # fmt: skip
+def test_other_optima_have_another_cost_and_place(monkeypatch, cost, off, is_global, is_better):
+    """Where descents end at another cost the transforms decide; a better one is given."""
+    solution = solved(Scenario(target="pose", samples=5, layout="eye_in_hand"))
+    state = solution.state
+    other = replace(state, transforms={n: t @ SE3.exp([off, 0, 0, 0, 0, 0]) for n, t in state.transforms.items()})
+    ends = iter([SimpleNamespace(cost=1.0, state=state), SimpleNamespace(cost=cost, state=other)])
+    monkeypatch.setattr(module, "bundle_adjust", lambda *_: next(ends))
+    monkeypatch.setattr(module, "_turned_states", lambda solution, angle: [state])
+    monkeypatch.setattr(module, "_better_state", lambda solution, found: found)
+    certificate, better = module._explore_surroundings(solution, 0.01, 1e-9)
+    assert (certificate.is_global, certificate.gap) == (is_global, 1e-9)
+    assert (better is other) == is_better
+    if is_global is None:
+        assert certificate.reason == "within the 11 deg in which a better fit could be there are several optima"
+
+
+def test_a_better_fit_is_as_near_as_the_bound_is_tight(monkeypatch):
+    """By what the cost exceeds the bound, over how fast the cost of other rotations grows."""
+    asked = []
+    monkeypatch.setattr(module, "_explore_surroundings", lambda *given: asked.append(given))
+    solution = solved(Scenario(target="pose", samples=8, layout="eye_in_hand"))
+    certify(solution)
+    ((_, share, _),) = asked
+    (loop,), constant = proven_loops(solution)
+    excess = solution.cost - constant - loop.form.weight * loop.bound.lower
+    assert 0 <= excess < solution.cost
+    assert share == pytest.approx(excess / (loop.form.weight * loop.bound.growth), rel=1e-9)

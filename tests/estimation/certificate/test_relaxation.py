@@ -318,3 +318,14 @@ def test_raising_reaches_what_is_there_to_reach():
     np.testing.assert_allclose(project(raised - form), raised - form, atol=1e-9)
     assert np.linalg.eigvalsh(raised)[0] > 0.85
     np.testing.assert_array_equal(relaxation._maximise_dual(form[:3, :3], 1), form[:3, :3])
+
+
+@pytest.mark.parametrize("shift", [-50.0, 50.0])
+def test_raising_is_the_same_wherever_the_form_lies(shift):
+    """Forms that are wholly negative or wholly positive are raised as far as one between."""
+    form = random_form(np.random.default_rng([1, 200]), 2, 200)[1:, 1:]
+    gain = [
+        np.linalg.eigvalsh(relaxation._maximise_dual(form + by * np.eye(15), 2))[0] - np.linalg.eigvalsh(form)[0] - by
+        for by in (0.0, shift)
+    ]
+    assert gain[1] > 0.8 * gain[0] > 0

@@ -15,6 +15,8 @@ from basecal.estimation.outliers.left_out import measure_left_out_items
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import half_turn_views
 from basecal.estimation.problem.problem import State
+from basecal.estimation.view.contacts import GripMeasurement, PlaneMeasurement
+from basecal.estimation.view.points import TouchMeasurement
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -208,3 +210,19 @@ def test_points_are_off_from_where_their_own_view_puts_them(kept, by_view):
         assert np.abs(found[seen]).max() < 0.3
     else:
         np.testing.assert_allclose(found[seen], moved[seen], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("kind", "off_m"), [(TouchMeasurement, 0.005), (PlaneMeasurement, 0.004), (GripMeasurement, None)]
+)
+def test_a_contact_is_off_in_metres_if_it_is_one_of_places(kind, off_m):
+    """A tip 5 mm from its mark, 4 mm of them along its z axis; the directions of a grip are no length."""
+    _, problem, state = cell_at_truth(Scenario(samples=2))
+    (group,) = problem.groups
+    ones, zeros = np.ones((2, 1)), np.zeros((2, 1, 3))
+    contact = kind(np.zeros((1, 3)), zeros, ones > 0, ones, ones)
+    near = SE3.exp(np.tile([0.003, 0.0, 0.004, 0.0, 0.0, 0.0], (2, 1)))
+    one = left_out._left_out_view(replace(group, measurement=contact), state, near, 1, 7.0)
+    assert (one.sample, one.ids, one.sigmas) == (int(group.sample[1]), (), 7.0)
+    assert one.off_m == (None if off_m is None else pytest.approx(off_m))
+    assert one.off_rad is None

@@ -358,3 +358,20 @@ def test_many_copies_are_listed_up_to_ten():
     (ten,) = repeated_views(list(range(10)))
     assert "..." not in ten.message
     assert ten.about == tuple("0123456789")
+
+
+def test_contents_of_pixels_have_their_ids():
+    """The same pixels under other ids, or without any, are another content; so are those of another target."""
+    pixels = np.array([[1.0, 2.0], [3.0, 4.0]])
+    seen = PixelObservation("eye", "board", np.array([0, 1]), pixels)
+    others = [
+        PixelObservation("eye", "board", np.array([1, 0]), pixels),
+        CandidateObservation("eye", "board", pixels),
+        PixelObservation("eye", "other", np.array([0, 1]), pixels),
+        PixelObservation("ear", "board", np.array([0, 1]), pixels),
+    ]
+    assert len({view_content(each, (0, 1)) for each in (seen, *others)}) == 5
+    points = np.ones((2, 3))
+    one, two = (PointObservation("eye", "board", np.array(ids), points) for ids in ([0, 1], [1, 0]))
+    assert view_content(one, (0,)) != view_content(two, (0,))
+    assert view_content(CandidateObservation("eye", "board", pixels), ()) == view_content(others[1], ())

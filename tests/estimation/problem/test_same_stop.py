@@ -78,3 +78,9 @@ def test_the_least_noise_of_places_and_of_angles_is_their_own_limit(axis):
 def test_what_is_as_far_as_the_limit_is_within_it():
     """Half a metre at a noise of as much, both exact in binary."""
     assert stop_numbers(shifted([0, 0.5, 0.25]), None, np.full(6, 0.5)).tolist() == [0, 0, 0]
+
+
+def test_a_place_that_belongs_to_another_has_no_places_of_its_own():
+    """Four places in a row, each within the limit of the next, visited far apart in time, are two stops of two."""
+    steps = READ_BACK * np.array([0, 90, 0.9, 90, 1.8, 90, 2.7])
+    assert stop_numbers(shifted(steps), None, None).tolist() == [0, 1, 0, 1, 2, 1, 2]

@@ -97,3 +97,71 @@ def test_a_prior_at_its_middle_costs_nothing():
     assert about.cost == pytest.approx(0.0, abs=1e-12)
     off = replace(scene.truth, mounts=SE3.stack([MOUNT @ SE3.exp([0.01, 0, 0, 0, 0, 0])]))
     assert prior_information(task, off).cost == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("parameter", "off"), [
+    ((0, 1), 90.0), ((0, 1), -90.0), ((1,), 0.9), ((2,), 0.03 * 1280), ((3,), 0.03 * 720), ((4,), None), ((6,), None),
+])  # fmt: skip
+def test_a_free_lens_is_near_its_guess(parameter, off):
+    """A sigma costs one: 10 % of the focal length, 0.1 % of the aspect, 3 % of the image, terms of real lenses."""
+    scene = made_scene(2, count=3)
+    guess = LENS.with_parameters(np.array([900.0, 900.0, 639.5, 359.5, 0.0, 0, 0, 0, 0]))
+    task = Task(scene.views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (guess,))
+
+    def cost(parameters):
+        """Of a lens."""
+        return float(prior_information(task, replace(scene.truth, lenses=(LENS.with_parameters(parameters),))).cost)
+
+    assert cost(guess.parameters) == pytest.approx(0.0, abs=1e-12)
+    sigmas = np.where(np.isfinite(guess.term_sigmas), guess.term_sigmas, 1.0)
+    moved = guess.parameters.copy()
+    moved[list(parameter)] += sigmas[parameter[0] - 4] if off is None else off
+    assert cost(moved) == pytest.approx(1.0)
+
+
+def test_lenses_of_no_size_are_as_wide_as_twice_their_focal_length():
+    """Three hundredths of it are the sigma of the principal point, either way."""
+    scene = made_scene(2, count=3)
+    guess = replace(LENS, size_px=None)
+    task = Task(scene.views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (guess,))
+    start = float(prior_information(task, scene.truth).cost)
+    for k in (2, 3):
+        moved = LENS.parameters.copy()
+        moved[k] += 0.03 * 1800
+        found = prior_information(task, replace(scene.truth, lenses=(LENS.with_parameters(moved),)))
+        assert float(found.cost) - start == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("tail", [2.0, 10.0, 30.0, np.inf])
+def test_the_cost_is_that_of_a_cauchy_loss(tail):
+    """tail^2 ln(1 + e^2 / tail^2) of each residual e in sigmas, e^2 without a tail; its slope is twice the gradient."""
+    scene = made_scene(3, count=4, points=30)
+    pixels = scene.tracks.pixels.copy()
+    pixels[::7] += 20 * PIXEL
+    task = Task(scene.views, replace(scene.tracks, pixels=pixels), PIXEL, np.full((4, 6), 1e-3), (LENS,), tail=tail)
+    squares = np.sum(residuals_px(task.views, task.tracks, scene.truth) ** 2, 1) / PIXEL**2
+    expected = squares.sum() if tail == np.inf else np.sum(tail**2 * np.log1p(squares / tail**2))
+    about = task.linearise(scene.truth)[0]
+    assert float(about.cost) == pytest.approx(expected)
+    behind = scene.truth.points.copy()
+    behind[0] = (0.0, 0.0, 5.0)
+    lost = np.count_nonzero(task.tracks.point == 0)
+    rest = squares[task.tracks.point != 0]
+    rest_cost = rest.sum() if tail == np.inf else np.sum(tail**2 * np.log1p(rest / tail**2))
+    found = float(task.linearise(scene.truth.with_points(behind))[0].cost)
+    assert found - rest_cost == pytest.approx(lost * min(tail, 10.0) ** 2 * np.log(101.0))
+
+
+def test_priors_of_stops_and_the_rest_add_up():
+    """An error of a stop of one sigma costs one, and its information is that of its sigma."""
+    scene = made_scene(2, count=3)
+    sigmas = np.full((3, 6), 1e-3)
+    sigmas[1] = 2e-3
+    task = Task(scene.views, scene.tracks, PIXEL, sigmas, (LENS,))
+    errors = np.zeros((3, 6))
+    errors[1, 4] = 2e-3
+    about, plain = (prior_information(task, replace(scene.truth, errors=each)) for each in (errors, 0 * errors))
+    assert float(about.cost - plain.cost) == pytest.approx(1.0)
+    own = task.columns.errors
+    np.testing.assert_allclose(np.diag(about.hessian)[own], 1 / sigmas.ravel() ** 2)
+    np.testing.assert_allclose(about.gradient[own], (errors / sigmas**2).ravel())

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from basecal.estimation.scene.alignment import alignments, project_points, refine_transform
+from basecal.estimation.scene.alignment import alignments, are_one, project_points, refine_transform
 from basecal.geometry import SE3
 from basecal.numerics.batch import take
 from scene_points import BASE, LENS, made_scene
@@ -72,3 +73,56 @@ def test_points_outside_of_the_image_have_no_pixels():
     assert np.all(np.isnan(pixels[:, -1]))
     seen = np.isfinite(pixels).all(-1)
     assert np.all((pixels[seen] > -0.5) & (pixels[seen] < np.array(LENS.size_px)))
+
+
+def test_most_transforms_are_as_many_as_wanted():
+    """The one that most pairs agree with is the first of them; a pair counts within its own tolerance."""
+    rng = np.random.default_rng(2)
+    first, second = clouds(rng, 40, 80)
+    twin = SE3.from_rpy((0.0, 0.0, 1.0), (0.3, 0.2, 0.0))
+    second[40:] = BASE.inverse() @ (twin @ first[40:])
+    both = alignments(first, second, np.full(120, 0.01), 2)
+    assert [int(mask.sum()) for _, mask in both] == sorted((int(mask.sum()) for _, mask in both), reverse=True)
+    assert both[0][1][40:].all()
+    assert both[1][1][:40].all()
+    (only,) = alignments(first, second, np.full(120, 0.01), 1)
+    np.testing.assert_array_equal(only[1], both[0][1])
+    tight = np.full(120, 0.01)
+    tight[:40] = 1e-9
+    assert len(alignments(first, second, tight, 5)) == 1
+
+
+@pytest.mark.parametrize("count", [7, 8])
+def test_eight_pairs_make_a_transform(count):
+    """Seven do not, however well they agree, also among others."""
+    rng = np.random.default_rng(4)
+    first = rng.uniform(-1, 1, (count, 3))
+    second = BASE.inverse() @ first
+    found = alignments(first, second, np.full(count, 1e-3), 3)
+    assert len(found) == (count == 8)
+    more = np.vstack([first, [[9.0, 9.0, 9.0]]])
+    assert len(alignments(more, np.vstack([second, [[0.0, 0, 0]]]), np.full(count + 1, 1e-3), 3)) == (count == 8)
+    if found:
+        np.testing.assert_allclose((BASE @ found[0][0]).log(), 0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("step", "is_one"), [
+    ([0.049, 0, 0, 0, 0, 0], True), ([0.051, 0, 0, 0, 0, 0], False), ([0, 0, 0, 0, 0, 0.049], True),
+    ([0, 0, 0, 0, 0, 0.051], False),
+])  # fmt: skip
+def test_transforms_are_one_by_what_they_do_to_the_median_point(step, is_one):
+    """Its distance, and the angle between them; a point far away counts for one of many."""
+    points = np.array([[0.0, 0, 0], [0.1, 0.1, 0.1], [-0.1, -0.1, -0.1], [50.0, 50.0, 50.0], [-50.0, 9.0, 0.0]])
+    assert are_one(BASE, BASE @ SE3.exp(step), points, 0.05) == is_one
+    assert are_one(BASE @ SE3.exp(step), BASE, points, 0.05) == is_one
+
+
+def test_points_are_projected_to_each_view():
+    """As the lens does it, with the pose of each view."""
+    scene = made_scene(2)
+    camera_from_world = scene.truth.world_from_camera(scene.views).inverse()
+    pixels = project_points(scene.truth.points, camera_from_world, LENS)
+    expected = LENS.project(camera_from_world[4] @ scene.truth.points)
+    seen = np.isfinite(pixels[4]).all(-1)
+    assert seen.sum() > 20
+    np.testing.assert_allclose(pixels[4][seen], expected[seen], atol=1e-9)

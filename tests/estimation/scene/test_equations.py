@@ -65,3 +65,46 @@ def test_points_step_to_where_their_rays_meet():
 def test_sums_go_by_index():
     """Values of one index are added, absent ones are zero."""
     assert sums(np.array([0, 2, 0]), 4, np.array([[1.0], [2.0], [3.0]])).ravel().tolist() == [4.0, 0.0, 2.0, 0.0]
+
+
+def test_fixed_lenses_are_no_columns():
+    """With them, the rest is that of a system without their parameters; so it is for one camera of two."""
+    scene = made_scene(5, arms=2, count=3, points=15)
+    of = pixel_equations(scene.views, scene.tracks, scene.truth, 1.0)
+    views, terms = 6 * len(scene.views), len(LENS.parameters)
+    whole = reduced_equations(scene.views.camera, scene.tracks, of, [terms, terms])
+    for widths in ([0, 0], [terms, 0], [0, terms]):
+        kept = np.r_[0:views, views : views + widths[0], views + terms : views + terms + widths[1]]
+        gradient, information = reduced_equations(scene.views.camera, scene.tracks, of, widths)
+        np.testing.assert_allclose(gradient, whole[0][kept], rtol=1e-9, atol=1e-9 * np.abs(whole[0]).max())
+        np.testing.assert_allclose(
+            information, whole[1][np.ix_(kept, kept)], rtol=1e-9, atol=1e-9 * np.abs(whole[1]).max()
+        )
+
+
+def test_weights_scale_equations():
+    """A weight of two doubles residuals and derivatives, and quadruples the information of points."""
+    scene = made_scene(5, count=4, points=15)
+    one, two = (pixel_equations(scene.views, scene.tracks, scene.truth, weight) for weight in (1.0, 2.0))
+    for name in ("residual", "by_view", "by_point"):
+        np.testing.assert_allclose(getattr(two, name), 2 * getattr(one, name))
+    halved = two.scale(np.full((len(scene.tracks), 1), 0.5))
+    np.testing.assert_allclose(halved.residual, one.residual)
+    np.testing.assert_allclose(halved.by_view, one.by_view)
+    ratio = point_information(scene.tracks, two) / point_information(scene.tracks, one)
+    np.testing.assert_allclose(ratio[:, [0, 1, 2], [0, 1, 2]], 4.0, rtol=1e-6)
+
+
+def test_points_behind_or_beside_have_no_equation():
+    """One in the plane of the camera, one behind, and one at the camera itself."""
+    scene = made_scene(5, count=4, points=15)
+    camera = scene.truth.world_from_camera(scene.views)[0]
+    for place in ([0.1, 0.1, 0.0], [0.1, 0.1, -0.5], [0.0, 0.0, 0.0]):
+        points = scene.truth.points.copy()
+        index = int(scene.tracks.point[scene.tracks.view == 0][0])
+        points[index] = camera @ np.array(place)
+        of = pixel_equations(scene.views, scene.tracks, scene.truth.with_points(points), 1.0)
+        here = (scene.tracks.view == 0) & (scene.tracks.point == index)
+        assert not of.seen[here].any()
+        for values in (of.residual, of.by_view, of.by_point):
+            assert not values[here].any()

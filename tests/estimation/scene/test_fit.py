@@ -14,6 +14,7 @@ from basecal.estimation.scene.equations import pixel_equations, point_informatio
 from basecal.estimation.scene.fit import fit_scene, triangulate
 from basecal.estimation.scene.spread import scene_covariance
 from basecal.estimation.scene.views import Tracks
+from basecal.geometry import SE3
 from basecal.numerics.batch import take
 from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, started
 
@@ -110,3 +111,35 @@ def test_rays_of_one_place_tell_no_depth():
         np.zeros(3, dtype=np.int64),
     )
     assert not triangulate(same, tracks, scene.truth)[1].any()
+
+
+@pytest.mark.parametrize(("points", "views", "share"), [(11, 0, 0.67), (5, 10, 0.25), (0, 15, 0.1), (300, 50, 0.1)])
+def test_residuals_are_smaller_than_noise_by_what_unknowns_take(monkeypatch, points, views, share):
+    """Of 100 equations each point takes three and each view six, but at most nine in ten; infinite ones are none."""
+    off = np.random.default_rng(0).standard_normal((50, 2))
+    off[0] = np.inf
+    monkeypatch.setattr(module, "residuals_px", lambda *_: off)
+    fit = SimpleNamespace(tracks=SimpleNamespace(count=points), views=range(views), state=None)
+    plain = 1.4826 * np.median(np.abs(off[1:]))
+    assert module._robust_sigma(fit) == pytest.approx(plain / np.sqrt(share), rel=1e-4)
+
+
+@pytest.mark.parametrize("behind", [False, True])
+def test_points_behind_a_camera_are_lost(behind):
+    """A point is kept by all its cameras before it, and lost by one that looks the other way along the same ray."""
+    scene = made_scene(1, noise=0.0)
+    turned = scene.truth.lenses[0], SE3.from_rotvec((0.0, np.pi, 0.0), np.zeros(3))
+    view = int(scene.tracks.view[np.flatnonzero(scene.tracks.point == 0)[0]])
+    poses = list(scene.views.base_from_flange)
+    if behind:
+        mount = scene.truth.mounts[0]
+        poses[view] = poses[view] @ mount @ turned[1] @ mount.inverse()
+    mirrored = scene.tracks.pixels.copy()
+    of_view = scene.tracks.view == view
+    if behind:  # a ray along the z axis turned half way about y: its x stands still, its y changes sides
+        rays = LENS.undistort(mirrored[of_view])[0] * [1.0, -1.0, 1.0]
+        mirrored[of_view] = LENS.project(rays)
+    views = replace(scene.views, base_from_flange=type(scene.views.base_from_flange).stack(poses))
+    points, is_seen = triangulate(views, replace(scene.tracks, pixels=mirrored), scene.truth)
+    shown = np.isin(np.arange(len(points)), scene.tracks.point[of_view])
+    assert np.array_equal(is_seen, ~shown if behind else np.ones(len(points), dtype=bool))

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from basecal.estimation.scene.mount_search import directions, find_mount, point_pairs, rotation_grid, sampson_px
+from basecal.estimation.scene import mount_search
+from basecal.estimation.scene.mount_search import (
+    MountStart,
+    are_in_front,
+    directions,
+    find_mount,
+    point_pairs,
+    rotation_grid,
+    sampson_px,
+    scale_focal,
+)
 from basecal.geometry import SE3
 from basecal.numerics.batch import take
 from scene_points import LENS, MOUNT, looks_from_above, made_scene
@@ -107,3 +119,109 @@ def test_views_of_another_order_are_other_pairs():
     scene = made_scene(6)
     kept, _ = scene.tracks.take(scene.tracks.view < 10)
     assert point_pairs(kept, 500)[1].view.max() < 10
+
+
+def exact(seed=4):
+    """A scene without noise, its pairs with their rays, and its poses."""
+    scene = made_scene(seed, noise=0.0)
+    pairs = point_pairs(scene.tracks, 200)
+    return pairs, directions(pairs, LENS), scene.views.base_from_flange
+
+
+def test_distances_are_sampsons():
+    """Those of both image points from their epipolar lines, to first order, in pixels of the focal length."""
+    pairs, rays, poses = exact()
+    mount = MOUNT @ SE3.exp([2e-3, 0, 1e-3, 0.01, 0.02, -0.01])
+    found = sampson_px(pairs, rays, poses, mount, 900.0)
+    for k in range(0, 200, 25):
+        one, other = (poses[int(each.view[k])] @ mount for each in pairs)
+        between = one.inverse() @ other
+        x, y = (each[k] / each[k, 2] for each in rays)
+        essential = np.cross(between.translation, between.rotation, axisb=0, axisc=0)
+        error = x @ essential @ y
+        slope = np.hypot(*(essential @ y)[:2]) ** 2 + np.hypot(*(essential.T @ x)[:2]) ** 2
+        assert abs(found[k]) == pytest.approx(900.0 * abs(error) / np.sqrt(slope))
+    np.testing.assert_allclose(sampson_px(pairs, rays, poses, mount, 450.0), found / 2)
+
+
+def test_the_right_rotation_has_the_right_position():
+    """With exact pairs its sines are zero and its position is the camera's; a rotation 5 deg off has larger ones."""
+    pairs, _, poses = exact()
+    turned = MOUNT @ SE3.exp([0, 0, 0, np.radians(5), 0, 0])
+    positions, sines = mount_search._score_rotations(pairs, poses, LENS, np.stack([MOUNT.rotation, turned.rotation]))
+    np.testing.assert_allclose(positions[0], MOUNT.translation, atol=1e-5)
+    assert sines[0] < 1e-7
+    assert sines[1] > 1e-3
+
+
+def test_wrong_pairs_are_weighed_down():
+    """One pair in twenty shows different points: the position is still the camera's to a millimetre."""
+    (one, other), _, poses = exact()
+    pixels = other.pixels.copy()
+    pixels[::20] += (60.0, 80.0)
+    pairs = one, replace(other, pixels=pixels)
+    positions, _ = mount_search._score_rotations(pairs, poses, LENS, MOUNT.rotation[None])
+    np.testing.assert_allclose(positions[0], MOUNT.translation, atol=1e-3)
+
+
+def test_rays_meet_before_both_cameras():
+    """Those of true poses do; turned about in either camera, or in both, they do not."""
+    pairs, (first, second), poses = exact()
+    for one, other, is_front in ((1, 1, True), (-1, 1, False), (1, -1, False), (-1, -1, False)):
+        found = are_in_front(pairs, (one * first, other * second), poses, MOUNT)
+        assert found.all() if is_front else not found.any()
+
+
+@pytest.mark.parametrize(("front", "is_behind"), [(0.49, True), (0.5, False), (1.0, False)])
+def test_starts_behind_the_camera_come_last(front, is_behind):
+    """Most rays decide, then the distance."""
+    start = MountStart(MOUNT, LENS, 3.0, front)
+    assert start.is_behind == is_behind
+    worse, better = (MountStart(MOUNT, LENS, px) for px in (99.0, 2.0))
+    assert sorted([start, worse, better], key=lambda each: each.misfit)[0] is better
+    assert (start.misfit > worse.misfit) == is_behind
+
+
+@pytest.mark.parametrize("count", [49, 50])
+def test_fifty_pairs_make_a_search(count):
+    """From a guess the mount is found with them; one fewer is too few, with a guess or without."""
+    scene = made_scene(4, noise=0.0)
+    pairs, poses = point_pairs(scene.tracks, count), scene.views.base_from_flange
+    near = MOUNT @ SE3.exp([0.01, 0, -0.01, 0.02, 0, 0.02])
+    found = find_mount(pairs, poses, LENS, False, near)
+    assert (found is None) == (count == 49)
+    if found is not None:
+        assert np.linalg.norm((MOUNT.inverse() @ found.flange_from_camera).log()) < 1e-6
+        np.testing.assert_array_equal(found.lens.parameters, LENS.parameters)
+        assert found.median_px < 1e-6
+
+
+def test_a_free_focal_length_is_found_from_a_guess():
+    """8 % off, with exact pairs; its other parameters stay."""
+    pairs, _, poses = exact()
+    near = MOUNT @ SE3.exp([0.01, 0, -0.01, 0.02, 0, 0.02])
+    found = find_mount(pairs, poses, scale_focal(LENS, 1.08), True, near)
+    assert found.lens.focal == pytest.approx([900.0, 900.0], rel=2e-3)
+    np.testing.assert_array_equal(found.lens.parameters[2:], LENS.parameters[2:])
+
+
+def test_pairs_are_at_most_as_many_as_wanted():
+    """All of them where there are fewer; none of no tracks; an image point is compared with the next of its point."""
+    scene = made_scene(5, count=4, points=20)
+    every, _ = point_pairs(scene.tracks, 10**6)
+    assert len(every) == len(scene.tracks) - scene.tracks.count
+    assert [len(point_pairs(scene.tracks, most)[0]) for most in (1, 7, len(every))] == [1, 7, len(every)]
+    none = take(scene.tracks, np.zeros(0, dtype=np.int64))
+    assert len(point_pairs(none, 5)[0]) == 0
+
+
+def test_rays_outside_of_a_lens_are_zero_in_both_images():
+    """One of a pair that has none leaves the other without."""
+    pairs, rays, _ = exact()
+    folded = LENS.with_parameters(np.array([900.0, 900.0, 639.5, 359.5, -0.3, 0, 0, 0, 0]))
+    pixels = np.full_like(pairs[0].pixels, 400.0)
+    pixels[7] = (1400.0, 359.5)
+    first, second = directions((replace(pairs[0], pixels=pixels), replace(pairs[1], pixels=0 * pixels + 300)), folded)
+    for each in (first, second):
+        assert np.flatnonzero(~each.any(axis=1)).tolist() == [7]
+    assert np.linalg.norm(rays[0], axis=1) == pytest.approx(1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -38,11 +39,11 @@ def test_gradient_of_the_likelihood(stated):
     """It agrees with central differences, of pixels and of arms, stated or not."""
     scene = made_scene(2)
     fit = adjust(Task(scene.views, scene.tracks, PIXEL, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
-    likelihood = _Likelihood.expand(fit, (stated,))
+    of = _Likelihood.expand(fit, (stated,))
     logs = np.log([1.3 * PIXEL, *([] if stated is not None else [2 * ARM_M, 0.5 * ARM_RAD])])
-    value, gradient = likelihood.negative_log_likelihood(logs)
+    value, gradient = of.negative_log_likelihood(logs)
     steps = 1e-4 * np.eye(len(logs))
-    ends = [[likelihood.negative_log_likelihood(logs + sign * h)[0] for sign in (1, -1)] for h in steps]
+    ends = [[of.negative_log_likelihood(logs + sign * h)[0] for sign in (1, -1)] for h in steps]
     np.testing.assert_allclose(gradient, [(after - before) / 2e-4 for after, before in ends], rtol=1e-5, atol=1e-3)
     assert value < max(max(each) for each in ends)
 
@@ -61,3 +62,64 @@ def test_the_sigma_of_pixels_may_be_held():
     assert sigma_px == pytest.approx(fit.sigma_px)
     np.testing.assert_allclose(stop_sigma, expected, rtol=1e-6)
     assert ARM_RAD / 1.8 < stop_sigma[0, 3] < 1.8 * ARM_RAD
+
+
+@cache
+def likelihood(arms=1, stated=(None,)):
+    """The likelihood of a scene about its truth, as `estimate_sigmas` makes it."""
+    scene = made_scene(1, arms=arms)
+    noise = np.tile(NOISE, (15 * arms, 1))
+    fit = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS,) * arms), scene.truth)
+    prior = np.zeros_like(fit.information)
+    noises = tuple(None if each is None else NOISE for each in stated)
+    return _Likelihood(fit, noises, prior, fit.pixel_gradient, 100.0)
+
+
+def test_sigmas_of_logarithms_leave_out_stated_ones():
+    """The pixels' first, then translation and rotation of each robot that states none, by its stops."""
+    sigma_px, of_stops = likelihood(2, ("stated", None)).sigmas(np.log([0.5, 2e-4, 3e-3]))
+    assert sigma_px == pytest.approx(0.5)
+    assert of_stops.shape == (30, 6)
+    np.testing.assert_allclose(of_stops[:15], np.tile(NOISE, (15, 1)))
+    np.testing.assert_allclose(of_stops[15:], np.tile([2e-4] * 3 + [3e-3] * 3, (15, 1)))
+
+
+def test_arms_are_supposed_to_be_usual():
+    """A prior of 0.3 mrad within a factor of 4, and of a translation that is reach times it within 5 %."""
+    of = likelihood()
+    reach_m = of.fit.views.reach_m[0]
+
+    def cost(rad, m):
+        """Of an arm's sigmas."""
+        return of._prior_cost(np.log([0.3, m, rad]))[0]
+
+    assert cost(3e-4, 3e-4 * reach_m) == pytest.approx(0.0, abs=1e-12)
+    for factor in (4.0, 1 / 4):
+        assert cost(3e-4 * factor, 3e-4 * factor * reach_m) == pytest.approx(1.0)
+    for factor in (1.05, 1 / 1.05):
+        assert cost(3e-4, 3e-4 * reach_m * factor) == pytest.approx(1.0)
+    assert cost(3e-4 * 4, 3e-4 * 4 * reach_m * 1.05) == pytest.approx(2.0)
+    assert likelihood(1, ("stated",))._prior_cost(np.log([0.3]))[0] == 0.0
+
+
+def test_the_likelihood_is_that_of_a_gaussian():
+    """Minus twice its logarithm, against the determinant and the inverse of the whole information."""
+    of = likelihood()
+    logs = np.log([0.4, 2e-4, 3e-4])
+    sigma_px, of_stops = of.sigmas(logs)
+    information = of.fit.pixel_information / sigma_px**2
+    at = of.fit.columns.errors
+    information[at, at] += np.diag(1 / of_stops.ravel() ** 2)
+    pull = of.gradient / sigma_px**2
+    freedoms = 2 * len(of.fit.tracks) - 3 * of.fit.tracks.count
+    expected = (
+        freedoms * np.log(sigma_px**2)
+        + np.log(of_stops**2).sum()
+        + np.linalg.slogdet(information)[1]
+        + of.squares / sigma_px**2
+        - pull @ np.linalg.solve(information, pull)
+        + of._prior_cost(logs)[0]
+    )
+    assert of.negative_log_likelihood(logs)[0] == pytest.approx(expected, rel=1e-9)
+    broken = replace(of, prior=-1e15 * np.eye(len(information)))
+    assert broken.negative_log_likelihood(logs)[0] >= 1e12

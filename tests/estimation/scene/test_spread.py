@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
+import pytest
 
+from basecal.estimation.scene import spread
 from basecal.estimation.scene.adjust import SceneFit, Task, adjust
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
+from basecal.numerics.batch import take
 from scene_points import ARM_M, ARM_RAD, LENS, MOUNT, PIXEL, looks, looks_at_one_point, made_scene, started
 
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
 
 
+@cache
 def fitted(pull_px: float) -> SceneFit:
     """A scene, the image points of one half of which are pulled by so much in one direction of the world."""
     scene = made_scene(1, count=12)
@@ -24,19 +29,25 @@ def fitted(pull_px: float) -> SceneFit:
     return adjust(Task(scene.views, tracks, PIXEL, np.tile(NOISE, (12, 1)), (LENS,)), scene.truth)
 
 
+@cache
+def covariance_of(pull_px: float) -> np.ndarray:
+    """The covariance of `fitted`."""
+    return scene_covariance(fitted(pull_px))
+
+
 def test_sigmas_of_sound_data_are_nearly_those_of_the_model():
     """Every sigma is that of the model or larger, by half at most."""
     fit = fitted(0.0)
-    own = len(scene_covariance(fit))
+    own = len(covariance_of(0.0))
     model = np.sqrt(np.diag(np.linalg.inv(fit.information))[:own])
-    ratio = np.sqrt(np.diag(scene_covariance(fit))) / model
+    ratio = np.sqrt(np.diag(covariance_of(0.0))) / model
     assert ratio.min() > 1 - 1e-9
     assert ratio.max() < 1.5
 
 
 def test_contradicting_parts_widen_sigmas():
     """Where half of the points is pulled by a pixel from view to view, sigmas of the mount are larger."""
-    sound, pulled = scene_covariance(fitted(0.0)), scene_covariance(fitted(2.0))
+    sound, pulled = covariance_of(0.0), covariance_of(2.0)
     assert np.trace(pulled[:6, :6]) > 1.5 * np.trace(sound[:6, :6])
 
 
@@ -53,3 +64,60 @@ def test_views_that_aim_at_one_point_leave_the_distance_to_it_unknown() -> None:
         sigmas.append(np.sqrt(variance[-1]))
     assert sigmas[1] > 10 * sigmas[0]
     assert abs(axes[2, -1]) > 0.95
+
+
+def test_the_jackknife_of_a_mean_is_its_variance():
+    """That of the mean of numbers, each left out once; a change that all share is none."""
+    numbers = np.random.default_rng(0).normal(3.0, 2.0, 12)
+    moves = np.array([np.delete(numbers, k).mean() for k in range(12)])[:, None] - numbers.mean()
+    expected = numbers.var(ddof=1) / 12
+    np.testing.assert_allclose(spread._jackknife(moves), [[expected]], rtol=1e-9)
+    np.testing.assert_allclose(spread._jackknife(moves + 5.0), [[expected]], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("count", "off"), [(10, 0.3), (2000, 0.1)])
+def test_few_parts_are_shrunk_to_their_mean_variance(count, off):
+    """Of equal variances, ten parts give no direction of their own; of unequal ones many parts give each its own."""
+    rng = np.random.default_rng(1)
+    equal = spread._jackknife(rng.standard_normal((count, 6)) / np.sqrt(count - 1))
+    np.testing.assert_allclose(equal, np.trace(equal) / 6 * np.eye(6), atol=off * np.trace(equal) / 6)
+    own = np.array([1.0, 1.0, 1.0, 9.0])
+    found = spread._jackknife(rng.standard_normal((count, 4)) * np.sqrt(own / (count - 1)))
+    assert np.trace(found) == pytest.approx(own.sum(), rel=0.5 if count == 10 else 0.05)
+    if count == 2000:
+        np.testing.assert_allclose(found, np.diag(own), atol=0.5)
+
+
+def test_parts_without_any_change_have_no_variance():
+    """And no quotient of nothing by nothing."""
+    np.testing.assert_array_equal(spread._jackknife(np.zeros((4, 3))), np.zeros((3, 3)))
+
+
+def test_folds_of_views_are_interleaved():
+    """Ten at most, one for each of fewer views; every image point is in one of them, and so it is of clusters."""
+    fit = fitted(0.0)
+    folds = spread._view_folds(fit)
+    assert len(folds) == 10
+    assert [sorted({int(v) for v in fit.tracks.view[fold]}) for fold in folds] == [
+        [k, k + 10][: 2 if k < 2 else 1] for k in range(10)
+    ]
+    for parts in (folds, spread._point_clusters(fit)):
+        np.testing.assert_array_equal(np.sum(parts, axis=0), 1)
+    clusters = spread._point_clusters(fit)
+    assert len(clusters) == 10
+    for part in clusters:
+        assert not set(fit.tracks.point[part]) & set(fit.tracks.point[~part])
+    few = replace(fit, views=take(fit.views, np.arange(4)), tracks=fit.tracks.take(fit.tracks.view < 4)[0])
+    assert [set(few.tracks.view[fold].tolist()) for fold in spread._view_folds(few)] == [{0}, {1}, {2}, {3}]
+
+
+def test_sigmas_are_widened_by_the_mean_of_all():
+    """The factor whose square is the mean of variances in units of the model's."""
+    fit = fitted(2.0)
+    covariance = covariance_of(2.0)
+    own = len(covariance)
+    root = np.linalg.cholesky(np.linalg.inv(fit.information)[:own, :own])
+    whitened = np.linalg.solve(root, np.linalg.solve(root, covariance).T)
+    factor = spread.widening(fit)
+    assert factor == pytest.approx(np.sqrt(np.mean(np.diag(whitened))))
+    assert factor > 1.0

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.cell import Intrinsics, Unknown
-from basecal.estimation.scene.state import scene_columns, take_step
+from basecal.estimation.scene.state import column_jacobian, scene_columns, start_state, take_step
 from basecal.geometry import SE3
+from basecal.numerics.batch import concatenate
 from scene_points import BASE, LENS, MOUNT, made_scene
 
 
@@ -44,3 +45,58 @@ def test_a_step_moves_each_unknown_by_its_part():
     assert np.linalg.norm((MOUNT.inverse() @ after.mounts[0]).log() - step[columns.mounts[0]]) < 1e-12
     assert np.abs(after.lenses[1].parameters - LENS.parameters - step[columns.lenses[1]]).max() < 1e-12
     assert np.abs(after.errors.ravel() - step[columns.errors]).max() == 0
+
+
+def with_world_camera(seed=3):
+    """Two arms with a camera each, and a camera on the world that takes the views of the second arm's first stops."""
+    scene = made_scene(seed, arms=2, count=3)
+    state = scene.truth.with_camera(SE3.exp([0.1, 0.2, 0.9, 0.1, 3.0, 0.2]), LENS)
+    views = scene.views
+    hall = replace(views.cameras[0], name="hall", robot=None)
+    more = replace(
+        views,
+        cameras=(*views.cameras, hall),
+        sample=np.r_[views.sample, 0, 1],
+        camera=np.r_[views.camera, 2, 2],
+        robot=np.r_[views.robot, -1, -1],
+        stop=np.r_[views.stop, -1, -1],
+        base_from_flange=concatenate([views.base_from_flange, SE3.identity((2,))]),
+    )
+    return more, replace(state, errors=np.full((6, 6), 1e-3))
+
+
+def test_a_camera_on_the_world_is_at_its_mount():
+    """No base and no error of a stop moves it; views before it are where they were."""
+    views, state = with_world_camera()
+    poses = state.world_from_camera(views)
+    for k in (6, 7):
+        np.testing.assert_allclose(poses[k].matrix, state.mounts[2].matrix, atol=1e-15)
+    expected = BASE @ views.base_from_flange[5] @ SE3.exp(np.full(6, 1e-3)) @ MOUNT
+    np.testing.assert_allclose(poses[5].matrix, expected.matrix, atol=1e-12)
+    assert len(state.lenses) == 3
+
+
+def test_cameras_move_as_columns_say():
+    """Differences of their poses by a step of all unknowns, on arms and on the world, are those of the Jacobian."""
+    views, state = with_world_camera()
+    state = replace(state, errors=np.zeros((6, 6)))
+    columns = scene_columns(views, state.lenses)
+    moves = column_jacobian(views, state, columns)
+    assert moves.shape == (6 * 8 + 27, columns.errors.stop)
+    before = state.world_from_camera(views)
+    rng = np.random.default_rng(1)
+    step = 1e-6 * rng.standard_normal(columns.errors.stop)
+    after = take_step(state, columns, step).world_from_camera(views)
+    np.testing.assert_allclose((moves @ step)[:48], (before.inverse() @ after).log().ravel(), atol=1e-10)
+    lenses = np.concatenate([step[where] for where in columns.lenses])
+    np.testing.assert_allclose((moves @ step)[48:], lenses)
+    assert columns.lens_widths == [9, 9, 9]
+
+
+def test_a_state_starts_without_errors_and_points():
+    """One error for each stop, whatever the number of views."""
+    views, state = with_world_camera()
+    start = start_state(views, list(state.mounts), list(state.bases), state.lenses)
+    assert start.errors.tolist() == [[0.0] * 6] * 6
+    assert start.points.shape == (0, 3)
+    np.testing.assert_array_equal(start.mounts.matrix, state.mounts.matrix)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from basecal.estimation.scene.views import Tracks
 from basecal.numerics.batch import take
@@ -34,3 +37,34 @@ def test_views_keep_their_stops():
     few = take(views, np.array([3, 20]))
     assert few.stop.tolist() == [3, 20]
     assert len(few.stop_robot) == len(views.stop_robot)
+
+
+@pytest.mark.parametrize(("fewest", "points"), [(None, [0, 2]), (2, [0, 1, 2]), (4, [2]), (5, [])])
+def test_a_point_needs_three_views(fewest, points):
+    """Or as many as are asked for; points count anew from zero."""
+    tracks = Tracks(np.r_[0:3, 0:2, 0:4], np.repeat([0, 1, 2], [3, 2, 4]), np.zeros((9, 2)), np.arange(9))
+    kept, old = tracks.take(np.ones(9, dtype=bool), **({} if fewest is None else {"min_views": fewest}))
+    assert old.tolist() == points
+    assert kept.count == len(points)
+    assert sorted(set(kept.point.tolist())) == list(range(len(points)))
+    assert len(kept) == sum([3, 2, 4][point] for point in points)
+
+
+def test_the_reach_is_the_mean_distance_of_each_arm():
+    """Root of the mean square, of its own views."""
+    views = made_scene(2, arms=2).views
+    for k in (0, 1):
+        lengths = np.linalg.norm(views.base_from_flange.translation[views.robot == k], axis=1)
+        assert views.reach_m[k] == pytest.approx(np.sqrt(np.mean(lengths**2)))
+    assert len(views) == 30
+
+
+def test_directions_outside_of_a_lens_are_zero():
+    """Image points beyond its domain are not valid, those of the other camera are."""
+    scene = made_scene(1, arms=2)
+    folded = LENS.with_parameters(np.array([900.0, 900.0, 639.5, 359.5, -0.3, 0, 0, 0, 0]))
+    pixels = np.full_like(scene.tracks.pixels, 400.0)
+    pixels[4] = pixels[-1] = (1400.0, 359.5)
+    unit, valid = scene.views.directions(replace(scene.tracks, pixels=pixels), (LENS, folded))
+    assert np.flatnonzero(~valid).tolist() == [len(scene.tracks) - 1]
+    assert unit[-1].tolist() == [0, 0, 0]

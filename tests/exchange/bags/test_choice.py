@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from basecal.cell import Cell, CellCamera, Robot
+from basecal.cell.files import cell_from_dict
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.bags.bag import IMAGE, JOINTS, POSE, Bag, Topic
 from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.frames import Hang, Tree
-from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses
+from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags
 from basecal.exchange.bags.survey import Survey
+from basecal.exchange.bags.tags import TAG_POSES, TAGS
 from basecal.exchange.importing.imported import NO_CELL
 from basecal.exchange.urdf import chain_urdf
 from basecal.kinematics import SerialChain
@@ -129,3 +131,101 @@ def test_what_carries_a_camera() -> None:
     assert choose_sources(bag_of(), survey, Asked(on={"b": "arm"}), NO_CELL).cameras["b"].on == "arm"
     with pytest.raises(InputError, match="there is no such robot"):
         choose_sources(bag_of(), survey, Asked(on={"b": "leg"}), NO_CELL)
+
+
+def boards(*tagged: str) -> Cell:
+    """A cell of one arm and targets; those that are named have tags with sizes, `board` has none."""
+    grid = {"kind": "aprilgrid", "tags": [2, 1], "tag_m": 0.05, "spacing": 0.3, "family": "tag36h11"}
+    plain = {"kind": "chessboard", "corners": [3, 4], "square_m": 0.03}
+    targets = {name: {"on": "world", **(grid if name in tagged else plain)} for name in ("board", *tagged)}
+    return cell_from_dict({"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}, "targets": targets})
+
+
+def test_corners_of_tags_need_sizes() -> None:
+    """Those of the target in the cell; the message names targets that have them, or how to write one."""
+    bag = bag_of(Topic("/corners", TAGS, 5), Topic("/poses", TAG_POSES[0], 5))
+
+    def view(target: str, cell: Cell, topic: str = "/corners") -> object:
+        asked = Asked(robots={"arm": "base_link,tool0"}, views={("eye", target): topic})
+        return choose_sources(bag, Survey(ARM), asked, cell).views[("eye", target)]
+
+    cell = boards("grid")
+    source = view("grid", cell)
+    assert isinstance(source, ByTags)
+    assert source.topic == "/corners"
+    shape = cell.targets["grid"].target
+    assert shape is not None
+    assert source.tags is shape.tags
+    for missing in ("board", "other"):
+        with pytest.raises(
+            InputError, match=rf"/corners holds corners of tags: '{missing}' must be .*; there is grid$"
+        ):
+            view(missing, cell)
+        with pytest.raises(InputError, match="; basecal new CELL --target apriltag --tag N --square SIZE writes one"):
+            view(missing, boards())
+    assert isinstance(view("other", boards(), "/poses"), ByTagPoses)
+
+
+def test_a_topic_of_another_kind_is_no_pose() -> None:
+    """It is named with its kind, and with the topics that would do."""
+    bag = bag_of(Topic("/arm/pose", POSE, 5), Topic("/joint_states", JOINTS, 5))
+    with pytest.raises(InputError, match=rf"/joint_states holds {JOINTS}, expected one of .*: /arm/pose"):
+        choose_sources(bag, Survey(ARM), Asked(robots={"arm": "/joint_states"}), NO_CELL)
+
+
+def test_a_camera_goes_with_the_flange_of_joints(arm: SerialChain) -> None:
+    """The flange of a robot that is read by its joints carries what is fixed to it."""
+    frames = tree(("base_link", "tool0"), fixed=(("tool0", "eye"),))
+    urdf, joints = {"/robot_description": chain_urdf(arm, "base_link", "tool0")}, {"/j": frozenset(arm.joint_names)}
+    seen = images("/a/image_raw", frames={"/a/image_raw": "/eye"})
+    taken = choose_sources(bag_of(), Survey(frames, urdfs=urdf, joints=joints, **seen), Asked(), NO_CELL)
+    assert isinstance(taken.robots["arm"], ByJoints)
+    assert taken.cameras["a"].on == "arm"
+    bag, asked = bag_of(Topic("/pose", POSE, 3)), Asked(robots={"arm": "/pose"})
+    assert choose_sources(bag, Survey(frames, **seen), asked, NO_CELL).cameras["a"].on == "world"
+
+
+def test_a_camera_without_a_frame_is_on_the_only_robot() -> None:
+    """Of several robots its carrier must be given."""
+    two = tree(("l_base", "l_tool0"), ("r_base", "r_tool0"))
+    one = choose_sources(bag_of(), Survey(ARM, **images("/a/image_raw")), Asked(), NO_CELL)
+    assert one.cameras["a"].on == "arm"
+    for frame, said in (("", "of no name"), ("eye", "eye")):
+        survey = Survey(two, **images("/a/image_raw", frames={"/a/image_raw": frame}))
+        with pytest.raises(
+            InputError, match=rf"camera 'a' is unknown, its frame {said} is not in tf: give --on a=ROBOT"
+        ):
+            choose_sources(bag_of(), survey, Asked(), NO_CELL)
+    posed = bag_of(Topic("/pose", POSE, 3))
+    alone = choose_sources(posed, Survey(tree(), **images("/a/image_raw")), Asked(robots={"x": "/pose"}), NO_CELL)
+    assert alone.cameras["a"].on == "x"
+
+
+def test_a_base_moves_against_its_flange() -> None:
+    """Frames that are rigid to each other are no robot; the lowest of the usual bases above a flange is its base."""
+    rigid = tree(("root", "base_link"), fixed=(("base_link", "tool0"),))
+    with pytest.raises(InputError, match="no robot was found from the names of frames"):
+        choose_sources(bag_of(), Survey(rigid), Asked(), NO_CELL)
+    both = tree(("base", "base_link"), ("base_link", "tool0"))
+    assert choose_sources(bag_of(), Survey(both), Asked(), NO_CELL).robots == {"arm": ByFrames("base_link", "tool0")}
+    apart = tree(("a/base", "a/tool0"), ("_b_link0", "_b_link8"), ("link0", "c_flange"))
+    found = choose_sources(bag_of(), Survey(apart), Asked(), NO_CELL).robots
+    assert found == {"a": ByFrames("a/base", "a/tool0"), "b": ByFrames("_b_link0", "_b_link8")}
+
+
+def test_a_camera_has_the_info_beside_its_images() -> None:
+    """Of compressed images, too; compressed ones are taken where there are no others."""
+    survey = Survey(ARM, infos={"/w/camera_info": None}, **images("/w/image_raw/compressed", "/v/image_rect"))
+    taken = choose_sources(bag_of(), survey, Asked(), NO_CELL).cameras
+    assert (taken["w"].topic, taken["w"].info) == ("/w/image_raw/compressed", "/w/camera_info")
+    assert (taken["v"].topic, taken["v"].info) == ("/v/image_rect", None)
+
+
+def test_strange_cameras_are_left_alone_where_views_are_given() -> None:
+    """With views of targets, images that fit no camera of the cell are not needed."""
+    cell = Cell("arm", {"arm": Robot("arm")}, {}, {"wrist": CellCamera("wrist", "world")}, {})
+    survey = Survey(ARM, **images("/w/image_raw", "/v/image_raw"))
+    asked = Asked(views={("wrist", "box"): "tool0,base_link"})
+    assert choose_sources(bag_of(), survey, asked, cell).cameras == {}
+    named = Asked(cameras={"wrist": "/v/image_raw"})
+    assert choose_sources(bag_of(), survey, named, cell).cameras["wrist"].topic == "/v/image_raw"

@@ -45,3 +45,19 @@ def test_a_topic_that_holds_less_than_it_says() -> None:
     bag = Bag("x.bag", {"/eye": Topic("/eye", IMAGE, 3)}, lambda names: iter(()))
     with pytest.raises(DatasetError, match="/eye has none of its 3 messages"):
         survey_bag(bag)
+
+
+def test_frames_move_if_tf_says_so(tmp_path: Path) -> None:
+    """A frame of /tf_static that /tf moves is timed from then on; what /tf_static alone changes stands still."""
+    writer = new_bag(tmp_path, "ros1")
+    here, there = SE3.identity(), SE3.exp(np.full(6, 0.1))
+    for k, pose in enumerate((here, there)):
+        writer.transforms("/tf_static", BEGIN_S + k, {("base", "plate"): pose})
+    writer.transforms("/tf_static", BEGIN_S, {("base", "tool"): here})
+    for k, pose in enumerate((there, here)):
+        writer.transforms("/tf", BEGIN_S + 2 + k, {("base", "tool"): pose})
+    with open_bag(writer.close()) as bag:
+        hangs = survey_bag(bag).tree.hangs
+    assert (hangs["plate"].is_fixed, hangs["plate"].is_timed) == (True, False)
+    assert (hangs["tool"].is_fixed, hangs["tool"].is_timed) == (False, True)
+    np.testing.assert_array_equal(hangs["tool"].values, [0, 0, 0, 0, 0, 0, 1])

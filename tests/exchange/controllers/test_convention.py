@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -85,3 +87,44 @@ def test_what_is_no_quaternion_is_said():
     np.testing.assert_allclose(QUATERNION_WXYZ.read(np.array([0.7071, 0.7071, 0, 0]))[2, 1], 1.0, atol=1e-9)
     with pytest.raises(InputError, match="norm"):
         QUATERNION_WXYZ.read(np.array([1.0, 1.0, 0, 0]))
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_single_pose_and_a_grid_of_poses_are_written(name):
+    """Whatever the axes in front of the numbers."""
+    kind = CONTROLLERS[name]
+    rows = kind.to_numbers(POSES)
+    np.testing.assert_allclose(kind.to_numbers(POSES[3]), rows[3], atol=1e-12)
+    grid = SE3(POSES.rotation[:6].reshape(2, 3, 3, 3), POSES.translation[:6].reshape(2, 3, 3))
+    np.testing.assert_allclose(kind.to_numbers(grid).reshape(6, -1), rows[:6], atol=1e-12)
+    np.testing.assert_allclose(kind.read(kind.to_numbers(grid)).matrix, grid.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_lengths_are_in_their_unit(name):
+    """Three numbers of each pose, both ways; the rotation has none of it."""
+    kind = replace(CONTROLLERS[name], length=0.5)
+    numbers, metres = kind.to_numbers(POSES), replace(kind, length=1.0).to_numbers(POSES)
+    ratio = numbers[0] / np.where(metres[0] == 0, 1, metres[0])
+    assert np.count_nonzero(np.isclose(ratio, 2.0)) == 3
+    np.testing.assert_allclose(kind.read(metres).translation, 0.5 * POSES.translation, atol=1e-12)
+    np.testing.assert_allclose(kind.read(metres).rotation, POSES.rotation, atol=1e-12)
+
+
+def test_controllers_without_angles():
+    """Quaternions and matrices; all others have them."""
+    assert {name for name, kind in CONTROLLERS.items() if not kind.has_angles} == {"abb", "ros", "franka", "matrix"}
+
+
+def test_matrices_tell_rows_from_columns():
+    """By where 0 0 0 1 stands; the format of the other kind is named, and a pose at the origin is both."""
+    rows, columns = CONTROLLERS["matrix"], CONTROLLERS["franka"]
+    with pytest.raises(InputError, match="by rows, give --format matrix"):
+        columns.read(rows.to_numbers(POSES))
+    with pytest.raises(InputError, match="it is transposed, give --format franka"):
+        rows.read(columns.to_numbers(POSES[:1]))
+    origin = SE3(POSES.rotation, np.zeros_like(POSES.translation))
+    for kind in (rows, columns):
+        np.testing.assert_allclose(kind.read(kind.to_numbers(origin)).rotation, origin.rotation, atol=1e-12)
+    with pytest.raises(InputError, match="last row"):
+        rows.read(np.full(16, 0.3))

@@ -53,3 +53,27 @@ def test_rounding_is_a_hundredth_of_a_sigma_at_most():
 def test_no_negative_zero():
     """A sign before zeros reads as an option to some programs."""
     assert format_decimals([-1e-9, 0.0, -0.5], 3) == ["0.000", "0.000", "-0.500"]
+
+
+@pytest.mark.parametrize(("sigma_deg", "decimals"), [(0.052, 4), (0.11, 3), (3.0, 2), (30.0, 1)])
+def test_angles_have_the_digits_of_their_unit(sigma_deg, decimals):
+    """A sigma of 0.05 deg justifies hundredths of a degree, and two digits more; in radians there are more."""
+    radians = np.radians(sigma_deg)
+    assert angle_decimals(known(1, radians), np.radians(1)) == decimals
+    assert angle_decimals(known(1, 1e-3), 1.0) == 5
+    assert angle_decimals(known(1, 0), np.radians(1)) == 8
+
+
+def test_the_smallest_sigma_counts():
+    """Of the three axes of lengths, and of those of angles."""
+    estimate = PoseEstimate(SE3.identity(), np.diag([1.0, 1e-8, 1.0, 1.0, 1.0, 1e-6]))
+    assert length_decimals(estimate, 1.0) == 6
+    assert angle_decimals(estimate, 1.0) == 5
+
+
+@pytest.mark.parametrize(("name", "decimals"), [("kuka", (4, 3)), ("ur", (7, 5)), ("abb", (4, 6)), ("ros", (7, 6))])
+def test_rotations_have_digits_of_their_kind(name, decimals):
+    """Degrees, radians, and at least six of quaternions, beside lengths in millimetres or metres."""
+    numbers = written_numbers(CONTROLLERS[name], known(5e-5, np.radians(0.2)))
+    found = [len(number.partition(".")[2]) for number in numbers]
+    assert found == [decimals[0]] * 3 + [decimals[1]] * (len(numbers) - 3)

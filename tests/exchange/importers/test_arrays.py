@@ -200,3 +200,74 @@ def test_one_array_for_two() -> None:
     same = {f"{letter}_target2cam": arrays[f"{letter}_gripper2base"] for letter in "Rt"}
     with pytest.raises(InputError, match="gripper2base and target2cam are the same poses: one was given for both"):
         record_of_arrays({**arrays, **same}, "test")
+
+
+def test_numbers_of_poses_are_equal() -> None:
+    """Each array of poses is named with its number."""
+    fewer = SE3(POSES[1].rotation[1:], POSES[1].translation[1:])
+    arrays = {**_arrays("gripper2base"), "R_target2cam": fewer.rotation, "t_target2cam": fewer.translation}
+    with pytest.raises(InputError, match="R_gripper2base has 5, R_target2cam has 4: expected the same number"):
+        record_of_arrays(arrays, "test")
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_list_of_few_samples(tmp_path: Path, count: int) -> None:
+    """One sample is one; none is refused, and so are samples of different names."""
+    path = tmp_path / "poses.json"
+    arrays = {key: values[0].tolist() for key, values in _arrays("gripper2base", "target2cam").items()}
+    path.write_text(json.dumps([arrays] * count))
+    if count:
+        np.testing.assert_allclose(
+            read_record_of_arrays(path, None, 1.0).camera_from_target.matrix, POSES[1].matrix[:1]
+        )
+    else:
+        with pytest.raises(DatasetError, match="expected R_gripper2base, t_gripper2base"):
+            read_record_of_arrays(path, None, 1.0)
+    path.write_text(json.dumps([arrays, {**arrays, "more": 1}]))
+    with pytest.raises(DatasetError, match="expected a mapping of arrays by OpenCV's names"):
+        read_record_of_arrays(path, None, 1.0)
+
+
+@pytest.mark.parametrize(("length", "is_angle"), [(6.28, True), (6.29, False)])
+def test_rotation_vectors_are_at_most_a_turn(length: float, is_angle: bool) -> None:
+    """Longer ones are degrees; the length counts, in whatever direction."""
+    vectors = POSES[1].rotvec.copy()
+    vectors[2] = length * np.array([-0.6, 0.0, 0.8])
+    arrays = {**_arrays("gripper2base", "target2cam"), "R_target2cam": vectors}
+    if is_angle:
+        assert len(record_of_arrays(arrays, "test").camera_from_target) == 5
+    else:
+        with pytest.raises(InputError, match=r"R_target2cam has a rotation vector of length 6\.29, expected radians"):
+            record_of_arrays(arrays, "test")
+
+
+@pytest.mark.parametrize("shape", [(5, 3), (5, 1, 3), (5, 3, 1)])
+def test_vectors_are_rows_or_columns(shape: tuple[int, ...]) -> None:
+    """As OpenCV gives them and takes them; a single vector is none of several samples."""
+    arrays = {**_arrays("gripper2base", "target2cam"), "R_target2cam": POSES[1].rotvec.reshape(shape)}
+    np.testing.assert_allclose(record_of_arrays(arrays, "test").camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
+    with pytest.raises(InputError, match=r"R_target2cam has shape \(3,\), expected"):
+        record_of_arrays({**arrays, "R_target2cam": POSES[1].rotvec[0]}, "test")
+
+
+def test_the_camera_is_on_the_robot_if_nothing_else_is_said(tmp_path: Path) -> None:
+    """Of two arms always; of a world what the user says."""
+    _saved(tmp_path / "a.npz", gripper2base=POSES[0], target2cam=POSES[1])
+    for said, on_robot in ((None, True), (True, True), (False, False)):
+        assert read_record_of_arrays(tmp_path / "a.npz", said, 1.0).camera_on_robot == on_robot
+    assert record_of_arrays(_arrays("gripper2base", "target2cam"), "test").camera_on_robot
+    two = _arrays("eye_gripper2base", "hand_gripper2base", "target2cam")
+    assert record_of_arrays(two, "test", camera_on_robot=False).camera_on_robot
+    for name in ("eye", "hand"):
+        same = {f"{letter}_target2cam": two[f"{letter}_{name}_gripper2base"] for letter in "Rt"}
+        with pytest.raises(InputError, match=f"{name}_gripper2base and target2cam are the same poses"):
+            record_of_arrays({**two, **same}, "test")
+
+
+@pytest.mark.parametrize("letter", ["T", "H"])
+def test_matrices_have_two_letters(letter: str) -> None:
+    """Of names that are known alone."""
+    arrays = {f"{letter}_gripper2base": POSES[0].matrix, f"{letter}_target2cam": POSES[1].matrix}
+    np.testing.assert_allclose(record_of_arrays(arrays, "test").camera_from_target.matrix, POSES[1].matrix)
+    with pytest.raises(InputError, match=f"holds {letter}_other, R_gripper2base"):
+        record_of_arrays({f"{letter}_other": 1.0, f"{letter}_gripper2base": POSES[0].matrix}, "test")

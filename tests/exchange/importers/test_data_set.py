@@ -13,6 +13,8 @@ from basecal.cell.files import read_cell, read_recording
 from basecal.cell.targets.fiducials import DICTIONARIES
 from basecal.cli import main
 from basecal.errors import DatasetError
+from basecal.exchange.fields import Field, parse_fields
+from basecal.exchange.importers import data_set as module
 from basecal.exchange.importers.data_set import _COUNTED, read_data_set_record
 
 TEXT = """\
@@ -157,3 +159,30 @@ def test_what_cannot_be_used_is_told(tmp_path: Path, old: str, new: str, message
     assert old in text
     with pytest.raises(DatasetError, match=message):
         read_data_set_record(data_set(tmp_path, text.replace(old, new)), camera_on_robot=False)
+
+
+def finder(**fields: object) -> Field:
+    """A description of a target."""
+    return parse_fields("\n".join(f"{name}: {value}" for name, value in fields.items()), "t.yaml")
+
+
+@pytest.mark.parametrize("number", [0, 20])
+def test_dictionaries_are_counted_from_zero(number: int) -> None:
+    """To the last that is counted; the board has three squares each way at least."""
+    board = {"cols": 3, "rows": 3, "chessboard_dim": 0.04, "aruco_marker_dim": 0.02}
+    found = module._charuco(finder(**board, dictionary=number))
+    assert (found["squares"], found["dictionary"]) == ([3, 3], DICTIONARIES[number])
+    for wrong in (-1, 21):
+        with pytest.raises(DatasetError, match="expected"):
+            module._charuco(finder(**board, dictionary=wrong))
+    for name in ("cols", "rows"):
+        with pytest.raises(DatasetError, match="is 2, expected a whole number from 3"):
+            module._charuco(finder(**{**board, name: 2}, dictionary=0))
+
+
+def test_circles_are_two_each_way() -> None:
+    """At least."""
+    assert module._circles(finder(cols=2, rows=2, spacing=0.03))["circles"] == [2, 2]
+    for name in ("cols", "rows"):
+        with pytest.raises(DatasetError, match="is 1, expected a whole number from 2"):
+            module._circles(finder(**{"cols": 2, "rows": 2, name: 1}, spacing=0.03))

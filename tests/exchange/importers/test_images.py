@@ -88,6 +88,7 @@ def test_two_cameras_and_links(tmp_path: Path) -> None:
     assert main(["import", "images", cell, one, "--camera", "cam", "--on", "arm"]) == 0
     assert main(["import", "images", cell, two, "--camera", "door", "--on", "world", "--link"]) == 0
     samples = read_recording(cell).samples
+    assert not os.path.samefile(tmp_path / "c" / samples[0].images["cam"], tmp_path / "p" / "1.png")
     assert [Path(s.images["door"]).name for s in samples] == ["2.png", "3.png"]
     assert os.path.samefile(tmp_path / "c" / samples[0].images["door"], tmp_path / "q" / "2.png")
     assert {name: c.size_px for name, c in read_cell(cell).cameras.items()} == {"cam": (64, 48), "door": (32, 24)}

@@ -152,3 +152,40 @@ def test_no_target_is_told(tmp_path: Path, text: str, message: str) -> None:
     """What has no equal, and numbers that are none."""
     with pytest.raises(DatasetError, match=message):
         read_target(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(("kind", "rest", "key"), [
+    ("checkerboard", "rowSpacingMeters: 0.06\ncolSpacingMeters: 0.06\n", "corners"),
+    ("circlegrid", "spacingMeters: 0.02\n", "circles"),
+])  # fmt: skip
+def test_a_grid_has_two_each_way(tmp_path: Path, kind: str, rest: str, key: str) -> None:
+    """Two columns of two rows are the fewest; an asymmetric grid says so."""
+    text = f"target_type: {kind}\ntargetCols: 2\ntargetRows: 2\n{rest}"
+    found = read_target(write(tmp_path, text))
+    assert found[key] == [2, 2]
+    assert not found.get("asymmetric")
+    for name in ("targetCols", "targetRows"):
+        with pytest.raises(DatasetError, match=f"{name}: is 1, expected a whole number from 2"):
+            read_target(write(tmp_path, text.replace(f"{name}: 2", f"{name}: 1")))
+
+
+@pytest.mark.parametrize(
+    ("down", "is_square"),
+    [("0.06", True), ("0.06000005", True), ("0.05999995", True), ("0.0600001", False), ("0.0599999", False)],
+)
+def test_fields_are_square_to_a_millionth(tmp_path: Path, down: str, is_square: bool) -> None:
+    """Columns give their side; rows may differ by rounding alone."""
+    board = (
+        f"target_type: checkerboard\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: {down}\ncolSpacingMeters: 0.06\n"
+    )
+    if is_square:
+        assert read_target(write(tmp_path, board))["square_m"] == 0.06
+    else:
+        with pytest.raises(DatasetError, match=f"rowSpacingMeters: is {down}, colSpacingMeters 0.06: fields"):
+            read_target(write(tmp_path, board))
+
+
+def test_a_grid_of_one_tag_that_starts_with_zero(tmp_path: Path) -> None:
+    """One tag each way is a grid; `codeOffset: 0` changes nothing."""
+    one = APRILGRID.replace("tagCols: 6", "tagCols: 1").replace("tagRows: 5", "tagRows: 1")
+    assert read_target(write(tmp_path, one + "codeOffset: 0\n"))["tags"] == [1, 1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
+from basecal.errors import UsageError
 from basecal.exchange.controllers.registry import CONTROLLERS
+from basecal.exchange.importers.poses import table_reading
 from basecal.geometry import SE3
 
 DRAWN = SE3.exp(np.random.default_rng(3).normal(0, 0.5, (4, 6)))
@@ -114,3 +117,16 @@ def test_poses_of_the_base_in_the_flange(tmp_path: Path, capsys: pytest.CaptureF
     state = read_recording(cell).samples[2].robots["arm"]
     assert state.base_from_flange is not None
     np.testing.assert_allclose(state.base_from_flange.matrix, np.linalg.inv(DRAWN[2].matrix), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("deg", "rad", "angle_rad"), [(False, False, None), (True, False, math.radians(1)), (False, True, 1.0)]
+)
+def test_units_that_are_stated_are_read(deg: bool, rad: bool, angle_rad: float | None) -> None:
+    """Of angles one of two at most; a unit of lengths in metres; names of formats in any case."""
+    reading = table_reading("a.csv", "KUKA", "inch" if deg else None, deg, rad)
+    assert (reading.name, reading.length_m, reading.angle_rad) == ("kuka", 0.0254 if deg else None, angle_rad)
+    with pytest.raises(UsageError, match="--deg and --rad exclude each other"):
+        table_reading("a.csv", "kuka", None, True, True)
+    with pytest.raises(UsageError, match=r"--format no 'kuca' \(did you mean 'kuka'\?\)"):
+        table_reading("a.csv", "kuca", None, deg, rad)

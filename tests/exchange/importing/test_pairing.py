@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from basecal.cell import PoseObservation, RobotState, Sample
 from basecal.errors import InputError
 from basecal.exchange.importing.imported import By, Imported, Row
-from basecal.exchange.importing.pairing import pair
+from basecal.exchange.importing.pairing import is_same_state, pair, plain_name
 from basecal.geometry import SE3
 
 TIMED = [Sample(n, 10.0 + n) for n in (0, 1, 2)]
@@ -144,3 +145,90 @@ def test_images_of_a_new_camera_are_of_the_samples_of_its_robot() -> None:
     assert pair(folder(5), apart, {}).numbers == (0, 1, 2, 3, 4)
     with pytest.raises(InputError, match="photos holds 4, the recording has 5 samples"):
         pair(folder(4), apart, {})
+
+
+@pytest.mark.parametrize(("off_s", "number"), [(0.0625, None), (0.05, 1), (-0.05, 1), (0.0, 1)])
+def test_times_are_near_within_half_a_period(off_s: float, number: int | None) -> None:
+    """Of ten images a second; either way."""
+    samples = [Sample(1, 0.0), Sample(2, 50.0)]
+    assert pair(rows(Row(stamp_s=off_s), Row(stamp_s=50.0)), samples, {}).numbers == (number, 2)
+
+
+def test_of_two_rows_near_a_sample_the_nearer_is_its_own() -> None:
+    """The other belongs to none, though no other sample is nearer."""
+    found = pair(rows(Row(stamp_s=11.03), Row(stamp_s=11.01), Row(stamp_s=10.02)), TIMED, {})
+    assert found.numbers == (None, 1, 0)
+    assert found.unpaired_rows == ("row 1 (11.030 s)",)
+    assert found.unpaired_samples == (2,)
+
+
+@pytest.mark.parametrize(
+    ("rows_timed", "samples_timed", "by"), [(True, True, "stamp_s"), (False, True, "order"), (True, False, "order")]
+)
+def test_times_pair_where_all_have_them(rows_timed: bool, samples_timed: bool, by: str) -> None:
+    """One row or sample without a time makes it the order."""
+    samples = [*TIMED[:2], TIMED[2] if samples_timed else Sample(2)]
+    made = rows(Row(stamp_s=10.0), Row(stamp_s=11.0), Row(stamp_s=12.0 if rows_timed else None))
+    found = pair(made, samples, {})
+    assert (found.by, found.numbers) == (by, (0, 1, 2))
+
+
+def test_numbers_say_which() -> None:
+    """Where all rows have one, new ones too; with one missing it is the order."""
+    found = pair(rows(Row(sample=2), Row(sample=0), Row(sample=7)), IMAGES, {})
+    assert (found.by, found.numbers, found.unpaired_samples) == ("sample", (2, 0, 7), (1,))
+    found = pair(rows(Row(sample=2), Row(sample=0), Row()), IMAGES, {})
+    assert (found.by, found.numbers) == ("order", (0, 1, 2))
+    full = [Sample(n, None, {"a": at(n)}) for n in range(2)]
+    assert pair(rows(Row({"a": at(0)}, sample=0)), full, {}, replace=True).numbers == (0,)
+
+
+def test_names_are_compared_without_folders_and_endings() -> None:
+    """Of both kinds of slash."""
+    assert [plain_name(name) for name in ("a/b.c.png", "a\\b.PNG", "b", ".b")] == ["b.c", "b", "b", ".b"]
+
+
+@pytest.mark.parametrize(("off", "is_same"), [(0.9e-9, True), (-1.1e-9, False)])
+def test_states_are_equal_within_rounding(off: float, is_same: bool) -> None:
+    """Of joints or of poses, of one kind alone; a larger tolerance may be given."""
+    one, other = (RobotState(joints_rad=np.array([1.0, 2.0 + each])) for each in (0.0, off))
+    assert is_same_state(one, other) == is_same
+    assert is_same_state(one, other, 1e-6)
+    assert not is_same_state(one, RobotState(SE3.identity()))
+    moved = RobotState(SE3.from_rotvec([0, 0, 0], [off, 0, 0]))
+    assert is_same_state(moved, RobotState(SE3.identity())) == is_same
+
+
+@pytest.mark.parametrize(
+    ("begin_s", "end_s", "is_apart"),
+    [(2.5, 3.0, True), (2.0, 3.0, False), (-1.0, 0.0, False), (-1.0, -0.5, True), (0.5, 0.6, False)],
+)
+def test_streams_join_where_times_are_apart(begin_s: float, end_s: float, is_apart: bool) -> None:
+    """Before or after what is recorded, not touching it."""
+    state = {"a": RobotState(SE3.identity())}
+    recorded = [Sample(0, 0.0, state), Sample(1, 2.0, state)]
+    stream = Imported(
+        "a.csv", "", (Row(state, stamp_s=begin_s), Row(state, stamp_s=end_s)), is_stream=True, is_session=True
+    )
+    if is_apart:
+        assert pair(stream, recorded, {}).numbers == (2, 3)
+    else:
+        with pytest.raises(InputError, match="its times lie within those that are recorded"):
+            pair(stream, recorded, {})
+
+
+def test_a_session_of_which_one_row_is_new_is_one() -> None:
+    """Copies are refused where all rows are; of other robots, other views and moved arms none is."""
+    seen, other = (PoseObservation(camera, "tag", SE3.identity()) for camera in ("one", "two"))
+    recorded = [Sample(n, None, {"a": at(n), "b": at(n)}, (seen,)) for n in range(2)]
+
+    def session(*states: dict[str, RobotState], view: PoseObservation = seen) -> tuple[int | None, ...]:
+        """The numbers of a session."""
+        return pair(replace(rows(*[Row(each, (view,)) for each in states]), is_session=True), recorded, {}).numbers
+
+    assert session({"a": at(0)}, {"a": at(5)}) == (2, 3)
+    assert session({"a": at(0)}, view=other) == (2,)
+    assert session({"a": at(0), "c": at(0)}) == (2,)
+    assert session({"a": at(0), "b": at(1)}) == (2,)
+    with pytest.raises(InputError, match="nothing needs to be imported"):
+        session({"a": at(1)}, {"a": at(0), "b": at(0)})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from basecal.cell.files import cell_from_dict
@@ -61,3 +63,52 @@ def test_no_line_ends_with_a_blank(robots):
     text = cell_text(robots, "charuco")
     assert all(line == line.rstrip() for line in text.splitlines())
     assert "\t" not in text
+
+
+def test_comments_name_the_transforms_that_are_requested():
+    """Mounts by their carrier, with the reference's base for the world; bases of all robots but the first."""
+    text = cell_text(3, "charuco")
+    assert [word for line in text.splitlines() for word in re.findall(r"# (\w+_from_\w+)\b", line)] == [
+        "eye_base_from_hand_base", "eye_base_from_arm3_base", "eye_flange_from_camera", "hand_flange_from_camera2",
+        "hand_flange_from_target", "arm3_flange_from_target2",
+    ]  # fmt: skip
+    assert parse_yaml(text, "text").data["bases"] == {name: {"status": "free"} for name in ("hand", "arm3")}
+    still = cell_text(1, "charuco", camera_on_world=True)
+    assert re.findall(r"# (\w+_from_\w+)\b", still) == ["hand_base_from_camera", "hand_flange_from_target"]
+    assert "bases" not in parse_yaml(still, "text").data
+
+
+@pytest.mark.parametrize("robots", [["left", "right"], ["left"]])
+def test_robots_may_have_names(robots):
+    """The first is the reference, and the only line of robots with the comment about noise."""
+    text = cell_text(robots, "charuco")
+    cell = read(text)
+    assert (cell.reference, list(cell.robots)) == ("left", robots)
+    assert cell.cameras["camera"].on == "left"
+    assert cell.targets["target"].on == ("right" if len(robots) == 2 else "world")
+    assert text.count("optional: {noise") == 1
+    assert "optional: {noise" in next(line for line in text.splitlines() if line.startswith("  left: {}"))
+
+
+def test_targets_have_the_shape_that_is_given():
+    """All of them, marked apart; comments of the example are for the example alone."""
+    shape = {"kind": "charuco", "squares": [4, 6], "square_m": 0.05, "marker_m": 0.03, "dictionary": "DICT_4X4_50"}
+    given, example = cell_text(3, "charuco", shape=shape), cell_text(3, "charuco")
+    targets = parse_yaml(given, "text").data["targets"]
+    assert [entry["squares"] for entry in targets.values()] == [[4, 6], [4, 6]]
+    assert targets["target"]["dictionary"] != targets["target2"]["dictionary"]
+    assert [text.count("columns, rows of squares") for text in (given, example)] == [0, 1]
+
+
+def test_fields_are_written_as_people_write_them():
+    """Text without quotes, lists and yes or no as YAML has them."""
+    shape = {"kind": "charuco", "squares": [4, 6], "square_m": 0.05, "marker_m": 0.03, "dictionary": "DICT_4X4_50"}
+    text = cell_text(1, "charuco", shape={**shape, "legacy_pattern": True})
+    for line in (
+        "kind: charuco",
+        "squares: [4, 6]",
+        "square_m: 0.05",
+        "dictionary: DICT_4X4_50",
+        "legacy_pattern: true",
+    ):
+        assert f"    {line}\n" in text

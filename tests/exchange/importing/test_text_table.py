@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from basecal.errors import DatasetError
+from basecal.exchange.importing import text_table
 from basecal.exchange.importing.text_table import (
     TextTable,
     as_name,
@@ -173,3 +174,132 @@ def test_rows_of_one_of_several_robots() -> None:
         select_robot(table, "left")
     alone = read_text_table("Robot,x,y,z\nUR 5,1,2,3\n", "t.csv", NAMES)
     assert select_robot(alone, "left") is alone
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_rows_are_counted(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """As many as a recording may have, and not one more."""
+    monkeypatch.setattr(text_table, "MOST_POSES", 2)
+    text = "x,y,z\n" + "1,2,3\n" * count
+    if count == 2:
+        assert len(values(text)) == 2
+    else:
+        with pytest.raises(DatasetError, match=r"t\.csv: 3 rows, expected at most 2"):
+            values(text)
+
+
+@pytest.mark.parametrize("line", ['1, 2, 3, "a, b"', '1,2,3,"a, b"', '1 ,2 , 3,  "a, b"'])
+def test_quoted_cells_hold_separators(line: str) -> None:
+    """Also behind a blank, in rows and in the header."""
+    table = read_text_table(f'x, y, z, "note, more"\n{line}\n', "t.csv", NAMES)
+    assert table.header == ("x", "y", "z", "note, more")
+    assert list(table.rows[0].cells.values()) == ["1", "2", "3", "a, b"]
+
+
+@pytest.mark.parametrize(("line", "image"), [
+    ("a.png[1,2,3]", "a.png"), ("'a.png';[1,2,3]", "a.png"), ("a.png b.png p[1,2,3]", "a.png"), ("7 p[1,2,3]", None),
+    ("[1,2,3] a.png", None),
+])  # fmt: skip
+def test_an_image_stands_before_its_pose(line: str, image: str | None) -> None:
+    """The first word of a line, with or without a separator; what stands behind the pose is none."""
+    (row,) = read_text_table(line, "t.csv", NAMES).rows
+    assert row.cells.get("image") == image
+    assert [row.cells[name] for name in NAMES] == ["1", "2", "3"]
+
+
+@pytest.mark.parametrize(("rows", "message"), [
+    ("1,2,3,4", "t.csv:2: 4 cells for 3 columns: decimal commas"),
+    ("0,1,0,2,0,3,0", "t.csv:2: 7 columns, the header has 3"),
+    ("0.1,2,0,3", "t.csv:2: 4 columns, the header has 3"),
+])  # fmt: skip
+def test_decimal_commas_are_supposed_if_cells_may_be_halves(rows: str, message: str) -> None:
+    """Up to two cells a column, none with a point."""
+    with pytest.raises(DatasetError) as error:
+        values(f"x,y,z\n{rows}\n")
+    assert message in str(error.value)
+    with pytest.raises(DatasetError, match="4 columns, the header has 3"):
+        values("x;y;z\n1;2;3;4\n")
+
+
+@pytest.mark.parametrize(("cell", "value"), [("1e12", 1e12), ("-1e12", -1e12), ("1,5e2,", 150.0), ('"-.5"', -0.5)])
+def test_numbers_reach_to_a_million_millions(cell: str, value: float) -> None:
+    """Either sign; quotes and a comma at the end are no part of them."""
+    assert parse_number(cell, "t.csv", 4, "x") == value
+    for beyond in ("1.01e12", "-1.01e12", "inf"):
+        with pytest.raises(DatasetError, match="is not finite, or beyond 1e"):
+            parse_number(beyond, "t.csv", 4, "x")
+    with pytest.raises(DatasetError, match="'1_0' is not a number"):
+        parse_number("1_0", "t.csv", 4, "x")
+
+
+def test_units_below_the_header_are_named_in_it() -> None:
+    """Columns without a unit keep their name; a row of other words is no row of units."""
+    table = read_text_table("x;y;z;rx;n\n(mm);[mm];mm;deg\n1;2;3;4;5\n", "t.csv", NAMES)
+    assert table.header == ("x [mm]", "y [mm]", "z [mm]", "rx [deg]", "n")
+    assert [row.line for row in table.rows] == [3]
+    with pytest.raises(DatasetError, match="4 columns, the header has 3"):
+        read_text_table("x;y;z\nmm;mm;mm;mm\n1;2;3\n", "t.csv", NAMES)
+
+
+@pytest.mark.parametrize(("line", "found"), [
+    ("[0.1, 2, -30, 5]", True),  # further numbers of one list are passed over
+    ("[[0.1, 2], [-30]]", True),
+    ("[0, [0.1, 2, -30]]", True),
+    ("{(0.1, 2), (-30, 5)}", False),  # joints
+    ("{(0.1), (2)}", False),
+])  # fmt: skip
+def test_lists_end_where_a_pose_does(line: str, found: bool) -> None:
+    """At a bracket, or anywhere in a single list."""
+    if found:
+        assert values(line) == [[0.1, 2, -30]]
+    else:
+        with pytest.raises(DatasetError, match=r"t\.csv:1: \d numbers in brackets, expected x, y, z"):
+            values(line)
+
+
+@pytest.mark.parametrize("line", [
+    "TOOL_DATA[1]={X 1, Y 2, Z 3}", "$BASE={X 1, Y 2, Z 3}", "PERS tooldata t:=[TRUE,[[1,2,3],[1,0,0,0]]];",
+    "set_tcp(p[1,2,3])",
+    "movej([1,2,3])", "wait (5)",
+])  # fmt: skip
+def test_settings_are_no_poses(line: str) -> None:
+    """Tools, bases, and joints beside marked poses are passed over."""
+    assert values(f"{line}\nmovel(p[0.1,2,-30])\n") == [[0.1, 2, -30]]
+
+
+def test_joints_of_krl_are_no_pose() -> None:
+    """Named numbers are read by their names alone."""
+    with pytest.raises(DatasetError, match="3 numbers in brackets"):
+        values("{A1 1, A2 2, A3 3}\n")
+
+
+def test_a_column_is_found_by_its_first_name() -> None:
+    """Without regard to case and blanks; no such column is none, and an empty cell is refused."""
+    table = read_text_table("x;y;z; Arm ;Mark\n1;2;3;A;b\n4;5;6;C;\n", "t.csv", NAMES)
+    assert table.names("robot", "arm") == ["a", "c"]
+    assert table.names("camera") is None
+    with pytest.raises(DatasetError, match=r"t\.csv:3: Mark: is empty in this row"):
+        table.names("mark")
+    assert read_text_table("1 2 3", "t.csv", NAMES).names("arm") is None
+
+
+def test_a_row_of_numbers_is_plain_beside_brackets() -> None:
+    """Brackets with fewer numbers than a pose belong to names of points."""
+    table = read_text_table("point;x;y;z\nP[1];1;2;3\nP[2];4;5;6\n", "t.csv", NAMES)
+    assert [row.cells["point"] for row in table.rows] == ["P[1]", "P[2]"]
+
+
+@pytest.mark.parametrize("word", ["Mean", "avg:", "Max", "stdev", "SUMME "])
+def test_summaries_are_no_rows(word: str) -> None:
+    """Whatever column they stand in; a word that only holds one is a name."""
+    with pytest.raises(DatasetError, match="is not a measured row: remove the row"):
+        values(f"n,x,y,z\na,1,2,3\n{word},1,2,3\n")
+    assert values("n,x,y,z\nmeander,1,2,3\n") == [[1, 2, 3]]
+
+
+@pytest.mark.parametrize("title", ["Hall 4", "Hall 4;;", ";Hall 4"])
+def test_a_title_has_one_cell(title: str) -> None:
+    """Before the header; a line of two words and no number is the header itself."""
+    assert read_text_table(f"{title}\nx;y;z\n1;2;3\n", "t.csv", NAMES).header == ("x", "y", "z")
+    table = read_text_table("Hall;Monday;late\nx;y;z\n1;2;3\n", "t.csv", NAMES)
+    assert table.header == ("Hall", "Monday", "late")

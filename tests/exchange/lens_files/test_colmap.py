@@ -127,3 +127,26 @@ def test_a_folder_without_cameras(tmp_path: Path) -> None:
     """What a reconstruction holds is said."""
     with pytest.raises(DatasetError, match=r"holds neither cameras.bin nor cameras.txt"):
         read_colmap_lenses(tmp_path)
+
+
+@pytest.mark.parametrize(("number", "name", "count"), [
+    (0, "SIMPLE_PINHOLE", 3), (1, "PINHOLE", 4), (2, "SIMPLE_RADIAL", 4), (3, "RADIAL", 5), (4, "OPENCV", 8),
+    (5, "OPENCV_FISHEYE", 8), (6, "FULL_OPENCV", 12), (8, "SIMPLE_RADIAL_FISHEYE", 4), (9, "RADIAL_FISHEYE", 5),
+    (7, "FOV", 5), (10, "THIN_PRISM_FISHEYE", 12), (11, "RAD_TAN_THIN_PRISM_FISHEYE", 16),
+])  # fmt: skip
+def test_models_have_the_numbers_of_colmap(tmp_path: Path, number: int, name: str, count: int) -> None:
+    """A binary file says by its number what a text says by its name; so it is with models that have no equal."""
+    parameters = tuple([500.0] * 2 + [0.01] * (count - 2)) if count > 3 else (500.0, 320.0, 240.0)
+    (tmp_path / "cameras.bin").write_bytes(
+        binary((1, number, 640, 480, parameters), (2, 0, 640, 480, (500.0, 320.0, 240.0)))
+    )
+    text = write(tmp_path, f"1 {name} 640 480 {' '.join(map(str, parameters))}\n")
+    if number in (7, 10, 11):
+        for file in (tmp_path / "cameras.bin", text):
+            with pytest.raises(DatasetError, match=f"{name} is not supported"):
+                read_colmap_lenses(file)
+        return
+    one, other = read_colmap_lenses(tmp_path / "cameras.bin"), read_colmap_lenses(text)[1]
+    assert one[1].camera.model == other.camera.model
+    np.testing.assert_array_equal(one[1].camera.parameters, other.camera.parameters)
+    assert one[2].camera.parameters[0] == 500

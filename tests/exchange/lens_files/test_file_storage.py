@@ -52,3 +52,39 @@ def test_what_is_none_is_told(tmp_path: Path, text: str, message: str) -> None:
     path.write_text(text)
     with pytest.raises(DatasetError, match=message):
         read_file_storage(path)
+
+
+def test_comments_of_json_are_passed_over(tmp_path: Path) -> None:
+    """Those of one line and of several; faults behind them have the number of their own line."""
+    path = tmp_path / "storage"
+    path.write_text('{\n// one\n  // two "a": 1\n/* three\n "a": 2 */\n\t"a": 3, "url": "http://host" }')
+    root = read_file_storage(path)
+    assert root.find("a").integer() == 3
+    assert root.find("url").text() == "http://host"
+    path.write_text('{ /* one\n\n*/\n// two\n"a": "word" }')
+    with pytest.raises(DatasetError, match="storage:5"):
+        read_file_storage(path).find("a").integer()
+
+
+@pytest.mark.parametrize(("text", "value"), [
+    ("12", 12), ("-7", -7), ("+7", 7), ("123456789012345678", 123456789012345678),
+    ("1234567890123456789", 1234567890123456768),
+    ("1.", 1.0), (".5e-3", 5e-4), ('"word"', "word"), ("3 x", [3, "x"]), ("", []), ("<_>1</_>", [1]),
+    ("<_>1 2</_><_>3</_>", [[1, 2], 3]), ("<b>1</b><c>2</c>", {"b": 1, "c": 2}),
+])  # fmt: skip
+def test_values_of_xml(tmp_path: Path, text: str, value: object) -> None:
+    """Whole numbers of up to 18 digits are exact; one word is itself and several are a list, as are elements `_`."""
+    path = tmp_path / "storage"
+    path.write_text(f"<opencv_storage><a>{text}</a></opencv_storage>")
+    found = read_file_storage(path).find("a").data
+    assert (found, isinstance(found, float)) == (value, text in {"1.", ".5e-3", "1234567890123456789"})
+
+
+def test_xml_may_be_as_deep_as_yaml(tmp_path: Path) -> None:
+    """32 levels below the root are read, one more is refused."""
+    path = tmp_path / "storage"
+    path.write_text("<a>" * 33 + "</a>" * 33)
+    read_file_storage(path)
+    path.write_text("<a>" * 34 + "</a>" * 34)
+    with pytest.raises(DatasetError, match="nested deeper than 32 levels"):
+        read_file_storage(path)
