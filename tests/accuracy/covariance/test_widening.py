@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from tests.journeys.raw import BOARD, LENS
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.covariance import widening
 from basecal.accuracy.covariance.widening import curved_covariance, largest_shift, state_step, widen
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3, Array
@@ -133,3 +134,32 @@ def test_errors_that_stops_share_are_no_arc() -> None:
     base = calibrate(replace(made.cell, robots=robots), made.recording)[BASE]
     assert base.sigma_norms[0] < 0.015
     assert squared_error(made, base.mean, base.covariance) < chi2.ppf(HOLD, 6)
+
+
+def test_an_arc_has_the_second_moments_of_its_products(monkeypatch) -> None:
+    """States that are off by products of sigmas: squares, mixed products, and what both directions share, twice over.
+
+    A product of three directions, the second of which is straight, is off along x, y and z; lengths are linear.
+    """
+    square = {0: np.array([1e-3, 0, 2e-3]), 2: np.array([0, 3e-3, -1e-3])}
+    mixed, linear, start = np.array([2e-3, -1e-3, 1e-3]), np.array([0.3, 0.2, 0.1]), np.array([0, 5e-3, 1e-3])
+    at = SE3.from_rotvec([0.3, -0.2, 0.1], [1, 2, 3])
+
+    def states(solution: object, sigmas: Array, steps: Array) -> SimpleNamespace:
+        assert steps.shape == (4, 3)
+        off = sum(np.outer(sigmas[:, k] ** 2, each) for k, each in square.items())
+        off = off + np.outer(sigmas[:, 0] * sigmas[:, 2], mixed) + np.outer(sigmas.sum(1), linear) + start
+        return SimpleNamespace(transforms={"base": at @ SE3.exp(np.pad(off, ((0, 0), (0, 3))))})
+
+    directions = widening._Directions(np.zeros((4, 3)), np.array([0, 2]), np.array([[0], [1]]))
+    monkeypatch.setattr(widening, "goes_by_neighbourhoods", lambda problem: False)
+    monkeypatch.setattr(widening, "_directions", lambda solution, order: directions)
+    monkeypatch.setattr(widening, "_best_states", states)
+    solution = SimpleNamespace(problem=None, state=SimpleNamespace(transforms={"base": at}))
+    mean = sum(square.values())
+    moments = np.outer(mean, mean) + 2 * sum(np.outer(each, each) for each in square.values()) + np.outer(mixed, mixed)
+    found = curved_covariance(solution, ["base"])
+    np.testing.assert_allclose(found[:3, :3], 4 * moments, rtol=1e-9)
+    assert not found[3:].any()
+    monkeypatch.setattr(widening, "_best_states", lambda *given: None)
+    assert not curved_covariance(solution, ["base"]).any()
