@@ -78,7 +78,9 @@ def test_a_fixed_camera_that_sees_too_little_is_left_out(monkeypatch: pytest.Mon
     """What to do is said, and the scene of the arms stays as it is."""
     scene, _ = with_fixed_camera(made_scene(1, arms=2, count=4, points=60), Intrinsics("fixed", LENS))
     images, report = images_of_scene(scene), Report()
-    fit = SimpleNamespace(views=images.select_moving().views, tracks=scene.tracks, state=scene.truth)
+    fit = SimpleNamespace(
+        views=images.select_moving().views, tracks=scene.tracks, state=scene.truth, guesses=(LENS,) * 2
+    )
     monkeypatch.setattr(room, "locate_camera", lambda *given: None)
     monkeypatch.setattr(Images, "descriptors", lambda self, tracks: None)
     assert room._add_fixed_cameras(images, fit, (None, None), report) is fit
