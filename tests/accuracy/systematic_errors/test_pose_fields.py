@@ -70,6 +70,25 @@ def test_arms_that_record_joints_have_none():
     assert pose_field(situation, "eye") is None
 
 
+def test_errors_that_stops_share_hold_the_field():
+    """Of a robot in the random effects there is none beside them; nor of one with few stops."""
+    situation, _ = about(MADE.recording)
+    common = {"smooth": {"hand": np.array([1e-4, 2e-4])}}
+    beside = replace(situation, noise=replace(situation.noise, common=common))
+    assert pose_field(beside, "hand") is None
+    assert pose_field(beside, "eye").robot == "eye"
+    few, _ = about(replace(MADE.recording, samples=MADE.recording.samples[:3]))
+    assert pose_field(few, "hand") is None
+
+
+def test_a_sigma_of_a_field_is_that_of_arms():
+    """None as often as of two kinds that are both none in one case of two; else from 0.1 mm to 2 mm of length."""
+    np.testing.assert_allclose(PRIOR_M.shares, [np.sqrt(0.5), *[(1 - np.sqrt(0.5)) / 3] * 3])
+    lengths = np.sqrt(3) * PRIOR_M.sigmas
+    assert lengths[0] == 0
+    assert 9e-5 < lengths[1] < lengths[2] < lengths[3] < 2e-3
+
+
 def test_a_field_is_all_of_its_variance_far_away():
     """At recorded poses hardly any is left; at two metres from all of them nothing is known."""
     situation, _ = about(MADE.recording)
