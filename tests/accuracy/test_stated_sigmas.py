@@ -307,3 +307,35 @@ def test_noise_below_any_arm_is_refuted_by_evidence():
         found = unlikely_sigmas(plain, Settings())
         assert [each.about for each in found] == robots
         assert not found or np.sqrt(np.mean([each.ratio**2 for each in found])) == pytest.approx(1e3, rel=0.5)
+
+
+@pytest.mark.parametrize(
+    ("small", "large", "hidden", "left", "asked", "taken"),
+    [
+        (0, 0, "ab", "", 0, False),
+        (2, 0, "", "", 2, True),
+        (1, 2, "ab", "ab", 1, True),
+        (0, 2, "", "", 0, False),
+        (0, 2, "ab", "a", 2, True),
+        (0, 2, "ab", "", 2, True),
+        (0, 2, "ab", "ab", 2, False),
+        (0, 2, "ab", "c", 2, False),
+    ],
+)
+def test_sigmas_are_estimated_if_they_are_too_small_or_hide_something(
+    monkeypatch, small, large, hidden, left, asked, taken
+):
+    """Those that are too small alone; those that are too large if fewer transforms are unobservable without them."""
+    given = []
+
+    def robust(names):
+        return SimpleNamespace(solution=SimpleNamespace(observability=SimpleNamespace(unobservable=frozenset(names))))
+
+    before, after = robust(hidden), robust(left)
+    monkeypatch.setattr(
+        stated_sigmas, "_estimate_sigmas", lambda robust, found, settings: given.append(len(found)) or after
+    )
+    contradictions = [SimpleNamespace(is_too_small=True)] * small + [SimpleNamespace(is_too_small=False)] * large
+    found = without_contradicted(before, contradictions, Settings())
+    assert found is (after if taken else before)
+    assert given == ([asked] if asked else [])
