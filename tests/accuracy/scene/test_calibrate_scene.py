@@ -328,19 +328,21 @@ def test_one_arm_meets_nobody() -> None:
     assert scene_meeting(cell, fit, scene_covariance(fit), Settings()) is None
 
 
-def test_errors_that_stops_share_widen_the_covariance() -> None:
+def test_errors_that_stops_share_widen_the_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot whose stated noise is total has none."""
-    fit = fitted(1)
-    np.testing.assert_allclose(_covariance(described(), fit), whole_covariance(fit))
-    np.testing.assert_array_equal(_covariance(described(is_total=True), fit), scene_covariance(fit))
-    right = described(is_total=True).robots["right"]
-    cell = replace(described(), robots={**described().robots, "right": right})
-    np.testing.assert_allclose(_covariance(cell, fit), scene_covariance(fit) + shared_covariance(fit, 0))
+    monkeypatch.setattr(room, "scene_covariance", lambda fit: np.eye(2))
+    monkeypatch.setattr(room, "shared_covariance", lambda fit, robot: np.diag([1.0, 10.0])[robot])
+    fit = SimpleNamespace(views=SimpleNamespace(robots=("left", "right")))
+    open_cell, total = described(), described(is_total=True)
+    mixed = replace(open_cell, robots={**open_cell.robots, "right": total.robots["right"]})
+    for cell, shared in ((open_cell, [1.0, 10.0]), (total, [0.0, 0.0]), (mixed, [1.0, 0.0])):
+        np.testing.assert_array_equal(_covariance(cell, fit), np.eye(2) + shared)
 
 
 def test_what_a_scene_answers_is_named_after_the_cell() -> None:
     """The base of the reference is no unknown; a fixed transform has no covariance."""
-    fit, covariance = fitted(1), whole_covariance(fitted(1))
+    fit = fitted(1)
+    covariance = np.random.default_rng(0).standard_normal(fit.information.shape)
     bases, mounts = _places(described(), fit)
     assert [each.name for each in bases] == [BASE_NAME]
     assert [each.name for each in mounts] == ["left_flange_from_left_eye", "right_flange_from_right_eye"]
