@@ -18,6 +18,7 @@ from basecal.planning.plan import (
     OUTLOOK_COUNTS,
     _calibrated_meeting,
     _Goal,
+    _make_goal,
     _order_samples,
     _steps,
     _taught_states,
@@ -164,13 +165,43 @@ def test_an_error_counts_at_its_own_points():
     assert _calibrated_meeting(replace(known, settings={}), np.zeros((0, 3))) is now
 
 
+@pytest.mark.parametrize("recorded", [frozenset(), frozenset({1, 2, 3})])
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_a_goal_begins_at_what_is_recorded(monkeypatch, recorded, calibrated):
+    """Its error is the calibration's, of which the noise in use may explain a part; without samples there is none."""
+    now = MeetingError(7e-3, "task point", 2e-3)
+    known = Calibration("good", {}, meeting=now, settings={"task_point": [0.1, 0.2, 0.3]}) if calibrated else None
+    points = np.array([[0.1, 0.2, 0.3]])
+    places = []
+    monkeypatch.setattr(plans, "base_transforms", lambda cell: ("base",))
+    monkeypatch.setattr(plans, "meeting_places", lambda problem, state, name, at: at)
+    monkeypatch.setattr(plans, "make_meeting", lambda *given: places.append(given[-1]) or meeting(1e-6))
+    prospect = SimpleNamespace(
+        problem="all", state=None, covariance=np.eye(2), recorded=recorded, recorded_problem="recorded"
+    )
+    goal = _make_goal(prospect, None, known, points)
+    assert (goal.tolerance_m, goal.recorded) == (np.inf, len(recorded))
+    assert goal.now is (now if calibrated and recorded else None)
+    assert goal.beyond_m2 == pytest.approx(12e-6 - 3e-6 if goal.now else 0.0)
+    assert _make_goal(prospect, None, known, points, 5e-4).tolerance_m == 5e-4
+    prospect.covariance = 100 * prospect.covariance
+    assert _make_goal(prospect, None, known, points).beyond_m2 == 0.0
+    assert all(each is points for each in places)
+    if not recorded:
+        with pytest.raises(InputError, match="name a task point"):
+            _make_goal(prospect, None, known, np.zeros((0, 3)))
+    else:
+        assert _make_goal(prospect, None, known, np.zeros((0, 3))).now is None
+
+
 def test_the_best_are_chosen_and_counted():
     """Of independent roots the largest; errors after each group are counted in samples."""
     roots = np.array([1.0, 3.0, 2.0, 0.5])[:, None, None] * np.array([[1.0], [0.0]])
     prospect = SimpleNamespace(covariance=np.eye(2))
-    chosen, covariance = choose_best(prospect, roots, np.eye(2), 2)
-    assert set(chosen) == {1, 2}
-    np.testing.assert_allclose(covariance, np.diag([1 / (1 + 9 + 4), 1.0]))
+    for count, best, information in ((1, {1}, 10), (2, {1, 2}, 14), (3, {0, 1, 2}, 15)):
+        chosen, covariance = choose_best(prospect, roots, np.eye(2), count)
+        assert set(chosen) == best
+        np.testing.assert_allclose(covariance, np.diag([1 / information, 1.0]))
     goal = _Goal((meeting(1e-6),), 1.0, 0, None, 0.0)
     found = _steps(goal, np.eye(2), roots[[1, 2]], 7)
     assert [count for count, _ in found] == [0, 7, 14]

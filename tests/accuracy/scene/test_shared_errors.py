@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from basecal.accuracy.scene import shared_errors as room
 from basecal.accuracy.scene.shared_errors import (
@@ -164,3 +165,19 @@ def test_what_no_recorded_pose_shows_is_as_large_as_expected(monkeypatch: pytest
     assert sigmas.min() < middle < sigmas.max()
     assert sigmas.min() * sigmas.max() == pytest.approx(middle**2)
     assert sigmas.max() <= middle * factor**3
+
+
+def test_the_likeliest_motion_has_the_length_of_its_translation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its chance is that of the best of all profiles, and at most one."""
+    motion = np.array([3e-3, 0.0, 4e-3, 1.0, 2.0, 3.0])
+    scores = {None: 5.0, 4: 40.0, 6: 20.0}
+    monkeypatch.setattr(room, "_profiles", lambda fit: ((number, number) for number in scores))
+    monkeypatch.setattr(
+        room, "_score", lambda fit, profile: (scores[profile], motion * (profile or 1), f"at {profile}")
+    )
+    found = scene_motion(SimpleNamespace())
+    assert (found.first_sample, found.step) == (4, "at 4")
+    assert found.length_m == pytest.approx(4 * 5e-3)
+    assert found.chance == pytest.approx(3 * chi2.sf(40.0, 6))
+    scores.update({4: 1.0, 6: 1.0})
+    assert scene_motion(SimpleNamespace()).chance == 1.0
