@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.compare import compare
-from basecal.accuracy.held_gauges import held_gauges
+from basecal.accuracy.held_gauges import _free_kinds, _squares, held_gauges
+from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
+from basecal.simulation.arms import six_axis
 
 ARMS = Scenario(samples=15, joints=True)
 BASE = "eye_base_from_hand_base"
@@ -63,3 +66,35 @@ def test_a_calibration_holds_gauges_apart():
     assert np.linalg.eigvalsh(found[BASE].covariance - held).min() > 0
     assert found.meeting.sigma_m < 0.2 * found[BASE].sigma_norms[0]
     assert compare(found, found).transforms[BASE].sigmas == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "rotations"), [("joint_offsets", [True] * 6), ("link_parameters", [False] * 3 + [True] * 3)]
+)
+def test_free_parameters_are_found_or_held(kind, rotations):
+    """In their own units: what the data determine and what a gauge holds are all directions together.
+
+    A translation of a link is as large as its rotation at a lever of 0.2 m; kinds with a prior are not held.
+    """
+    parameter = ROBOT_PARAMETERS[kind]
+    stated = parameter.stated(status="free")
+    units = np.diag(parameter.columns(six_axis(), stated).basis)
+    found = np.linalg.qr(np.random.default_rng(0).standard_normal((len(units), 4)))[0]
+    columns = {kind: (units[:, None] * found, None), "gear_ratio": (np.eye(6), None)}
+    model = SimpleNamespace(chain=six_axis(), columns=columns, stated={kind: stated})
+    (of,) = _free_kinds(model)
+    assert of.name == kind
+    np.testing.assert_allclose(of.found, found)
+    assert of.held.shape == (len(units), len(units) - 4)
+    whole = np.column_stack([of.found, of.held])
+    np.testing.assert_allclose(whole @ whole.T, np.eye(len(units)), atol=1e-12)
+    levers = np.where(np.resize(rotations, len(units)), 1.0, 0.2)
+    np.testing.assert_allclose(of.sigmas * of.units, levers)
+    prior = SimpleNamespace(chain=six_axis(), columns={kind: (columns[kind][0], np.ones(4))}, stated={kind: stated})
+    assert list(_free_kinds(prior)) == []
+
+
+def test_second_moments_are_along_directions():
+    """Of independent numbers."""
+    sigmas, directions = np.array([1.0, 2.0, 3.0]), np.array([[1.0, 1.0], [0.0, 1.0], [2.0, 0.0]])
+    np.testing.assert_allclose(_squares(sigmas, directions), directions.T @ np.diag(sigmas**2) @ directions)

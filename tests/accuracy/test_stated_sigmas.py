@@ -15,6 +15,7 @@ from basecal.accuracy.stated_sigmas import (
     _stop_squares,
     _view_squares,
     contradicted_sigmas,
+    is_below_arms,
     judge_sigma,
     unlikely_sigmas,
     without_contradicted,
@@ -307,3 +308,42 @@ def test_noise_below_any_arm_is_refuted_by_evidence():
         found = unlikely_sigmas(plain, Settings())
         assert [each.about for each in found] == robots
         assert not found or np.sqrt(np.mean([each.ratio**2 for each in found])) == pytest.approx(1e3, rel=0.5)
+
+
+@pytest.mark.parametrize(
+    ("small", "large", "hidden", "left", "asked", "taken"),
+    [
+        (0, 0, "ab", "", 0, False),
+        (2, 0, "", "", 2, True),
+        (1, 2, "ab", "ab", 1, True),
+        (0, 2, "", "", 0, False),
+        (0, 2, "ab", "a", 2, True),
+        (0, 2, "ab", "", 2, True),
+        (0, 2, "ab", "ab", 2, False),
+        (0, 2, "ab", "c", 2, False),
+    ],
+)
+def test_sigmas_are_estimated_if_they_are_too_small_or_hide_something(
+    monkeypatch, small, large, hidden, left, asked, taken
+):
+    """Those that are too small alone; those that are too large if fewer transforms are unobservable without them."""
+    given = []
+
+    def robust(names):
+        return SimpleNamespace(solution=SimpleNamespace(observability=SimpleNamespace(unobservable=frozenset(names))))
+
+    before, after = robust(hidden), robust(left)
+    monkeypatch.setattr(
+        stated_sigmas, "_estimate_sigmas", lambda robust, found, settings: given.append(len(found)) or after
+    )
+    contradictions = [SimpleNamespace(is_too_small=True)] * small + [SimpleNamespace(is_too_small=False)] * large
+    found = without_contradicted(before, contradictions, Settings())
+    assert found is (after if taken else before)
+    assert given == ([asked] if asked else [])
+
+
+@pytest.mark.parametrize(("turn", "is_below"), [(1e-7, True), (1e-5, True), (1e-4, False), (1e-3, False)])
+def test_no_arm_turns_by_a_few_seconds_of_arc(turn, is_below):
+    """The mean of the rotations decides; translations have no part."""
+    assert is_below_arms(np.array([1e-9, 1e-9, 1e-9, 0.5 * turn, turn, 1.5 * turn])) is is_below
+    assert is_below_arms(np.array([1.0, 1.0, 1.0, 0.5 * turn, turn, 1.5 * turn])) is is_below

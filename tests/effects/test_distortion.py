@@ -29,3 +29,17 @@ def test_a_lens_without_terms_has_none():
     plain = Camera("pinhole", PINHOLE[:4], None)
     assert len(usual(plain)) == 0
     np.testing.assert_array_equal(draw_fault(3.0, plain).parameters, plain.parameters)
+
+
+def test_the_farthest_corner_is_that_of_the_image():
+    """On either side; an image of unknown size reaches twice as far as its principal point."""
+    for size, corner in (((1280, 720), [640, 360]), ((1400, 700), [760, 360]), ((1000, 800), [640, 440])):
+        ray = farthest_corner(Camera("pinhole", PINHOLE, size))
+        np.testing.assert_allclose(ray, [corner[0] / 900, corner[1] / 910, 1])
+    unsized = Camera("pinhole", PINHOLE, None)
+    np.testing.assert_allclose(farthest_corner(unsized), [640 / 900, 360 / 910, 1])
+    np.testing.assert_allclose(usual(unsized), usual(Camera("pinhole", PINHOLE, (1280, 720))))
+    wide = Camera("pinhole", PINHOLE, (2560, 720))
+    near, far = np.hypot(640 / 900, 360 / 910), np.hypot(1920 / 900, 360 / 910)
+    ratio = usual(wide)[0] / usual(unsized)[0]
+    assert ratio == pytest.approx(2 * (near / far) ** 3, rel=0.01)

@@ -135,3 +135,34 @@ def test_offsets_that_are_estimated_or_have_no_joints_are_not_tested():
     assert list(of.candidates(views_of(Scenario(samples=6)))) == []
     estimated = Scenario(samples=12, joints=True, joint_offset_rad=1e-3, joint_offsets="prior")
     assert list(of.candidates(views_of(estimated))) == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "reasons"),
+    [
+        ((0,), "the first joint moves the arm as its base does"),
+        ((0, 2), "the first joint moves the arm as its base does, the samples hardly move the others alone"),
+        ((0, 1), "joints 1 to 2 move the arm as its base does, in these samples"),
+        ((0, 1, 2), "joints 1 to 3 move the arm as its base does, in these samples"),
+        ((3,), "the last one as the mounts on its flange do"),
+        ((2, 3), "the last one as the mounts on its flange do, the samples hardly move the others alone"),
+        (
+            (0, 1, 2, 3),
+            "the first joint moves the arm as its base does, the last one as the mounts on its flange do, "
+            "the samples hardly move the others alone",
+        ),
+    ],
+)
+def test_leading_joints_move_the_arm_as_its_base_does(rows, reasons):
+    """The last as its mounts do; those between hardly moved."""
+    found = of.unobserved_reason(Unobserved("joints", rows, 4, "eye_base", False))
+    assert found.split("joints: ", 1)[1].split(";")[0] == reasons
+
+
+@pytest.mark.parametrize(
+    ("largest", "sigma"), [(0.0, 0.005), (0.005, 0.005), (0.0051, 0.006), (0.03, 0.03), (0.031, 0.04), (0.91, 1.0)]
+)
+def test_a_prior_holds_the_offsets_that_were_found(largest, sigma):
+    """It is rounded up to one digit, of either sign."""
+    assert of.suggested_sigma(np.array([0.0, -largest])) == pytest.approx(sigma)
+    assert of.suggested_sigma(np.zeros(0)) == 0.005

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from dataclasses import replace
 from string import Formatter
 from typing import get_args
 
@@ -13,7 +14,17 @@ import pytest
 from basecal.cell import RobotParameters
 from basecal.effects.faces.effect import Face, FoundEffect
 from basecal.effects.faces.robot_parameter import Posture, Unobserved
-from basecal.effects.registry import EFFECTS, LENS_PARAMETERS, RANDOM_EFFECTS, ROBOT_PARAMETERS
+from basecal.effects.registry import (
+    BY_PLACE,
+    CHANGES_IN_TIME,
+    CONTAINED,
+    EFFECTS,
+    LENS_PARAMETERS,
+    RANDOM_EFFECTS,
+    ROBOT_PARAMETERS,
+    describe_effect,
+    largest_sigma,
+)
 from basecal.geometry import Camera
 from basecal.simulation import Scenario
 from basecal.simulation.arms import six_axis
@@ -199,3 +210,78 @@ def test_values_by_joint_say_why_they_are_not_seen(name):
     assert (kind.unobserved is not None) == kind.is_by_joint
     if kind.unobserved is not None:
         assert "joint 2 (b)" in kind.unobserved(Unobserved("joint 2 (b)", (1,), 6, "eye_base", True))
+
+
+def test_effects_are_grouped_by_what_they_depend_on():
+    """Fields of place, changes of frames in time, and sizes that every answer contains."""
+    assert set(BY_PLACE) == {"length_scale", "bending", "stretch"}
+    assert set(CHANGES_IN_TIME) == {"step", "drift"}
+    assert set(CONTAINED) == {"mount_bend", "mount_play", "lens_sag"}
+    for name in (*BY_PLACE, *CHANGES_IN_TIME, *CONTAINED):
+        assert EFFECTS[name].candidates is not None
+
+
+def test_arms_are_never_built_exactly_as_stated():
+    """Offsets and links are certain and drawn on maps; an estimated parameter replaces its own random effect."""
+    for name, effect in RANDOM_EFFECTS.items():
+        assert effect.is_certain == effect.is_mapped == (name in {"joint_offsets", "link_parameters"}), name
+        assert (name in effect.replaced_by) == (name in ROBOT_PARAMETERS)
+        assert set(effect.replaced_by) <= ROBOT_PARAMETERS.keys()
+
+
+def test_sizes_that_no_answer_contains_have_no_largest_sigma():
+    """Of the others it is that of the prior: three standard deviations at most."""
+    for name, effect in EFFECTS.items():
+        largest = largest_sigma(name)
+        assert np.isfinite(largest) == (name in CONTAINED)
+        if name in CONTAINED:
+            assert effect.expected.sigma < largest <= effect.expected.sigma * effect.expected.factor**3
+
+
+@pytest.mark.parametrize(
+    ("name", "usual"),
+    [
+        ("joint-offsets", np.radians(0.2)),
+        ("link-errors", 5e-4),
+        ("sag", np.radians(0.1)),
+        ("gear-ratio", 5e-3),
+        ("clock-offset", 0.2),
+        ("mount-bend", 1e-3),
+        ("mount-play", 5e-4),
+        ("focal-length", 1e-2),
+        ("principal-point", 5.0),
+    ],
+)
+def test_faults_have_usual_sizes(name, usual):
+    """In the units of SI, or in pixels."""
+    (fault,) = (each.fault for each in EFFECTS.values() if each.fault is not None and each.fault.name == name)
+    assert fault.scale * fault.usual == pytest.approx(usual)
+
+
+def test_what_is_drawn_of_joints_is_as_large_as_its_fault():
+    """Compliances by the load of 50 Nm, from half to one and a half times; links by a sigma per axis, 1 mrad a mm."""
+    rng = np.random.default_rng(0)
+    compliance = EFFECTS["deflection"].fault.draw(0.05, 2000, rng)
+    assert 5e-4 <= compliance.min() < 5.1e-4
+    assert 1.49e-3 < compliance.max() <= 1.5e-3
+    links = EFFECTS["link_parameters"].fault.draw(0.5, 999, rng)
+    assert links.shape == (1000, 6)
+    np.testing.assert_allclose(links.std(0), 0.5, rtol=0.1)
+    np.testing.assert_allclose(links.mean(0), 0, atol=0.06)
+
+
+def test_effects_that_the_data_do_not_distinguish_are_named_together():
+    """A statement comes first, whatever was found; later ones go on in lower case, and advice is said once."""
+    found = found_effect("eye", [3e-3, 4e-3], 1e-4)
+    bent, late = (
+        replace(found, effect="bending"),
+        replace(found_effect("wrist", [0.5], 0.1, True), effect="clock_offset"),
+    )
+    mount = replace(found_effect("eye_mount", [1e-3, 0, 0, 0, 0, 0], 1e-4), effect="fixed_transform")
+    assert describe_effect(bent) == EFFECTS["bending"].words(bent)
+    words = describe_effect(replace(bent, alternatives=(late, mount)))
+    each = [EFFECTS[one.effect].words(one) for one in (mount, bent, late)]
+    assert words.code == each[0].code
+    assert words.what == ", or ".join([each[0].what[:-1], each[1].what[:-1], "images" + each[2].what[6:-1]]) + "."
+    assert list(words.do) == list(dict.fromkeys(line for one in each for line in one.do))
+    assert words.why == "The data do not distinguish these."

@@ -53,3 +53,28 @@ def test_modes_are_the_strongest_sixteen_that_matter(spread_rad, fewer):
     assert (len(kept) < 16) == fewer
     expected = (vectors[:, kept] * values[kept]) @ vectors[:, kept].T
     np.testing.assert_allclose(found @ found.T, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize(("stops", "places", "few"), [(10, 10, 10), (11, 10, 6), (20, 10, 10), (21, 10, 7), (3, 10, 3)])
+def test_modes_are_of_so_many_places_at_most(stops, places, few):
+    """Evenly chosen, the first among them."""
+    instants = np.arange(float(stops))
+    found = Modes.strongest(instants, lambda one, two: np.exp(-np.abs(one[:, None] - two)), places)
+    assert len(found.recorded) == few
+    assert found.recorded[0] == 0
+    assert len(set(np.diff(found.recorded))) == 1
+
+
+def test_modes_are_the_strongest_and_not_too_weak():
+    """So many at most, none below a share of the largest."""
+    alike = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]]) / 2
+    values = np.array([1.0, 0.5, 0.02, 0.009])
+    places = np.arange(4)
+
+    def kernel_of(one, two):
+        return (alike * values @ alike.T)[one][:, two]
+
+    assert Modes.strongest(places, kernel_of).weights.shape == (4, 3)
+    two = Modes.strongest(places, kernel_of, count=2).sizes(places)
+    np.testing.assert_allclose(two @ two.T, alike * [1, 0.5, 0, 0] @ alike.T, atol=1e-12)
+    assert Modes.strongest(places, kernel_of, least=0.005).weights.shape == (4, 4)

@@ -116,3 +116,11 @@ def test_a_base_that_moves_is_not_taken_for_an_arm_that_lags():
             samples.append(sample)
     found = calibrate(made.cell, Recording(tuple(samples)))
     assert "base-moved" in {finding.code for finding in found.findings if finding.severity != "info"}
+
+
+def test_errors_are_alike_for_a_second():
+    """By an exponential of the time between, of two lists of instants."""
+    found = kernel(np.array([0.0, 3.0]), np.array([0.0, 1.0, 5.0]))
+    np.testing.assert_allclose(found, np.exp([[0, -1, -5], [-3, -2, -2]]))
+    assert errors(np.array([np.nan, np.nan])) is None
+    assert errors(np.zeros(0)) is None

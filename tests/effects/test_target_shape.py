@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from basecal.cell.targets.chessboard import chessboard_target
-from basecal.effects.target_shape import BOW_COEFFICIENTS, bow_height_m, point_shifts_m, unit_bow, unit_shifts, words
+from basecal.effects.target_shape import (
+    BOW_COEFFICIENTS,
+    bow_height_m,
+    freedoms,
+    has_area,
+    is_flat,
+    point_shifts_m,
+    unit_bow,
+    unit_shifts,
+    words,
+)
 from basecal.geometry import SE3
 
 BOARD = chessboard_target((9, 6), 0.04)
@@ -86,3 +96,32 @@ def test_points_of_a_body_that_are_off_are_told(sigmas, severity):
     far_mm = 1e3 * point_shifts_m(points, shape).max()
     assert found.what == f"Points of body are up to {far_mm:.2g} mm from their stated positions."
     assert found.severity == severity
+
+
+@pytest.mark.parametrize(("thickness", "flat"), [(0.0, True), (0.04, True), (0.07, False), (1.0, False)])
+def test_thick_targets_are_bodies(thickness, flat):
+    """A board is bowed; a body has three coordinates a point, of which six move it as a whole."""
+    points = np.random.default_rng(0).uniform(-1, 1, (60, 3)) * [1.0, 1.0, thickness]
+    assert is_flat(points) == flat
+    assert has_area(points)
+    shape = np.zeros(3 if flat else 180)
+    assert freedoms(points, shape) == (3 if flat else 174)
+    assert unit_shifts(points).shape == (60, 3, len(shape))
+
+
+def test_points_on_a_line_have_no_area():
+    """Nor has a single one."""
+    line = np.linspace(-1, 1, 9)[:, None] * [1.0, 2.0, 3.0]
+    assert not has_area(line)
+    assert not has_area(line[:1])
+    assert has_area(np.vstack([line, [1.0, 0.0, 0.0]]))
+
+
+@pytest.mark.parametrize(("size_m", "told"), [(0.09e-3, False), (0.11e-3, True)])
+def test_a_tenth_of_a_millimetre_is_told(size_m, told):
+    """Less is not, unless it is more than three usual sigmas."""
+    of_one = bow_height_m(BOARD.points, np.array([1.0, 0.0, 0.0]))
+    assert (words("board", BOARD.points, np.array([size_m / of_one, 0, 0])) is not None) == told
+    small = 0.05 * BOARD.points
+    assert words("board", small, np.array([3.1, 0, 0])).severity == "warning"
+    assert words("board", small, np.array([2.9, 0, 0])) is None

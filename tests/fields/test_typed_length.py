@@ -29,6 +29,17 @@ def test_what_is_no_length_is_refused(text: str) -> None:
         length_m(text)
 
 
+def test_speeds_are_lengths_a_second() -> None:
+    """Their errors name a speed, the option and the example."""
+    assert length_m("250mm/s", "--speed", "100mm/s", "/s") == pytest.approx(0.25)
+    for text in ("250mm", "250/s", "0mm/s", "-1m/s", "/s"):
+        with pytest.raises(UsageError) as caught:
+            length_m(text, "--speed", "100mm/s", "/s")
+        assert str(caught.value) == f"--speed {text!r}: expected a speed above zero with its unit, such as 100mm/s"
+    with pytest.raises(UsageError, match=r"^--tolerance '5mm/s': expected a length above zero"):
+        length_m("5mm/s")
+
+
 def test_counts_are_read() -> None:
     """Columns first; what is not two numbers names the option."""
     assert columns_rows("5x7", "--squares") == columns_rows("5, 7", "--squares") == (5, 7)

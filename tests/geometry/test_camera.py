@@ -66,7 +66,7 @@ def test_the_camera_matrix_holds_focal_lengths_and_principal_point(camera):
     plain = Camera("pinhole", np.array(PARAMETERS), (1280, 720))
     np.testing.assert_array_equal(camera.matrix, plain.matrix)
     point = np.array([0.2, -0.1, 0.8])
-    np.testing.assert_allclose((plain.matrix @ point)[:2] / 0.8, plain.project(point))
+    np.testing.assert_allclose(plain.matrix @ point / 0.8, [*plain.project(point), 1.0])
 
 
 def test_pixels_are_opencvs(camera, points):

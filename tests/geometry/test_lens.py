@@ -1,65 +1,12 @@
-"""What holds of every lens, and how a lens is found."""
+"""Numbers that lenses share."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from basecal.errors import InputError
-from basecal.geometry import Camera
-from basecal.geometry.lens import first_root
-from basecal.geometry.lenses.registry import find_lens, lens_models, model_lenses, term_counts, terms_text
-
-DOCUMENT = Path(__file__).parents[2] / "docs" / "data_format.md"
-
-
-@pytest.mark.parametrize("model", lens_models())
-def test_every_number_of_terms_has_one_lens(model: str) -> None:
-    """No two lenses of a model have the same number of terms, and each names as many as it may have."""
-    counts = [count for lens in model_lenses(model) for count in lens.TERMS]
-    assert sorted(counts) == list(term_counts(model))
-    assert all(max(lens.TERMS) == len(lens.TERM_NAMES) for lens in model_lenses(model))
-    assert all(lens.USUAL_TERMS in lens.TERMS for lens in model_lenses(model))
-
-
-@pytest.mark.parametrize("model", lens_models())
-def test_a_usual_lens_fills_its_image(model: str) -> None:
-    """Of lenses as simulations draw them nearly every pixel has a direction, and that direction the pixel."""
-    for seed, lens in enumerate(model_lenses(model)):
-        rng = np.random.default_rng(seed)
-        distortion = lens.usual_distortion(rng)
-        assert len(distortion) == lens.USUAL_TERMS
-        for focal in lens.USUAL_FOCAL_PX:
-            camera = Camera(model, np.array([focal, focal, 639.5, 359.5, *distortion]), (1280, 720))
-            pixels = np.stack(np.meshgrid(np.arange(0, 1280, 64.0), np.arange(0, 720, 48.0)), -1)
-            rays, valid = camera.undistort(pixels)
-            assert valid.mean() > 0.95
-            np.testing.assert_allclose(camera.project(rays[valid]), pixels[valid], rtol=0, atol=1e-8)
-            assert lens.domain_mask(rays[valid], distortion.tolist()).all()
-            (left, right), _ = camera.undistort(np.array([[0.0, 359.5], [1279.0, 359.5]]))
-            assert 60 < np.degrees(np.arccos(left @ right)) < 170  # a field of view of lenses that are sold
-
-
-@pytest.mark.parametrize("model", lens_models())
-def test_terms_stand_in_the_documents(model: str) -> None:
-    """The terms of every model are written in docs/data_format.md as they are told."""
-    assert terms_text(model) in DOCUMENT.read_text(encoding="utf-8")
-
-
-def test_terms_are_told() -> None:
-    """What may be left out stands in brackets, and brackets in brackets."""
-    assert terms_text("fisheye") == "k1 k2 k3 k4"
-    assert terms_text("pinhole").startswith("k1 k2 p1 p2 [k3 [k4 k5 k6")
-
-
-def test_an_unknown_lens() -> None:
-    """An unknown model, and a number of terms that none has, are errors that name what there is."""
-    with pytest.raises(InputError, match="did you mean 'fisheye'"):
-        find_lens("fisheyes", 4)
-    with pytest.raises(InputError, match="4 distortion terms, not 5"):
-        find_lens("fisheye", 5)
+from basecal.geometry.lens import any_nonzero, first_root, invert_map
+from basecal.geometry.lenses import pinhole
 
 
 def test_first_root() -> None:
@@ -67,3 +14,33 @@ def test_first_root() -> None:
     assert first_root(np.array([1.0, -1.5, 0.5])) == pytest.approx(1.0)
     assert first_root(np.array([1.0, 0.0, 1.0])) == np.inf
     assert first_root(np.array([1.0, 1.0])) == np.inf
+    assert first_root(np.array([1.0])) == np.inf
+    assert first_root(np.array([1.0, -2.0, 0.0])) == pytest.approx(0.5)
+    assert first_root(np.array([1.0, -1e-200])) == pytest.approx(1e200)
+
+
+@pytest.mark.parametrize("number", [0.3, -0.3, np.array([0.0, 0.3])])
+def test_any_number_may_be_other_than_zero(number: object) -> None:
+    """Of one lens or of a batch."""
+    assert any_nonzero([0.0, number])
+    assert not any_nonzero([0.0, 0.0 * number])
+    assert not any_nonzero([])
+
+
+def test_images_beyond_a_fold_have_no_direction() -> None:
+    """Up to a^2 + b^2 of the limit there is one, on every side; it is the direction whose image it is."""
+    barrel = [-0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    limit = pinhole.fold(barrel)
+    assert limit == pytest.approx(1 / 0.9)
+    turn = np.linspace(0, 2 * np.pi, 12)
+    for share, inside in ((0.0, True), (0.5, True), (0.99, True), (1.01, False), (1.5, False)):
+        radius = np.sqrt(limit)
+        edge = radius * (1 - 0.3 * limit)
+        reach = share * radius * (1 - 0.3 * share**2 * limit) if inside else share * edge
+        u, v = reach * np.cos(turn), reach * np.sin(turn)
+        with np.errstate(all="ignore"):  # as a camera calls it
+            rays, valid = invert_map(lambda a, b: pinhole.project_direction(a, b, barrel), u, v, limit)
+        assert (valid == inside).all()
+        if inside:
+            wanted = share * radius * np.stack([np.cos(turn), np.sin(turn)], -1)
+            np.testing.assert_allclose(rays[:, :2], wanted, atol=1e-9)

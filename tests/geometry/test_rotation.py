@@ -1,5 +1,7 @@
 """Rotation matrices: half turns, cross products and projections; exponentials are tested with SE(3)'s."""
 
+from math import factorial
+
 import numpy as np
 import pytest
 
@@ -88,3 +90,18 @@ def test_the_quaternion_of_a_half_turn_has_one_sign():
     nearly = rotation_exp(np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]]))
     np.testing.assert_allclose(quaternion_from_rotation(nearly)[:, 2], np.sin([-1.5, 1.5]), atol=1e-15)
     assert np.all(quaternion_from_rotation(nearly)[:, 3] > 0)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.02, 0.031, 0.3, 0.499, 0.501, 1.0, 2.0, np.pi])
+@pytest.mark.parametrize("count", [1, 3, 5])
+def test_coefficients_are_sums_of_their_series(angle, count):
+    """On both sides of the limits between series and closed forms, alone and beside other angles."""
+    wanted = [
+        sum((-1) ** k * angle ** (2 * k) / factorial(2 * k + first) for k in range(20)) for first in range(1, count + 1)
+    ]
+    found = exp_coefficients(np.array(angle), count)
+    assert found.shape == (count,)
+    np.testing.assert_allclose(found, wanted, rtol=2e-13, atol=1e-15)
+    np.testing.assert_allclose(
+        exp_coefficients(np.array([0.1, angle, 3.0]), count)[:, 1], wanted, rtol=2e-13, atol=1e-15
+    )

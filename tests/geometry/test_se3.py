@@ -348,3 +348,12 @@ def test_a_spread_batch_acts_on_a_further_axis():
     np.testing.assert_allclose(
         (poses.spread() @ SE3(np.broadcast_to(np.eye(3), (4, 5, 3, 3)), points)).translation, rows
     )
+
+
+def test_a_transform_is_repeated(rng):
+    """Each entry is the transform, and an empty batch has none."""
+    pose = SE3.exp(rng.normal(size=6))
+    many = pose.repeat(3)
+    assert (many.shape, pose.repeat(0).shape) == ((3,), (0,))
+    np.testing.assert_array_equal(many.matrix, [pose.matrix] * 3)
+    np.testing.assert_array_equal((many @ np.ones(3)), [pose @ np.ones(3)] * 3)

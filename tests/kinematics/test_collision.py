@@ -116,3 +116,31 @@ def test_another_arm_on_the_same_torso_is_no_body_of_this_one(tmp_path):
         (tmp_path / "two.urdf").write_text(text)
         found = read_chain(tmp_path / "two.urdf", "base_link", "tool0").collisions
         assert [each.link for each in found] == ["other"] * kept
+
+
+@pytest.mark.parametrize(
+    ("shape", "half", "radius"),
+    [
+        ('<cylinder radius="0.06" length="0.4"/>', [0, 0, 0.2], 0.06),
+        ('<cylinder radius="-0.06" length="0.4"/>', [0, 0, 0.2], 0.06),
+        ('<sphere radius="0.1"/>', [0, 0, 0], 0.1),
+        ('<box size="0.06 0.3 0.08"/>', [0, 0.15, 0], 0.05),
+        ('<box size="0.06 0.08 -0.3"/>', [0, 0, 0.15], 0.05),
+    ],
+)
+def test_slender_shapes_are_one_capsule_about_their_middle(tmp_path, shape, half, radius):
+    """Its segment is as long as the shape, and its radius reaches the edges; it is exact."""
+    found = body_capsules(collision(body(shape), tmp_path))
+    assert found.frame.tolist() == [2]
+    np.testing.assert_allclose(found.radius, radius)
+    np.testing.assert_array_equal(found.padding, 0)
+    np.testing.assert_allclose(found.ends[0], PLACED @ origin_of(shape) @ np.outer([-1, 1], half), atol=1e-12)
+
+
+def test_numbers_of_shapes_are_bounded(tmp_path):
+    """Up to a thousand, as many as the shape has, and padding is that of the caller."""
+    assert body_capsules(collision(body('<sphere radius="1000"/>'), tmp_path)).radius == 1000
+    for radius in ("1001", "-1001", "1 2", "", "inf", "wide"):
+        with pytest.raises(InputError, match="expected finite numbers: 1"):
+            body_capsules(collision(body(f'<sphere radius="{radius}"/>'), tmp_path))
+    np.testing.assert_array_equal(box_capsules(1, PLACED, np.array([np.zeros(3), np.ones(3)]), 0.1).padding, 0.1)

@@ -145,3 +145,12 @@ def test_light_links_and_links_of_nothing():
     np.testing.assert_allclose(masses.centres, [[0.14, 0.02, 0], [0, 0, 0]], atol=1e-15)
     nothing = text.replace('value="0.4"', 'value="0"').replace('value="0.1"', 'value="0"')
     assert parse_chain(nothing, "base", "rod").masses is None
+
+
+def test_weights_pull_down_by_default():
+    """A direction of any length has the same torques."""
+    chain = six_axis()
+    assert chain.masses is not None
+    parts = chain.masses.kg, chain.masses.centres
+    np.testing.assert_array_equal(Masses(*parts).down, DOWN)
+    np.testing.assert_allclose(Masses(*parts, np.array([0, 3.0, -4.0])).down, [0, 0.6, -0.8])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.kinematics.mesh import mesh_bounds
+from basecal.kinematics.mesh import mesh_bounds, mesh_triangles
 from shared.bodies import binary_stl, obj, text_stl
 
 TRIANGLES = np.random.default_rng(0).uniform(-300, 700, (40, 3, 3))
@@ -39,3 +39,17 @@ def test_what_is_no_mesh_is_refused(tmp_path, data):
     path.write_bytes(data)
     with pytest.raises(DatasetError, match=r"arm\.stl.*expected finite vertices of an STL or OBJ file"):
         mesh_bounds(path)
+
+
+@pytest.mark.parametrize(("face", "rows"), [("1 2 3", [0, 1, 2]), ("-3 -2 -1", [0, 1, 2]), ("3 -3 2", [2, 0, 1])])
+def test_faces_name_vertices_from_one_or_from_the_end(tmp_path, face, rows):
+    """Numbers beyond either end, and zero, are refused."""
+    path = tmp_path / "arm.obj"
+    points = np.arange(9.0).reshape(3, 3)
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in points)
+    path.write_text(f"{text}f {face}\n")
+    np.testing.assert_array_equal(mesh_triangles(path), [points[rows]])
+    for other in ("0 1 2", "1 2 4", "1 2 -4"):
+        path.write_text(f"{text}f {other}\n")
+        with pytest.raises(DatasetError, match="vertices 1 to 3"):
+            mesh_triangles(path)

@@ -28,3 +28,13 @@ def test_a_mixture_has_the_moments_of_its_parts():
     moments = covariances + means[..., :, None] * means[..., None, :]
     second = 0.75 * moments[:, 0] + 0.25 * moments[:, 1]
     np.testing.assert_allclose(found.covariance + found.mean[:, :, None] * found.mean[:, None], second, atol=1e-12)
+
+
+def test_parts_count_by_their_evidence():
+    """Of a mixture the evidence is the mean of the parts' by their priors, however far apart they are."""
+    shares, evidence = np.array([0.75, 0.25]), np.array([[2 * np.log(1.0), 2 * np.log(9.0)], [-3000.0, -2000.0]])
+    means, covariances = np.array([[[0.0], [4.0]]] * 2), np.ones((2, 2, 1, 1))
+    found = mixture(shares, Gaussian(evidence, means, covariances))
+    np.testing.assert_allclose(found.evidence, [2 * np.log(3.0), -2000 + 2 * np.log(0.25)])
+    np.testing.assert_allclose(found.mean, [[3.0], [4.0]])
+    np.testing.assert_allclose(found.covariance, [[[1 + 0.75 * 0.25 * 16]], [[1.0]]])

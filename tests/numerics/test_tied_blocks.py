@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.numerics.tied_blocks import tied_blocks
+from basecal.numerics.tied_blocks import components, tied_blocks
 
 NOTHING = np.zeros((0, 2), dtype=np.int64)
 
@@ -58,3 +58,20 @@ def test_hubs_are_those_of_most_pairs_and_no_more():
     assert of.place.tolist() == [-1, -1, 0, 1, 0, 0, 0, 0, 0, 0]
     assert tied_blocks(np.array([[0, 1], [1, 2]]), 3, 3).hubs == []
     assert tied_blocks(np.array([[0, 1], [1, 2]]), 3, 2).hubs == [1]
+
+
+def test_components_are_named_by_their_lowest_node():
+    """However long the way is, and in whatever order its pairs are."""
+    assert components(NOTHING, 3).tolist() == [0, 1, 2]
+    assert components(np.array([[4, 3], [3, 1], [5, 2]]), 6).tolist() == [0, 1, 2, 1, 1, 2]
+    chain = np.stack([np.arange(1, 50), np.arange(49)], axis=1)[::-1]
+    assert components(chain, 50).tolist() == [0] * 50
+    assert components(NOTHING, 0).tolist() == []
+
+
+def test_known_hubs_are_in_no_block():
+    """What they tie falls apart."""
+    of = tied_blocks(np.array([[0, 1], [1, 2], [3, 4]]), 5, 5, [1])
+    assert of.hubs == [1]
+    assert of.block.tolist() == [0, -1, 1, 2, 2]
+    assert of.place.tolist() == [0, -1, 0, 0, 1]

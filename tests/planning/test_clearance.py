@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -154,6 +156,27 @@ def test_a_body_that_cannot_be_read_is_named_and_replaced_by_a_line(tmp_path):
     np.testing.assert_allclose(line, [np.zeros(3), sketch.cell.robots["two"].chain.origins.translation[2]])
     assert (body.radius + body.padding)[body.frame == 2] == [0.06]
     np.testing.assert_array_equal(body.ends[body.frame == 3], whole.ends[whole.frame == 3])
+
+
+def test_what_an_arm_carries_goes_with_its_flange(tmp_path):
+    """A camera is a ball of 60 mm about its centre, in the frame behind the last joint; the other arm has none."""
+    sketch = two_arms(arm_with_bodies(tmp_path))
+    mount = SE3(np.eye(3), np.array([0.1, 0.2, 0.3]))
+    sketch = replace(sketch, transforms={**sketch.transforms, "one_flange_from_wrist": mount})
+    body, _ = robot_capsules(sketch, "one")
+    carried = body.frame == 7
+    np.testing.assert_allclose(body.ends[carried], [[mount.translation] * 2])
+    assert (body.radius + body.padding)[carried].tolist() == [0.06]
+    assert 7 not in robot_capsules(sketch, "two")[0].frame
+
+
+def test_a_robot_that_stays_has_no_path(tmp_path):
+    """Nor is there one that is known of a robot without joints, or that no sample has."""
+    sketch, zeros = two_arms(arm_with_bodies(tmp_path)), np.zeros(6)
+    assert path_length(sketch, at(zeros, zeros), at(zeros, zeros), "one") == 0.0
+    poses = Sample(0, robots={"one": RobotState(SE3.identity())})
+    for start, end in ((poses, at(zeros, zeros)), (at(zeros, zeros), poses), (Sample(0), at(zeros, zeros))):
+        assert path_length(sketch, start, end, "one") is None
 
 
 def test_no_point_of_a_body_moves_farther_than_the_path_length(tmp_path):

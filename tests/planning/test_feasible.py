@@ -9,15 +9,21 @@ import pytest
 
 from basecal.cell import Robot, RobotState, Sample
 from basecal.geometry import SE3, Camera
+from basecal.kinematics.chain import SerialChain
 from basecal.planning.feasible import (
+    approach_poses,
+    as_near_as_seen,
     blocked_samples,
     is_clear,
     is_feasible,
+    is_front_seen,
     is_in_view,
     is_path_clear,
     is_within_limits,
     points_in_image,
     reach_pose,
+    reach_poses,
+    visibility_mask,
 )
 from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.ur5e import ur5e
@@ -126,3 +132,124 @@ def test_what_is_behind_is_not_seen():
     ends = np.array([[0, 0, 1.0], [0, 0, -1.0]])
     assert points_in_image(LENS, ends, 2.0).tolist() == [True, False]
     assert points_in_image(Camera("pinhole", LENS.parameters), ends, 2.0).tolist() == [True, False]
+
+
+def facing(*centres, tilt_rad=0.0):
+    """Poses of the board in the camera, its middle at these places [m], its front tilted about x."""
+    turned = SE3.from_rotvec([tilt_rad, 0.0, 0.0], [0.0, 0.0, 0.0])
+    middle = turned @ SKETCH.target_points.mean(0)
+    return SE3.stack([SE3(turned.rotation, np.array(centre) - middle) for centre in centres])
+
+
+def of_points(sketch, points=None):
+    """The sketch of a target of these points; of a bare pose if there are none."""
+    board = sketch.cell.targets["board"]
+    shape = None if points is None else replace(board.target, points=points, sheets=())
+    return replace(sketch, cell=replace(sketch.cell, targets={"board": replace(board, target=shape)}))
+
+
+def without_lens(sketch):
+    wrist = replace(sketch.cell.cameras["wrist"], intrinsics=None)
+    return replace(sketch, cell=replace(sketch.cell, cameras={"wrist": wrist}))
+
+
+def test_targets_are_neither_too_near_nor_too_far():
+    """Every point is deeper than the nearest depth, and nearer than 3 m."""
+    sketch = of_points(replace(SKETCH, nearest_m=0.3), np.array([[0.0, 0, 0], [0, 0, 0.1]]))
+    poses = SE3(np.tile(np.eye(3), (4, 1, 1)), np.array([[0, 0, z] for z in (0.29, 0.31, 2.89, 2.91)]))
+    assert visibility_mask(sketch, poses).tolist() == [False, True, True, False]
+
+
+def test_boards_are_seen_from_their_front():
+    """Up to a cosine of 0.35 between the normal and the ray, whichever way they are tilted."""
+    for degrees, seen in ((0, True), (68, True), (71, False), (-68, True), (-71, False), (180, False)):
+        (found,) = visibility_mask(SKETCH, facing([0, 0, 1.0], tilt_rad=np.radians(degrees)))
+        assert found == seen, degrees
+    normal, centre = np.array([[0, 0, 1.0], [0, 0, 1.0], [0, 0, -1.0]]), np.array([[0, 3, 4.0], [0, 4, 3.0], [0, 3, 4]])
+    assert is_front_seen(normal, centre, 0.7).tolist() == [True, False, False]
+
+
+def test_targets_keep_a_margin_of_the_image():
+    """A twentieth of its width at each border."""
+    sketch = of_points(SKETCH)
+    lens = sketch.lens
+    width, height = lens.size_px
+    margin = 0.05 * width
+    for u, v, seen in (
+        (margin + 1, height / 2, True),
+        (margin - 1, height / 2, False),
+        (width - 2 - margin, height / 2, True),
+        (width - margin, height / 2, False),
+        (width / 2, margin - 1, False),
+        (width / 2, margin + 1, True),
+        (width / 2, height - margin, False),
+    ):
+        (ray,), _ = lens.undistort(np.array([[u, v]]))
+        pose = SE3(np.eye(3), ray)
+        assert visibility_mask(sketch, SE3.stack([pose])).tolist() == [seen], (u, v)
+
+
+def test_without_a_lens_targets_are_near_the_axis():
+    """Within 25.8 degrees of it, with every point."""
+    sketch = of_points(without_lens(SKETCH), np.array([[0.0, 0, 0], [0.1, 0, 0]]))
+    angles = np.radians([0, 24, 27])
+    poses = SE3(np.tile(np.eye(3), (3, 1, 1)), np.array([[np.tan(a) - 0.1, 0, 1.0] for a in angles]))
+    assert visibility_mask(sketch, poses).tolist() == [True, True, False]
+
+
+def test_a_plan_goes_as_near_as_was_seen():
+    """The least depth of views that show the target counts, and no depth beyond the one assumed."""
+    start = Sample(0, robots=HOME)
+    depth = (SKETCH.camera_from_target(start) @ SKETCH.target_points)[:, 2].min()
+    away = moved(eye=[0, 0, -0.05, 0, 0, 0]).robots
+    aside = moved(eye=[0, 0, 0.2, 0.6, 0, 0]).robots
+    assert not is_in_view(SKETCH, Sample(0, robots=aside))
+    far = replace(SKETCH, nearest_m=1.0)
+    assert as_near_as_seen(far, [away, HOME, aside]).nearest_m == pytest.approx(depth)
+    assert as_near_as_seen(far, [aside]).nearest_m == 1.0
+    assert as_near_as_seen(SKETCH, [HOME]).nearest_m == SKETCH.nearest_m
+
+
+def test_joints_at_their_limits_are_within_them():
+    """Each joint counts by its own limits; nothing is known of a robot sent to poses, or without a chain."""
+    chain = WORLD.cell.robots["eye"].chain
+    for joints, inside in (
+        (chain.lower, True),
+        (chain.upper, True),
+        (chain.upper + 1e-6 * np.eye(6)[3], False),
+        (chain.lower - 1e-6 * np.eye(6)[5], False),
+    ):
+        assert is_within_limits(SKETCH, Sample(0, robots={**HOME, "eye": RobotState(joints_rad=joints)})) == inside
+        assert is_within_limits(SKETCH, Sample(0, robots={**HOME, "hand": RobotState(joints_rad=joints)})) == inside
+    assert is_within_limits(SKETCH, Sample(0, robots={"eye": RobotState(SE3.identity())}))
+
+
+def test_poses_of_a_batch_are_reached_each():
+    """One out of reach has no joints; without joints to start from all are sent as they are."""
+    there = ur5e().forward(NEAR_STATE.joints_rad) @ SE3.exp(np.array([0.02, -0.01, 0.03, 0.1, 0.0, -0.1]))
+    goals = SE3.stack([there, SE3(np.eye(3), np.array([2.0, 0, 0])), ur5e().forward(NEAR_STATE.joints_rad)])
+    first, far, last = reach_poses(ARM, goals, [NEAR_STATE] * 3)
+    assert far is None
+    np.testing.assert_allclose(ur5e().forward(first.joints_rad).matrix, there.matrix, atol=1e-7)
+    np.testing.assert_allclose(last.joints_rad, NEAR_STATE.joints_rad)
+    by_pose = RobotState(SE3.identity())
+    for robot, starts in (
+        (Robot("eye"), [NEAR_STATE] * 3),
+        (ARM, [NEAR_STATE, by_pose, by_pose]),
+        (ARM, [by_pose] * 3),
+    ):
+        found = reach_poses(robot, goals, starts)
+        np.testing.assert_array_equal([each.base_from_flange.matrix for each in found], goals.matrix)
+    assert reach_pose(ARM, there, by_pose).base_from_flange is there
+
+
+@pytest.mark.parametrize(("joints", "reached"), [(5, True), (6, False)])
+def test_arms_with_few_joints_come_as_near_as_they_can(joints, reached):
+    """An arm of six joints or more reaches a pose or not."""
+    whole = ur5e()
+    parts = (getattr(whole, part)[:joints] for part in ("joint_names", "origins", "axes"))
+    arm = SerialChain(*parts, whole.tip, whole.lower[:joints], whole.upper[:joints])
+    start = RobotState(joints_rad=NEAR_STATE.joints_rad[:joints])
+    goals = SE3.stack([arm.forward(start.joints_rad) @ SE3.exp(np.array([0.0, 0, 3.0, 0.0, 0.2, 0]))])
+    (found,) = approach_poses(Robot("eye", chain=arm), goals, [start])
+    assert (found is not None) == reached

@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.cell import Calibration, Recording, Sample
+from basecal.cell import Calibration, MeetingError, PixelObservation, Recording, RobotState, Sample, TouchObservation
 from basecal.errors import InputError
-from basecal.geometry import PoseEstimate
-from basecal.planning.plan import MOST_SAMPLES, OUTLOOK_COUNTS, draw_offers, outlook, plan_for_task, plan_stations
+from basecal.geometry import SE3, PoseEstimate
+from basecal.planning import plan as plans
+from basecal.planning.plan import (
+    MOST_SAMPLES,
+    OUTLOOK_COUNTS,
+    _calibrated_meeting,
+    _Goal,
+    _make_goal,
+    _order_samples,
+    _steps,
+    _taught_states,
+    choose_best,
+    draw_offers,
+    outlook,
+    plan_for_task,
+    plan_stations,
+)
 from basecal.planning.prospects import sketches
 from basecal.planning.shifts import STATION_SAMPLES
 from basecal.simulation import Scenario, simulate
@@ -86,6 +104,8 @@ def test_a_plan_needs_a_taught_pose(cell):
         ({"points_m": np.full((1, 3), np.nan)}, "expected finite"),
         ({"tolerance_m": np.nan}, r"^tolerance_m is nan, expected a length above zero \[m\]$"),
         ({"tolerance_m": -1e-3}, "above zero"),
+        ({"tolerance_m": 0.0}, "above zero"),
+        ({"tolerance_m": np.inf}, "above zero"),
         ({"count": 2.5}, r"^count is 2\.5, expected a whole number >= 0$"),
         ({"seed": -1}, "^seed is -1"),
         ({"group_size": 0}, "^group_size is 0"),
@@ -97,6 +117,175 @@ def test_what_is_no_task_is_refused(cell, options, message):
     described, recording, _, calibration, point = cell
     with pytest.raises(InputError, match=message):
         plan_for_task(described, recording, calibration, **{"points_m": point, "count": 2, **options})
+
+
+def meeting(variance_m2, stops_m2=0.0):
+    """A meeting at one point whose error per axis has the variance of the first column times a factor, and stops'."""
+
+    def total_error(covariance, stops):
+        total = variance_m2 * covariance[0, 0] + sum(float(place) for place, _ in stops)
+        return total * np.eye(6)[None]
+
+    return SimpleNamespace(
+        weight=variance_m2 * np.eye(2),
+        total_error=total_error,
+        stop_variances=lambda: {"eye": (stops_m2, 0.0)},
+        mean_square_m2=lambda covariance: 3 * variance_m2 * covariance[0, 0],
+    )
+
+
+QUANTILE = np.sqrt(7.8147)  # 95 % of a chi-square of three degrees of freedom
+
+
+def test_an_expected_error_is_that_of_the_worst_meeting():
+    """The 95 % quantile of the length, with the stops' own variance; a criterion sums all meetings."""
+    goal = _Goal((meeting(1e-6), meeting(4e-6, 5e-6)), 1.0, 0, None, 0.0)
+    assert goal.expected_m(np.eye(2), 0) == pytest.approx(3e-3 * QUANTILE, rel=1e-3)
+    assert goal.expected_m(0.25 * np.eye(2), 9) == pytest.approx(np.sqrt(6e-6) * QUANTILE, rel=1e-3)
+    np.testing.assert_allclose(goal.weight, 5e-6 * np.eye(2))
+
+
+def test_variance_beyond_the_noise_decreases_with_samples():
+    """It is shared by all samples; without additional samples the calibration's own error is the expected one."""
+    now = MeetingError(7e-3, "task points", 2e-3)
+    goal = _Goal((meeting(1e-6),), 1.0, 10, now, 9e-6)
+    assert (goal.excess_m2(0), goal.excess_m2(10), goal.excess_m2(20)) == pytest.approx((9e-6, 4.5e-6, 3e-6))
+    assert goal.expected_m(np.eye(2), 0) == 7e-3
+    assert goal.expected_m(np.eye(2), 20) == pytest.approx(np.sqrt(2) * 1e-3 * QUANTILE, rel=1e-3)
+    assert _Goal((meeting(1e-6),), 1.0, 0, None, 9e-6).excess_m2(0) == 0.0
+
+
+def test_an_error_counts_at_its_own_points():
+    """That of a calibration at other points says nothing here."""
+    now = MeetingError(7e-3, "task points", 2e-3)
+    known = Calibration("good", {}, meeting=now, settings={"task_point": [0.1, 0.2, 0.3]})
+    assert _calibrated_meeting(known, np.array([[0.1, 0.2, 0.3]])) is now
+    assert _calibrated_meeting(known, np.array([[0.1, 0.2, 0.4]])) is None
+    assert _calibrated_meeting(known, np.zeros((0, 3))) is None
+    assert _calibrated_meeting(replace(known, settings={}), np.zeros((0, 3))) is now
+
+
+@pytest.mark.parametrize("recorded", [frozenset(), frozenset({1, 2, 3})])
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_a_goal_begins_at_what_is_recorded(monkeypatch, recorded, calibrated):
+    """Its error is the calibration's, of which the noise in use may explain a part; without samples there is none."""
+    now = MeetingError(7e-3, "task point", 2e-3)
+    known = Calibration("good", {}, meeting=now, settings={"task_point": [0.1, 0.2, 0.3]}) if calibrated else None
+    points = np.array([[0.1, 0.2, 0.3]])
+    places = []
+    monkeypatch.setattr(plans, "base_transforms", lambda cell: ("base",))
+    monkeypatch.setattr(plans, "meeting_places", lambda problem, state, name, at: at)
+    monkeypatch.setattr(plans, "make_meeting", lambda *given: places.append(given[-1]) or meeting(1e-6))
+    prospect = SimpleNamespace(
+        problem="all", state=None, covariance=np.eye(2), recorded=recorded, recorded_problem="recorded"
+    )
+    goal = _make_goal(prospect, None, known, points)
+    assert (goal.tolerance_m, goal.recorded) == (np.inf, len(recorded))
+    assert goal.now is (now if calibrated and recorded else None)
+    assert goal.beyond_m2 == pytest.approx(12e-6 - 3e-6 if goal.now else 0.0)
+    assert _make_goal(prospect, None, known, points, 5e-4).tolerance_m == 5e-4
+    prospect.covariance = 100 * prospect.covariance
+    assert _make_goal(prospect, None, known, points).beyond_m2 == 0.0
+    assert all(each is points for each in places)
+    if not recorded:
+        with pytest.raises(InputError, match="name a task point"):
+            _make_goal(prospect, None, known, np.zeros((0, 3)))
+    else:
+        assert _make_goal(prospect, None, known, np.zeros((0, 3))).now is None
+
+
+def test_the_best_are_chosen_and_counted():
+    """Of independent roots the largest; errors after each group are counted in samples."""
+    roots = np.array([1.0, 3.0, 2.0, 0.5])[:, None, None] * np.array([[1.0], [0.0]])
+    prospect = SimpleNamespace(covariance=np.eye(2))
+    for count, best, information in ((1, {1}, 10), (2, {1, 2}, 14), (3, {0, 1, 2}, 15)):
+        chosen, covariance = choose_best(prospect, roots, np.eye(2), count)
+        assert set(chosen) == best
+        np.testing.assert_allclose(covariance, np.diag([1 / information, 1.0]))
+    goal = _Goal((meeting(1e-6),), 1.0, 0, None, 0.0)
+    found = _steps(goal, np.eye(2), roots[[1, 2]], 7)
+    assert [count for count, _ in found] == [0, 7, 14]
+    wanted = 1e-3 * QUANTILE * np.sqrt([1, 1 / 10, 1 / 14])
+    np.testing.assert_allclose([error for _, error in found], wanted, rtol=1e-3)
+
+
+def test_an_outlook_begins_at_the_calibration(cell, monkeypatch):
+    """Counts beyond the candidates are left out, and more samples lower the error."""
+    described, recording, _, calibration, point = cell
+    monkeypatch.setattr(plans, "OUTLOOK_CANDIDATES", 11)
+    told = outlook(described, recording, replace(calibration, settings={"task_point": point[0].tolist()}), point)
+    assert [count for count, _ in told] == [0, 5, 10]
+    assert told[0][1] == calibration.meeting.expected_95_m
+    assert told[0][1] > told[1][1] > told[2][1]
+
+
+def test_candidates_are_shared_by_the_views_that_were_seen(cell, monkeypatch):
+    """Each has its share, rounded up; views of which nothing is feasible are left out, and all of them an error."""
+    described, recording, bare, calibration, _ = cell
+    (sketch,) = sketches(described, calibration)
+    given = []
+
+    def draw(each, states, count, seed):
+        if "none" in given:
+            raise InputError("nothing is feasible")
+        given.append((len(states), count, seed))
+        return [each]
+
+    monkeypatch.setattr(plans, "candidates", draw)
+    assert [view for view, _ in draw_offers([sketch, sketch, sketch], recording, 10, 5)] == [sketch] * 3
+    assert given == [(12, 4, 5)] * 3
+    given.clear()
+    assert len(draw_offers([sketch], bare, 10)) == 1
+    assert given == [(12, 10, 0)]
+    given.append("none")
+    with pytest.raises(InputError, match="nothing is feasible"):
+        draw_offers([sketch, sketch], recording, 10)
+
+
+def test_arms_are_taught_by_samples_that_see_the_target(cell):
+    """By those that observed it, else by those that would, else by all."""
+    described, recording, bare, calibration, _ = cell
+    (sketch,) = sketches(described, calibration)
+    blind = [
+        Sample(s.sample, robots={n: RobotState(r.base_from_flange.inverse()) for n, r in s.robots.items()})
+        for s in bare.samples
+    ]
+    states = [dict(s.robots) for s in recording.samples]
+    assert _taught_states(sketch, [recording.samples[0], *bare.samples[1:]]) == states[:1]
+    assert _taught_states(sketch, [*blind[:2], *bare.samples[2:]]) == states[2:]
+    assert _taught_states(sketch, blind) == [dict(s.robots) for s in blind]
+
+
+def test_planned_samples_are_numbered_and_name_touches_alone(cell):
+    """Samples that may not part keep their order; others that move one arm go by their numbers."""
+    described, recording, _, calibration, _ = cell
+    (sketch,) = sketches(described, calibration)
+    touch, view = TouchObservation("tip", "mark"), PixelObservation("wrist", "board", np.arange(4), np.zeros((4, 2)))
+    eye = {"eye": RobotState(SE3.identity())}
+    samples = tuple(Sample(20 + k, robots=eye, observations=(touch, view)) for k in range(4))
+    prospect = SimpleNamespace(samples=samples)
+    for may_part, order in ((True, [1, 3]), (False, [3, 1])):
+        states = [{"eye": RobotState(SE3(np.eye(3), np.array([k, 0.0, 0.0])))} for k in range(4)]
+        prospect.samples = tuple(replace(s, robots=r) for s, r in zip(samples, states, strict=True))
+        found = _order_samples(sketch, prospect, recording, [3, 1], may_part)
+        assert [each.sample for each in found] == [20, 21]
+        assert [each.robots["eye"].base_from_flange.translation[0] for each in found] == order
+        assert all(each.observations == (touch,) for each in found)
+    assert _order_samples(sketch, prospect, recording, [], True) == ()
+
+
+def test_stations_are_offered_whole(cell, monkeypatch):
+    """Of the first view, at the states that taught it."""
+    described, recording, _, calibration, point = cell
+    given = []
+    monkeypatch.setattr(plans, "draw_offers", lambda known, taught, count, seed: [(known[0], [])])
+    monkeypatch.setattr(plans, "stations", lambda sketch, states, seed: given.append((len(states), seed)) or "stations")
+    monkeypatch.setattr(plans, "plan_for_task", lambda *words, **more: (words, more))
+    words, more = plan_stations(described, recording, calibration, point, 1e-3, 14, 5)
+    assert given == [(12, 5)]
+    assert words == (described, recording, calibration, point, 1e-3, 14, 5)
+    assert more["group_size"] == STATION_SAMPLES
+    assert [offered for _, offered in more["offers"]] == ["stations"]
 
 
 @pytest.mark.slow

@@ -11,8 +11,8 @@ import pytest
 from basecal.cell import Cell, CellCamera, KeepOut, Robot, RobotState, Sample, Unknown
 from basecal.geometry import SE3
 from basecal.kinematics import read_chain
-from basecal.planning.clearance import path_length
-from basecal.planning.plan_check import SpeedLimits, check_plan, timed_path
+from basecal.planning.clearance import Clearance, path_length
+from basecal.planning.plan_check import SpeedLimits, _path_refusals, _state_refusals, check_plan, timed_path
 from basecal.planning.sketch import Sketch, sketch_cell
 from shared.facing_arms import facing_arms
 
@@ -131,6 +131,78 @@ def test_a_robot_without_kinematics_has_a_bound():
     stated = replace(bare, robots={**bare.robots, "eye": replace(bare.robots["eye"], reach_m=0.85)})
     way = timed_path(replace(SKETCH, cell=stated), start, end, "eye", LIMITS)
     assert way.joint_rad_s == pytest.approx(0.25 / (3 * (0.85 + 0.3)))
+
+
+@pytest.mark.parametrize(("turns", "refused"), [(2.04, False), (2.06, True), (-2.04, False), (-2.06, True)])
+def test_two_turns_on_one_path_are_the_most(turns, refused):
+    """Of any joint without limits, either way; the words say what to do."""
+    free = replace(WORLD.cell.robots["eye"].chain, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
+    robots = {**WORLD.cell.robots, "eye": replace(WORLD.cell.robots["eye"], chain=free)}
+    endless = replace(SKETCH, cell=replace(WORLD.cell, robots=robots))
+    found = words([turned("eye", 5, turns * 2 * np.pi)], sketch=endless)
+    assert bool(found) == refused
+    for why in found:
+        assert why == (
+            f"sample 1: a joint of eye would turn by {abs(turns) * 2 * np.pi:.4g} rad, more than two turns. "
+            "State joints in rad, within two turns of the sample before."
+        )
+
+
+@pytest.mark.parametrize(("over_rad", "refused"), [(0.0, False), (0.9e-9, False), (1e-8, True)])
+def test_a_joint_at_its_limit_is_within_it(over_rad, refused):
+    """But for rounding, at either end."""
+    chain = WORLD.cell.robots["eye"].chain
+    for joint, limit in ((5, chain.lower[5] - over_rad), (5, chain.upper[5] + over_rad)):
+        joints = WORLD.home["eye"].copy()
+        joints[joint] = limit
+        state = RobotState(joints_rad=joints)
+        found = _state_refusals(SKETCH, HOME["eye"], Sample(1, robots={"eye": state}), "eye", lambda state: "")
+        assert [f"joint {chain.joint_names[joint]} of eye" in each.what for each in found] == [True] * refused
+
+
+def test_a_pose_out_of_reach_is_refused():
+    """Others are asked of the controller, whose reason is told."""
+    far = RobotState(SE3(np.eye(3), np.array([9.0, 0, 0])))
+    near = RobotState(SKETCH.base_from_flange("eye", HOME["eye"]))
+
+    def found(state, why=""):
+        sample = Sample(4, robots={"eye": state})
+        return [str(each) for each in _state_refusals(SKETCH, HOME["eye"], sample, "eye", lambda state: why)]
+
+    assert found(far) == ["sample 4: eye does not reach the pose. Bring the pose nearer to its base."]
+    assert found(near) == []
+    assert found(near, "it is tired") == [
+        "sample 4: eye: it is tired. Change the plan, or the limits on its controller."
+    ]
+
+
+def test_gaps_on_the_way_are_told_in_millimetres():
+    """Those that are too small; within a body it is none."""
+    gaps = [Clearance("eye", "post", gap_m, 0.02) for gap_m in (0.0123, 0.02, 0.0199, -0.3)]
+    assert [each.what for each in _path_refusals(Sample(7), gaps)] == [
+        f"eye comes within {gap} mm of 'post' on its way, 20 mm are required" for gap in (12, 20, 0)
+    ]
+    assert {each.sample for each in _path_refusals(Sample(7), gaps)} == {7}
+
+
+def test_a_robot_that_stays_may_turn_at_the_joint_limit():
+    """Its points move nowhere; the gaps of a way are those of its robot."""
+    pairs = (("eye", "hand"), ("hand", "post"), ("eye", "post"))
+    gaps = [Clearance(robot, other, 0.1, 0.02) for robot, other in pairs]
+    here = Sample(3, robots=HOME)
+    way = timed_path(SKETCH, here, here, "eye", LIMITS, gaps)
+    assert (way.sample, way.joint_rad_s, way.tool_m_s) == (3, LIMITS.joint_rad_s, 0.0)
+    assert way.gaps == (gaps[0], gaps[2])
+    assert timed_path(SKETCH, here, here, "hand", LIMITS, gaps).gaps == (gaps[0], gaps[1])
+
+
+def test_robots_that_are_not_sent_stay_where_they_were():
+    """Each way begins where the last sample of its robot ended, from home on."""
+    alone = [Sample(1, robots={"eye": turned("eye", 5, 0.3).robots["eye"]}), Sample(2, robots={"hand": HOME["hand"]})]
+    found = check_plan(SKETCH, HOME, alone, LIMITS, WILLING)
+    assert [(way.sample, way.robot) for way in found.ways] == [(1, "eye"), (2, "hand")]
+    assert found.ways[0].tool_m_s > 0
+    assert found.ways[1].tool_m_s == 0
 
 
 @pytest.mark.slow

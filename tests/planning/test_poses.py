@@ -7,6 +7,7 @@ import pytest
 
 from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
+from basecal.geometry import SE3
 from basecal.planning import poses
 from basecal.planning.feasible import is_feasible
 from basecal.planning.sketch import sketch_cell
@@ -46,3 +47,55 @@ def test_the_way_is_short():
         return np.abs(np.diff(joints, axis=0)).max(1).sum()
 
     assert way(poses.order_samples(SKETCH, HOME, shuffled)) < way(shuffled)
+
+
+def states(**joints):
+    return Sample(0, robots={name: RobotState(joints_rad=np.array(each)) for name, each in joints.items()})
+
+
+def test_a_path_is_as_long_as_its_farthest_joint():
+    """Of all robots that both samples have; of poses the largest translation or rotation."""
+    start, end = states(eye=[0, 0, 0], hand=[0, 0, 0]), states(eye=[0.1, -0.3, 0], hand=[0.2, 0, 0])
+    assert poses._path_length(SKETCH, start, end) == pytest.approx(0.3)
+    assert poses._path_length(SKETCH, states(hand=[0, 0, 0]), end) == pytest.approx(0.2)
+    assert poses._path_length(SKETCH, Sample(0), end) == 0.0
+    ends = SE3.identity(), SE3.exp(np.array([0.1, 0, 0, 0, 0, -0.4]))
+    assert poses._path_length(SKETCH, *(Sample(0, robots={"eye": RobotState(end)}) for end in ends)) == pytest.approx(
+        0.4
+    )
+
+
+def test_the_nearest_sample_with_a_clear_path_follows(monkeypatch):
+    """The nearest of all if no path is clear; numbers begin at zero."""
+    samples = [states(eye=[at, 0.0]) for at in (3.5, 1.0, 2.0)]
+
+    def ordered():
+        found = poses.order_samples(SKETCH, states(eye=[0.0, 0.0]).robots, samples)
+        assert [each.sample for each in found] == [0, 1, 2]
+        return [each.robots["eye"].joints_rad[0] for each in found]
+
+    monkeypatch.setattr(poses, "is_path_clear", lambda sketch, start, end: True)
+    assert ordered() == [1, 2, 3.5]
+    blocked = {(0.0, 1.0), (2.0, 1.0), (2.0, 3.5)}
+
+    def is_clear(sketch, *ends):
+        return tuple(each.robots["eye"].joints_rad[0] for each in ends) not in blocked
+
+    monkeypatch.setattr(poses, "is_path_clear", is_clear)
+    assert ordered() == [2, 1, 3.5]
+
+
+def test_samples_with_an_unclear_path_are_drawn_anew(monkeypatch):
+    """The rest are kept, so many are drawn a round, and the message counts what is left."""
+    drawn, unclear = [], iter([[0, 2], []])
+
+    def draw(sketch, views, count, reach, rng):
+        drawn.append((count, dict(reach)))
+        return [states(eye=[float(len(drawn)), float(k)]) for k in range(3)]
+
+    monkeypatch.setattr(poses, "draw_feasible", draw)
+    monkeypatch.setattr(poses, "is_path_clear", lambda *given: True)
+    monkeypatch.setattr(poses, "blocked_samples", lambda sketch, home, plan: next(unclear))
+    plan = poses.plan(SKETCH, states(eye=[0.0, 0.0]).robots, 3)
+    assert [each.robots["eye"].joints_rad.tolist() for each in plan] == [[1, 1], [2, 0], [2, 1]]
+    assert drawn == [(6, dict.fromkeys(("eye", "hand"), (0.6, 0.12)))] * 2

@@ -8,11 +8,20 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.cell import Intrinsics, Recording, Sample
+from basecal.cell import Calibration, Intrinsics, Recording, Sample
 from basecal.errors import InputError
+from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
 from basecal.planning.candidates import candidates
-from basecal.planning.prospects import ASSUMED_NOISE, _with_noise, calibrated_sketch, prospects, sketches
+from basecal.planning.prospects import (
+    ASSUMED_NOISE,
+    ASSUMED_ROBOT_SIGMAS,
+    _predict_observation,
+    _with_noise,
+    calibrated_sketch,
+    prospects,
+    sketches,
+)
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -111,3 +120,69 @@ def test_a_sketch_has_the_calibrated_transforms_and_the_stated_cell(cell):
     assert found.cell.bases == made.cell.bases
     np.testing.assert_array_equal(found.transforms[BASE].matrix, calibration[BASE].mean.matrix)
     assert calibrated_sketch(made.cell, calibration).cell.cameras["wrist"].intrinsics is wrist.intrinsics
+
+
+def test_candidates_are_numbered_after_all_samples(cell):
+    """From zero on if there is no sample."""
+    made, calibration, sketch, drawn = cell
+    later = replace(made.recording.samples[0], sample=40)
+    for samples, first in (((later, *made.recording.samples[1:]), 41), ((), 0)):
+        prospect = prospects(made.cell, Recording(samples), calibration, [(sketch, drawn[:3])])
+        assert [each.sample for each in prospect.samples] == [first, first + 1, first + 2]
+        assert prospect.recorded == {each.sample for each in samples}
+        seen = {number for group in prospect.recorded_problem.groups for number in group.sample.tolist()}
+        assert seen == prospect.recorded
+
+
+def test_predicted_covariances_are_those_of_the_noise(cell):
+    """They are not rescaled by residuals, which there are none of."""
+    made, calibration, sketch, drawn = cell
+    found = prospects(made.cell, made.recording, calibration, [(sketch, drawn)]).solution([0, 1])
+    assert found.noise.factor == 1.0
+    assert found.converged
+    hessian = linearise(found.problem, found.state).hessian
+    np.testing.assert_allclose(found.covariance @ hessian, np.eye(len(hessian)), atol=1e-6)
+
+
+def test_calibrated_noise_counts_before_assumed_noise():
+    """Of robots by name and of cameras by name; the calibration's own if a camera has none."""
+    open_cell = simulate(Scenario(samples=3, robot_noise=(1e-4, 2e-4), state_robot_noise=False), 0)
+    problem, _ = build_problem(open_cell.cell, open_cell.recording)
+    bare = problem.with_groups(replace(g, measurement=g.measurement.without_sigmas()) for g in problem.groups)
+    eye = {"sigma_t_m": [1e-3, 2e-3, 3e-3], "sigma_r_rad": [4e-3, 5e-3, 6e-3]}
+    for cameras, pixel_px in (({"wrist": {"pixel_px": 0.7}}, 0.7), ({"other": {"pixel_px": 0.7}}, 0.5)):
+        noise = {"pixel_px": 0.5, "cameras": cameras, "robots": {"eye": eye}}
+        found = _with_noise(bare, Calibration("good", {}, noise=noise))
+        np.testing.assert_allclose(1 / found.groups[0].measurement.weight, pixel_px)
+        sigmas = dict(zip(found.stops.robot, found.stops.sigma, strict=True))
+        np.testing.assert_allclose(sigmas["eye"], [1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3])
+        np.testing.assert_allclose(sigmas["hand"], ASSUMED_ROBOT_SIGMAS)
+
+
+def test_an_unknown_lens_is_open(cell):
+    """Without a recorded sample its focal lengths, centre and first terms have sigmas of a thousand."""
+    made = simulate(Scenario(samples=3, intrinsics="free"), 0)
+    calibration = cell[1]
+    sketch = sketches(made.cell, replace(calibration, cameras={"wrist": (made.cameras["wrist"], np.eye(9))}))[0]
+    prospect = prospects(made.cell, Recording(()), calibration, [(sketch, cell[3][:1])])
+    where = prospect.problem.columns["wrist"]
+    np.testing.assert_allclose(np.sqrt(np.diag(prospect.covariance[where, where]))[:6], 1e3, rtol=1e-9)
+
+
+def test_views_are_predicted_by_what_the_sensor_measures(cell):
+    """Pixels of a camera with a lens, a pose without one or of a target without a shape, and a touch of a tip."""
+    made, _, sketch, drawn = cell
+    seen = _predict_observation(sketch, drawn[0])
+    pose, shape = sketch.camera_from_target(drawn[0]), sketch.target.target
+    np.testing.assert_allclose(seen.pixels, sketch.lens.project(pose @ shape.points))
+    np.testing.assert_array_equal(seen.ids, shape.ids)
+    wrist, board = made.cell.cameras["wrist"], made.cell.targets["board"]
+    for other in (
+        replace(made.cell, cameras={"wrist": replace(wrist, intrinsics=None)}),
+        replace(made.cell, targets={"board": replace(board, target=None)}),
+    ):
+        found = _predict_observation(replace(sketch, cell=other), drawn[0])
+        np.testing.assert_allclose(found.camera_from_target.matrix, pose.matrix)
+    tip = replace(made.cell, cameras={"wrist": replace(wrist, kind="tip")})
+    found = _predict_observation(replace(sketch, cell=tip), drawn[0])
+    assert (found.tip, found.mark) == ("wrist", "board")

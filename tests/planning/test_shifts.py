@@ -83,3 +83,41 @@ def test_a_target_that_stays_cannot_be_shifted():
     """A board on the world has no stations."""
     with pytest.raises(InputError, match="on the world"):
         stations(*guessed("eye_in_hand"))
+
+
+def test_unstated_noise_of_a_light_is_a_tenth_of_a_pixel():
+    """The length grows with the cube root of the noise."""
+    at, cells = Sample(0, robots=HOME), [replace(WORLD.cell, pixel_px=noise) for noise in (None, 0.1, 0.8)]
+    unstated, tenth, more = (shifts.shift_length(replace(SKETCH, cell=cell), at) for cell in cells)
+    assert unstated == tenth
+    assert more == pytest.approx(2 * tenth)
+
+
+@pytest.mark.parametrize(("samples", "count"), [(0, 1), (1, 1), (7, 1), (8, 2), (14, 2)])
+def test_whole_stations_are_planned(monkeypatch, samples, count):
+    """As many as hold the samples, and one at least; those that are out of reach or blocked are drawn anew."""
+    tried = []
+
+    def draw(sketch, home, wanted, seed):
+        tried.append((wanted, seed))
+        return [Sample(k, robots=HOME) for k in range(wanted)]
+
+    stations_made = iter([None, "blocked", *([[Sample(0, robots=HOME)] * 7] * 9)])
+    monkeypatch.setattr(shifts.poses, "plan", draw)
+    monkeypatch.setattr(shifts, "aim_camera", lambda sketch, sample: sample)
+    monkeypatch.setattr(shifts, "make_station", lambda sketch, origin, length_m: next(stations_made))
+    monkeypatch.setattr(shifts, "blocked_samples", lambda sketch, before, station: station == "blocked")
+    found = shifts.plan(SKETCH, HOME, samples, seed=3)
+    assert [each.sample for each in found] == list(range(7 * count))
+    assert tried == [(count, 3 + k) for k in range(len(tried))]
+
+
+def test_too_few_stations_are_an_error(monkeypatch):
+    """It says how many there are of how many."""
+    monkeypatch.setattr(shifts.poses, "plan", lambda *given: [Sample(0, robots=HOME)])
+    monkeypatch.setattr(shifts, "aim_camera", lambda sketch, sample: None)
+    with pytest.raises(InputError, match="only 0 of 2 stations are feasible"):
+        shifts.plan(SKETCH, HOME, 8)
+    monkeypatch.setattr(shifts, "candidates", lambda *given: [Sample(0, robots=HOME)])
+    with pytest.raises(InputError, match="no station is feasible"):
+        stations(SKETCH, [HOME])

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import Sample, Unknown
+from basecal.cell import Cell, CellCamera, CellTarget, Robot, RobotState, Sample, Unknown
 from basecal.errors import InputError
 from basecal.geometry import SE3
-from basecal.planning.sketch import led_sketch, sketch_cell
+from basecal.planning.sketch import Sketch, led_sketch, seen_views, sketch_cell, target_points
 from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
@@ -78,3 +78,70 @@ def test_arms_that_are_led_need_a_camera():
     assert led_sketch(WORLD.cell).view == ("wrist", "board")
     with pytest.raises(InputError, match="the cell has no camera"):
         led_sketch(replace(WORLD.cell, sees_scene=True, cameras={}, targets={}))
+
+
+RNG = np.random.default_rng(0)
+BASE, ON_EYE, ON_HAND, BESIDE, ON_PLATE, PLATE, EYE, HAND = SE3.exp(RNG.standard_normal((8, 6)))
+
+
+def everywhere():
+    """A cell with cameras on an arm and beside it, and targets on the other arm, on a plate and on the world."""
+    cameras = {"wrist": CellCamera("wrist", "eye"), "beside": CellCamera("beside", "world")}
+    places = {"board": "hand", "mark": "plate", "still": "world"}
+    targets = {name: CellTarget(name, on) for name, on in places.items()}
+    robots = {name: Robot(name) for name in ("eye", "hand")}
+    cell = Cell("eye", robots, {"hand": Unknown()}, cameras, targets, plates={"plate": Unknown()})
+    known = {
+        cell.base_name("hand"): BASE,
+        cell.mount_name("wrist"): ON_EYE,
+        cell.mount_name("beside"): BESIDE,
+        cell.mount_name("board"): ON_HAND,
+        cell.mount_name("mark"): ON_PLATE,
+        cell.mount_name("still"): BESIDE,
+        cell.plate_name("plate"): PLATE,
+    }
+    return Sketch(cell, known, ("wrist", "board"))
+
+
+def test_bodies_are_where_their_carriers_are():
+    """On either arm, on the world, and on a plate."""
+    sketch, states = everywhere(), {"eye": RobotState(EYE), "hand": RobotState(HAND)}
+    for name, pose in {
+        "wrist": EYE @ ON_EYE,
+        "beside": BESIDE,
+        "board": BASE @ HAND @ ON_HAND,
+        "mark": PLATE @ ON_PLATE,
+        "still": BESIDE,
+    }.items():
+        np.testing.assert_allclose(sketch.body_pose(name, states).matrix, pose.matrix, atol=1e-12)
+    seen = sketch.camera_from_target(Sample(0, robots=states))
+    wanted = (EYE @ ON_EYE).inverse() @ BASE @ HAND @ ON_HAND
+    np.testing.assert_allclose(seen.matrix, wanted.matrix, atol=1e-12)
+
+
+def test_views_are_of_things_on_different_bodies():
+    """Each camera with each target that it is not mounted beside; the arms of a view move, the camera's first."""
+    sketch = everywhere()
+    assert seen_views(sketch.cell) == [
+        ("wrist", "board"), ("wrist", "mark"), ("wrist", "still"), ("beside", "board"), ("beside", "mark"),
+    ]  # fmt: skip
+    movers = {view: replace(sketch, view=view).movers for view in seen_views(sketch.cell)}
+    assert movers["wrist", "board"] == ("eye", "hand")
+    assert movers["beside", "board"] == ("hand",)
+    assert movers["wrist", "mark"] == ("eye",)
+    assert movers["beside", "mark"] == ()
+
+
+def test_joints_need_kinematics():
+    """A robot that is sent to joints and has none is named; poses need none."""
+    sketch = everywhere()
+    assert sketch.base_from_flange("eye", RobotState(EYE)) is EYE
+    with pytest.raises(InputError, match="eye: joints need urdf"):
+        sketch.base_from_flange("eye", RobotState(joints_rad=np.zeros(6)))
+
+
+def test_a_target_without_a_shape_is_a_point():
+    """Its origin."""
+    np.testing.assert_array_equal(target_points(None), np.zeros((1, 3)))
+    board = WORLD.cell.targets["board"].target
+    assert target_points(board) is board.points

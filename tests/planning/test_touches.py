@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
-from tests.touch_cells import BASE, MARKS, TRUTH, recorded, touch_cell, touch_lines, write_folder
+from tests.touch_cells import BASE, MARKS, TIPS, TRUTH, recorded, touch_cell, touch_lines, write_folder
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.cell import Recording
+from basecal.cell import Recording, RobotState
 from basecal.cell.files import cell_to_dict
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.cli import main
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.planning import touches
-from basecal.planning.touches import NEXT_MARK, plan_touches
+from basecal.planning.sketch import Sketch
+from basecal.planning.touches import NEXT_MARK, _places, _touch_states, _touches, plan_touches, with_marks
 
 TASK = np.array([[0.6, 0.1, 0.3]])
 TWO = {name: MARKS[name] for name in ("mark_a", "mark_b")}
@@ -81,3 +83,64 @@ def test_the_verb_says_where_to_make_the_mark(tmp_path, monkeypatch, capsys):
     data = json.loads(file.read_text())
     assert set(data["marks"]) == {NEXT_MARK}
     assert {"touch", "tip"} <= data["samples"][0]["observations"][0].keys()
+
+
+@pytest.fixture(scope="module")
+def touched():
+    """A sketch of the truth of two arms that touched three marks, and their touches."""
+    cell = touch_cell()
+    recording = recorded(cell, touch_lines(np.random.default_rng(0), 12, 2e-4))
+    means = {BASE: TRUTH, **{f"{robot}_flange_from_{robot}_tip": SE3(np.eye(3), tip) for robot, tip in TIPS.items()}}
+    means |= {f"eye_base_from_{name}": SE3(np.eye(3), place) for name, place in MARKS.items()}
+    return Sketch(cell, means, ("eye_tip", "mark_a")), recording
+
+
+def test_touches_are_those_of_tips(touched):
+    """Each with the state of the robot that carries its tip."""
+    sketch, recording = touched
+    found = list(_touches(sketch, recording))
+    assert len(found) == 12
+    for tip, state in found:
+        place = sketch.body_pose(tip, {tip.removesuffix("_tip"): state}).translation
+        assert min(np.linalg.norm(place - mark) for mark in MARKS.values()) < 2e-3
+
+
+def test_a_next_mark_is_in_reach_of_all_arms_and_far_from_touches(touched):
+    """Within 0.6 m of their middle, no farther from a base than 1.05 times a touch, each far from the others."""
+    sketch, recording = touched
+    touches = list(_touches(sketch, recording))
+    at = np.array([sketch.body_pose(tip, {tip.removesuffix("_tip"): state}).translation for tip, state in touches])
+    places = np.array(_places(sketch, touches, 5, np.random.default_rng(0)))
+    assert places.shape == (5, 3)
+    assert np.linalg.norm(places - at.mean(0), axis=1).max() <= 0.6
+    for robot in TIPS:
+        base = sketch.world_from_base(robot).translation
+        own = [tip == f"{robot}_tip" for tip, _ in touches]
+        far = np.linalg.norm(places - base, axis=1).max() / np.linalg.norm(at[own] - base, axis=1).max()
+        assert 0.9 < far <= 1.05
+    apart = [np.linalg.norm(place - np.concatenate([at, places[:k]]), axis=1).min() for k, place in enumerate(places)]
+    assert apart == sorted(apart, reverse=True)
+    assert apart[0] > 0.3
+    assert _places(sketch, touches, 0, np.random.default_rng(0)) == []
+
+
+def test_tips_touch_a_mark_from_all_sides(touched):
+    """The tip is at the mark, rotated by up to 1.6 rad from where it was."""
+    sketch, _ = touched
+    start = RobotState(SE3.identity())
+    for tip in ("eye_tip", "hand_tip"):
+        view = replace(sketch, view=(tip, "mark_b"))
+        found = _touch_states(view, [start] * 50, np.random.default_rng(0))
+        places = [sketch.body_pose(tip, {tip.removesuffix("_tip"): state}).translation for state in found]
+        np.testing.assert_allclose(places, [MARKS["mark_b"]] * 50, atol=1e-9)
+        turns = [np.linalg.norm(state.base_from_flange.rotvec) for state in found]
+        assert 1.4 < max(turns) <= 1.6
+
+
+def test_marks_are_added_where_they_are_guessed(touched):
+    """They are free points on the world, beside those of the cell."""
+    cell = with_marks(touched[0].cell, {NEXT_MARK: np.array([0.1, 0.2, 0.3])})
+    assert cell.targets.keys() == {*touched[0].cell.targets, NEXT_MARK}
+    made = cell.targets[NEXT_MARK]
+    assert (made.on, made.mount.status, made.target.kind) == ("world", "free", "mark")
+    np.testing.assert_array_equal(made.mount.mean.translation, [0.1, 0.2, 0.3])

@@ -23,7 +23,7 @@ from basecal.effects.registry import RANDOM_EFFECTS, ROBOT_PARAMETERS
 from basecal.estimation.problem.robot_parameters import RobotModel, column_derivative
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
-from basecal.numerics.spectral import spectrum
+from basecal.numerics.spectral import INDEPENDENT_SHARE, scaled_spectrum
 
 _LEVER_M = KINEMATICS.lever[0] or 0.0
 _NODES = np.arange(-3.0, 3.5, 0.5)  # nodes of the logarithm of a sigma, in standard deviations
@@ -71,7 +71,7 @@ def _free_kinds(model: RobotModel) -> Iterator[_Kind]:
         if sigma is None and effect is not None and effect.is_mapped and shared is not None:
             units = np.diag(ROBOT_PARAMETERS[name].columns(model.chain, model.stated[name]).basis)
             found = basis / units[:, None]
-            rest = spectrum(np.eye(len(units)) - found @ found.T)
+            rest = scaled_spectrum(np.eye(len(units)) - found @ found.T, INDEPENDENT_SHARE)
             held = rest.vectors[:, rest.held]
             yield _Kind(name, units, found, held, np.where(shared.is_turn, 1.0, _LEVER_M) / units)
 

@@ -11,7 +11,9 @@ from scipy.stats import chi2
 from tests.journeys.raw import BOARD, LENS
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.covariance import widening
 from basecal.accuracy.covariance.widening import curved_covariance, largest_shift, state_step, widen
+from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3, Array
 from basecal.simulation import Scenario, SimulatedCell, simulate
@@ -133,3 +135,70 @@ def test_errors_that_stops_share_are_no_arc() -> None:
     base = calibrate(replace(made.cell, robots=robots), made.recording)[BASE]
     assert base.sigma_norms[0] < 0.015
     assert squared_error(made, base.mean, base.covariance) < chi2.ppf(HOLD, 6)
+
+
+def test_an_arc_has_the_second_moments_of_its_products(monkeypatch) -> None:
+    """States that are off by products of sigmas: squares, mixed products, and what both directions share, twice over.
+
+    A product of three directions, the second of which is straight, is off along x, y and z; lengths are linear.
+    """
+    square = {0: np.array([1e-3, 0, 2e-3]), 2: np.array([0, 3e-3, -1e-3])}
+    mixed, linear, start = np.array([2e-3, -1e-3, 1e-3]), np.array([0.3, 0.2, 0.1]), np.array([0, 5e-3, 1e-3])
+    at = SE3.from_rotvec([0.3, -0.2, 0.1], [1, 2, 3])
+
+    def states(solution: object, sigmas: Array, steps: Array) -> SimpleNamespace:
+        assert steps.shape == (4, 3)
+        off = sum(np.outer(sigmas[:, k] ** 2, each) for k, each in square.items())
+        off = off + np.outer(sigmas[:, 0] * sigmas[:, 2], mixed) + np.outer(sigmas.sum(1), linear) + start
+        return SimpleNamespace(transforms={"base": at @ SE3.exp(np.pad(off, ((0, 0), (0, 3))))})
+
+    directions = widening._Directions(np.zeros((4, 3)), np.array([0, 2]), np.array([[0], [1]]))
+    monkeypatch.setattr(widening, "goes_by_neighbourhoods", lambda problem: False)
+    monkeypatch.setattr(widening, "_directions", lambda solution, order: directions)
+    monkeypatch.setattr(widening, "_best_states", states)
+    solution = SimpleNamespace(problem=None, state=SimpleNamespace(transforms={"base": at}))
+    mean = sum(square.values())
+    moments = np.outer(mean, mean) + 2 * sum(np.outer(each, each) for each in square.values()) + np.outer(mixed, mixed)
+    found = curved_covariance(solution, ["base"])
+    np.testing.assert_allclose(found[:3, :3], 4 * moments, rtol=1e-9)
+    assert not found[3:].any()
+    monkeypatch.setattr(widening, "_best_states", lambda *given: None)
+    assert not curved_covariance(solution, ["base"]).any()
+
+
+def test_states_are_best_across_what_is_held() -> None:
+    """A hundred sigmas along one direction: the cost no longer falls along the others, and this one stays."""
+    steps = widening._directions(SOLUTION, [BASE]).steps
+    sigmas = np.zeros((2, steps.shape[1]))
+    sigmas[0, -1], sigmas[1, -2] = 100.0, -100.0
+    problem = SOLUTION.noise.hold_sigmas(SOLUTION.problem)
+    states = widening._best_states(SOLUTION, sigmas, steps)
+    assert states is not None
+    off = linearise(problem, states).gradient @ steps
+    start = SOLUTION.state.spread(problem, 2)
+    straight = retract(problem, start, linearise(problem, SOLUTION.state), sigmas @ steps.T)
+    before = linearise(problem, straight).gradient @ steps
+    free = sigmas == 0
+    assert np.abs(before[free]).max() > 1
+    assert np.abs(off[free]).max() < 0.1 * np.abs(before[free]).max()
+    name = BASE
+    at = SOLUTION.state.transforms[name]
+    moved = (at.inverse() @ states.transforms[name]).log()
+    wanted = (sigmas @ steps.T)[:, SOLUTION.problem.columns[name]]
+    assert np.linalg.norm(moved - wanted, axis=1).max() < 0.5 * np.linalg.norm(wanted, axis=1).min()
+
+
+def test_all_pairs_of_wide_directions_are_mixed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each pair once; directions whose arcs are thin beside the smallest sigma are left out, of eight at the most."""
+    sigmas = np.array([1e-4, 1.0, 2.0, 3.0, *np.linspace(4, 6, 6)])
+    monkeypatch.setattr(widening, "linearise", lambda problem, state: SimpleNamespace(hessian=np.diag(sigmas**-2.0)))
+    monkeypatch.setattr(widening, "column_scales", lambda *given: np.ones(10))
+    noise = SimpleNamespace(hold_sigmas=lambda problem: problem, factor=1.0)
+    problem = SimpleNamespace(columns={"base": slice(0, 10)})
+    observability = SimpleNamespace(length_m=1.0)
+    solution = SimpleNamespace(problem=problem, state=None, observability=observability, noise=noise)
+    found = widening._directions(solution, ["base", "unknown"])
+    assert found.steps.shape == (10, 10)
+    assert found.wide.tolist() == list(range(2, 10))
+    assert sorted(map(tuple, found.pairs.T.tolist())) == [(i, j) for i in range(8) for j in range(i + 1, 8)]
+    np.testing.assert_allclose(np.linalg.norm(found.steps, axis=0), sigmas)

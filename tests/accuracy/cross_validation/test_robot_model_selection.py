@@ -209,3 +209,13 @@ def test_a_candidate_has_the_errors_of_stations_held_out(monkeypatch, off_m, err
     assert (found.kind, found.robots, found.joint, found.rms) == ("joint", ("hand",), 2, 0.5)
     assert found.scores is scores.scores
     assert found.error_m == (None if error_m is None else pytest.approx(error_m))
+
+
+def test_a_choice_is_worth_its_columns(monkeypatch, solution):
+    """The richest model has more of them, and is compared with the fit of the model in use."""
+    given = []
+    monkeypatch.setattr(module, "_is_promising", lambda *words: given.append(words) or False)
+    assert choose_robot_model(solution) is None
+    ((cost, richest, columns),) = given
+    assert columns == richest.problem.width - solution.problem.width > 12
+    assert richest.cost < cost

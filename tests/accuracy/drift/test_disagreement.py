@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
+from scipy.stats import chi2
 
+from basecal.accuracy.drift import disagreement as room
 from basecal.accuracy.drift.disagreement import disagreement
 from basecal.accuracy.drift.shifts import SIZE_KIND
 from basecal.accuracy.model_comparison.nested_models import DISAGREES
@@ -54,3 +58,42 @@ def test_another_board_is_named_by_its_size():
     found = disagreement(cell, made.calibration, made.recording)
     assert (found.causes[0].frame, found.causes[0].transform) == (name, SIZE_KIND)
     np.testing.assert_allclose(found.causes[0].size, 0.02, atol=2e-3)
+
+
+def told(monkeypatch, off, shifts, root=None):
+    """The disagreement of whitened innovations, of shifts that take so much of their squares with so many freedoms."""
+    root = np.eye(len(off)) if root is None else root
+    of = SimpleNamespace(off=np.array(off), root=root, covariance_inverse=np.eye(len(off)), freedoms_of_noise=np.inf)
+    made = [SimpleNamespace(name=name, statistic=gain, freedoms=count) for name, (gain, count) in shifts.items()]
+    monkeypatch.setattr(room, "innovations", lambda *given: of)
+    monkeypatch.setattr(room, "frame_shifts", lambda of: iter([]))
+    monkeypatch.setattr(room, "size_shifts", lambda of: iter(made[:1]))
+    monkeypatch.setattr(room, "joint_shifts", lambda of: iter(made[1:]))
+    return disagreement(None, None, None)
+
+
+def test_coordinates_that_views_do_not_have_are_no_freedoms(monkeypatch):
+    """Of many blocks of views each column with a number counts; without any nothing is predicted."""
+    root = np.zeros((2, 3, 3))
+    root[0, :, 0] = [0.0, 0.0, 1.0]
+    root[1, 1, 1] = -2.0
+    root[1, 0, 2] = 1e-3
+    found = told(monkeypatch, [1.0, 1.0, 1.0], {"size": (0.0, 1)}, root)
+    assert found.chance == found.chance_left == pytest.approx(chi2.sf(3.0, 3))
+    assert found.causes == ()
+    assert told(monkeypatch, [1.0, 1.0, 1.0], {"size": (0.0, 1)}, 0 * root) is None
+
+
+def test_causes_pay_for_their_freedoms(monkeypatch):
+    """Six numbers have to explain five more than one number; what is left is judged without those of the best."""
+    off = np.full(20, 2.5)
+    found = told(monkeypatch, off, {"size": (90.0, 1), "joint": (94.0, 6), "other": (20.0, 1)})
+    assert found.chance == pytest.approx(chi2.sf(125.0, 20))
+    assert found.causes[0].name == "size"
+    assert found.chance_left == pytest.approx(chi2.sf(35.0, 19))
+    assert "other" not in {each.name for each in found.causes}
+    better = told(monkeypatch, off, {"size": (90.0, 1), "joint": (96.0, 6)})
+    assert [each.name for each in better.causes] == ["joint", "size"]
+    assert better.chance_left == pytest.approx(chi2.sf(29.0, 14))
+    everything = told(monkeypatch, off, {"size": (126.0, 1)})
+    assert everything.chance_left == 1.0

@@ -7,7 +7,7 @@ import pytest
 
 from basecal.accuracy.drift.innovations import MOST_VIEWS, Innovations, first_order, innovations, view_tangents
 from basecal.accuracy.drift.verify import verify
-from basecal.cell import Recording, RobotState
+from basecal.cell import HeldGauge, Recording, RobotState
 from basecal.effects.smooth import kernel
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array
@@ -277,3 +277,17 @@ def test_any_measurement_shows_that_a_base_moved_far(target: str) -> None:
     for seed in range(4):
         tangent = _direction(seed) * np.repeat([1.0, 0.0], 3)
         assert verify(made.cell, made.calibration, made.with_base_moved(tangent)).moved is True
+
+
+def test_what_a_gauge_holds_is_no_uncertainty_of_predictions() -> None:
+    """It is the same in new samples: predictions are those of a calibration without that part."""
+    made = later()
+    root = 1e-4 * np.random.default_rng(0).standard_normal((len(made.calibration.joint_covariance), 3))
+    held = root @ root.T
+    wider = replace(
+        made.calibration,
+        joint_covariance=made.calibration.joint_covariance + held,
+        gauges=(HeldGauge("eye", ("joint_offsets",), 0.25 * held), HeldGauge("hand", ("joint_offsets",), 0.75 * held)),
+    )
+    alone, beside = (innovations(made.cell, each, made.recording) for each in (made.calibration, wider))
+    np.testing.assert_allclose(beside.predicted, alone.predicted, atol=1e-9 * np.abs(alone.predicted).max())

@@ -1,6 +1,7 @@
 """`far-task`: a task far from where arms were recorded."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,6 +28,17 @@ def evidence_at(made, aside_m):
 def test_a_task_far_from_samples_is_named(aside_m, robots):
     """With all arms whose errors there are not those of their samples; not if one was recorded there."""
     assert [finding.about for finding in far_task(evidence_at(MADE, aside_m))] == ([robots] if robots else [])
+
+
+@pytest.mark.parametrize(("far", "told"), [((0.34, 2.0), False), ((2.0, 0.36), True), ((), False)])
+def test_half_the_length_of_smooth_errors_is_far(monkeypatch, far, told):
+    """Of the nearest arm; without arms of recorded poses nothing is."""
+    distances = zip(("eye", "hand"), far, strict=False)
+    monkeypatch.setattr("basecal.accuracy.findings.far_task._distances", lambda evidence, point_m: distances)
+    found = far_task(SimpleNamespace(settings=Settings(task_point=(0.0, 0.0, 0.0))))
+    assert bool(found) == told
+    for each in found:
+        assert each.what == "The task point is 0.36 m from the nearest recorded flange of eye and hand."
 
 
 def test_arms_that_record_joints_are_not():

@@ -37,3 +37,13 @@ def test_the_transform_that_moves_most_counts(evidence):
         assert found.severity == severity
     assert found.what == "Residuals of wrist depend on their position in the image: 0.31 px rms."
     assert found.why.startswith("Its lens model cannot represent them (chance 3e-06), which moves the answer by ")
+
+
+def test_a_transform_moves_by_its_own_columns(evidence):
+    """A point has three of them, behind those of others."""
+    made = evidence(lens_structures=of(0.0))
+    made.lens_structures[0].moved = np.array([9.0, 9, 9, 9, 9, 9, 1e-3, -3e-3, 2e-3, 9, 9])
+    made.solution.problem.columns = {"other": slice(0, 6), "base": slice(6, 9), "more": slice(9, 11)}
+    made.solution.joint_transform_covariance = lambda names: np.diag([1e-6, 4e-6, 1e-6, 0, 0, 0])
+    (found,) = lens_model(made)
+    assert "moves the answer by 2.0 sigma." in found.message

@@ -15,6 +15,7 @@ from tests.shared.real_recordings import data_folder
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.outlier_samples import (
+    _moved_sentence,
     agreeing_samples,
     agreement_findings,
     far_stops,
@@ -287,3 +288,45 @@ def test_a_bump_has_no_such_cause() -> None:
     """A pose that is off by itself is none of these."""
     bump = SE3.exp([0.02, 0, 0, 0, 0.02, 0])
     assert causes(with_poses("hand", lambda k, pose: pose @ bump if k in (4, 9) else pose), [4, 9]) == []
+
+
+def seen_by(camera, frames, samples):
+    return SimpleNamespace(camera=camera, target="board", frames=frames, sample=np.array(samples))
+
+
+def left_out(samples, camera="wrist", off_m=None):
+    return [LeftOut(number, camera, "board", (), "outlier", off_m=off_m) for number in samples]
+
+
+MOUNT, BASE = "eye_flange_from_wrist", "eye_base_from_hand_base"
+
+
+@pytest.mark.parametrize(
+    ("samples", "sentence"),
+    [
+        ([8, 9, 10], "wrist was moved after sample 7; the answer is for the samples before."),
+        ([0, 1, 2], "wrist was elsewhere before sample 3; the answer is for the samples after."),
+        ([7, 8, 9], ""),
+        ([1, 2, 3], ""),
+        ([2, 8, 9], ""),
+        ([8], ""),
+        ([], ""),
+    ],
+)
+def test_outliers_after_or_before_all_others_tell_of_a_frame(samples, sentence):
+    """That of the fewest views; other cameras that share the base go on."""
+    inliers = SimpleNamespace(
+        groups=[seen_by("wrist", (MOUNT, BASE), [3, 5, 7]), seen_by("other", (BASE,), [0, 9, 12])]
+    )
+    found = _moved_sentence(left_out(samples), inliers)
+    assert found == (f" The outliers look as if {sentence}" if sentence else "")
+
+
+def test_frames_with_the_same_views_are_not_told_apart():
+    """Points say how far they are off; a frame without an inlier says nothing."""
+    both = SimpleNamespace(groups=[seen_by("wrist", (MOUNT, BASE), [3, 5, 7])])
+    found = _moved_sentence(left_out([8, 9, 10], off_m=2e-3), both)
+    assert found.startswith(" The outliers look as if a base, a mount or the target was moved by 2.0 mm after sample 7")
+    assert _moved_sentence(left_out([8, 9, 10], "third"), both) == ""
+    empty = SimpleNamespace(groups=[seen_by("wrist", (MOUNT, BASE), [])])
+    assert _moved_sentence(left_out([8, 9, 10]), empty) == ""

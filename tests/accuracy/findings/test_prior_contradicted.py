@@ -10,8 +10,10 @@ import pytest
 from tests.touch_cells import MARKS, recorded, touch_cell, touch_lines
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.findings.prior_contradicted import contradicted_priors
+from basecal.accuracy.findings.prior_contradicted import _wider_entry, contradicted_priors, innovation
 from basecal.accuracy.fixing.offers import offered_places
+from basecal.effects import deflection
+from basecal.effects.link_parameters import Stated
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -96,3 +98,27 @@ def test_what_has_no_entry_of_its_own_is_not_freed():
     )
     assert any(finding.about == ("plate_from_mark_b",) for finding in told)
     assert all("basecal fix" not in finding.message for finding in told)
+
+
+@pytest.mark.parametrize("wider", [[1.0, 1.0, 1.0], [2.0, 1.0, 5.0]])
+def test_estimates_vary_as_data_under_unit_priors_do(wider):
+    """Data d have covariance I + P^-1, and the estimate from them is C P d, whatever priors are in use."""
+    root = np.random.default_rng(0).standard_normal((3, 3))
+    by_data, wider = root @ root.T, np.array(wider)
+    covariance = np.linalg.inv(by_data + np.diag(wider**-2))
+    gain = covariance @ by_data
+    expected = gain @ (np.eye(3) + np.linalg.inv(by_data)) @ gain.T
+    np.testing.assert_allclose(innovation(covariance, wider), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "sigma_m", "sigma_rad"), [(1.5, 2e-3, 4e-3), (2.0, 2e-3, 4e-3), (2.1, 3e-3, 6e-3), (7.9, 8e-3, 0.016)]
+)
+def test_wider_entries_hold_the_value(sigmas, sigma_m, sigma_rad):
+    """By as many times as it is away, rounded up, and twice at least; what is not stated is not written."""
+    stated = Stated(status="prior", sigma_m=1e-3, sigma_rad=2e-3)
+    entry = f"`link_parameters: {{status: prior, sigma_rad: {sigma_rad}, sigma_m: {sigma_m}}}`"
+    assert _wider_entry("link_parameters", stated, sigmas) == entry
+    alone = deflection.Stated(status="prior", sigma_rad_per_nm=1e-3)
+    entry = f"`deflection: {{status: prior, sigma_rad_per_nm: {sigma_m}}}`"
+    assert _wider_entry("deflection", alone, sigmas) == entry

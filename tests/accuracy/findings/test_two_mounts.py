@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.evidence import evidence_of
 
-from basecal.accuracy.findings.two_mounts import _splits, two_mounts
+from basecal.accuracy.findings import two_mounts as room
+from basecal.accuracy.findings.two_mounts import _Shifts, _splits, two_mounts
 from basecal.cell import Recording
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -62,3 +64,39 @@ def test_links_that_are_off_are_no_second_place():
     evidence = evidence_of(made.cell, solution)
     assert any(split.comparison.is_taken for split in _splits(evidence))
     assert two_mounts(evidence) == []
+
+
+def shifts(rng, count):
+    roots = rng.standard_normal((count, 3, 3))
+    return _Shifts(np.arange(count), rng.standard_normal((count, 3)), roots @ roots.mT + np.eye(3))
+
+
+def test_shifts_are_averaged_by_their_information():
+    """Squares of the first shifts are those about their own mean."""
+    of = shifts(np.random.default_rng(0), 6)
+    for k, square in enumerate(of.squares(), start=1):
+        few = of.take(np.arange(k))
+        wanted = np.linalg.solve(few.information.sum(0), np.einsum("nij,nj->i", few.information, few.shift_m))
+        np.testing.assert_allclose(few.mean(), wanted)
+        off = few.shift_m - wanted
+        assert square == pytest.approx(np.einsum("ni,nij,nj->", off, few.information, off), abs=1e-9)
+    assert of.take(np.array([4, 1])).samples.tolist() == [4, 1]
+
+
+@pytest.mark.parametrize(("logs", "explains", "is_so"), [(None, False, True), ((), True, True), ((), False, False)])
+def test_any_samples_may_be_those_of_the_other_place(monkeypatch, logs, explains, is_so):
+    """All ways to divide them count against it; where noise is stated the chance of the split is enough."""
+    given = []
+    minority, majority = (shifts(np.random.default_rng(k), count) for k, count in ((0, 3), (1, 8)))
+    group = SimpleNamespace(sample=np.array([0, 2, 5]))
+    moves = np.ones((3, 6, 6))
+    situation = SimpleNamespace(groups=[group], frame_jacobian=lambda k, mount: moves)
+    monkeypatch.setattr(room, "situate", lambda solution: situation)
+    monkeypatch.setattr(room, "candidate_chance", lambda *words: given.append(words) or 0.5)
+    monkeypatch.setattr(room, "decide", lambda gain, chance, level: SimpleNamespace(is_taken=explains))
+    solution = SimpleNamespace(noise=SimpleNamespace(logs=logs))
+    assert room._is_explained(solution, "mount", minority, majority) == is_so
+    ((_, candidate, apart, ways),) = given
+    assert ways == pytest.approx(10 * np.log(2))
+    np.testing.assert_allclose(apart, minority.mean() - majority.mean())
+    np.testing.assert_array_equal(candidate.moves[0][:, 0], [[[1.0] * 3] * 6, [[1.0] * 3] * 6, [[0.0] * 3] * 6])

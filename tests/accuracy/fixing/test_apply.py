@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from basecal.accuracy.fixing.apply import apply_cure, describe_change
+from basecal.accuracy.fixing.apply import _state_words, apply_cure, describe_change
 from basecal.accuracy.fixing.change import Change
 from basecal.accuracy.fixing.cures import Cure
 from basecal.accuracy.fixing.places import free_lens
@@ -78,3 +79,9 @@ def test_what_is_written_already_is_no_fix(folder: Path) -> None:
     with pytest.raises(InputError, match="already contains this, nothing is changed: Write it"):
         apply_cure(folder, cure)
     assert not (folder / "originals").exists()
+
+
+def test_states_are_told_by_their_joints_or_pose() -> None:
+    """To five digits."""
+    assert _state_words(RobotState(joints_rad=np.array([0.1234567, -2.0]))) == "joints 0.12346, -2"
+    assert _state_words(RobotState(SE3.identity())) == repr(SE3.identity())

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.accuracy.fixing import cures
+from basecal.accuracy.fixing.change import Change
 from basecal.accuracy.fixing.cures import find_cures
 from basecal.cell import Calibration, Finding, Outlier, RobotState, Unknown
 from basecal.geometry import SE3
@@ -135,3 +138,26 @@ def test_what_only_informs_and_what_has_no_cure() -> None:
     info = Finding("outlier-samples", "info", ("3",), "Sample 3 was left out as an outlier.")
     weak = Finding("weak-direction", "warning", (), "The base is weak along x.")
     assert cures_of(info, weak, outliers=(Outlier(3, "wrist", "board", (), "far"),)) == ()
+
+
+def test_of_several_hypotheses_the_nearest_is_undone(monkeypatch) -> None:
+    """Those of the finding's code and words; a single one is taken as it is."""
+
+    def hypothesis(code: str, words: str, misfit: float) -> SimpleNamespace:
+        return SimpleNamespace(code=code, words=words, about=(), carriers=None, misfit=misfit)
+
+    words = "the poses of eye are odd"
+    known = [hypothesis("one", words, 3.0), hypothesis("one", words, 1.0), hypothesis("one", words, 2.0)]
+    known += [hypothesis("two", words, 0.0), hypothesis("one", "another", 0.0)]
+    asked = []
+    monkeypatch.setattr(cures, "solve_problem", lambda *given: SimpleNamespace(state=None))
+    monkeypatch.setattr(cures, "every_hypothesis", lambda *given: known)
+    monkeypatch.setattr(cures, "_misfit", lambda declared, each: asked.append(each) or each.misfit)
+    monkeypatch.setattr(cures, "change_of_hypothesis", lambda *given: Change(cell={("x",): given[-1].misfit}))
+    finding = Finding("one", "error", (), "The poses of eye are odd.")
+    (cure,) = cures_of(finding)
+    assert cure.change.cell == {("x",): 1.0}
+    assert asked == known[:3]
+    (alone,) = cures_of(replace(finding, code="two"))
+    assert alone.change.cell == {("x",): 0.0}
+    assert asked == known[:3]

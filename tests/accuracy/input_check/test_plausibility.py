@@ -11,7 +11,12 @@ from tests.pose_problem import pose_problem
 from tests.shared.declared import declared
 from tests.shared.rewriting import resized, scaled, with_joints, with_points, with_robots, with_targets
 
-from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input, impossible_reading
+from basecal.accuracy.input_check.plausibility import (
+    impossible_answer,
+    impossible_input,
+    impossible_reading,
+    likely_unit,
+)
 from basecal.cell import (
     Cell,
     CellCamera,
@@ -177,3 +182,19 @@ def test_joints_of_a_reading_are_held_to_their_limits():
     made = simulate(Scenario(samples=5, joints=True), 0)
     far = with_joints(made.recording, "eye", 10.0)
     assert impossible_reading(declared(made.cell, far)) == impossible_input(made.cell, far) != ()
+
+
+@pytest.mark.parametrize(
+    ("length", "unit", "advice"),
+    [
+        (600.0, "millimetres", "Divide lengths by 1000 to convert them to metres."),
+        (251.0, "millimetres", "Divide lengths by 1000 to convert them to metres."),
+        (240.0, "another unit", "Convert lengths to metres: 240 mm are 0.24 m, 240 cm are 2.4 m."),
+        (60.0, "another unit", "Convert lengths to metres: 60 mm are 0.06 m, 60 cm are 0.6 m, 60 inch are 1.5 m."),
+        (19e3, "millimetres", "Divide lengths by 1000 to convert them to metres."),
+        (21e3, "another unit", "State lengths in metres."),
+    ],
+)
+def test_units_are_those_in_which_a_length_is_usual(length, unit, advice):
+    """Of up to 2.5 m here; beyond 20 m of millimetres none is likely."""
+    assert likely_unit(length, 2.5) == (unit, advice)

@@ -21,9 +21,11 @@ from basecal.accuracy.input_check.rare_hypotheses import (
     _order_hypotheses,
     _relist_rotations,
     _shorter,
+    _still_runs,
     _turns_rad,
     rare_hypotheses,
 )
+from basecal.accuracy.readings.reading import Track
 from basecal.cell import Unknown
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
@@ -326,14 +328,50 @@ def test_rows_sorted_as_text_are_put_in_order(first):
     np.testing.assert_array_equal(found.tracks["hand"].pose.matrix, expected)
 
 
-def test_axes_of_positions_are_put_right():
+@pytest.mark.parametrize(
+    ("words", "read"),
+    [
+        ("x and y exchanged", [[0, 1, 0], [1, 0, 0], [0, 0, 1]]),
+        ("x and z exchanged", [[0, 0, 1], [0, 1, 0], [1, 0, 0]]),
+        ("y and z exchanged", [[1, 0, 0], [0, 0, 1], [0, 1, 0]]),
+        ("x with the wrong sign", [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+        ("y with the wrong sign", [[1, 0, 0], [0, -1, 0], [0, 0, 1]]),
+        ("z with the wrong sign", [[1, 0, 0], [0, 1, 0], [0, 0, -1]]),
+    ],
+)
+def test_axes_of_positions_are_put_right(words, read):
     """Exchanged axes and wrong signs are undone, rotations stay."""
-    swapped = with_robots(MADE.recording, {"hand": lambda p: SE3(p.rotation, p.translation[..., [1, 0, 2]])})
+    swapped = with_robots(MADE.recording, {"hand": lambda p: SE3(p.rotation, p.translation @ np.array(read))})
     known = [h for h in hypotheses(MADE, "position-axes") if h.about == ("hand",)]
-    (hypothesis,) = (each for each in known if "x and y exchanged" in each.words)
+    (hypothesis,) = (each for each in known if words in each.words)
     track = hypothesis.reread(declared(MADE.cell, swapped)).tracks["hand"]
     expected = declared(MADE.cell, MADE.recording).tracks["hand"].pose.matrix
     np.testing.assert_array_equal(track.pose.matrix, expected)
+
+
+def track(*stand):
+    """A robot at these stops; -1 for a sample without its state."""
+    stand = np.array(stand)
+    return Track(stand >= 0, SE3.identity((len(stand),)), None, stand, True)
+
+
+@pytest.mark.parametrize(
+    ("stand", "runs"),
+    [
+        ([0] * 4 + list(range(1, 9)), []),
+        ([0] * 5 + list(range(1, 9)), [range(5)]),
+        (list(range(1, 9)) + [0] * 5, [range(8, 13)]),
+        ([0] * 5 + [1] * 5, [range(5), range(5, 10)]),
+        ([0] * 12, []),
+        ([-1] * 6 + [0] * 6, [range(6, 12)]),
+        ([0] * 5 + list(range(1, 56)), []),
+        ([0] * 6 + list(range(1, 55)), [range(6)]),
+    ],
+)
+def test_sessions_at_rest_are_runs_of_one_stop(stand, runs):
+    """They have five samples and a tenth of all at least, and not all of them; their numbers are the samples'."""
+    order = 100 + np.arange(len(stand))
+    assert [run.tolist() for run in _still_runs(order, track(*stand))] == [[100 + k for k in run] for run in runs]
 
 
 def test_a_target_on_the_world_is_put_on_its_arm():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,15 @@ from tests.shared.declared import declared
 from tests.shared.rewriting import resized, scaled, with_targets
 
 from basecal.accuracy.input_check import target_sizes
-from basecal.accuracy.input_check.target_sizes import _factor, _spread, _Step, size_hypotheses, target_size
+from basecal.accuracy.input_check.target_sizes import (
+    _factor,
+    _spread,
+    _spread_factor,
+    _Step,
+    _step,
+    size_hypotheses,
+    target_size,
+)
 from basecal.accuracy.phrases.target_length import as_written
 from basecal.errors import BasecalError
 from basecal.estimation.solve import solve
@@ -114,3 +123,30 @@ def test_a_size_that_cannot_be_solved_for_is_none(monkeypatch, error):
     cell = SimpleNamespace(targets={"board": SimpleNamespace(has_free_scale=False)})
     problem = SimpleNamespace(groups=[SimpleNamespace(target="board")])
     assert size_hypotheses(SimpleNamespace(cell=cell, problem=problem), None) == []
+
+
+def test_a_light_has_no_step():
+    """Its optimum is at hand, with nothing to gain."""
+    made = simulate(Scenario(samples=8, target="led", camera_mount="fixed", pixel_px=0.0, state_pixel_noise=False), 0)
+    reading = declared(made.cell, made.recording)
+    found = _step(reading, "board", 0.0, solve(made.cell, made.recording).state)
+    assert (found.gain, found.size) == (0.0, 0.0)
+    assert found.cost == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("count", "known"), [(0, False), (1, False), (2, True), (3, True)])
+def test_two_points_have_a_spread(count, known):
+    """The factor is the median over views of at least two points, of the named target."""
+    made = simulate(Scenario(samples=3, target="points3d"), 0)
+    reading = declared(made.cell, made.recording)
+    (group,) = reading.problem.groups
+    measurement = group.measurement
+    factors = np.array([1.0, 3.0, 4.0])[:, None, None]
+    seen = np.zeros_like(measurement.seen)
+    seen[:, :count] = True
+    points = factors * np.broadcast_to(measurement.points_in_target, (3, *seen.shape[1:], 3))
+    larger = replace(group, measurement=replace(measurement, points_in_camera=points, seen=seen))
+    changed = replace(reading, problem=reading.problem.with_groups([larger]))
+    found = _spread_factor(changed, "board")
+    assert found == (pytest.approx(3.0) if known else None)
+    assert _spread_factor(changed, "other") is None

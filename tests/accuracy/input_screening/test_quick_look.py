@@ -7,12 +7,14 @@ from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from tests.shared.rewriting import inverted, scaled, shifted, with_robots
 
 from basecal.accuracy.input_screening import quick_look as module
-from basecal.accuracy.input_screening.quick_look import preview_samples, quick_look
-from basecal.cell import Finding, Recording, RobotState
+from basecal.accuracy.input_screening.quick_look import QuickLook, preview_samples, quick_look
+from basecal.cell import Finding, Recording, RobotState, Sample
 from basecal.cell.cell import Intrinsics
+from basecal.estimation.outliers.left_out import LeftOut
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from stream_cells import streamed
@@ -171,3 +173,54 @@ def test_open_zeros_of_joints_are_why_a_base_is_open(monkeypatch):
     robots = {n: replace(r, parameters={"joint_offsets": None}) for n, r in made().cell.robots.items()}
     said = module._left_open(replace(made().cell, robots=robots), None)
     assert said == "the requested transforms are not determined without the priors of its robots"
+
+
+@pytest.mark.parametrize(("outliers", "count", "kept"), [(0, 9, 0), (1, 9, 1), (2, 9, 0), (2, 10, 2), (3, 10, 0)])
+def test_a_few_samples_may_disagree(monkeypatch, outliers, count, kept):
+    """Of ten at most two; points that are left out are no samples, and a sample counts once."""
+    groups = [SimpleNamespace(sample=np.arange(count)), SimpleNamespace(sample=np.arange(3))]
+    left_out = [SimpleNamespace(sample=k, ids=()) for k in range(outliers) for _ in range(2)]
+    left_out += [SimpleNamespace(sample=k, ids=(1,)) for k in range(count)]
+    monkeypatch.setattr(module, "build_problem", lambda *given: (SimpleNamespace(groups=groups), ()))
+    monkeypatch.setattr(module, "solve_robustly", lambda *given: SimpleNamespace(outliers=left_out))
+    assert list(module._disagreeing(None, None)) == list(range(kept))
+
+
+UNEXPLAINED, OTHER = (Finding(code, "error", (), "No.") for code in (module._UNEXPLAINED, "other"))
+
+
+@pytest.mark.parametrize(
+    ("first", "outliers", "again", "told"),
+    [
+        (QuickLook(20, error="1 mm"), [3], QuickLook(19, error="1 mm"), ["first"]),
+        (QuickLook(20, (OTHER,)), [3], QuickLook(19, error="1 mm"), ["first"]),
+        (QuickLook(3, (UNEXPLAINED,)), [1], QuickLook(2, error="1 mm"), ["first"]),
+        (QuickLook(20, (UNEXPLAINED,)), [], QuickLook(20, error="1 mm"), ["first"]),
+        (QuickLook(20, (UNEXPLAINED,)), [3], QuickLook(19, untold="nothing"), ["first"]),
+        (QuickLook(20, (UNEXPLAINED,)), [3, 5], QuickLook(18, error="1 mm"), ["outlier-samples"]),
+        (QuickLook(20, (UNEXPLAINED,)), [3], QuickLook(19, (OTHER,)), ["other", "outlier-samples"]),
+        (QuickLook(20, untold="nothing"), [3], QuickLook(19, error="1 mm"), ["outlier-samples"]),
+    ],
+)
+def test_samples_are_judged_again_without_a_few(monkeypatch, first, outliers, again, told):
+    """If nothing else is wrong, there are enough, and the others then tell something."""
+    judged = []
+    looks = iter([first, again])
+    monkeypatch.setattr(
+        module, "_judge", lambda cell, recording, is_whole: judged.append(recording.samples) or next(looks)
+    )
+    left_out = {k: LeftOut(k, "wrist", "board", (), 9.0, 0.01, 0.02) for k in outliers}
+    monkeypatch.setattr(module, "_disagreeing", lambda cell, recording: left_out)
+    recording = Recording(tuple(map(Sample, range(20))))
+    found = module._preview(None, recording, True)
+    if told == ["first"]:
+        assert found is first
+    else:
+        assert [each.code for each in found.findings] == told
+        assert [sample.sample for sample in judged[1]] == [k for k in range(20) if k not in outliers]
+        last = found.findings[-1]
+        numbers = " and ".join(map(str, outliers))
+        verb = "disagrees" if len(outliers) == 1 else "disagree"
+        assert last.what.endswith(f"{verb} with all others.")
+        assert last.about == tuple(map(str, outliers))
+        assert last.why.startswith(f"At sample {numbers.split()[0]}, ")

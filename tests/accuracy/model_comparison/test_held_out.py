@@ -74,3 +74,25 @@ def test_a_gain_that_chance_makes_is_none():
 
 def test_without_parts_nothing_is_decided():
     assert compare_predictions(np.zeros(0), np.zeros(0)).decision is Decision.UNDECIDED
+
+
+def test_one_part_has_no_spread():
+    """Its chance is one half; two parts have one."""
+    assert compare_predicted_gains(np.array([3.0])).chance == compare_predicted_gains(np.zeros(0)).chance == 0.5
+    two = compare_predicted_gains(np.array([3.0, 1.0]))
+    assert two.chance == pytest.approx(student.sf(2.0, 1))
+    assert compare_predicted_gains(np.array([1.0, -1.0])).chance == 0.5
+
+
+def test_predictions_gain_by_cauchys_likelihood():
+    """Twice its logarithm over the better model's scale, the mean of its smallest squares; by Student's t."""
+    squares, in_use = np.array([1.0, 2.0, 3.0, 100.0]), np.array([4.0, 5.0, 9.0, 90.0])
+    scale = np.mean(squares[:3])
+    gains = np.log1p(in_use / scale) - np.log1p(squares / scale)
+    for one, other, sign in ((squares, in_use, 1), (in_use, squares, -1)):
+        found = compare_predictions(one, other)
+        assert found.gain == pytest.approx(2 * sign * gains.sum())
+        t = sign * gains.mean() / (gains.std(ddof=1) / 2)
+        assert found.chance == pytest.approx(student.sf(t, 3))
+    nothing = compare_predictions(np.zeros(0), np.zeros(0))
+    assert (nothing.gain, nothing.chance, nothing.decision) == (0.0, 0.5, Decision.UNDECIDED)

@@ -169,3 +169,44 @@ def test_a_gain_far_below_zero_decides_nothing() -> None:
     """However large the logarithm of its chance is."""
     found = decide(-1e4, 5e3, 0.01, 0.05)
     assert (found.decision, found.chance) == (Decision.KEEP, 1.0)
+
+
+def test_two_means_have_fishers_chance_of_all_splits() -> None:
+    """Of the squares gained over those left, times the number of ways to split items into two sides."""
+    found = compare_split(0.25, 12, 3)
+    assert found.gain == pytest.approx(3 * 30)
+    assert found.log_chance == pytest.approx(f.logsf(30.0, 3, 30) + 11 * np.log(2))
+
+
+@pytest.mark.parametrize(("tests", "found"), [(0, True), (1, True), (2, False)])
+def test_a_single_test_counts_at_the_share(tests: int, found: bool) -> None:
+    """Of two tests a half of it each."""
+    assert discoveries([np.log(0.9e-2)], tests, 0.01).tolist() == [found]
+    assert discoveries([np.log(0.4e-2)], tests, 0.01).tolist() == [True]
+    assert discoveries([np.log(1.1e-2)], tests, 0.01).tolist() == [False]
+
+
+@pytest.mark.parametrize(
+    ("log_chance", "decision"),
+    [(-4.7, Decision.TAKE), (-4.5, Decision.UNDECIDED), (-3.1, Decision.UNDECIDED), (-2.9, Decision.KEEP)],
+)
+def test_chances_between_two_levels_are_undecided(log_chance: float, decision: Decision) -> None:
+    """Below a hundredth the rival is taken, above a twentieth it is not; without a second level nothing is open."""
+    found = decide(3.0, log_chance, 0.01, 0.05)
+    assert (found.decision, found.is_taken) == (decision, decision is Decision.TAKE)
+    assert decide(3.0, log_chance, 0.01).decision in {Decision.TAKE, Decision.KEEP}
+
+
+def test_evidence_of_one_place_is_that_of_its_density() -> None:
+    """Over that of a cubic metre, along each axis less wide than the room."""
+    sigma, offset = np.array([0.01, 0.02, 5.0]), np.array([0.005, -0.03, 1.0])
+    found = compare_places(offset, np.diag(sigma**2))
+    width = 1 / (np.sqrt(2 * np.pi) * sigma[:2])
+    assert found.gain == pytest.approx(2 * np.log(width).sum() - np.sum((offset / sigma) ** 2))
+
+
+def test_a_ratio_that_is_averaged_has_its_inverse_as_chance() -> None:
+    """Of all values of what is open."""
+    found = compare_likelihoods(np.log([1.0, 3.0, 8.0]))
+    assert found.chance == pytest.approx(1 / 4)
+    assert found.gain == pytest.approx(2 * np.log(8))

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from basecal.accuracy.phrases.changed_frame import changed_frame
+from basecal.accuracy.phrases import changed_frame as room
+from basecal.accuracy.phrases.changed_frame import _find_difference, changed_frame
 from basecal.cell import Recording, RobotState
 from basecal.estimation.problem.build import build_problem
-from basecal.geometry import SE3
+from basecal.geometry import SE3, PoseEstimate
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
 SHIFT = SE3.from_rotvec([0.1, -0.2, 0.3], [0.03, 0.02, 0.12])
@@ -61,3 +63,54 @@ def test_a_frame_that_a_part_leaves_open_is_not_named() -> None:
     made = simulate(Scenario(samples=24, arms="halves", target="pose"), 3)
     problem, _ = build_problem(made.cell, recording("tool", 12, made))
     assert changed_frame(problem, made.cell) is None
+
+
+@pytest.mark.parametrize(
+    ("count", "agreeing", "first"),
+    [
+        (7, range(3), None),
+        (8, range(4), 4),
+        (8, range(4, 8), 4),
+        (9, range(4), 4),
+        (9, range(5), 5),
+        (9, range(6), None),
+        (9, range(3), None),
+        (12, [0, 1, 2, 3, 4, 6], None),
+        (12, range(2, 8), None),
+        (12, range(12), None),
+    ],
+)
+def test_parts_have_four_samples_each(monkeypatch, count, agreeing, first) -> None:
+    """Those that agree are all before or all after the others; the first of the later part is named."""
+    asked = []
+    parts = [SimpleNamespace(state="earlier"), SimpleNamespace(state="later")]
+    monkeypatch.setattr(room, "_solve_parts", lambda problem, cell, number: asked.append(number) or parts)
+    monkeypatch.setattr(room, "agreeing_samples", lambda problem, states: tuple(10 + k for k in agreeing))
+    monkeypatch.setattr(room, "_find_difference", lambda *given: "base")
+    monkeypatch.setattr(room, "_sentence", lambda name, number, parts: f"{name} {number}")
+    sample = np.repeat(10 + np.arange(count), 2)
+    found = changed_frame(SimpleNamespace(groups=[SimpleNamespace(sample=sample)]), MADE.cell)
+    if first is None:
+        assert found is None
+    else:
+        assert found == (tuple(10 + k for k in agreeing), f"base {10 + first}")
+        assert asked == [10 + count // 2, 10 + first]
+
+
+def part(unobservable=(), **shifts_m):
+    """A solution whose transforms are shifted along x, with sigmas of a millimetre and a milliradian."""
+    transforms = {
+        name: PoseEstimate(SE3(np.eye(3), np.array([x, 0.0, 0.0])), 1e-6 * np.eye(6)) for name, x in shifts_m.items()
+    }
+    observability = SimpleNamespace(unobservable=frozenset(unobservable))
+    return SimpleNamespace(transforms=transforms, observability=observability)
+
+
+def test_a_frame_differs_alone_or_is_not_named() -> None:
+    """By far more sigmas than any other that both parts determine."""
+    assert _find_difference(part(base=0.0, mount=0.0), part(base=0.1, mount=1e-3)) == "base"
+    assert _find_difference(part(base=0.0, mount=0.0), part(base=0.1, mount=-0.09)) == ""
+    assert _find_difference(part(base=0.0, mount=0.0), part(["mount"], base=0.1, mount=0.09)) == "base"
+    assert _find_difference(part(base=0.0), part(base=0.1)) == "base"
+    assert _find_difference(part(base=0.0), part(base=1e-3)) == ""
+    assert _find_difference(part(["base"], base=0.0), part(base=1e-3)) == ""

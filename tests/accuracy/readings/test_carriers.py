@@ -44,3 +44,21 @@ def test_what_is_known_or_carried_by_two_has_no_equal() -> None:
     two = simulate(Scenario(samples=3), 0).cell
     assert swap_carriers(two, ("arm",)) == {}
     assert swap_carriers(two, ("eye", "hand")) == {}
+
+
+def test_carriers_that_hold_more_than_mounts_have_no_equal() -> None:
+    """Neither have an unknown robot, cells that see a scene, plates, nor probes."""
+    cell = STILL.cell
+    assert swap_carriers(cell, ("arm",))
+    assert swap_carriers(cell, ("other",)) == {}
+    assert swap_carriers(cell, ()) == {}
+    assert swap_carriers(replace(cell, plates={"table": Unknown()}), ("arm",)) == {}
+    lookers = {name: replace(camera, kind="tip") for name, camera in cell.cameras.items()}
+    assert swap_carriers(replace(cell, cameras=lookers), ("arm",)) == {}
+
+
+def test_carriers_are_described_in_one_sentence() -> None:
+    """Each after the first is without its verb."""
+    one, two = ("cameras", "left", "on"), ("cameras", "right", "on")
+    assert describe_carriers({one: "hand"}) == "left is on hand"
+    assert describe_carriers({one: "hand", two: "world"}) == "left is on hand and right on world"

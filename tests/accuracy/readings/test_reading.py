@@ -9,6 +9,8 @@ import pytest
 from tests.shared import rewriting
 from tests.shared.declared import declared
 
+from basecal.accuracy.readings.reading import Track
+from basecal.cell import Unknown
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
@@ -63,8 +65,11 @@ def assert_same(reading, cell, recording):
             np.testing.assert_allclose(mine.base_from_flange.matrix, theirs.base_from_flange.matrix, atol=1e-12)
             np.testing.assert_array_equal(alike(mine.stand), alike(theirs.stand))
             np.testing.assert_array_equal(alike(mine.stop), alike(theirs.stop))
+            np.testing.assert_array_equal(np.minimum(mine.stop, 0), np.minimum(theirs.stop, 0))
+            np.testing.assert_array_equal(np.minimum(mine.stand, 0), np.minimum(theirs.stand, 0))
             sigmas = [of.stops.sigma[end.stop[end.stop >= 0]] for of, end in ((moved, mine), (packed, theirs))]
             np.testing.assert_array_equal(*sigmas)
+            assert (mine.robot, mine.base, mine.mount) == (theirs.robot, theirs.base, theirs.mount)
             assert (mine.joints is None) == (theirs.joints is None)
             if mine.joints is not None:
                 np.testing.assert_array_equal(mine.joints, theirs.joints)
@@ -205,3 +210,73 @@ def test_robots_that_move():
     }  # fmt: skip
     given = declared(MADE["board"].cell, MADE["board"].recording)
     assert not any(track.moves for track in given.take(np.array([4])).tracks.values())
+
+
+def track(stand, joints=None):
+    """States at these stops; none at -1. Each pose is as far along x as its number of the sample."""
+    stand = np.array(stand)
+    at = np.zeros((len(stand), 3))
+    at[:, 0] = np.arange(len(stand))
+    return Track(stand >= 0, SE3(np.tile(np.eye(3), (len(stand), 1, 1)), at), joints, stand, joints is None)
+
+
+def test_rows_of_a_track_are_its_states():
+    """Row -1 is a sample without a state."""
+    joints = np.arange(8.0).reshape(4, 2)
+    found = track([0, 0, -1, 1], joints).take(np.array([3, -1, 2, 0]))
+    assert found.seen.tolist() == [True, False, False, True]
+    assert found.stand.tolist() == [1, -1, -1, 0]
+    np.testing.assert_array_equal(found.pose.translation[[0, 3], 0], [3, 0])
+    np.testing.assert_array_equal(found.joints[[0, 3]], joints[[3, 0]])
+    assert (found.joint_count, track([0]).joint_count) == (2, 0)
+
+
+def test_states_of_another_track_are_at_stops_of_their_own():
+    """They are repeated if they are fewer; joints are kept if both tracks have them."""
+    joints = np.arange(8.0).reshape(4, 2)
+    own, other = track([0, 1, 1, 2], joints), track([-1, 0, 0, 1], 10 + joints)
+    found = own.with_states(np.array([0, 2, 3]), other, np.array([1, 0]))
+    assert found.seen.tolist() == [True, True, False, True]
+    assert found.stand.tolist() == [3, 1, -1, 3]
+    np.testing.assert_array_equal(found.pose.translation[:, 0], [1, 1, 0, 1])
+    np.testing.assert_array_equal(found.joints, [[12, 13], [2, 3], [10, 11], [12, 13]])
+    assert found.by_pose is own.by_pose
+    assert own.with_states(np.array([0]), track([0]), np.array([0])).joints is None
+    assert track([0]).with_states(np.array([0]), other, np.array([1])).joints is None
+
+
+@pytest.mark.parametrize("carrier", ["world", "hand"])
+def test_a_target_on_another_carrier_has_a_free_mount(carrier):
+    """The problem is that of the cell with the target there, whatever its mount was."""
+    made = simulate(Scenario(samples=4, target_mount="fixed", **NOISY), 1)
+    given = declared(made.cell, made.recording)
+    cell = replace(made.cell, targets={"board": replace(made.cell.targets["board"], on=carrier, mount=Unknown())})
+    assert_same(given.with_carrier("board", carrier), cell, made.recording)
+
+
+def test_a_robot_without_states_has_no_stops():
+    """No state is one by pose or by joints, and nothing moves."""
+    made = MADE["one arm"]
+    (arm,) = made.cell.robots
+    cell = replace(made.cell, robots={**made.cell.robots, "idle": replace(made.cell.robots[arm], name="idle")})
+    reading = declared(cell, made.recording)
+    idle = reading.tracks["idle"]
+    assert not idle.seen.any()
+    assert (idle.stand == -1).all()
+    assert not idle.moves
+    assert (reading.pose_robots, reading.joint_robots) == ([arm], [])
+    hand = declared(MADE["board"].cell, lacking(MADE["board"].recording)).tracks["hand"]
+    assert hand.seen.tolist() == [k != 3 for k in range(12)]
+    assert np.flatnonzero(hand.stand == -1).tolist() == [3]
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_stops_with_noise_are_those_recorded(whole):
+    """Each robot has as many as it has stops, in the order of the robots."""
+    made = MADE["noise"]
+    recording = made.recording if whole else lacking(made.recording)
+    reading = declared(made.cell, recording)
+    moved, packed = reading.exchange("eye", "hand"), build_problem(made.cell, recording)[0]
+    assert sorted(reading.with_poses(("eye",), SE3.inverse).problem.stops.robot) == sorted(packed.stops.robot)
+    counts = {name: len(np.unique(each.stand[each.seen])) for name, each in moved.tracks.items()}
+    assert {name: moved.problem.stops.robot.count(name) for name in counts} == counts

@@ -9,8 +9,17 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.readings.scales import convert_units
+from basecal.accuracy.readings.scales import (
+    _first_unit,
+    _left_share,
+    _linear_factor,
+    _robust_least_squares,
+    convert_units,
+    estimate_units,
+)
 from basecal.cell import Calibration, Cell, Recording, RobotState
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
@@ -89,3 +98,99 @@ def test_gross_errors_hardly_move_the_unit() -> None:
     assert {outlier.sample for outlier in found.outliers} == {2, 9, 16}
     (length,) = (each for each in found.findings if each.code == "unit-length")
     assert float(length.what.split(" is ")[1].split()[0]) == pytest.approx(7e3, rel=0.01)
+
+
+def test_units_convert_lengths_of_the_named_targets_alone() -> None:
+    """Translations and their sigmas are multiplied; rotations, their sigmas and other targets stay."""
+    recording = in_metres()[0].recording
+    sigma = np.array([1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3])
+    (view,) = recording.samples[0].observations
+    views = (replace(view, sigma=sigma), replace(view, sigma=None), replace(view, target="other"))
+    (sample,) = convert_units(Recording((replace(recording.samples[0], observations=views),)), {"board": 100.0}).samples
+    stated, unstated, other = sample.observations
+    np.testing.assert_array_equal(stated.sigma, sigma * [100, 100, 100, 1, 1, 1])
+    assert unstated.sigma is None
+    assert other == views[2]
+    pose = stated.camera_from_target
+    np.testing.assert_array_equal(pose.translation, 100 * view.camera_from_target.translation)
+    np.testing.assert_array_equal(pose.rotation, view.camera_from_target.rotation)
+
+
+@cache
+def exact(layout: str = "dual", **more: object) -> tuple[SimulatedCell, Recording]:
+    """A cell without noise, and its recording in units of 0.25 m."""
+    quiet = {**ARM, "robot_noise": (0.0, 0.0), "pose_noise": (0.0, 0.0), **more}
+    made = simulate(Scenario(layout=layout, **quiet), 6)  # type: ignore[arg-type]
+    return made, convert_units(made.recording, {"board": 4.0})
+
+
+def test_exact_poses_have_the_exact_unit() -> None:
+    """A cell whose targets all have known sizes has no unit to estimate."""
+    made, recording = exact()
+    cell, _ = up_to_scale(made, recording, 1.0)
+    units_m, findings = estimate_units(cell, recording)
+    assert units_m == {"board": pytest.approx(0.25, rel=1e-6)}
+    assert findings == []
+    assert estimate_units(made.cell, recording) == ({}, [])
+
+
+@pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
+@pytest.mark.parametrize("base", ["free", "fixed"])
+def test_the_unit_is_linear_in_the_poses(layout: str, base: str) -> None:
+    """With true rotations the factor is exact from any translations of unknowns; known transforms count as stated."""
+    made, recording = exact(layout, base=base)
+    problem = build_problem(made.cell, recording)[0]
+    rng = np.random.default_rng(0)
+    far = {
+        name: replace(made.truth[name], translation=rng.uniform(-1, 1, 3)) if name in problem.columns else pose
+        for name, pose in made.truth.items()
+    }
+    assert _linear_factor(problem, State(far, {}, np.zeros((0, 6))), "board") == pytest.approx(0.25, rel=1e-6)
+
+
+def test_views_of_other_targets_have_no_part_in_a_unit() -> None:
+    """Without views, or with arms that stand still, the first unit is a metre."""
+    made, recording = exact()
+    problem = build_problem(made.cell, recording)[0]
+    (group,) = problem.groups
+    other = replace(group.measurement, measured_camera_from_target=SE3.identity((len(group),)))
+    both = problem.with_groups([group, replace(group, target="other", measurement=other)])
+    state = State(made.truth, {}, np.zeros((0, 6)))
+    assert _linear_factor(both, state, "board") == pytest.approx(0.25, rel=1e-6)
+    assert _first_unit(both, "board") == _first_unit(problem, "board")
+    assert _linear_factor(problem, state, "other") == 1.0
+    assert _first_unit(problem, "other") == 1.0
+    still = group.with_ends(lambda end: replace(end, base_from_flange=SE3.identity((len(group),))))
+    assert _first_unit(problem.with_groups([still]), "board") == 1.0
+
+
+def test_the_first_unit_is_that_of_spreads() -> None:
+    """It is inverse to the lengths of the poses, right within a factor of three, and does not count views."""
+    made, recording = exact()
+    first = _first_unit(build_problem(made.cell, recording)[0], "board")
+    assert 0.25 / 3 < first < 0.25 * 3
+    small = convert_units(recording, {"board": 1e-3})
+    assert _first_unit(build_problem(made.cell, small)[0], "board") == pytest.approx(1e3 * first, rel=1e-9)
+    (group,) = build_problem(made.cell, recording)[0].groups
+    twice = build_problem(made.cell, recording)[0].with_groups([group, group])
+    assert _first_unit(twice, "board") == pytest.approx(first, rel=1e-9)
+
+
+def test_a_column_is_left_by_its_sine() -> None:
+    """The share is 1 for an orthogonal column, 0 for one that others explain, and 0 for a column of zeros."""
+    ahead, angle = np.array([[1.0, 0], [0, 1], [0, 0]]), np.radians(30)
+    for column, share in (
+        ([0, 0, 2], 1.0),
+        ([3, 4, 0], 0.0),
+        ([0, 0, 0], 0.0),
+        ([np.cos(angle), 0, np.sin(angle)], 0.5),
+    ):
+        assert _left_share(np.column_stack([ahead, column])) == pytest.approx(share, abs=1e-9)
+
+
+def test_points_far_off_hardly_count() -> None:
+    """The mean of eleven points within millimetres does not follow one that is a metre off."""
+    points = 1e-3 * np.random.default_rng(0).standard_normal((11, 3)) + [0.1, 0.2, 0.3]
+    points[4] += [0.0, 1.0, 0.0]
+    found = _robust_least_squares(np.tile(np.eye(3), (11, 1)), points.ravel())
+    np.testing.assert_allclose(found, [0.1, 0.2, 0.3], atol=2e-3)

@@ -67,6 +67,7 @@ def test_noise_that_was_estimated_is_that_of_the_calibration():
     assert np.all(after > before)
     whole = without_samples(made.cell, made.recording, calibration, ())
     assert whole.transforms[BASE] is calibration[BASE]
+    assert (whole.residuals, whole.converged) == (calibration.residuals, True)
 
 
 def test_it_begins_where_the_calibration_is_and_holds_its_noise(made, monkeypatch):

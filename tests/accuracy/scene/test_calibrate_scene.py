@@ -6,14 +6,25 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.scene import calibrate_scene as room
 from basecal.accuracy.scene import find_scene
-from basecal.accuracy.scene.calibrate_scene import calibrate_scene, scene_meeting
+from basecal.accuracy.scene.calibrate_scene import (
+    _compare_statement,
+    _covariance,
+    _lenses,
+    _places,
+    _residuals,
+    _robot_noise,
+    calibrate_scene,
+    scene_meeting,
+)
 from basecal.accuracy.scene.images import Images
 from basecal.accuracy.scene.shared_errors import shared_covariance
 from basecal.cell import Calibration, Cell, Finding, Recording, Unknown
@@ -21,11 +32,11 @@ from basecal.cell.files import read_truth
 from basecal.cell.schema.cell_file import cell_from_dict
 from basecal.cli import main
 from basecal.errors import InputError
-from basecal.estimation.scene.adjust import SceneFit
+from basecal.estimation.scene.adjust import SceneFit, residuals_px
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
 from basecal.estimation.settings import Settings
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.numerics.batch import take
 from scene_images import images_of_scene, random_looks, repeated_object, solved_camera
 from scene_points import ARM_M, ARM_RAD, BASE, MOUNT, Scene, made_scene, moved_in_time
@@ -226,6 +237,7 @@ def test_documented_example_is_calibrated(tmp_path: Path, capsys: pytest.Capture
     assert np.degrees(np.linalg.norm(off.rotvec)) < 0.15
 
 
+@cache
 def fitted(seed: int) -> SceneFit:
     """Two arms, twelve images each."""
     scene = made_scene(seed, arms=2, count=12, points=100)
@@ -294,6 +306,10 @@ def test_arms_that_share_no_errors_meet_better() -> None:
     expected_m2 = np.trace(by_base @ scene_covariance(fit)[base, base] @ by_base.T) + stops
     assert np.isclose(alone.variance_m2, expected_m2)
     assert shared.variance_m2 > 1.05 * alone.variance_m2
+    more = replace(fit, stop_sigma=np.where(fit.views.stop_robot[:, None] == 0, 1e-3, fit.stop_sigma))
+    wider = scene_meeting(described(is_total=True), more, scene_covariance(fit), Settings(task_point=tuple(point)))
+    first = fit.stop_sigma[0, :3]
+    assert np.isclose(wider.variance_m2 - alone.variance_m2, 3e-6 - np.sum(first**2))
 
 
 def test_one_arm_meets_nobody() -> None:
@@ -310,3 +326,71 @@ def test_one_arm_meets_nobody() -> None:
         }
     )
     assert scene_meeting(cell, fit, scene_covariance(fit), Settings()) is None
+
+
+def test_errors_that_stops_share_widen_the_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot whose stated noise is total has none."""
+    monkeypatch.setattr(room, "scene_covariance", lambda fit: np.eye(2))
+    monkeypatch.setattr(room, "shared_covariance", lambda fit, robot: np.diag([1.0, 10.0])[robot])
+    fit = SimpleNamespace(views=SimpleNamespace(robots=("left", "right")))
+    open_cell, total = described(), described(is_total=True)
+    mixed = replace(open_cell, robots={**open_cell.robots, "right": total.robots["right"]})
+    for cell, shared in ((open_cell, [1.0, 10.0]), (total, [0.0, 0.0]), (mixed, [1.0, 0.0])):
+        np.testing.assert_array_equal(_covariance(cell, fit), np.eye(2) + shared)
+
+
+def test_what_a_scene_answers_is_named_after_the_cell() -> None:
+    """The base of the reference is no unknown; a fixed transform has no covariance."""
+    fit = fitted(1)
+    covariance = np.random.default_rng(0).standard_normal(fit.information.shape)
+    bases, mounts = _places(described(), fit)
+    assert [each.name for each in bases] == [BASE_NAME]
+    assert [each.name for each in mounts] == ["left_flange_from_left_eye", "right_flange_from_right_eye"]
+    where = fit.columns.bases[1]
+    np.testing.assert_array_equal(bases[0].estimate(covariance).covariance, covariance[where, where])
+    fixed = bases[0]._replace(columns=None).estimate(covariance)
+    np.testing.assert_array_equal(fixed.covariance, np.zeros((6, 6)))
+    np.testing.assert_array_equal(fixed.mean.matrix, fit.state.bases[1].matrix)
+    found = _lenses(fit, covariance)
+    assert list(found) == ["left_eye", "right_eye"]
+    at = fit.columns.lenses[1]
+    np.testing.assert_array_equal(found["right_eye"][1], covariance[at, at])
+    assert found["right_eye"][0] is fit.state.lenses[1]
+    columns = SimpleNamespace(lenses=(None, at))
+    fixed_lens = SimpleNamespace(views=fit.views, state=fit.state, columns=columns)
+    assert list(_lenses(fixed_lens, covariance)) == ["right_eye"]
+    noise = _robot_noise(fit)
+    np.testing.assert_array_equal([*noise["right"]["sigma_t_m"], *noise["right"]["sigma_r_rad"]], fit.stop_sigma[-1])
+    assert noise.keys() == {"left", "right"}
+
+
+def test_residuals_of_a_scene_are_those_of_its_views() -> None:
+    """Rms per axis over all points and over those of each view; views without points are left out."""
+    fit = fitted(1)
+    off, view = residuals_px(fit.views, fit.tracks, fit.state), fit.tracks.view
+    found = _residuals(fit)
+    assert found.rms_px == pytest.approx(np.sqrt(np.mean(off**2)))
+    assert found.median_px == pytest.approx(np.median(np.hypot(*off.T)))
+    assert [(each.sample, each.camera) for each in found.per_sample] == [
+        (k, "left_eye" if k < 12 else "right_eye") for k in range(24)
+    ]
+    wanted = [np.sqrt(np.mean(off[view == k] ** 2)) for k in range(24)]
+    np.testing.assert_allclose([each.rms_px for each in found.per_sample], wanted)
+    few = replace(fit, tracks=take(fit.tracks, np.flatnonzero(view != 3)))
+    assert [each.sample for each in _residuals(few).per_sample] == [k for k in range(24) if k != 3]
+
+
+def test_a_statement_is_compared_with_the_scene_alone() -> None:
+    """What the statement contributed to the base is taken out, and the offset has the covariance of both."""
+    rng = np.random.default_rng(0)
+    root = 1e-3 * rng.standard_normal((6, 6))
+    of_scene, sigma = root @ root.T + 1e-6 * np.eye(6), np.array([2e-3, 3e-3, 4e-3, 1e-3, 2e-3, 5e-3])
+    apart = np.array([3e-3, -2e-3, 1e-3, 0, 0, 0])
+    information = np.linalg.inv(of_scene) + np.diag(sigma**-2)
+    both = np.linalg.solve(information, np.linalg.solve(of_scene, apart))
+    base = PoseEstimate(BASE @ SE3.exp(both), np.linalg.inv(information))
+    found, covariance = _compare_statement(Unknown("prior", BASE, sigma), base)
+    np.testing.assert_allclose(found, apart[:3], rtol=1e-6)
+    np.testing.assert_allclose(covariance, (of_scene + np.diag(sigma**2))[:3, :3], rtol=1e-6)
+    assert _compare_statement(Unknown("free", BASE), base)[0] is None
+    assert _compare_statement(Unknown(), base)[0] is None

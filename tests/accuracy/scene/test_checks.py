@@ -11,6 +11,7 @@ from basecal.accuracy.scene.checks import (
     FEWEST_VIEWS,
     base_findings,
     camera_findings,
+    count_points,
     describe_scatter,
     direction_findings,
     join_findings,
@@ -86,7 +87,17 @@ def test_each_lack_of_a_join_has_its_word() -> None:
     assert codes(replace(GOOD, rival=0.4)) == ["scene-rival"]
     assert codes(replace(GOOD, common=0.3)) == ["scene-rival"]
     assert codes(GOOD, shared=99) == ["scene-overlap"]
-    assert codes(GOOD, of_each=(3, 12)) == ["scene-overlap"]
+    assert codes(GOOD, of_each=(3, 12)) == codes(GOOD, of_each=(12, 3)) == ["scene-overlap"]
+    assert codes(GOOD, shared=100, of_each=(4, 4)) == []
+    edge = replace(GOOD, by_chance=100.0)
+    assert codes(replace(edge, sightings=sightings(400))) == codes(replace(edge, sightings=sightings(401))) == []
+    assert codes(replace(edge, sightings=sightings(399))) == ["scene-overlap"]
+    assert codes(replace(edge, sightings=sightings(1249), by_chance=500.0)) == ["scene-overlap"]
+    assert codes(replace(edge, sightings=sightings(1250), by_chance=500.0)) == []
+    assert (
+        codes(replace(GOOD, rival=0.33)) == codes(replace(GOOD, common=0.46)) == codes(replace(GOOD, common=None)) == []
+    )
+    assert codes(replace(GOOD, rival=0.34)) == codes(replace(GOOD, common=0.44)) == ["scene-rival"]
 
 
 def test_a_motion_is_named_with_its_length_and_time() -> None:
@@ -102,8 +113,9 @@ def test_a_motion_is_named_with_its_length_and_time() -> None:
 
 def test_points_that_one_scene_does_not_keep_refuse_it() -> None:
     """Below half of them, or below a hundred, what was taken for shared was not."""
-    assert list(kept_findings(NAMES, 300, 200)) == []
-    for before, after in ((300, 140), (150, 90)):
+    for before, after in ((300, 200), (300, 150), (200, 100)):
+        assert list(kept_findings(NAMES, before, after)) == []
+    for before, after in ((300, 149), (150, 99)):
         assert [each.code for each in kept_findings(NAMES, before, after)] == ["scene-rival"]
 
 
@@ -118,15 +130,18 @@ def test_unknown_directions_are_refused() -> None:
         return [each.code for each in direction_findings("mount", covariance)]
 
     assert codes(9e-3, 0.4) == []
-    assert codes(11e-3, 0.4) == codes(9e-3, 0.6) == ["weak-direction"]
-    assert codes(0.11, 0.4) == codes(9e-3, 6.0) == ["unobservable-direction"]
+    assert codes(11e-3, 0.4) == codes(9e-3, 0.6) == codes(0.09, 4.9) == ["weak-direction"]
+    assert codes(0.11, 0.4) == codes(9e-3, 5.1) == ["unobservable-direction"]
 
 
 def test_poses_that_scatter_are_named_as_a_cause() -> None:
     """Beyond 2 mm or 3 mrad a robot is named with its noise, and a weak direction says to check it first."""
     scene = made_scene(1, arms=2, count=12, points=120)
     fit = solved_camera(scene, images_of_scene(scene), 0).adjustment
-    assert describe_scatter(replace(fit, stop_sigma=np.full((12, 6), 1e-3))) == ""
+    for sound in (np.full(6, 1e-3), np.repeat([1.9e-3, 2.9e-3], 3)):
+        assert describe_scatter(replace(fit, stop_sigma=np.tile(sound, (12, 1)))) == ""
+    loose = np.tile(np.repeat([2.1e-3, 1e-3], 3), (12, 1))
+    assert describe_scatter(replace(fit, stop_sigma=loose)) == "Poses of left scatter by 2.1 mm and 0.057 deg."
     scatter = describe_scatter(replace(fit, stop_sigma=np.tile(np.repeat([1e-3, 8e-3], 3), (12, 1))))
     assert scatter == "Poses of left scatter by 1 mm and 0.46 deg."
     (found,) = direction_findings("mount", np.diag(np.full(6, 1e-3)), scatter)
@@ -163,6 +178,26 @@ def test_bases_of_robots_without_images_are_missing() -> None:
         "error",
         ("left_base_from_right_base",),
     )
+
+
+def test_points_are_counted_with_those_of_two_cameras() -> None:
+    """Two views of one camera are one camera; of a single camera nothing is shared."""
+    scene = made_scene(1, arms=2, count=12, points=120)
+    fit = solved_camera(scene, images_of_scene(scene), 0).adjustment
+    views = replace(scene.views, camera=np.repeat([0, 1], 12))
+    tracks = Tracks(np.array([0, 1, 0, 12, 13, 14]), np.array([0, 0, 1, 1, 2, 2]), np.zeros((6, 2)), np.arange(6))
+    found = count_points(replace(fit, views=views, tracks=tracks))
+    assert found.what == "3 points of the scene in 24 images are used. Two cameras or more see 1 of the points."
+    assert (found.code, found.severity) == ("scene-joined", "info")
+    alone = replace(views, cameras=views.cameras[:1], camera=0 * views.camera)
+    assert count_points(replace(fit, views=alone, tracks=tracks)).what == "3 points of the scene in 24 images are used."
+
+
+@pytest.mark.parametrize(("sigma_m", "code"), [(0.019, ""), (0.5, "not-validated")])
+def test_coarse_evidence_of_a_base_validates_nothing(sigma_m: float, code: str) -> None:
+    """An agreement that chance explains in a room is none."""
+    found = base_findings("left_base_from_right_base", np.full(3, 1e-3), sigma_m**2 * np.eye(3))
+    assert [each.code for each in found] == [code] * bool(code)
 
 
 @pytest.mark.parametrize(("off_m", "code"), [(0.1, "scene-rival"), (0.02, ""), (None, "not-validated")])

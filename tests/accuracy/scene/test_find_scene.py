@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.scene import find_scene as room
+from basecal.accuracy.scene.checks import SAME_SPOT
 from basecal.accuracy.scene.find_scene import Report, find_scene
+from basecal.accuracy.scene.images import Images
 from basecal.cell import Intrinsics, Unknown
 from basecal.estimation.scene.views import SceneCamera, SceneViews, Tracks
 from basecal.estimation.settings import Settings
@@ -61,8 +64,39 @@ def test_a_camera_beside_the_arms_joins_by_the_points(monkeypatch: pytest.Monkey
     fit = find_scene(images, (None, None), "left", report, Settings())
     assert fit is not None
     assert [each.about for each in report.findings] == ([] if is_stated else [("above",)])
+    for each in report.findings:
+        assert (each.severity, each.why) == ("warning", "Its lens is not stated.")
+        assert each.do == ("State its intrinsics in cell.yaml.",)
     assert len(fit.state.mounts) == (3 if is_stated else 2)
     if is_stated:
         off = (true.inverse() @ fit.state.mounts[2]).log()
         assert np.linalg.norm(off[:3]) < 2e-3
         assert np.degrees(np.linalg.norm(off[3:])) < 0.2
+
+
+def test_a_fixed_camera_that_sees_too_little_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What to do is said, and the scene of the arms stays as it is."""
+    scene, _ = with_fixed_camera(made_scene(1, arms=2, count=4, points=60), Intrinsics("fixed", LENS))
+    images, report = images_of_scene(scene), Report()
+    fit = SimpleNamespace(
+        views=images.select_moving().views, tracks=scene.tracks, state=scene.truth, guesses=(LENS,) * 2
+    )
+    monkeypatch.setattr(room, "locate_camera", lambda *given: None)
+    monkeypatch.setattr(Images, "descriptors", lambda self, tracks: None)
+    assert room._add_fixed_cameras(images, fit, (None, None), report) is fit
+    (found,) = report.findings
+    assert found.why == "Its image shows too few points that the arms' cameras see."
+    assert found.do == (SAME_SPOT,)
+
+
+def test_cameras_that_share_nothing_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first with each other one; without a transform no point is shared."""
+    told: list[tuple[object, ...]] = []
+    monkeypatch.setattr(room, "join", lambda images, first, second: second if second == "two" else None)
+    monkeypatch.setattr(room, "merged_tracks", lambda ones, joins: joins)
+    monkeypatch.setattr(room, "shared_points", lambda views, tracks, index: (7, (2, index)))
+    monkeypatch.setattr(room, "join_findings", lambda *given: told.append(given) or [])
+    cameras = [SimpleNamespace(name=name) for name in ("a", "b", "c")]
+    images = SimpleNamespace(views=SimpleNamespace(cameras=cameras))
+    assert room._joins(images, ["one", "two", "three"], Report()) == {1: "two"}
+    assert told == [(("a", "b"), "two", 7, (2, 1)), (("a", "c"), None, 0, (0, 0))]

@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.accuracy.scene.images import Images, read_images
-from basecal.cell import RobotState
+from basecal.accuracy.scene.images import Images, _extent, _moving_targets, read_images
+from basecal.cell import PixelObservation, PoseObservation, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import InputError
 from basecal.estimation.settings import Settings
+from basecal.geometry import SE3
 from planar_arm import planar
 
 CELL = """schema: basecal/cell/1
@@ -163,3 +164,26 @@ def test_each_image_that_is_read_is_told(tmp_path: Path, caplog: pytest.LogCaptu
     with caplog.at_level("INFO", logger="basecal"):
         read_images(cell, read_recording(tmp_path, cell), Settings())
     assert [each.message for each in caplog.records] == ["1 of 2", "2 of 2"]
+
+
+def test_an_image_contains_all_tracked_pixels() -> None:
+    """It is one pixel wider and higher than the last of them, and two at the least."""
+    assert _extent(np.array([[10.2, 3.0], [4.0, 7.5]])) == (12, 9)
+    assert _extent(np.zeros((0, 2))) == (2, 2)
+
+
+def test_targets_that_robots_carry_move(tmp_path: Path) -> None:
+    """Those seen by this camera as pixels count; targets on the world belong to the scene."""
+    write(tmp_path, [])
+    cell = read_cell(tmp_path)
+    still = replace(cell.targets["board"], name="still", on="world")
+    cell = replace(cell, targets={**cell.targets, "still": still})
+    ids, pixels = np.arange(3), np.arange(6.0).reshape(3, 2)
+    seen = (
+        PixelObservation("left_eye", "board", ids, pixels),
+        PixelObservation("left_eye", "still", ids, pixels),
+        PixelObservation("right_eye", "board", ids, pixels + 1),
+        PoseObservation("left_eye", "board", SE3.identity()),
+    )
+    (found,) = _moving_targets(cell, Sample(0, observations=seen), "left_eye")
+    np.testing.assert_array_equal(found, pixels)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.sample_use import SampleUse, sample_use
+from basecal.accuracy.scene import join_scene as room
 from basecal.accuracy.scene.images import read_images
-from basecal.accuracy.scene.join_scene import _update_images, join_scene
+from basecal.accuracy.scene.join_scene import _place_in_world, _predicts_better, _update_images, join_scene
 from basecal.cell import Calibration, Cell, Finding, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
+from basecal.estimation.scene.state import SceneState
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
@@ -151,3 +154,98 @@ def test_without_images_there_is_no_scene(tmp_path: Path) -> None:
     found, (finding,), _ = join_scene(cell, bare, solution, Settings())
     assert found is solution
     assert "No camera has images" in finding.what
+
+
+@pytest.mark.parametrize(
+    ("severity", "few", "better", "outcome"),
+    [
+        ("error", False, True, ["rival"]),
+        ("error", True, False, ["rival"]),
+        ("info", False, False, ["few", "rival", "points"]),
+        (None, True, True, ["scene-left-out"]),
+        (None, False, False, ["scene-left-out"]),
+        (None, False, True, ["report", "points"]),
+    ],
+)
+def test_a_scene_is_used_if_it_agrees_and_predicts(monkeypatch, severity, few, better, outcome) -> None:
+    """Without a finding on a base it has to predict held-out views; what contradicts a base is a warning."""
+    found = [] if severity is None else [Finding("rival", severity, (), "They disagree.")]
+    fit = SimpleNamespace()
+
+    def find(images, stated, anchor, report, settings):
+        code = "few-images" if few else "few" if severity else "report"
+        report.findings = [Finding(code, "info", (), "Few images.")]
+        return fit
+
+    joined = SimpleNamespace(problem=SimpleNamespace(tied=SimpleNamespace(points="points")))
+    views = SimpleNamespace(robots=("right", "left"))
+    for name, value in {
+        "read_images": lambda *given: SimpleNamespace(views=views),
+        "find_scene": find,
+        "_noise": lambda solution, robot: robot,
+        "_update_images": lambda images, solution, cell, anchor: images,
+        "_place_in_world": lambda fit, world_from_base: fit,
+        "_base_findings": lambda *given: iter(found),
+        "_solve_jointly": lambda *given: joined,
+        "_predicts_better": lambda solution, iterations: better,
+        "scene_fingerprint": lambda images, fit, points: f"kept {points}",
+        "count_points": lambda fit: Finding("points", "info", (), ""),
+    }.items():
+        monkeypatch.setattr(room, name, value)
+    cell = SimpleNamespace(reference="left", base_name=lambda robot: f"left_base_from_{robot}_base")
+    solution = SimpleNamespace(state=SimpleNamespace(transforms={}))
+    answer, findings, kept = join_scene(cell, Recording(), solution, Settings())
+    assert [each.code for each in findings] == outcome
+    is_used = outcome[-1] == "points"
+    assert answer is (joined if is_used else solution)
+    assert kept == ("kept points" if is_used else None)
+    if severity == "error":
+        assert findings[0].severity == "warning"
+    if outcome == ["scene-left-out"]:
+        assert ("Few images" in findings[0].what) == few
+
+
+@pytest.mark.parametrize(("gain", "is_better"), [(0.1, True), (0.0, False), (-0.1, False)])
+def test_a_scene_predicts_better_if_scores_fall(monkeypatch, gain, is_better) -> None:
+    """With nothing to hold out it is believed."""
+    solution = SimpleNamespace(problem=Tied("tracks"), state="state")
+    monkeypatch.setattr(room, "splits", lambda problem: iter(["split"]))
+    monkeypatch.setattr(
+        room,
+        "score_stations",
+        lambda problem, state, split, iterations: SimpleNamespace(scores=np.full(4, 0.0 if problem.tied else gain)),
+    )
+    monkeypatch.setattr(room, "compare_predicted_gains", lambda gains: SimpleNamespace(gain=gains.mean()))
+    assert _predicts_better(solution, 5) == is_better
+    monkeypatch.setattr(room, "splits", lambda problem: iter([]))
+    assert _predicts_better(solution, 5)
+
+
+@dataclass
+class Tied:
+    """A problem with or without tracks."""
+
+    tied: str | None
+
+
+def test_a_scene_is_placed_in_the_world_of_the_cell() -> None:
+    """Bases, points and cameras on the world go with the base of the robot; mounts on flanges stay."""
+    rng = np.random.default_rng(0)
+    mounts, bases = SE3.exp(rng.standard_normal((2, 6))), SE3.exp(rng.standard_normal((2, 6)))
+    points = rng.standard_normal((4, 3))
+    cameras = (SimpleNamespace(robot="left"), SimpleNamespace(robot=None))
+    state = SceneState(mounts, bases, (LENS, LENS), np.zeros((0, 6)), points)
+    fit = Fit(SimpleNamespace(cameras=cameras), state)
+    found = _place_in_world(fit, BASE).state
+    np.testing.assert_allclose(found.mounts.matrix, [mounts[0].matrix, (BASE @ mounts[1]).matrix])
+    np.testing.assert_allclose(found.bases.matrix, (BASE @ bases).matrix)
+    np.testing.assert_allclose(found.points, BASE @ points)
+    assert _place_in_world(fit, None) is fit
+
+
+@dataclass
+class Fit:
+    """Views and a state."""
+
+    views: SimpleNamespace
+    state: SceneState

@@ -13,6 +13,7 @@ from basecal.accuracy.scene.images import Images
 from basecal.accuracy.scene.joining import (
     Join,
     _evidence_share,
+    _new_sightings,
     common_share,
     join,
     merged_tracks,
@@ -226,3 +227,27 @@ def test_two_features_of_one_view_are_no_image_of_a_point(
     tracks = merged_tracks(ones, {1: replace(join, sightings=concatenate([beside, join.sightings]))})
     places = np.column_stack([tracks.view, tracks.point])
     assert len(np.unique(places, axis=0)) == len(places)
+
+
+def test_a_point_is_shared_by_two_views_of_both_cameras() -> None:
+    """Views are counted that show such a point; other cameras do not matter."""
+    views = replace(made_scene(1, arms=2, count=4, points=40).views, camera=np.array([0, 0, 0, 1, 1, 1, 2, 2]))
+    of_point = {0: [0, 1, 3, 4], 1: [0, 3, 4, 5], 2: [0, 1, 2, 3, 6, 7], 3: [1, 2, 4, 5, 6]}
+    seen = np.array([(view, point) for point, shown in of_point.items() for view in shown])
+    tracks = Tracks(seen[:, 0], seen[:, 1], np.zeros((len(seen), 2)), np.arange(len(seen)))
+    assert shared_points(views, tracks, 1) == (2, (3, 3))
+    assert shared_points(views, tracks, 2) == (1, (3, 2))
+
+
+def test_image_points_of_own_tracks_tie_points() -> None:
+    """An own point is the other camera's point that most of its matched features show; the rest are new sightings."""
+
+    def tracks(*rows: tuple[int, int, int]) -> Tracks:
+        view, point, feature = np.array(rows).T
+        return Tracks(view, point, np.zeros((len(rows), 2)), feature)
+
+    own = tracks((0, 0, 0), (1, 0, 0), (2, 0, 1), (0, 1, 1), (1, 1, 1), (0, 2, 2), (1, 2, 2))
+    sightings = tracks((0, 5, 0), (1, 5, 0), (2, 6, 1), (0, 7, 1), (1, 8, 1), (0, 0, 9), (1, 9, 2))
+    more, tied = _new_sightings(own, sightings)
+    assert tied.tolist() == [[0, 5], [2, 9]]
+    assert (more.view.tolist(), more.point.tolist(), more.feature.tolist()) == ([0], [0], [9])

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from basecal.accuracy.scene.shared_errors import Response, SceneMotion, scene_motion, shared_covariance
+from basecal.accuracy.scene import shared_errors as room
+from basecal.accuracy.scene.shared_errors import (
+    Response,
+    SceneMotion,
+    _profiles,
+    _second_moment,
+    scene_motion,
+    shared_covariance,
+    shared_errors,
+)
 from basecal.estimation.scene.adjust import SceneFit, Task, scene_fit
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
@@ -105,3 +116,68 @@ def test_a_descent_that_ends_early_is_no_motion() -> None:
     step[base.start] = 2e-5
     task = Task(fit.views, fit.tracks, fit.sigma_px, fit.stop_sigma, fit.guesses, tail=fit.tail)
     assert scene_motion(scene_fit(task, take_step(fit.state, columns, step))).chance > 1e-3
+
+
+def test_second_moments_are_those_of_all_likely_sigmas() -> None:
+    """Each sigma counts by its prior and evidence, and none as the error without variance; the mean adds its square."""
+    response = Response(np.array([-8.0]), np.array([[4.0]]), np.zeros((1, 1)))
+    prior = SimpleNamespace(sigmas=np.array([0.0, 0.5, 1.0]), shares=np.array([0.5, 0.2, 0.3]))
+    ways = []
+    for sigma, share in ((0.5, 0.2), (1.0, 0.3)):
+        (mean,), ((variance,),) = response.posterior(np.array([sigma**2]))
+        ways.append((share * np.exp(response.log_evidence(np.array([sigma**2]))), variance + mean**2, sigma**2))
+    total = 0.5 + sum(weight for weight, _, _ in ways)
+    moment, square = _second_moment(response, prior)
+    np.testing.assert_allclose(moment, [[sum(weight * each for weight, each, _ in ways) / total]])
+    assert square == pytest.approx(sum(weight * each for weight, _, each in ways) / total)
+
+
+def test_motions_are_steady_or_between_three_samples() -> None:
+    """Samples go by their numbers, whichever stop they were at; a camera on the world has none."""
+    views = SimpleNamespace(
+        robot=np.array([0, 0, 0, 1, 1, 1, 1, -1]),
+        stop=np.array([0, 1, 2, 3, 4, 5, 6, -1]),
+        sample=np.array([10, 30, 50, 20, 40, 60, 70, 99]),
+    )
+    (first, steady), *steps = _profiles(SimpleNamespace(views=views, stop_sigma=np.zeros((7, 6))))
+    assert first is None
+    np.testing.assert_allclose(steady * 6, [0, 2, 4, 1, 3, 5, 6])
+    assert [number for number, _ in steps] == [40, 50]
+    assert [profile.tolist() for _, profile in steps] == [[0, 0, 1, 0, 1, 1, 1], [0, 0, 1, 0, 0, 1, 1]]
+
+
+def test_what_no_recorded_pose_shows_is_as_large_as_expected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Far away all of the variance at the arm's reach, at recorded poses next to none; lengths are known anywhere."""
+    priors = []
+    monkeypatch.setattr(room, "respond", lambda fit, by_stop: SimpleNamespace(moves=by_stop))
+    monkeypatch.setattr(room, "_second_moment", lambda response, prior: priors.append(prior) or ("moment", 4e-6))
+    poses = made_scene(1, count=6, points=20).views.base_from_flange
+    views = SimpleNamespace(robot=np.zeros(6, dtype=int), base_from_flange=poses, stop=np.arange(6))
+    lengths, smooth = shared_errors(SimpleNamespace(views=views, stop_sigma=np.zeros((6, 6))), 0)
+    reach_m2 = np.mean(np.sum(poses.translation**2, 1))
+    away = SE3(poses.rotation, poses.translation + 50.0)
+    np.testing.assert_allclose(smooth.unseen_m2(away), 4e-6 * reach_m2, rtol=1e-6)
+    assert (smooth.unseen_m2(poses) < 0.3 * 4e-6 * reach_m2).all()
+    assert not lengths.unseen_m2(away).any()
+    np.testing.assert_array_equal(smooth.moves, smooth.at(poses))
+    middle, factor = room.smooth_by_place.EFFECT.random.expected.turn
+    sigmas = priors[1].sigmas[priors[1].sigmas > 0]
+    assert sigmas.min() < middle < sigmas.max()
+    assert sigmas.min() * sigmas.max() == pytest.approx(middle**2)
+    assert sigmas.max() <= middle * factor**3
+
+
+def test_the_likeliest_motion_has_the_length_of_its_translation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its chance is that of the best of all profiles, and at most one."""
+    motion = np.array([3e-3, 0.0, 4e-3, 1.0, 2.0, 3.0])
+    scores = {None: 5.0, 4: 40.0, 6: 20.0}
+    monkeypatch.setattr(room, "_profiles", lambda fit: ((number, number) for number in scores))
+    monkeypatch.setattr(
+        room, "_score", lambda fit, profile: (scores[profile], motion * (profile or 1), f"at {profile}")
+    )
+    found = scene_motion(SimpleNamespace())
+    assert (found.first_sample, found.step) == (4, "at 4")
+    assert found.length_m == pytest.approx(4 * 5e-3)
+    assert found.chance == pytest.approx(3 * chi2.sf(40.0, 6))
+    scores.update({4: 1.0, 6: 1.0})
+    assert scene_motion(SimpleNamespace()).chance == 1.0

@@ -16,7 +16,7 @@ from basecal.accuracy.stages import judging as module
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.stages.judging import prove_solution, thin_solution
 from basecal.accuracy.systematic_errors.expected_sizes import ContainedSizes
-from basecal.cell import Recording, Sample
+from basecal.cell import Finding, Recording, Sample
 from basecal.effects.faces.effect import FoundEffect
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve
@@ -44,6 +44,18 @@ def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, sma
     stamps = {k: s.stamp_s for k, s in enumerate(MADE.recording.samples) if s.stamp_s is not None}
     assert found.evidence.images == {(3, "wrist"): "images/4.png"}
     assert given == [("without them", "all", stamps, Settings(), "as stated" if refuted else None)]
+
+
+def test_an_error_of_a_fixed_transform_is_listed_once(monkeypatch):
+    """As it was found first, for each transform; other findings stay, however often and in their order."""
+    code = judging.fixed_transform.CODE
+    mount, again, base = (Finding(code, "warning", (about,), what) for about, what in ("a1", "a2", "b1"))
+    other = Finding("poor-fit", "warning", ("a",), "other")
+    monkeypatch.setattr(judging, "ANSWER_CHECKS", (lambda evidence: [again, other], lambda evidence: [base, other]))
+    monkeypatch.setattr(judging, "deduplicate_size_findings", lambda cell, findings, error: [*findings, error])
+    before = Case(MADE.cell, MADE.recording, Settings(), findings=(other, mount))
+    before = replace(before, weighed=SimpleNamespace(systematic_error=again))
+    assert judging.list_findings(before).findings == (other, mount, other, base, other)
 
 
 def test_an_effect_that_may_be_chance_widens_by_its_share():

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.accuracy.stages import pose_noise
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.stages.pose_noise import _MIDDLE, _solve_by_corners, likely_size, shape_pose_noise
+from basecal.accuracy.stages.pose_noise import (
+    _MIDDLE,
+    _corner_errors,
+    _is_open,
+    _peak,
+    _solve_by_corners,
+    _with_most_views,
+    likely_size,
+    shape_pose_noise,
+)
 from basecal.accuracy.stages.solving import leave_outliers_out, solve_all
 from basecal.cell import PoseObservation
 from basecal.estimation.problem.build import build_problem
@@ -95,3 +106,87 @@ def test_known_solutions_only_speed_up_the_search() -> None:
     alone = likely_size(case, "board", {})
     shaped = _solve_by_corners(case, {"board": _MIDDLE}).solution
     assert likely_size(case, "board", {None: case.solution, _MIDDLE: shaped}) == pytest.approx(alone, rel=1e-2)
+
+
+SIZES = np.array([0.02, 0.04, 0.08, 0.15, 0.3])
+
+
+@pytest.mark.parametrize("peak", [0.03, 0.05, 0.1, 0.2])
+def test_a_size_is_that_of_the_parabola(peak: float) -> None:
+    """Of the logarithm of the size, whatever the height and the width."""
+    for height, width in ((0.0, 1.0), (50.0, 3.0)):
+        assert _peak(height - width * np.log(SIZES / peak) ** 2) == pytest.approx(peak)
+
+
+def test_a_size_lies_within_its_neighbours() -> None:
+    """Beyond the ends it is that at the end; without a peak between them it is the likelier end."""
+    assert _peak(-(np.log(SIZES / 1e-3) ** 2)) == pytest.approx(0.02)
+    assert _peak(-(np.log(SIZES / 9.0) ** 2)) == pytest.approx(0.3)
+    assert _peak(np.array([5.0, 1.0, 0.0, 0.5, 1.0])) == pytest.approx(0.02)
+    assert _peak(np.array([1.0, 0.5, 0.0, 1.0, 5.0])) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("factor", [1.0, 3.0])
+def test_a_size_is_taken_by_its_evidence(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
+    """Half of what minus twice its logarithm falls by; of the mean over all sizes, fifty times likelier."""
+    ratios = 4.3 * factor - np.log(SIZES / 0.08) ** 2 - 1.5
+    evidence = dict(zip((None, *SIZES), [100.0, *(100.0 - 2 * ratios)], strict=True))
+    found = SimpleNamespace(problem=None, state=None)
+    monkeypatch.setattr(pose_noise, "replace", lambda of, **changed: SimpleNamespace(problem=changed.get("problem")))
+    monkeypatch.setattr(pose_noise, "_shape_errors", lambda problem, state, sizes: sizes["board"])
+
+    def solved(solution, settings, guess):
+        """A solution with the evidence of its size."""
+        return SimpleNamespace(noise=SimpleNamespace(minus_2_log_evidence=evidence[solution.problem]))
+
+    monkeypatch.setattr(pose_noise, "with_noise", solved)
+    size = likely_size(SimpleNamespace(solution=found, settings=None), "board", {})
+    assert size == (None if factor == 1.0 else pytest.approx(0.08))
+
+
+@pytest.mark.parametrize(("before", "after", "explained", "taken"), [
+    (0, 0, True, False), (3, 2, True, True), (3, 3, True, False), (3, 2, False, False),
+])  # fmt: skip
+def test_more_views_are_judged_if_corners_leave_out_fewer(
+    monkeypatch: pytest.MonkeyPatch, before: int, after: int, explained: bool, taken: bool
+) -> None:
+    """By corners of a middle size, if these explain the motion, too."""
+    given = []
+    case, shaped = (
+        SimpleNamespace(robust=SimpleNamespace(outliers=(1,) * count), solution=f"{count} left out")
+        for count in (before, after)
+    )
+    monkeypatch.setattr(pose_noise, "_solve_by_corners", lambda case, sizes: given.append(sizes) or shaped)
+    monkeypatch.setattr(pose_noise, "is_explained", lambda case: explained)
+    judged, solutions = _with_most_views(case, ["a", "b"])
+    assert judged is (shaped if taken else case)
+    assert solutions == {None: case.solution} | ({0.08: shaped.solution} if before else {})
+    assert given == ([{"a": 0.08, "b": 0.08}] if before else [])
+
+
+def test_poses_are_open_if_nothing_states_them() -> None:
+    """Six of them and more, all in front of the camera."""
+    (group,) = case_of(np.zeros((20, 6))).problem.groups
+    assert _is_open(group)
+    assert _is_open(group.take(np.arange(6)))
+    assert not _is_open(group.take(np.arange(5)))
+    views = group.measurement
+    poses = views.measured_camera_from_target
+    behind = SE3(poses.rotation, poses.translation * np.where(np.arange(20) == 3, -1.0, 1.0)[:, None])
+    assert not _is_open(replace(group, measurement=replace(views, measured_camera_from_target=behind)))
+    stated = np.zeros_like(views.stated)
+    stated[2, 1] = 1.0
+    assert not _is_open(replace(group, measurement=replace(views, stated=stated)))
+    assert not _is_open(replace(group, measurement=None))
+
+
+def test_corners_are_at_predicted_poses_that_are_near(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a prediction is off by half the distance the measured pose counts; a side goes with the median distance."""
+    monkeypatch.setattr(pose_noise.CornerErrors, "from_poses", lambda poses, half_m: (poses, half_m))
+    measured = SE3(np.tile(np.eye(3), (3, 1, 1)), np.array([[0, 0, 1.0], [0, 0, 2.0], [0, 0, 4.0]]))
+    turned = SE3.from_rotvec([0.1, 0, 0], [0, 0, 0]).rotation
+    predicted = SE3(np.tile(turned, (3, 1, 1)), np.array([[0, 0, 1.49], [0, 0, 3.01], [0, 0, 5.9]]))
+    poses, half_m = _corner_errors(measured, predicted, 0.1)
+    np.testing.assert_array_equal(poses.translation[:, 2], [1.49, 2.0, 5.9])
+    np.testing.assert_array_equal(poses.rotation, [turned, np.eye(3), turned])
+    assert half_m == pytest.approx(0.2)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from basecal.accuracy.stages import solving
 from basecal.accuracy.stages.case import Case
 from basecal.cell import Finding
+from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.settings import Settings
 from basecal.simulation import Scenario, simulate
 
@@ -115,3 +118,47 @@ def test_views_that_are_explained_go_on(monkeypatch):
     monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
     ended = before.refuse((ERROR,))
     assert solving.refuse_unexplained_poses(ended) is ended
+
+
+@pytest.mark.parametrize("has_scene", [True, False])
+def test_images_of_a_scene_need_not_show_a_target(monkeypatch, has_scene):
+    """With a scene, too few images of the target are no fault; its findings follow those before."""
+    given, few = [], Finding("few-images", "warning", (), "")
+    scene = "scene" if has_scene else None
+    monkeypatch.setattr(
+        "basecal.accuracy.scene.join_scene.join_scene", lambda *words: given.append(words) or ("joined", (INFO,), scene)
+    )
+    solution = SimpleNamespace(converged=True)
+    groups = [SimpleNamespace(sample=np.array([3, 5])), SimpleNamespace(sample=np.array([5]))]
+    robust = RobustSolution(solution, (), SimpleNamespace(groups=groups), 6, 6)
+    before = case(robust=robust, findings=(few, WARNING))
+    before = replace(before, settings=replace(before.settings, joins_scene=True))
+    found = solving.join_static_scene(before)
+    assert given[0][2:] == (solution, before.settings, {3, 5})
+    assert (found.scene, found.solution) == (scene, "joined")
+    assert found.findings == ((WARNING, INFO) if has_scene else (few, WARNING, INFO))
+
+
+@pytest.mark.parametrize(
+    ("joins", "tracks", "converged", "joined"),
+    [(False, False, True, False), (False, True, True, True), (True, False, True, True), (True, True, False, False)],
+)
+def test_a_scene_is_joined_if_it_is_requested_or_tracked(monkeypatch, joins, tracks, converged, joined):
+    """An answer that did not converge has no scene."""
+    monkeypatch.setattr("basecal.accuracy.scene.join_scene.join_scene", lambda *words: ("joined", (), None))
+    samples = (replace(MADE.recording.samples[0], tracks=("track",) if tracks else ()), *MADE.recording.samples[1:])
+    robust = RobustSolution(SimpleNamespace(converged=converged), (), SimpleNamespace(groups=()), 6, 6)
+    before = replace(case(robust=robust), recording=replace(MADE.recording, samples=samples))
+    before = replace(before, settings=replace(before.settings, joins_scene=joins))
+    assert (solving.join_static_scene(before).solution == "joined") == joined
+
+
+def test_a_frame_that_changed_is_an_error(monkeypatch):
+    """Then the poses need no other word; without a change they do not explain the views."""
+    monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
+    monkeypatch.setattr(solving, "unobservable_by_poses", lambda *given: [])
+    monkeypatch.setattr(solving, "explaining_offsets", lambda *given: [])
+    monkeypatch.setattr(solving, "changed_frame", lambda *given: "changed")
+    monkeypatch.setattr(solving, "agreement_findings", lambda robust, changed: [Finding(changed, "warning", (), "")])
+    found = solving.refuse_unexplained_poses(case(robust=SimpleNamespace(solution=SOLVED)))
+    assert [(each.code, each.severity) for each in found.calibration.findings] == [("changed", "error")]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.systematic_errors import search
-from basecal.accuracy.systematic_errors.place_scatter import PlaceScatter, Suspect, place_scatter
+from basecal.accuracy.systematic_errors.place_scatter import PlaceScatter, Suspect, _place_splits, place_scatter
 from basecal.accuracy.systematic_errors.score_tests import score
 from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.situation import Situation
@@ -125,3 +126,21 @@ def test_a_change_in_time_is_judged_by_the_larger_of_score_and_gain():
     assert moved.log_chance_beside_places(90.0, -31.0) == pytest.approx(
         PlaceScatter(1.0, 50.0).log_chance(45.0, 6) + np.log(32)
     )
+
+
+def test_places_are_split_into_thirds(monkeypatch):
+    """Across each direction in which flanges went, by the samples that show the frame; others are on either side."""
+    poses = np.zeros((10, 1, 12))
+    poses[:, 0, 0] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 100]
+    poses[:, 0, 1] = 0.1 * np.array([0, 1, 0, 1, 0, 1, 0, 1, 0, 1])
+    groups = [SimpleNamespace(rows=np.arange(9)), SimpleNamespace(rows=np.array([9]))]
+    situation = SimpleNamespace(
+        groups=groups, samples=np.arange(10), rank=lambda group: group.rows, depends=lambda k, name: k == 0
+    )
+    monkeypatch.setattr("basecal.accuracy.systematic_errors.place_scatter.flange_poses", lambda _: 5 + poses)
+    found = _place_splits(situation, "base")
+    assert found.shape == (10, 4)
+    sides = [set(np.flatnonzero(found[:9, k] == found[8, k]).tolist()) for k in (0, 2)]
+    assert sorted(map(len, sides)) == [3, 6]
+    assert {8, 7, 6} == min(sides, key=len)
+    assert (found[9, [0, 2]] == found[8, [0, 2]]).all()

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.systematic_errors import pose_fields
 from basecal.accuracy.systematic_errors.expected_sizes import size_posterior, with_expected_sizes
 from basecal.accuracy.systematic_errors.pose_fields import (
     AXES_PRIOR,
@@ -20,6 +21,7 @@ from basecal.accuracy.systematic_errors.pose_fields import (
 )
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import RobotState
+from basecal.estimation.noise.random_effects import FEWEST_STOPS
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
@@ -68,6 +70,26 @@ def test_arms_that_record_joints_have_none():
     solution = solve(made.cell, made.recording, STATED)
     situation = Situation(solution.problem, solution.state, solution.problem, {}, solution.noise)
     assert pose_field(situation, "eye") is None
+
+
+def test_errors_that_stops_share_hold_the_field(monkeypatch):
+    """Of a robot in the random effects there is none beside them; nor of one with few stops."""
+    situation, _ = about(MADE.recording)
+    common = {"smooth": {"hand": np.array([1e-4, 2e-4])}}
+    beside = replace(situation, noise=replace(situation.noise, common=common))
+    assert pose_field(beside, "hand") is None
+    assert pose_field(beside, "eye").robot == "eye"
+    for count, is_none in ((FEWEST_STOPS - 1, True), (FEWEST_STOPS, False)):
+        monkeypatch.setattr(pose_fields, "count_stops", lambda problem, robot, count=count: count)
+        assert (pose_field(situation, "hand") is None) == is_none
+
+
+def test_a_sigma_of_a_field_is_that_of_arms():
+    """None as often as of two kinds that are both none in one case of two; else from 0.1 mm to 2 mm of length."""
+    np.testing.assert_allclose(PRIOR_M.shares, [np.sqrt(0.5), *[(1 - np.sqrt(0.5)) / 3] * 3])
+    lengths = np.sqrt(3) * PRIOR_M.sigmas
+    assert lengths[0] == 0
+    assert 9e-5 < lengths[1] < lengths[2] < lengths[3] < 2e-3
 
 
 def test_a_field_is_all_of_its_variance_far_away():

@@ -504,6 +504,82 @@ def test_what_is_no_answer_has_no_error(monkeypatch):
         assert searched(monkeypatch, some, **changed) is None
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "has_shared", "found"),
+    [
+        ("certain", "certain", True, "first"),
+        ("likely", "certain", True, "second"),
+        ("likely", "likely", True, "first"),
+        ("likely", None, True, "first"),
+        ("likely", "certain", False, "first"),
+        (None, "likely", True, "second"),
+        (None, None, True, None),
+        (None, "certain", False, None),
+    ],
+)
+def test_a_running_error_is_the_first_that_is_certain(monkeypatch, first, second, has_shared, found):
+    """Beside errors that stops share only those are tested again that these may hold."""
+    effects = [
+        None if kind is None else SimpleNamespace(name=name, is_certain=kind == "certain")
+        for name, kind in (("first", first), ("second", second))
+    ]
+    confirmed = iter(effects)
+    asked = []
+    of = SimpleNamespace(linearisation="alone", null="beside")
+    monkeypatch.setattr(search, "situate", lambda solution, stamps: of)
+    monkeypatch.setattr(search, "Situation", lambda *given: "again")
+    monkeypatch.setattr(search, "without_errors", lambda held, state: state)
+    monkeypatch.setattr(search, "_suspects", lambda situation: ["alone", "beside"])
+    monkeypatch.setattr(search, "_null_model", lambda situation, suspect: suspect)
+    monkeypatch.setattr(
+        search, "_confirm_first", lambda solution, situation, suspects: asked.append(suspects) or next(confirmed)
+    )
+    beside = SimpleNamespace(hold_sigmas=lambda problem: problem) if has_shared else None
+    problem = SimpleNamespace(groups=(1,), models=())
+    solution = SimpleNamespace(converged=True, problem=problem, state=None, noise=SimpleNamespace(beside_common=beside))
+    error = search.running_error(solution, {})
+    assert (None if error is None else error.name) == found
+    assert asked in ([["alone", "beside"]], [["alone", "beside"], ["alone"]])
+    for changed in ({"converged": False}, {"problem": SimpleNamespace(groups=(), models=())}):
+        assert search.running_error(SimpleNamespace(**vars(solution) | changed), {}) is None
+    estimated = SimpleNamespace(groups=(1,), models=("arm",))
+    assert search.running_error(SimpleNamespace(**vars(solution) | {"problem": estimated}), {}) is None
+
+
+@pytest.mark.parametrize(
+    ("effect", "kind", "about", "gain", "is_contained"),
+    [
+        ("joint_offsets", "joint_offsets", "arm", 10.1, True),
+        ("joint_offsets", "joint_offsets", "arm", 9.9, False),
+        ("joint_offsets", "joint_offsets", "other", 10.1, False),
+        ("joint_offsets", "smooth", "arm", 10.1, False),
+        ("drift", "joint_offsets", "arm", 10.1, False),
+    ],
+)
+def test_errors_of_joints_hold_what_joints_may_do(effect, kind, about, gain, is_contained):
+    """Of the same robot, if their evidence is very strong."""
+    noise = SimpleNamespace(common={kind: {about: None}}, plain_minus_2_log_evidence=gain, minus_2_log_evidence=0.0)
+    suspected = replace(suspect(), effect=effect)
+    assert search._is_contained(SimpleNamespace(noise=noise), suspected) is is_contained
+
+
+def test_an_error_moves_the_answer_as_its_correction_does():
+    """To first order: the recording corrected by the size, and solved again."""
+    cell, recording = as_recorded(lambda _, pose: SE3(pose.rotation, 1.005 * pose.translation))
+    problem, _ = build_problem(cell, recording)
+    solution = solve_problem(problem, cell, SETTINGS)
+    situation = search.situate(solution, problem, {})
+    length = next(each for each in search._suspects(situation) if each.candidate.code == "length-scale")
+    found = search._to_first_order(situation, length)
+    corrected = search._without_suspect(solution, situation, replace(length, size=found.size))
+    after = search.solve_from(corrected.problem, solution.state, SETTINGS)
+    step = search.state_step(problem, solution.state, after.state)
+    sigma = np.sqrt(np.diag(solution.covariance))
+    assert np.abs(step / sigma).max() > 1
+    np.testing.assert_allclose(found.moved / sigma, step / sigma, atol=0.1 * np.abs(step / sigma).max())
+    assert (found.about, found.since, found.is_camera) == ("hand", None, False)
+
+
 def one_robot(read):
     """Findings of a robot that carries a camera over a board, read otherwise."""
     made = simulate(replace(SCENARIO, layout="eye_in_hand"), 0)

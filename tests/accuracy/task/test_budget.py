@@ -280,3 +280,32 @@ def test_a_source_is_that_of_its_name_alone():
         for camera, lens in problem.lenses.items():
             factor = 2.0 if name == f"lens of {camera}" else 1.0
             np.testing.assert_allclose(other.lenses[camera].sigma, factor * lens.sigma)
+
+
+def test_halves_are_told_by_source(monkeypatch):
+    """A half of an addition or of what is left over leaves a quarter of its variance, and so do stops at the task."""
+    scaled = SimpleNamespace(name="views of wrist", scaled=lambda problem, state, factor: ("views", factor))
+    stops = SimpleNamespace(name="repeatability of eye", scaled=lambda problem, state, factor: ("stops", factor))
+    variances = {("all", None): 10.0, ("views", 0.5): 6.0, ("stops", 0.5): 9.0}
+    monkeypatch.setattr(module, "error_sources", lambda problem: iter([scaled, stops]))
+    monkeypatch.setattr(module, "_variance", lambda solution, weight, problem, state: variances[problem, state])
+    monkeypatch.setattr(module, "source_variance", lambda solution, weight, source: 5.0 if source is scaled else 1.0)
+    meeting = SimpleNamespace(weight=None, stop_variances=lambda: {"eye": (1.0, 7.0)})
+    found = {
+        each.source: each for each in budget(SimpleNamespace(problem="all", state=None), meeting, 20.0, {"bends": 8.0})
+    }
+    shares = {"bends": 8.0, "views of wrist": 5.0, "repeatability of eye": 4.0, NOISE_SOURCE: 3.0}
+    gains = {"bends": 6.0, "views of wrist": 4.0, "repeatability of eye": 1 + 2.25, NOISE_SOURCE: 2.25}
+    assert list(found) == list(shares)
+    for name, entry in found.items():
+        assert entry.share == pytest.approx(shares[name] / 20)
+        assert entry == _entry(name, shares[name], 20.0, gains[name])
+
+
+def test_variances_are_scaled_by_the_noise_found(of_priors):
+    """As the covariance of the answer is."""
+    solution = of_priors[0]
+    weight = np.eye(solution.problem.width)
+    more = replace(solution, noise=replace(solution.noise, factor=3 * solution.noise.factor))
+    ours, theirs = (module._variance(each, weight, solution.problem, solution.state) for each in (solution, more))
+    assert theirs == pytest.approx(3 * ours)

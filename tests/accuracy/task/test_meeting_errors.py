@@ -16,6 +16,7 @@ from basecal.accuracy.task.meeting_errors import (
     POSE_EFFECTS,
     _likely_models,
     _Model,
+    _models_by_poses,
     _own_variance,
     field_covariance,
     meeting_errors,
@@ -230,6 +231,28 @@ def test_models_count_by_their_priors_and_evidence():
     found = _likely_models(models)
     assert [model for _, model in found] == models[:2]
     np.testing.assert_allclose([share for share, _ in found], [0.6, 0.4], rtol=1e-4)
+
+
+def test_errors_in_time_are_unknown_at_the_points(monkeypatch):
+    """All of their variance counts at each point of an arm that has them; the companion is in their model, too."""
+    (by_times,) = (name for name, effect in RANDOM_EFFECTS.items() if effect.by_times is not None)
+    layout = SimpleNamespace(shared=[{"hand": (3, 5), "third": (5, 7)}, {"eye": (7, 9)}])
+    sigmas = SimpleNamespace(shared=[{"hand": slice(1, 2), "third": slice(2, 3)}, {"eye": slice(4, 5)}])
+    plain, timed = (
+        SimpleNamespace(minus_2_log_evidence=0.0, model=SimpleNamespace(layout=layout, sigmas=sigmas)) for _ in range(2)
+    )
+    places = {"eye": np.zeros((2, 3)), "hand": np.zeros((2, 3))}
+    monkeypatch.setattr("basecal.accuracy.task.meeting_errors.open_robots", lambda problem: ["hand"])
+    meeting = Meeting(None, None, BASE, "hand", np.zeros((2, 3)), places, None)
+    arms = SimpleNamespace(fitted=SimpleNamespace(noise=SimpleNamespace(models={"": plain, by_times: timed})))
+    first, second = _models_by_poses(meeting, arms)
+    assert (first.sigmas, list(first.unknown), second.sigmas) == (plain, [], timed)
+    ((place, share),) = second.unknown
+    assert place == slice(1, 2)
+    np.testing.assert_array_equal(share, [1.0, 1.0])
+    assert (first.prior, second.prior) == (0.5, 0.5)
+    monkeypatch.setattr("basecal.accuracy.task.meeting_errors.open_robots", lambda problem: ["third"])
+    assert _models_by_poses(meeting, arms) == []
 
 
 ARMS_POSE_ERRORS = Scenario(samples=20, robot_noise=(3e-5, 5e-5), state_robot_noise=False, state_pixel_noise=False)

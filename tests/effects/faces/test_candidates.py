@@ -50,6 +50,7 @@ def test_all_of_a_kind_may_be_one_with_the_sizes_of_all():
     joined = Candidates("drift", ("eye", "hand"), (None, 4), "m", (moves, None)).join_sizes()
     assert (joined.about, joined.sizes, joined.moves[1]) == (("eye",), 4, None)
     np.testing.assert_array_equal(joined.moves[0][:, 0], np.concatenate([moves[:, 0], moves[:, 1]], axis=-1))
+    assert joined.moves[0].shape == (2, 1, 6, 4)
 
 
 def test_candidates_of_several_kinds_are_one():
@@ -102,3 +103,16 @@ def test_a_point_has_no_rotation():
     assert frame_candidates("step", views, "hand_flange_from_board", whole).moves[0].shape == (6, 1, 6, 3)
     assert frame_candidates("step", views, MOUNT, whole).moves[0].shape == (6, 1, 6, 6)
     assert frame_candidates("step", views, "left_flange_from_other", whole).moves == (None,)
+
+
+def test_a_frame_moves_by_its_share_of_each_sample():
+    """Several candidates at once, each with its first sample."""
+    views = views_of(SCENARIO)
+    shares = np.random.default_rng(0).uniform(0, 1, (6, 2))
+    found = frame_candidates("step", views, MOUNT, shares, (3, None))
+    assert (found.code, found.about, found.since, found.unit) == ("step", (MOUNT,) * 2, (3, None), "")
+    (group,) = views.groups
+    by_frame = views.frame_jacobian(0, MOUNT)
+    for k in range(2):
+        wanted = shares[views.rank(group), k][:, None, None] * by_frame
+        np.testing.assert_allclose(found.moves[0][:, k], wanted)

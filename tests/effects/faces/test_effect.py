@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from basecal.effects.faces.effect import (
+    Effect,
     ExpectedSize,
     FoundEffect,
     SigmaPrior,
+    clearest_joint,
     format_tangent,
     format_with_sigma,
     rounded_length,
@@ -78,3 +82,67 @@ def test_a_sigma_that_is_known_is_certain():
     """One value, and not none."""
     prior = SigmaPrior.single_value(0.3)
     assert (prior.sigmas.tolist(), prior.shares.tolist()) == ([0.3], [1.0])
+
+
+ANY, RANDOM = object(), SimpleNamespace(is_mapped=False)
+
+
+@pytest.mark.parametrize(
+    ("parts", "faces"),
+    [
+        ({}, ""),
+        ({"parameter": ANY}, "statement unknown map"),
+        ({"lens": ANY}, "statement size unknown words"),
+        ({"target": ANY}, "size random words"),
+        ({"random": RANDOM}, "size random words"),
+        ({"random": SimpleNamespace(is_mapped=True)}, "size random words map"),
+        ({"expected": ANY}, "size random"),
+        ({"candidates": ANY}, "candidate"),
+        ({"words": ANY}, "words"),
+        ({"fault": ANY}, "fault"),
+        ({"elsewhere": {"map": "somewhere", "size": "somewhere"}, "fault": ANY}, "map size fault"),
+    ],
+)
+def test_faces_are_those_of_the_parts(parts, faces):
+    """Those of another module count as well."""
+    assert Effect("one", **parts).faces == set(faces.split())
+
+
+@pytest.mark.parametrize(
+    ("sigma", "text"),
+    [
+        (0.0123, "0.120 ± 0.012"),
+        (0.0999, "0.120 ± 0.100"),
+        (0.101, "0.12 ± 0.10"),
+        (1.0, "0.1 ± 1.0"),
+        (9.6, "0.1 ± 9.6"),
+        (10.0, "0 ± 10"),
+        (12345.0, "0 ± 12345"),
+        (3e-9, "0.120000000 ± 0.000000003"),
+    ],
+)
+def test_a_number_has_the_digits_of_its_sigma(sigma, text):
+    """From none behind the point to nine."""
+    assert format_with_sigma(0.12, sigma) == text
+
+
+def found(size, sigmas, joint=None):
+    covariance = np.diag(np.array(sigmas) ** 2)
+    return FoundEffect("", "", "eye", False, False, None, "", np.array(size), covariance, np.zeros(1), joint)
+
+
+def test_the_clearest_joint_is_the_most_significant():
+    """Not the farthest off; a joint without a sigma is none, and that of a single size is the effect's."""
+    assert clearest_joint(found([3.0, -2.0, 0.1], [1.0, 0.1, 1.0]), 10.0, "deg") == (2, "-20.0 ± 1.0 deg")
+    assert clearest_joint(found([0.1, 9.0, 0.5], [0.1, 0.0, 0.1]), 1.0, "%") == (3, "0.50 ± 0.10 %")
+    assert clearest_joint(found([0.5], [0.1], joint=4), 1.0, "%") == (5, "0.50 ± 0.10 %")
+    assert clearest_joint(found([0.5], [0.1], joint=0), 1.0, "%") == (1, "0.50 ± 0.10 %")
+
+
+def test_a_tangent_has_the_length_of_both_parts():
+    """Each by its own columns."""
+    size, sigmas = np.array([3e-3, 0, 4e-3, 0.02, 0.0, 0.0]), np.array([1e-4] * 3 + [1e-3] * 3)
+    assert format_tangent(size, np.diag(sigmas**2)) == " by 5.00 ± 0.10 mm and 1.146 ± 0.057 deg"
+    assert format_tangent(size[[3, 4, 5, 0, 1, 2]] / 10, np.diag(sigmas**2)) == " by 2.00 ± 0.10 mm"
+    assert rounded_length(np.zeros(3), np.eye(3)) == "0.000000000 ± 0.000000000"
+    assert rounded_length(np.array([0.3, 0.4]), np.diag([0.01, 0.04]), 10.0) == "5.0 ± 1.7"

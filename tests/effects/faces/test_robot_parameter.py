@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from basecal.cell import RobotParameters
 from basecal.effects.faces.robot_parameter import (
+    Posture,
+    RobotParameter,
+    draw_by_joint,
     from_dict,
     joint_candidates,
+    joint_columns,
     joint_lines,
     moves_by_joint,
     open_chains,
     to_dict,
 )
 from basecal.simulation import Scenario
+from basecal.simulation.arms import six_axis
 from made_views import moved_by_pose, views_of
 
 
@@ -65,3 +71,55 @@ def test_values_and_sigmas_are_written_by_their_keys():
     back = from_dict("gears", ("ratio", "sigma_ratio"), written)["arm"]
     assert (back.joints, back.sigma.tolist(), back.seen.tolist()) == (("a", "b"), [0.3, 0.4], [True, False])
     assert to_dict("gears", ("ratio", "sigma_ratio"), {}) == {"gears": None}
+
+
+def doubled(turn=None, chain_derivative=None):
+    """A kind whose joints turn by a share of their angles; or one that changes the chain alone."""
+    unused = (None,) * 5
+    return RobotParameter(None, "one", *unused, turn=turn, chain_derivative=chain_derivative)
+
+
+def test_joints_turn_by_their_values():
+    """One value a joint at all rows, or a batch of values at the same rows."""
+    kind, joints = doubled(lambda chain, statement, joints: 2 * joints), np.arange(8.0).reshape(4, 2)
+    values = np.array([[1.0, 10.0], [3.0, -1.0], [0.0, 0.5]])
+    np.testing.assert_array_equal(kind.shift(None, None, joints, values[0]), 2 * joints * [1, 10])
+    many = kind.shift(None, None, joints, values)
+    assert many.shape == (3, 4, 2)
+    for found, value in zip(many, values, strict=True):
+        np.testing.assert_array_equal(found, 2 * joints * value)
+    assert doubled().shift(None, None, joints, values[0]) == 0.0
+
+
+def test_a_derivative_is_that_of_the_joints_or_of_the_chain():
+    """By what a unit of the value turns each joint."""
+    chain, joints = six_axis(), np.random.default_rng(0).uniform(-1, 1, (3, 6))
+    at = Posture(chain, joints, chain.posture(2 * joints))
+    found = doubled(lambda chain, statement, joints: 3 * joints).derivative(at, None, np.zeros(6))
+    np.testing.assert_allclose(found, chain.jacobian(2 * joints) * 3 * joints[:, None, :])
+    assert doubled(chain_derivative=lambda at, values: (at, values)).derivative(at, None, 7) == (at, 7)
+
+
+def test_kinds_are_of_joints_unless_they_say_otherwise():
+    """A zero a joint, whose unit is a radian, of any sigma, and a chain as stated."""
+    kind = doubled()
+    np.testing.assert_array_equal(kind.zero(3), np.zeros(3))
+    assert kind.moved("chain", np.ones(3)) == "chain"
+    assert (kind.is_by_joint, kind.scale, kind.largest_sigma, kind.unobserved) == (True, 1.0, np.inf, None)
+
+
+def test_each_joint_has_a_column():
+    """Free, or with one sigma."""
+    free, known = joint_columns(six_axis(), None), joint_columns(six_axis(), 0.3)
+    assert free.sigma is None
+    np.testing.assert_array_equal(known.sigma, [0.3] * 6)
+    np.testing.assert_array_equal(free.basis, np.eye(6))
+
+
+def test_values_are_drawn_with_their_size():
+    """Normally, a number a joint."""
+    drawn = draw_by_joint(0.2, 4000, np.random.default_rng(0))
+    assert drawn.shape == (4000,)
+    assert drawn.std() == pytest.approx(0.2, rel=0.05)
+    assert drawn.mean() == pytest.approx(0.0, abs=0.02)
+    np.testing.assert_allclose(draw_by_joint(0.4, 4000, np.random.default_rng(0)), 2 * drawn)

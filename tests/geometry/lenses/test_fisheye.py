@@ -99,3 +99,47 @@ def test_lenses_that_are_drawn_are_nearly_equidistant(rng):
     assert np.all(np.abs(drawn) <= half)
     assert np.all(drawn.min(0) < -0.98 * half)
     assert np.all(drawn.max(0) > 0.98 * half)
+
+
+@pytest.mark.parametrize(
+    "distortion",
+    [
+        [-1 / 3, 0.0, 0.0, 0.0],
+        [-0.2, 0.01, 0.0, 0.0],
+        [0.0, 0.0, -0.01, 0.0005],
+        [0.5, 0.2, 0.1, 0.05],
+        [0.0, 0.0, 0.0, -0.01],
+        [-0.3, 0.05, -0.004, 0.0],
+    ],
+)
+def test_directions_are_exact_up_to_the_fold(distortion):
+    """From next to the axis to a thousandth of the fold, where steps of Newton's method leave it."""
+    fold = fisheye.fold(distortion)
+    angle = fold * np.array([1e-9, 1e-3, 0.1, 0.5, 0.9, 0.99, 0.999])
+    points = np.column_stack([0.6 * np.sin(angle), -0.8 * np.sin(angle), np.cos(angle)])
+    found, valid = fisheye.unproject(*fisheye.project(points, distortion), distortion)
+    assert valid.all()
+    np.testing.assert_allclose(np.arctan2(np.hypot(*found[:, :2].T), found[:, 2]), angle, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, rtol=1e-12)
+
+
+@pytest.mark.parametrize("distortion", [DISTORTION, STRAIGHT, [-0.05, 0.0, 0.0, 0.0], [-0.2, 0.01, 0.0, 0.0]])
+def test_directions_are_found_in_few_steps(monkeypatch, distortion):
+    """Eight evaluations serve pixels up to nine tenths of the fold; those beyond it do not keep the others waiting."""
+    calls, distance = [], fisheye._distance
+    monkeypatch.setattr(fisheye, "_distance", lambda *given: calls.append(1) or distance(*given))
+    wanted = distance(min(fisheye.fold(distortion), 2.0) * np.linspace(0, 0.9, 30), distortion)
+    beyond = 1.5 * distance(np.array(fisheye.fold(distortion)), distortion)
+    _, valid = fisheye.unproject(np.append(wanted, beyond), np.zeros(31), distortion)
+    assert valid.tolist() == [True] * 30 + [False]
+    assert len(calls) <= 9
+
+
+def test_leading_axes_are_a_batch(rng):
+    """Images and derivatives of each point are its own."""
+    points = rng.uniform(-1, 1, (2, 3, 4, 3)) + np.array([0, 0, 2.0])
+    whole = fisheye.project_with_derivatives(points, FOCAL, DISTORTION, True)
+    flat = fisheye.project_with_derivatives(points.reshape(-1, 3), FOCAL, DISTORTION, True)
+    assert whole.by_points.shape == (2, 3, 4, 2, 3)
+    np.testing.assert_array_equal(whole.by_points.reshape(-1, 2, 3), flat.by_points)
+    np.testing.assert_array_equal(whole.by_terms.reshape(-1, 2, 4), flat.by_terms)

@@ -339,7 +339,7 @@ def free_lens(cell: Cell, name: str) -> Cell:
     """Copy of the cell that uses the stated lens of a camera as an initial guess only."""
     camera = cell.cameras[name]
     lens = camera.intrinsics
-    freed = replace(camera, intrinsics=None if lens is None else replace(lens, status="free", exact=False))
+    freed = replace(camera, intrinsics=None if lens is None else replace(lens, status="free"))
     return replace(cell, cameras={**cell.cameras, name: freed})
 
 

@@ -44,7 +44,7 @@ class _Likelihood:
     squares: float
 
     @classmethod
-    def expand(cls, fit: SceneFit, stated: Sequence[Array | None]) -> _Likelihood:
+    def expand(cls, fit: SceneFit, stop_noise: Sequence[Array | None]) -> _Likelihood:
         """Expand about an optimum."""
         own = fit.columns.errors
         prior = fit.information - fit.pixel_information / fit.sigma_px**2
@@ -55,7 +55,7 @@ class _Likelihood:
         residuals = residuals_px(fit.views, fit.tracks, fit.state)
         residuals = residuals[np.isfinite(residuals)]  # points behind a camera are rejected in the next round
         squares = float(np.sum(residuals**2) - 2 * fit.pixel_gradient @ errors + errors @ carried)
-        return cls(fit, stated, prior, fit.pixel_gradient - carried, squares)
+        return cls(fit, stop_noise, prior, fit.pixel_gradient - carried, squares)
 
     def sigmas(self, logs: Array) -> tuple[float, Array]:
         """Sigmas from logarithms: image points, then translation and rotation of each robot without stated noise."""
