@@ -339,3 +339,14 @@ def test_stations_of_shifts_are_planned_for_a_task(cell):
             len({sample.robots["hand"].base_from_flange.translation.tobytes() for sample in station}) == STATION_SAMPLES
         )
     assert found[1].expected_m < found[0].expected_m
+
+
+def test_what_is_not_said_of_stations_is_left_to_the_plan(cell, monkeypatch):
+    """No tolerance and no count, and the same draw as of any other plan."""
+    described, recording, _, calibration, point = cell
+    given = []
+    monkeypatch.setattr(plans, "draw_offers", lambda known, taught, *more: given.append(more) or [(known[0], [])])
+    monkeypatch.setattr(plans, "stations", lambda sketch, states, seed: given.append(seed))
+    monkeypatch.setattr(plans, "plan_for_task", lambda *words, **more: words)
+    assert plan_stations(described, recording, calibration, point)[4:] == (None, None, 0)
+    assert given == [(1, 0), 0]
