@@ -191,3 +191,18 @@ def test_down_is_a_direction():
     np.testing.assert_allclose(Masses(*one, np.array([3.0, 0.0, 4.0])).down, [0.6, 0.0, 0.8])
     with pytest.raises(InputError, match="direction of gravity"):
         Masses(*one, np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("length", "taken"), [(1 + 0.9e-9, True), (1 - 0.9e-9, True), (1 + 1.2e-9, False), (0.9, False)]
+)
+def test_axes_have_the_length_of_rounding(length, taken):
+    """A billionth longer or shorter than a unit vector is one, more is refused."""
+    chain = planar(0.5, 0.3)
+    parts = {name: getattr(chain, name) for name in chain.__dataclass_fields__}
+    parts["axes"] = np.array([[0, 0, 1.0], [0, 0, length]])
+    if taken:
+        assert SerialChain(**parts).n == 2
+    else:
+        with pytest.raises(InputError, match="unit vectors"):
+            SerialChain(**parts)
