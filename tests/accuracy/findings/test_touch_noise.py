@@ -9,7 +9,8 @@ import pytest
 from tests.touch_cells import MARKS, recorded, touch_cell, touch_lines
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.findings.touch_noise import _sigma_with_arm, touch_noise
+from basecal.accuracy.findings.touch_noise import _sigma_with_arm, _stated_sigma, is_touch_noise, touch_noise
+from basecal.accuracy.stated_sigmas import ContradictedSigma
 from basecal.estimation.view.points import TouchMeasurement
 from basecal.geometry import SE3
 
@@ -93,3 +94,37 @@ def test_an_arm_as_quiet_as_its_touches_contradicts_nothing():
     assert info.what == "Touches by tip scatter by 0.22 mm per axis, 0.1 mm is stated."
     assert info.do == ("State `sigma_m: 0.00022` of these touches, or state none.",)
     assert info.why == "The noise is that of the touches or of the arm. The covariance is that of the larger noise."
+
+
+def test_the_stated_sigma_of_touches_is_the_mean_of_their_groups():
+    """Of each group by its mean weight; groups of other cameras and other measurements do not count."""
+    of = arm_evidence(0.0, 0.0, 1e-4)
+    coarse = arm_evidence(0.0, 0.0, 3e-4).recorded.groups[0]
+    other = SimpleNamespace(camera="other", measurement=coarse.measurement)
+    frames = SimpleNamespace(camera="tip", measurement=None)
+    groups = [*of.recorded.groups, coarse, other, frames]
+    assert _stated_sigma("tip", SimpleNamespace(recorded=SimpleNamespace(groups=groups))) == pytest.approx(2e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "is_noise"),
+    [
+        ({}, True),
+        ({"robot_model": SimpleNamespace(chosen=SimpleNamespace(kind="none"))}, True),
+        ({"robot_model": SimpleNamespace(chosen=SimpleNamespace(kind="joints"))}, False),
+        ({"systematic_error": SimpleNamespace(is_certain=False)}, True),
+        ({"systematic_error": SimpleNamespace(is_certain=True)}, False),
+    ],
+)
+def test_scatter_of_touches_is_noise_if_nothing_else_explains_it(change, is_noise):
+    """Up to 3 mm, of a tip whose stated sigma is too small."""
+    of = SimpleNamespace(**{**arm_evidence(0.0, 0.0).__dict__, **change})
+    assert is_touch_noise(ContradictedSigma("tip", False, 20.0, 1e-9), of) == is_noise
+    assert is_touch_noise(ContradictedSigma("tip", False, 29.9, 1e-9), of) == is_noise
+    for other in (
+        ContradictedSigma("tip", False, 30.1, 1e-9),
+        ContradictedSigma("tip", True, 20.0, 1e-9),
+        ContradictedSigma("tip", False, 0.2, 1e-9),
+        ContradictedSigma("camera", False, 20.0, 1e-9),
+    ):
+        assert not is_touch_noise(other, of)
