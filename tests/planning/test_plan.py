@@ -357,16 +357,16 @@ def test_where_no_view_was_seen_the_first_is_planned(cell, monkeypatch):
     described, _, bare, calibration, _ = cell
     known = sketches(described, calibration)[0]
     board = described.targets[known.target.name]
-    seen = replace(described, targets={"first": board, "second": board})
-    views = [replace(known, cell=seen, view=("wrist", name)) for name in ("first", "second")]
+    seen = replace(described, targets={"board": board, "second": replace(board, name="second")})
+    views = [replace(known, cell=seen, view=("wrist", name)) for name in ("board", "second")]
     monkeypatch.setattr(plans, "is_in_view", lambda sketch, sample: False)
     monkeypatch.setattr(plans, "candidates", lambda sketch, states, count, seed: [(len(states), count, seed)])
-    assert [(sketch.view[1], found) for sketch, found in draw_offers(views, bare, 9)] == [("first", [(12, 9, 0)])]
+    assert [(sketch.view[1], found) for sketch, found in draw_offers(views, bare, 9)] == [("board", [(12, 9, 0)])]
     monkeypatch.setattr(plans, "is_in_view", lambda sketch, sample: sketch.view[1] == "second")
     assert [(sketch.view[1], found) for sketch, found in draw_offers(views, bare, 9, 2)] == [("second", [(12, 9, 2)])]
     monkeypatch.setattr(plans, "is_in_view", lambda sketch, sample: True)
     shares = [(sketch.view[1], found[0][1]) for sketch, found in draw_offers(views, bare, 9)]
-    assert shares == [("first", 5), ("second", 5)]
+    assert shares == [("board", 5), ("second", 5)]
 
 
 def test_a_budget_contains_the_variance_beyond_the_noise(monkeypatch):

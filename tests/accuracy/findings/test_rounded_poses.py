@@ -211,7 +211,7 @@ def test_rounding_that_makes_a_good_part_of_the_noise_is_a_warning(noise, severi
 @pytest.mark.parametrize(("least", "told"), [(-3, 0), (-4, 1)])
 def test_quaternions_of_ten_different_numbers_are_enough(least, told):
     """Of nine nothing is said; numbers are those before they were normalised."""
-    numbers = np.array([[k, 0, 0, 100] for k in range(least, 5)], dtype=float)
+    numbers = np.array([[k, 0, 0, 100] for k in range(least, 5) if k], dtype=float)
     quaternions = numbers / np.linalg.norm(numbers, axis=-1, keepdims=True)
     np.testing.assert_array_equal(_multiples(quaternions, 0.01), numbers)
     found = list(_quaternion_roundings(quaternions, 1e-3))
