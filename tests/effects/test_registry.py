@@ -339,3 +339,25 @@ def test_lengths_are_told_in_percent(percent):
     assert told == f"Poses of hand are {abs(percent):.3f} ± 0.010 % too {'short' if percent > 0 else 'long'}."
     told = EFFECTS["target_size"].words(found).what
     assert told == f"hand is {abs(percent):.3f} ± 0.010 % {'larger' if percent > 0 else 'smaller'} than stated."
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most", "over_stop"),
+    [
+        ("joint_offsets", 1e-4, 7e-3, False),
+        ("link_parameters", 1e-4, 7e-3, False),
+        ("deflection", 1e-4, 7e-3, False),
+        ("smooth_by_place", 2e-4, 5e-3, False),
+        ("smooth_in_time", 2e-5, 2e-3, False),
+        ("smooth", 0.5, 10.0, True),
+    ],
+)
+def test_what_stops_share_is_as_large_as_arms_err(name, least, most, over_stop):
+    """Both ends of a standard deviation either way, in radians or in sigmas of a stop; levers are of an arm's size."""
+    prior = RANDOM_EFFECTS[name].expected
+    middle, factor = prior.turn
+    assert least < middle / factor < middle < middle * factor < most
+    assert prior.is_over_stop == over_stop
+    lever, spread = prior.lever
+    assert lever is None or 0.1 <= lever <= 0.5
+    assert 1 < spread <= 3
