@@ -169,3 +169,13 @@ def test_a_mesh_is_found_with_all_of_its_folders(tmp_path, name):
     shape = fromstring(f'<mesh filename="{name}"/>')
     of = Collision("arm", 2, PLACED, shape, tmp_path / "urdf" / "arm.urdf", tmp_path)
     assert mesh_file(shape, of) == (tmp_path / "parts" / "a.stl").resolve()
+
+
+def test_a_scaled_mesh_is_enclosed_tightly(tmp_path):
+    """Its box in millimetres has a capsule of as many metres, mirrored where the scale is below zero."""
+    corners = np.array([[[0, 0, 0], [100, 20, 0], [400, 0, 40]]], dtype=float)
+    (tmp_path / "a.stl").write_bytes(binary_stl(corners))
+    text = body('<mesh filename="a.stl" scale="0.001 0.002 -0.001"/>', "")
+    found = body_capsules(collision(text, tmp_path, SE3.identity()))
+    np.testing.assert_allclose(found.ends, [[[0, 0.02, -0.02], [0.4, 0.02, -0.02]]], atol=1e-9)
+    np.testing.assert_allclose(found.radius, np.hypot(0.02, 0.02))

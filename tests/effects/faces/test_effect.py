@@ -184,3 +184,12 @@ def test_a_tangent_is_told_along_what_is_known_of_it(scale):
     np.testing.assert_allclose(_known_part(size, covariance), scale * np.array([3e-3, 4e-3, 0]), atol=scale * 1e-12)
     np.testing.assert_allclose(_known_part(size, 1e-4 * covariance), size, rtol=1e-9)
     np.testing.assert_array_equal(_known_part(size, 1e9 * covariance), np.zeros(3))
+
+
+def test_a_length_is_in_its_own_unit_unless_told():
+    """Without a length the sigma is none along it."""
+    covariance = np.diag([0.04, 0.01])
+    assert rounded_length(np.array([3.0, 0.0]), covariance) == "3.00 ± 0.20"
+    assert rounded_length(np.array([0.0, 3.0]), covariance, 100.0) == "300 ± 10"
+    assert rounded_length(np.zeros(2), covariance).startswith("0.000000000 ± 0.000000000")
+    assert format_tangent(np.array([1.0, 0, 0, 1, 0, 0]), np.diag([1e-4] * 3 + [1e-4] * 3)).endswith(" deg")
