@@ -10,7 +10,8 @@ import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.compare import compare
-from basecal.accuracy.held_gauges import _free_kinds, _squares, held_gauges
+from basecal.accuracy.held_gauges import _expected_square, _free_kinds, _Kind, _squares, held_gauges
+from basecal.effects.faces.shared_errors import KINEMATICS
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -98,3 +99,25 @@ def test_second_moments_are_along_directions():
     """Of independent numbers."""
     sigmas, directions = np.array([1.0, 2.0, 3.0]), np.array([[1.0, 1.0], [0.0, 1.0], [2.0, 0.0]])
     np.testing.assert_allclose(_squares(sigmas, directions), directions.T @ np.diag(sigmas**2) @ directions)
+
+
+@pytest.mark.parametrize("found", [None, 0.0, 3e-3, 0.05])
+@pytest.mark.parametrize("sigma", [0.0, 5e-3])
+def test_the_expected_size_is_the_mean_over_what_is_likely(found, sigma):
+    """By the prior alone without an estimate; by its evidence with one, in units of a parameter ten times as large."""
+    middle, factor = KINEMATICS.turn
+    at = np.linspace(-3.25, 3.25, 4001)
+    squares, weight = (middle * factor**at) ** 2, np.exp(-0.5 * at**2)
+    free = {}
+    if found is not None:
+        spread = 4 * squares + sigma**2
+        weight = weight * np.exp(-0.5 * found**2 / spread) / np.sqrt(spread)
+        free = {"arm": [_Kind("kind", np.array([10.0]), np.eye(1), np.zeros((1, 0)), np.array([2.0]))]}
+    kinematics = SimpleNamespace(kind_values=lambda name: np.array([10.0 * (found or 0.0)]))
+    solution = SimpleNamespace(
+        problem=SimpleNamespace(columns={"arm_kind": slice(1, 2)}, models={"arm": "model"}),
+        state=SimpleNamespace(kinematics=lambda model: kinematics),
+        covariance=np.diag([9.0, sigma**2]),
+    )
+    expected = np.sum(weight * squares) / np.sum(weight)
+    assert _expected_square(solution, free) == pytest.approx(expected, rel=0.05)

@@ -53,3 +53,14 @@ def test_without_findings_all_are_good():
 def test_the_worst_finding_is_the_verdict(severities, expected):
     """An error refuses, a warning makes doubtful."""
     assert judge_findings([Finding("code", each, (), "") for each in severities]) == expected
+
+
+def test_views_tie_parts_together_in_any_order():
+    """A view that ties two groups makes them one, and a finding about its own robot or camera concerns both."""
+    tied = SimpleNamespace(all_groups=[TIED.all_groups[2], *APART.all_groups])
+    for problem in (TIED, tied):
+        for about in ("wrist", "top", "eye", "one", "eye_flange_from_wrist", "base"):
+            found = transform_verdicts(problem, ["base", "far"], [Finding("drift", "warning", (about,), "")])
+            assert set(found.values()) == {"doubtful"}
+    assert transform_verdicts(APART, ["other"], [Finding("drift", "warning", ("top",), "")]) == {"other": "doubtful"}
+    assert transform_verdicts(SimpleNamespace(all_groups=[]), ["base"], []) == {"base": "good"}

@@ -180,3 +180,17 @@ def test_compliances_that_are_estimated_or_of_no_masses_are_not_tested():
     light = {name: replace(chain, masses=None) for name, chain in estimated.problem.chains.items()}
     light_arms = replace(estimated.problem, chains=light, models={})
     assert list(of.candidates(replace(estimated, problem=light_arms, recorded=light_arms))) == []
+
+
+def test_what_joints_share_is_mostly_equal():
+    """Of a variance seven tenths are that of all joints, and three those of each by itself, as it is loaded."""
+    at = posture_at_stops(simulated_problem(SCENARIO), "eye")
+    shared = of.shared_errors(at)
+    together, each = shared.by_stop[..., 0], shared.by_stop[..., 1:]
+    assert shared.is_turn.tolist() == [True] * 7
+    np.testing.assert_allclose(together / np.sqrt(0.7), each.sum(-1) / np.sqrt(0.3), atol=1e-12)
+    torques = gravity_torques(at.chain, at.recorded)
+    most = np.sqrt(np.mean(torques**2, axis=0)).max()
+    np.testing.assert_allclose(
+        each[..., 1], np.sqrt(0.3) * at.true.joint_derivative[..., 1] * torques[:, 1:2] / most, atol=1e-12
+    )

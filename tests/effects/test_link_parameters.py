@@ -73,3 +73,17 @@ def test_estimated_links_leave_no_random_effect():
     assert shared_errors(of.EFFECT.random, simulated_problem(links), "eye") is None
     offsets = replace(SCENARIO, joint_offset_rad=1e-3, joint_offsets="prior")
     assert shared_errors(of.EFFECT.random, simulated_problem(offsets), "eye") is not None
+
+
+def test_links_that_the_noise_shows_are_told_by_the_largest_sigma():
+    """Of all robots, each number by itself."""
+    words = of.likely({"eye": np.array([5e-4, np.radians(0.1)]), "hand": np.array([2e-4, np.radians(0.3)])})
+    assert words.what == "Links of eye and hand likely differ from the URDF by 0.5 mm and 0.3 deg (1 sigma)."
+    assert words.do[0].endswith("at eye and hand.")
+
+
+def test_drawn_links_turn_by_a_milliradian_per_millimetre():
+    """One row for each origin and one for the tip."""
+    drawn = of.draw_fault(2e-3, 4999, np.random.default_rng(0))
+    assert drawn.shape == (5000, 6)
+    np.testing.assert_allclose(drawn.std(0), 2e-3, rtol=0.05)

@@ -37,3 +37,16 @@ def test_words_have_the_mean_shift():
     size = np.array([0.0, 0.0, 3e-4, *np.zeros(5)])
     found = FoundEffect("mount_play", "mount-play", "m", False, False, None, "m", size, 1e-10 * np.eye(8), np.zeros(1))
     assert words(found).what == "m shifts by 0.2449 ± 0.0082 mm under gravity."
+
+
+def test_matrices_are_an_orthogonal_basis():
+    """Of the same norm, without a trace; turns of gravity come first, then springs, then stretches."""
+    along = flange_tangents(np.eye(3))
+    matrices = np.moveaxis(along[:, :3], 0, 1)  # the columns are where each axis of gravity goes
+    assert along.shape == (3, 6, 8)
+    assert not along[:, 3:].any()
+    np.testing.assert_allclose(np.einsum("ijk,ijl->kl", matrices, matrices), 2 * np.eye(8), atol=1e-15)
+    np.testing.assert_allclose(np.trace(matrices), 0, atol=1e-15)
+    turned, even = matrices[..., :3], matrices[..., 3:]
+    np.testing.assert_array_equal(turned, -np.swapaxes(turned, 0, 1))
+    np.testing.assert_array_equal(even, np.swapaxes(even, 0, 1))

@@ -250,6 +250,8 @@ def test_sizes_that_no_answer_contains_have_no_largest_sigma():
         ("mount-play", 5e-4),
         ("focal-length", 1e-2),
         ("principal-point", 5.0),
+        ("distortion", 3.0),
+        ("following-error", np.radians(0.01)),
     ],
 )
 def test_faults_have_usual_sizes(name, usual):
@@ -285,3 +287,77 @@ def test_effects_that_the_data_do_not_distinguish_are_named_together():
     assert words.what == ", or ".join([each[0].what[:-1], each[1].what[:-1], "images" + each[2].what[6:-1]]) + "."
     assert list(words.do) == list(dict.fromkeys(line for one in each for line in one.do))
     assert words.why == "The data do not distinguish these."
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most", "is_stated"),
+    [
+        ("mount_bend", 1e-4, 1e-3, False),
+        ("mount_play", 2e-5, 5e-4, False),
+        ("lens_sag", 1e-4, 1e-3, False),
+        ("length_scale", 5e-4, 5e-4, True),
+        ("target_size", 5e-4, 5e-4, True),
+    ],
+)
+def test_expected_sizes_are_those_of_their_source(name, least, most, is_stated):
+    """A standard deviation of the prior spans no more than the range that the source gives [rad, m, or a share]."""
+    expected = EFFECTS[name].expected
+    assert expected.is_stated == is_stated == (name not in CONTAINED)
+    assert least * 0.999 <= expected.sigma / expected.factor <= expected.sigma * expected.factor <= most * 1.001
+    assert (expected.factor > 2) == (least < most)
+
+
+@pytest.mark.parametrize(("name", "load"), [("joint_offsets", 1.0), ("gear_ratio", np.pi), ("deflection", 100.0)])
+def test_free_parameters_are_seen_if_they_turn_joints_by_less_than_a_third_of_a_radian(name, load):
+    """A zero by itself, a gear by its share of half a turn, and a joint that bears 100 Nm."""
+    assert 0.25 < ROBOT_PARAMETERS[name].largest_sigma * load < 0.35
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "shown"),
+    [
+        ("joint_offsets", np.radians(0.5), "+0.5000 deg"),
+        ("gear_ratio", 0.005, "+0.5000 %"),
+        ("deflection", 5e-6, "+5.00 urad/Nm"),
+    ],
+)
+def test_values_of_joints_are_reported_in_their_unit(name, value, shown):
+    """With their sigma in the same one, a line a joint below the heading."""
+    found = RobotParameters(("a", "b"), np.array([value, 0.0]), np.array([value, 2 * value]), np.ones(2, dtype=bool))
+    heading, first, second = ROBOT_PARAMETERS[name].report("arm", found)
+    number, unit = shown.split()
+    assert "of arm" in heading
+    assert first.split() == ["1", "a", number, unit, "sigma", number[1:], unit]
+    assert float(second.split()[5]) == pytest.approx(2 * float(number))
+
+
+@pytest.mark.parametrize("percent", [0.5, -0.25])
+def test_lengths_are_told_in_percent(percent):
+    """Poses that are too short or too long, targets that are larger or smaller."""
+    found = replace(found_effect("hand", [percent / 100], 1e-4), code="length-scale")
+    told = EFFECTS["length_scale"].words(found).what
+    assert told == f"Poses of hand are {abs(percent):.3f} ± 0.010 % too {'short' if percent > 0 else 'long'}."
+    told = EFFECTS["target_size"].words(found).what
+    assert told == f"hand is {abs(percent):.3f} ± 0.010 % {'larger' if percent > 0 else 'smaller'} than stated."
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most", "over_stop"),
+    [
+        ("joint_offsets", 1e-4, 7e-3, False),
+        ("link_parameters", 1e-4, 7e-3, False),
+        ("deflection", 1e-4, 7e-3, False),
+        ("smooth_by_place", 2e-4, 5e-3, False),
+        ("smooth_in_time", 2e-5, 2e-3, False),
+        ("smooth", 0.5, 10.0, True),
+    ],
+)
+def test_what_stops_share_is_as_large_as_arms_err(name, least, most, over_stop):
+    """Both ends of a standard deviation either way, in radians or in sigmas of a stop; levers are of an arm's size."""
+    prior = RANDOM_EFFECTS[name].expected
+    middle, factor = prior.turn
+    assert least < middle / factor < middle < middle * factor < most
+    assert prior.is_over_stop == over_stop
+    lever, spread = prior.lever
+    assert lever is None or 0.1 <= lever <= 0.5
+    assert 1 < spread <= 3

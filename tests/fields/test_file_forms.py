@@ -13,7 +13,10 @@ from basecal.fields.file_forms import (
     ErrorInDeg,
     ErrorInMm,
     Length,
+    Number,
     Pose,
+    Seconds,
+    Sigma,
     Vector3,
     Whole,
     WrittenPose,
@@ -88,3 +91,51 @@ def test_any_form() -> None:
     adapter = TypeAdapter(form)
     assert [adapter.validate_python(word) for word in ("yes", "no")] == [True, False]
     assert [adapter.dump_python(value) for value in (True, False)] == ["yes", "no"]
+
+
+@pytest.mark.parametrize(
+    ("form", "taken", "refused"),
+    [
+        (Sigma, [0.0, 1e-9, 0.5, 1e150], [-1e-9, 1e151, "1", True]),
+        (Length, [0.0, 0.5, 1e9], [-1e-9, 1.1e9]),
+        (Number, [-1e9, 0.0, 1e9], [-1.1e9, 1.1e9]),
+        (Seconds, [-1e12, 0.0, 1e12], [-1.1e12, 1.1e12]),
+        (ErrorInMm, [0.0, 1e150, None], [-1e-9, 1e151]),
+        (Covariance, [[[0.0]], [[1e150]], []], [[[-1e-9]], [[1.1e150]], [[1.0], [2.0, 3.0]]]),
+    ],
+)
+def test_numbers_are_taken_up_to_their_limits(form: Any, taken: list[Any], refused: list[Any]) -> None:
+    """Just within them, and not just beyond."""
+    adapter = TypeAdapter(form)
+    for value in taken:
+        adapter.validate_python(value)
+    for value in refused:
+        with pytest.raises(ValidationError):
+            adapter.validate_python(value)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        {"t_m": [0.0, 0.0, float("nan")], "q_xyzw": [0.0, 0.0, 0.0, 1.0]},
+        {"t_m": [0.0, 0.0, 0.0], "q_xyzw": [0.0, 0.0, float("nan"), 1.0]},
+        {"t_m": [0.0, 0.0], "q_xyzw": [0.0, 0.0, 0.0, 1.0]},
+        {"t_m": [0.0, 0.0, 0.0], "q_xyzw": [0.0, 0.0, 1.0]},
+        {"t_m": [0.0, 0.0, 0.0], "q_xyzw": [0.0, 0.0, 0.0, 0.0, 1.0]},
+    ],
+)
+def test_a_written_pose_is_three_numbers_and_four(written: Any) -> None:
+    """All of them finite."""
+    with pytest.raises(ValidationError):
+        WrittenPose.model_validate(written)
+
+
+def test_no_zero_of_a_quaternion_or_an_array_is_negative() -> None:
+    """Whatever its sign in memory."""
+    turned = SE3.from_rotvec([0.0, 0.0, -3.0], [-0.0, 0.0, 1.0])
+    assert np.signbit(turned.quaternion).tolist() == [True, True, True, False]
+    data = pose_data(turned)
+    assert np.signbit(data["q_xyzw"]).tolist() == [False, False, True, False]
+    assert np.signbit(data["t_m"]).tolist() == [False, False, False]
+    for form in (IN_MM, Covariance):
+        assert not np.signbit(TypeAdapter(form).dump_python(np.full((1, 1), -0.0))).any()

@@ -176,3 +176,52 @@ def test_a_name_that_is_not_known_is_told_with_what_there_are():
     with pytest.raises(ValidationError) as caught:
         read(kind, "x" * 1000)
     assert f"no lens '{'x' * 60}'; there are" in str(caught.value)
+
+
+def test_a_rotation_vector_of_more_than_a_turn_looks_like_degrees():
+    """A turn as it is rounded in writing is taken, in any direction; a little more is not."""
+    turn = 2 * np.pi
+    for taken in ([0.0, 0.0, 6.2832], [0.0, -turn, 0.0], [turn * 0.6, turn * 0.8, 0.0]):
+        assert PoseEntry.model_validate({"rotvec_rad": taken}).rotvec_rad == taken
+    for wrong in ([6.3, 0.0, 0.0], [4.0, 4.0, 4.0], [0.0, 0.0, 90.0]):
+        with pytest.raises(ValidationError, match=r"is longer than a turn, 6.28 rad: it looks like degrees"):
+            PoseEntry.model_validate({"rotvec_rad": wrong})
+    assert PoseEntry.model_validate({"rotvec_rad": None}).rotvec_rad is None
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"t_m": ["1", 2, 3]},
+        {"t_m": [float("nan"), 0.0, 0.0]},
+        {"t_m": [0.0, 0.0, 1.1e6]},
+        {"t": [1, 2, 3]},
+        {"q_xyzw": [0, 0, 1]},
+        {"matrix": np.eye(4)[:3].tolist()},
+        {"matrix": [*np.eye(4).tolist(), [0, 0, 0, 1]]},
+        {"matrix": np.eye(4)[:, :3].tolist()},
+    ],
+)
+def test_entries_are_of_known_fields_and_numbers_alone(entry):
+    """No text for a number, no unknown field, and neither more nor fewer numbers than a notation has."""
+    with pytest.raises(ValidationError):
+        PoseEntry.model_validate(entry)
+
+
+def test_a_pose_without_a_rotation_or_a_position_has_none():
+    """Each notation alone."""
+    np.testing.assert_array_equal(pose_se3(PoseEntry(t_m=[1.0, 2.0, 3.0])).matrix[:3], np.c_[np.eye(3), [1, 2, 3]])
+    for entry in ({"rotvec_rad": [0, 0, np.pi / 2]}, {"rpy_deg": [0, 0, 90]}):
+        with pytest.raises(ValueError, match="shape"):
+            pose_se3(PoseEntry.model_validate(entry))
+
+
+def test_a_small_turn_of_a_point_is_rounding():
+    """A rotation beside a point is none up to the digits that it is written with."""
+    for turn, taken in ((5e-10, True), (5e-9, False)):
+        entry = {"status": "fixed", "t_m": [1, 2, 3], "rotvec_rad": [0, 0, turn]}
+        if taken:
+            assert read(PointMount, entry).status == "fixed"
+        else:
+            with pytest.raises(ValidationError, match="a single point has no rotation"):
+                read(PointMount, entry)

@@ -308,6 +308,8 @@ def test_parts_and_new_parameters():
         ("pinhol", [1, 1, 0, 0], None, "did you mean 'pinhole'"),
         ("pinhole", [1, 1, 0, 0], (0, 5), "size_px"),
         ("pinhole", [1, 1, 0, 0], (5,), "size_px"),
+        ("pinhole", [1, 1, 0, 0], (5, 0), "size_px"),
+        ("pinhole", [1, 1, 0, 0], (5, 5, 5), "size_px"),
     ],
 )
 def test_impossible_cameras_are_refused(model, parameters, size, message):
@@ -375,3 +377,9 @@ def test_the_image_begins_at_its_edge_and_ends_before_the_other():
     points = np.column_stack([pixels, np.ones(6)])
     np.testing.assert_array_equal(camera.sees(points), [True, False, False, True, False, False])
     assert Camera("pinhole", [1.0, 1.0, 0.0, 0.0]).sees(points).all()
+
+
+def test_an_image_may_be_a_single_pixel():
+    """And have no size at all."""
+    assert Camera("pinhole", [1, 1, 0, 0], (1, 1)).size_px == (1, 1)
+    assert Camera("pinhole", [1, 1, 0, 0]).size_px is None

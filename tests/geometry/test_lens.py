@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.geometry.lens import any_nonzero, first_root, invert_map
+from basecal.geometry import Array
+from basecal.geometry.lens import Image, any_nonzero, first_root, invert_map
 from basecal.geometry.lenses import pinhole
 
 
@@ -44,3 +45,33 @@ def test_images_beyond_a_fold_have_no_direction() -> None:
         if inside:
             wanted = share * radius * np.stack([np.cos(turn), np.sin(turn)], -1)
             np.testing.assert_allclose(rays[:, :2], wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize("slope", [0.3, 0.01])
+def test_of_flat_maps_a_direction_is_as_exact_as_of_any(slope: float) -> None:
+    """However small the determinant is, the image of what is found is what was looked for."""
+    wanted = np.linspace(0.0, 0.9, 7)
+
+    def flat(a: Array, b: Array) -> Image:
+        """A map that rises by its slope and bends a little."""
+        zero = np.zeros_like(a)
+        return Image(slope * (a + 0.2 * a**3), slope * b, slope * (1 + 0.6 * a * a), zero, zero, slope + zero)
+
+    image = flat(wanted, 0.5 * wanted)
+    rays, valid = invert_map(flat, image.u, image.v, 9.0)
+    assert valid.all()
+    np.testing.assert_allclose(rays[:, 0], wanted, atol=3e-12 / slope)
+    np.testing.assert_allclose(rays[:, 1:], np.stack([0.5 * wanted, np.ones(7)], -1), atol=3e-12 / slope)
+
+
+def test_a_map_that_is_mirrored_has_no_direction() -> None:
+    """Nor one that is turned by half a turn, though its determinant is above zero."""
+    at = np.linspace(-0.2, 0.2, 5)
+    for sign_u, sign_v, is_valid in ((1, 1, True), (-1, 1, False), (1, -1, False), (-1, -1, False)):
+
+        def mapped(a: Array, b: Array, sign_u: int = sign_u, sign_v: int = sign_v) -> Image:
+            """Both coordinates with their signs."""
+            zero = np.zeros_like(a)
+            return Image(sign_u * a, sign_v * b, zero + sign_u, zero, zero, zero + sign_v)
+
+        assert (invert_map(mapped, at, 0.5 * at, 1.0)[1] == is_valid).all()

@@ -7,6 +7,7 @@ import pytest
 
 from basecal.errors import InputError
 from basecal.geometry.rotation import (
+    check_rotation,
     checked_rotation,
     cross,
     cross_matrix,
@@ -105,3 +106,25 @@ def test_coefficients_are_sums_of_their_series(angle, count):
     np.testing.assert_allclose(
         exp_coefficients(np.array([0.1, angle, 3.0]), count)[:, 1], wanted, rtol=2e-13, atol=1e-15
     )
+
+
+@pytest.mark.parametrize("shape", [(), (2,)])
+def test_a_rotation_may_be_a_thousandth_off(shape):
+    """Twice that in its squares, which is one for its projection; sheared, scaled or left-handed ones are none."""
+    rotation = np.broadcast_to(rotation_exp(np.array([0.3, -0.5, 0.8])), (*shape, 3, 3))
+    for factor, taken in ((1.00098, True), (0.9991, True), (1.0011, False), (0.9988, False)):
+        if taken:
+            check_rotation(factor * rotation)
+        else:
+            with pytest.raises(InputError, match=r"R is not a rotation: R. R is off the identity by 0\.002"):
+                check_rotation(factor * rotation, "R")
+    with pytest.raises(InputError, match="rotation is a reflection"):
+        check_rotation(rotation @ np.diag([1.0, 1.0, -1.0]))
+    check_rotation(rotation[:0] if shape else rotation)
+    for off, taken in ((0.9e-3, True), (1.1e-3, False)):
+        scaled = np.broadcast_to((1 + off) * np.eye(3), (*shape, 3, 3))
+        if taken:
+            np.testing.assert_allclose(checked_rotation(scaled), np.broadcast_to(np.eye(3), (*shape, 3, 3)), atol=1e-15)
+        else:
+            with pytest.raises(InputError, match=r"off by 0\.0011, at most 0\.001"):
+                checked_rotation(scaled)

@@ -357,3 +357,26 @@ def test_a_transform_is_repeated(rng):
     assert (many.shape, pose.repeat(0).shape) == ((3,), (0,))
     np.testing.assert_array_equal(many.matrix, [pose.matrix] * 3)
     np.testing.assert_array_equal((many @ np.ones(3)), [pose @ np.ones(3)] * 3)
+
+
+def test_a_last_column_or_row_is_that_of_a_transform_to_a_millionth():
+    """A little more in the row is refused, and in the column too much to look transposed."""
+    for off, taken in ((0.9e-6, True), (5e-6, False), (1e-3, False)):
+        by_rows = np.eye(4)
+        by_rows[3, 0] = off
+        if taken:
+            np.testing.assert_array_equal(SE3.from_matrix(by_rows).matrix, np.eye(4))
+            continue
+        with pytest.raises(InputError, match="looks transposed"):
+            SE3.from_matrix(by_rows)
+        by_rows[0, 3] = off
+        with pytest.raises(InputError, match=r"last row is not \(0, 0, 0, 1\)$"):
+            SE3.from_matrix(by_rows)
+
+
+def test_a_batch_is_true_if_it_has_transforms():
+    """One or more; a single transform always is, and has no length."""
+    assert [bool(SE3.identity(shape)) for shape in ((), (0,), (1,), (2,), (1, 0))] == [True, False, True, True, True]
+    assert [len(SE3.identity(shape)) for shape in ((0,), (1,), (2, 3))] == [0, 1, 2]
+    with pytest.raises(TypeError, match="no length"):
+        len(SE3.identity())

@@ -6,6 +6,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.kinematics import Masses, SerialChain
+from basecal.kinematics.chain import LIMIT_EXCESS_RAD, TURN_RAD
 from derivatives import check_derivative
 from planar_arm import planar
 
@@ -191,3 +192,24 @@ def test_down_is_a_direction():
     np.testing.assert_allclose(Masses(*one, np.array([3.0, 0.0, 4.0])).down, [0.6, 0.0, 0.8])
     with pytest.raises(InputError, match="direction of gravity"):
         Masses(*one, np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("length", "taken"), [(1 + 0.9e-9, True), (1 - 0.9e-9, True), (1 + 1.2e-9, False), (0.9, False)]
+)
+def test_axes_have_the_length_of_rounding(length, taken):
+    """A billionth longer or shorter than a unit vector is one, more is refused."""
+    chain = planar(0.5, 0.3)
+    parts = {name: getattr(chain, name) for name in chain.__dataclass_fields__}
+    parts["axes"] = np.array([[0, 0, 1.0], [0, 0, length]])
+    if taken:
+        assert SerialChain(**parts).n == 2
+    else:
+        with pytest.raises(InputError, match="unit vectors"):
+            SerialChain(**parts)
+
+
+def test_joints_turn_by_little_more_than_a_revolution():
+    """What is larger is a wrist without end, or in degrees."""
+    assert 2 * np.pi < TURN_RAD < 3 * np.pi
+    assert 0.02 < LIMIT_EXCESS_RAD < 0.2

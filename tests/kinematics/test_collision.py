@@ -10,9 +10,9 @@ import pytest
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.kinematics import parse_chain, read_chain
-from basecal.kinematics.collision import Collision, body_capsules, box_capsules
+from basecal.kinematics.collision import Collision, body_capsules, box_capsules, mesh_file
 from basecal.kinematics.mesh import mesh_bounds
-from shared.bodies import SIX_AXIS, arm_with_bodies, body
+from shared.bodies import SIX_AXIS, arm_with_bodies, binary_stl, body
 
 RNG = np.random.default_rng(3)
 PLACED = SE3.from_rotvec([0.4, -1.0, 0.3], [0.2, 0.1, -0.3])
@@ -144,3 +144,38 @@ def test_numbers_of_shapes_are_bounded(tmp_path):
         with pytest.raises(InputError, match="expected finite numbers: 1"):
             body_capsules(collision(body(f'<sphere radius="{radius}"/>'), tmp_path))
     np.testing.assert_array_equal(box_capsules(1, PLACED, np.array([np.zeros(3), np.ones(3)]), 0.1).padding, 0.1)
+
+
+def test_a_wide_box_is_filled_by_rods_side_by_side():
+    """Along its longest side, one for each eight centimetres across, at most eight."""
+    capsules = box_capsules(3, SE3.identity(), np.array([[0.0, 0.0, 0.0], [0.1, 0.4, 0.24]]), 0.01)
+    middles = [[x, 0.2, z] for x in (0.025, 0.075) for z in (0.04, 0.12, 0.2)]
+    np.testing.assert_allclose(capsules.ends.mean(1), middles)
+    np.testing.assert_allclose(capsules.ends[:, 1] - capsules.ends[:, 0], [[0, 0.4, 0]] * 6, atol=1e-15)
+    np.testing.assert_allclose(capsules.radius, np.hypot(0.025, 0.04))
+    assert capsules.frame.tolist() == [3] * 6
+    assert capsules.padding.tolist() == [0.01] * 6
+    assert box_capsules(0, SE3.identity(), np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.0]])).padding.tolist() == [0.0] * 8
+
+
+@pytest.mark.parametrize("name", ["package://arm/parts/a.stl", "arm/parts/a.stl", "file://parts/a.stl", "parts/a.stl"])
+def test_a_mesh_is_found_with_all_of_its_folders(tmp_path, name):
+    """Beside the URDF or above it; of a package only its name is left out."""
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "a.stl").write_bytes(binary_stl(np.zeros((1, 3, 3))))
+    if "arm" in name:
+        (tmp_path / "urdf" / "a.stl").write_bytes(binary_stl(np.ones((1, 3, 3))))
+    shape = fromstring(f'<mesh filename="{name}"/>')
+    of = Collision("arm", 2, PLACED, shape, tmp_path / "urdf" / "arm.urdf", tmp_path)
+    assert mesh_file(shape, of) == (tmp_path / "parts" / "a.stl").resolve()
+
+
+def test_a_scaled_mesh_is_enclosed_tightly(tmp_path):
+    """Its box in millimetres has a capsule of as many metres, mirrored where the scale is below zero."""
+    corners = np.array([[[0, 0, 0], [100, 20, 0], [400, 0, 40]]], dtype=float)
+    (tmp_path / "a.stl").write_bytes(binary_stl(corners))
+    text = body('<mesh filename="a.stl" scale="0.001 0.002 -0.001"/>', "")
+    found = body_capsules(collision(text, tmp_path, SE3.identity()))
+    np.testing.assert_allclose(found.ends, [[[0, 0.02, -0.02], [0.4, 0.02, -0.02]]], atol=1e-9)
+    np.testing.assert_allclose(found.radius, np.hypot(0.02, 0.02))

@@ -202,3 +202,23 @@ def test_both_halves_of_what_is_left_are_told():
     pose = chain.forward(start) @ SE3.exp(np.array([0, 0, 0.03, np.radians(2), 0, 0]))
     with pytest.raises(NotConverged, match="stays 30 mm and 2 deg away"):
         inverse(chain, pose, start, iterations=0)
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.0, 1.0), (-1.0, 0.0)])
+def test_a_joint_on_a_limit_that_nothing_moves_is_free(lower, upper):
+    """At the pose itself no joint is held: its row of the hessian counts."""
+    chain = replace(planar(0.5, 0.3), lower=np.array([lower, -1]), upper=np.array([upper, 1]))
+    q = np.zeros((1, 2))
+    about = _Arm(chain, chain.forward(q)).linearise(q)
+    jacobian = chain.jacobian(q)
+    np.testing.assert_array_equal(about.gradient, 0.0)
+    np.testing.assert_allclose(about.hessian, jacobian.mT @ jacobian, atol=1e-12)
+
+
+def test_what_is_left_may_be_a_tenth_of_a_nanometre():
+    """A start nearer than that is there, unless a smaller rest is wanted; one farther off is moved."""
+    chain, start = planar(0.5, 0.3), np.array([0.3, 0.8])
+    for off, kept in ((0.9e-10, True), (1.2e-10, False)):
+        pose = chain.forward(start + np.array([0.0, off]))
+        assert np.array_equal(inverse(chain, pose, start), start) == kept
+        assert np.array_equal(inverse(chain, pose, start, tolerance=1e-9), start)

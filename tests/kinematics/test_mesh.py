@@ -53,3 +53,19 @@ def test_faces_name_vertices_from_one_or_from_the_end(tmp_path, face, rows):
         path.write_text(f"{text}f {other}\n")
         with pytest.raises(DatasetError, match="vertices 1 to 3"):
             mesh_triangles(path)
+
+
+@pytest.mark.parametrize(("vertices", "triangles"), [(1, 0), (3, 1), (5, 1), (6, 2), (8, 2)])
+def test_vertices_without_faces_are_triangles_in_their_order(tmp_path, vertices, triangles):
+    """Those that are left over at the end are none."""
+    points = np.arange(3.0 * vertices).reshape(-1, 3)
+    path = tmp_path / "arm.stl"
+    path.write_text("".join(f"vertex {x} {y} {z}\n" for x, y, z in points))
+    np.testing.assert_array_equal(mesh_triangles(path), points[: 3 * triangles].reshape(-1, 3, 3))
+
+
+def test_a_text_as_long_as_a_binary_file_is_text(tmp_path):
+    """Only the number of triangles in the header makes a file a binary one."""
+    path, text = tmp_path / "arm.stl", text_stl(TRIANGLES[:3])
+    path.write_bytes(text + b"\n" * (-(len(text) - 84) % 50))
+    np.testing.assert_allclose(mesh_triangles(path), TRIANGLES[:3], rtol=1e-6)

@@ -59,6 +59,11 @@ def test_fine_meshes_become_coarse(tmp_path, write, name):
     np.testing.assert_allclose(mesh_triangles(tmp_path / name), 1e3 * whole, rtol=1e-6, atol=1e-5)
     _, points, triangles = body_surface(collision(f'<mesh filename="{name}" scale="0.001 0.001 0.001"/>', tmp_path))
     assert 200 < len(triangles) < 0.25 * len(whole)
+    assert np.all(triangles != np.roll(triangles, 1, axis=1))
+    assert len(np.unique(np.sort(triangles, axis=1), axis=0)) == len(triangles)
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=-1).sum() / 2
+    assert 0.8 < area / (4 * np.pi * 0.01) < 1.05
     far = np.linalg.norm(PLACED.inverse() @ points, axis=-1)
     assert 0.088 < far.min() <= far.max() < 0.1001
 

@@ -38,3 +38,15 @@ def test_parts_count_by_their_evidence():
     np.testing.assert_allclose(found.evidence, [2 * np.log(3.0), -2000 + 2 * np.log(0.25)])
     np.testing.assert_allclose(found.mean, [[3.0], [4.0]])
     np.testing.assert_allclose(found.covariance, [[[1 + 0.75 * 0.25 * 16]], [[1.0]]])
+
+
+def test_a_single_mixture_and_a_grid_of_them_are_those_of_a_row():
+    """Whatever axes stand before the parts, or none."""
+    rng, shares = np.random.default_rng(1), np.array([0.2, 0.5, 0.3])
+    parts = Gaussian(rng.normal(size=(4, 2, 3)), rng.normal(size=(4, 2, 3, 2)), np.tile(np.eye(2), (4, 2, 3, 1, 1)))
+    grid, row = mixture(shares, parts), mixture(shares, Gaussian(*(each[1] for each in parts)))
+    single = mixture(shares, Gaussian(*(each[1, 0] for each in parts)))
+    for of_grid, of_row, alone in zip(grid, row, single, strict=True):
+        np.testing.assert_allclose(of_grid[1], of_row)
+        np.testing.assert_allclose(of_row[0], alone)
+    np.testing.assert_allclose(single.evidence, 2 * np.log(np.exp(parts.evidence[1, 0] / 2) @ shares))

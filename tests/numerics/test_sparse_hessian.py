@@ -95,10 +95,11 @@ def test_parts_of_large_inverses_are_put_together() -> None:
 
 @pytest.mark.parametrize(("smallest", "found"), [(3e-12, 3e-12), (3e-13, 0.0)])
 def test_an_eigenvalue_of_rounding_is_none(smallest: float, found: float) -> None:
-    """Below a millionth of a millionth of the largest."""
+    """Below a millionth of a millionth of the largest, whatever its size."""
     values = np.append(np.geomspace(1e-3, 1.0, 8), smallest)
-    extremes = SparseHessian(csc_array(np.diag(values))).extremes
-    assert extremes == pytest.approx((found, 1.0), rel=5e-3, abs=0.0)
+    for size in (1.0, 1e6, 1e-6):
+        extremes = SparseHessian(csc_array(np.diag(size * values))).extremes
+        assert extremes == pytest.approx((size * found, size), rel=5e-3, abs=0.0)
 
 
 def test_a_column_without_information_scales_by_a_millionth_of_a_millionth() -> None:

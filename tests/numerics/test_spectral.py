@@ -356,3 +356,13 @@ def test_a_millionth_of_the_largest_extent_is_none(unit):
         raised[3, 2] = unit * depth
         assert dimension(raised) == spans
     assert dimension(np.zeros((0, 3))) == 0
+
+
+def test_the_smallest_vector_of_one_matrix_is_that_of_a_grid(rng):
+    """Whatever axes stand before the matrices, or none; their sizes do not matter, nor a row without numbers."""
+    basis = np.linalg.qr(rng.standard_normal((3, 2, 5, 5)))[0]
+    matrices = (basis * [0.0, 1.0, 2.0, 3.0, 4.0]) @ basis.mT * np.geomspace(1e-6, 1e6, 6).reshape(3, 2, 1, 1)
+    grid = smallest_vectors(matrices)
+    np.testing.assert_allclose(np.abs(np.vecdot(grid, basis[..., 0])), 1.0, atol=1e-12)
+    np.testing.assert_allclose(np.abs(smallest_vectors(matrices[1, 1]) @ basis[1, 1, :, 0]), 1.0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(smallest_vectors(np.zeros((3, 3)))), 1.0)

@@ -118,3 +118,12 @@ def test_draws_fill_the_ball():
     np.testing.assert_allclose(np.quantile(radius**3, [0.1, 0.5, 0.9]), [0.1, 0.5, 0.9], atol=0.04)
     np.testing.assert_allclose(points.mean(0), 0, atol=0.05)
     np.testing.assert_allclose(np.mean(points**2, axis=0), 0.2, atol=0.02)
+
+
+def test_draws_of_a_grid_are_alike_along_each_axis():
+    """Each is within the ball, and its radius tells nothing of its place."""
+    points = draw_in_ball(np.random.default_rng(1), 4, 500)
+    radius = np.linalg.norm(points, axis=-1)
+    assert points.shape == (4, 500, 3)
+    assert radius.max() <= 1
+    np.testing.assert_allclose(np.quantile(radius**3, [0.1, 0.5, 0.9], axis=1).T, [[0.1, 0.5, 0.9]] * 4, atol=0.1)

@@ -7,6 +7,7 @@ from itertools import combinations, islice
 import numpy as np
 import pytest
 
+from basecal.planning import choose
 from basecal.planning.choose import choose_fewest, exchange, gains, greedy, with_sample, without_sample
 
 
@@ -68,3 +69,30 @@ def test_fewest_are_as_few_as_any(made):
     assert choose_fewest(roots, covariance, weight, 14, lambda c, _: True) == ([], True)
     tried, reached = choose_fewest(roots, covariance, weight, 3, lambda c, _: False)
     assert (len(tried), reached) == (3, False)
+
+
+def test_exchanges_end_where_a_pass_gains_hardly_anything(made, monkeypatch):
+    """Of three passes at most; a choice that is the best already has one, and nothing is exchanged."""
+    roots, covariance, weight = made
+    passes = []
+    plain = choose.gains
+    monkeypatch.setattr(choose, "gains", lambda *given: passes.append(1) or plain(*given))
+    for scale in (1e-6, 1.0, 1e6):
+        best = min(combinations(range(14), 2), key=lambda each: criterion(*made, each))
+        now = covariance
+        for k in best:
+            now = with_sample(now, roots[k])
+        passes.clear()
+        chosen, after = exchange(roots, list(best), now, scale * weight)
+        assert (chosen, len(passes)) == (list(best), 2)
+        np.testing.assert_allclose(after, now, rtol=1e-9)
+    worst = max(combinations(range(14), 2), key=lambda each: criterion(*made, each))
+    now = covariance
+    for k in worst:
+        now = with_sample(now, roots[k])
+    passes.clear()
+    given = list(worst)
+    chosen, _ = exchange(roots, given, now, weight)
+    assert criterion(*made, chosen) < criterion(*made, worst)
+    assert given == list(worst)
+    assert len(passes) in {4, 6}

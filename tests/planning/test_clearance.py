@@ -10,8 +10,9 @@ import pytest
 from basecal.cell import Cell, CellCamera, KeepOut, Robot, RobotState, Sample, Unknown
 from basecal.geometry import SE3
 from basecal.kinematics import read_chain
-from basecal.planning.clearance import clearances, path_length, robot_capsules
+from basecal.planning.clearance import _arms_gap, _balls, _box_gap, clearances, path_length, robot_capsules
 from basecal.planning.sketch import Sketch
+from planar_arm import planar
 from shared.bodies import arm_with_bodies
 
 pin = pytest.importorskip("pinocchio")
@@ -197,3 +198,71 @@ def test_no_point_of_a_body_moves_farther_than_the_path_length(tmp_path):
         steps = np.linalg.norm(np.diff(np.array(places), axis=0), axis=-1).max()
         fastest.append(99 * steps / np.abs(end - start).max() / most)
     assert 0.7 < max(fastest) < 1
+
+
+def rods(*ends_and_radius):
+    """Capsules, (n, 7), from their ends and radii."""
+    return np.array(ends_and_radius, dtype=float)
+
+
+def test_the_nearest_of_all_rods_decides(monkeypatch):
+    """Crossed, in a line, side by side or points; some at a time as well as all at once."""
+    cross = rods([-1, 0, 0, 1, 0, 0, 0.1]), rods([0, -1, 0.5, 0, 1, 0.5, 0.2])
+    line = rods([0, 0, 0, 1, 0, 0, 0.1]), rods([1.5, 0, 0, 3, 0, 0, 0.0])
+    beside = rods([0, 0, 0, 1, 0, 0, 0.1]), rods([0.5, 0.7, 0, 9, 0.7, 0, 0.1])
+    points = rods([0, 0, 0, 0, 0, 0, 0.1]), rods([3, 4, 0, 3, 4, 0, 0.2])
+    for (one, other), gap in ((cross, 0.2), (line, 0.4), (beside, 0.5), (points, 4.7)):
+        for pair in ((one, other), (other, one)):
+            assert _arms_gap(*pair) == pytest.approx(gap)
+    far = rods(*([9 + k, 9, 9, 9 + k, 9, 20, 0.5] for k in range(5)))
+    assert _arms_gap(np.concatenate([far, cross[0]]), np.concatenate([far + 50, cross[1], far - 70])) == pytest.approx(
+        0.2
+    )
+    middles, reach = _balls(np.concatenate([cross[0], points[1], beside[1]]))
+    np.testing.assert_allclose(middles, [[0, 0, 0], [3, 4, 0], [4.75, 0.7, 0]])
+    np.testing.assert_allclose(reach, [1.1, 0.2, 4.35])
+
+
+def test_a_box_is_as_near_as_the_nearest_point_of_a_rod():
+    """By at most a hundredth of the length less; a rod that passes through it is its radius within."""
+    box = KeepOut("post", SE3(np.eye(3), np.array([0.0, 0.0, 1.0])), np.array([0.2, 0.4, 2.0]))
+    beside, across = rods([1.1, -5, 0, 1.1, 5, 1, 0.25]), rods([-5, 0, 0.5, 5, 0, 0.5, 0.25])
+    gap = _box_gap(np.concatenate([beside, rods([9, 9, 9, 9, 9, 9, 1])]), box)
+    assert 0.75 - 0.1 < gap <= 0.75
+    assert -0.25 - 0.1 < _box_gap(across, box) <= -0.25
+    assert _box_gap(rods([0.6, 0, 1, 0.6, 0, 1, 0.1]), box) == pytest.approx(0.4)
+
+
+def planar_arms(lengths):
+    """Two arms in a plane, whose links are lines, and the second's base three metres aside."""
+    robots = {name: Robot(name, None, planar(*lengths)) for name in ("one", "two")}
+    aside = SE3(np.eye(3), np.array([3.0, 0.0, 0.0]))
+    return Sketch(Cell("one", robots), {"one_base_from_two_base": aside}, ("wrist", "board"))
+
+
+@pytest.mark.parametrize("turn", [0.01, -0.3, 2.0])
+def test_the_tip_of_an_arm_goes_the_longest_way(turn):
+    """All of its length per radian of its base, and a link's per radian of the elbow, with a fiftieth for its arc."""
+    sketch, zeros = planar_arms((0.5, 0.4)), np.zeros(2)
+    for joints, longest in (([turn, 0.0], 0.9), ([0.0, turn], 0.4), ([0.5 * turn, turn], 0.85)):
+        found = path_length(sketch, at(zeros, zeros), at(np.array(joints), zeros), "one")
+        assert longest * 0.98 < found / 1.02 <= longest + 1e-9
+    assert path_length(sketch, at(zeros, zeros), at(np.array([turn, 0.0]), zeros), "two") == 0.0
+
+
+def test_arms_that_stay_in_line_leave_the_rest_of_the_way():
+    """Less two radii of 60 mm for links without a body; two clearances are needed, and one from a box."""
+    sketch, zeros = planar_arms((0.5, 0.4)), np.zeros(2)
+    half = np.array([np.pi, 0.0])
+    (apart,) = clearances(sketch, at(zeros, half), at(zeros, half), ["one"])
+    assert (apart.robot, apart.other, apart.needed_m) == ("one", "two", 0.04)
+    assert apart.gap_m == pytest.approx(3 - 0.9 - 0.9 - 0.12)
+    (moved,) = clearances(sketch, at(np.array([1.0, 0.0]), half), at(zeros, half), ["one"])
+    assert moved.gap_m == pytest.approx(apart.gap_m)
+    box = KeepOut("post", SE3(np.eye(3), np.array([1.5, 0.0, 0.0])), np.full(3, 0.2))
+    sketch = replace(sketch, cell=replace(sketch.cell, keep_out={"post": box}))
+    _, post = clearances(sketch, at(zeros, half), at(zeros, half), ["one"])
+    assert (post.other, post.needed_m) == ("post", 0.02)
+    assert post.gap_m == pytest.approx(1.4 - 0.9 - 0.06, abs=0.005)
+    assert replace(post, gap_m=0.02).is_enough
+    assert not replace(post, gap_m=0.0199).is_enough

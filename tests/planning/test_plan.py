@@ -339,3 +339,40 @@ def test_stations_of_shifts_are_planned_for_a_task(cell):
             len({sample.robots["hand"].base_from_flange.translation.tobytes() for sample in station}) == STATION_SAMPLES
         )
     assert found[1].expected_m < found[0].expected_m
+
+
+def test_what_is_not_said_of_stations_is_left_to_the_plan(cell, monkeypatch):
+    """No tolerance and no count, and the same draw as of any other plan."""
+    described, recording, _, calibration, point = cell
+    given = []
+    monkeypatch.setattr(plans, "draw_offers", lambda known, taught, *more: given.append(more) or [(known[0], [])])
+    monkeypatch.setattr(plans, "stations", lambda sketch, states, seed: given.append(seed))
+    monkeypatch.setattr(plans, "plan_for_task", lambda *words, **more: words)
+    assert plan_stations(described, recording, calibration, point)[4:] == (None, None, 0)
+    assert given == [(1, 0), 0]
+
+
+def test_where_no_view_was_seen_the_first_is_planned(cell, monkeypatch):
+    """Of those that have taught poses."""
+    described, _, bare, calibration, _ = cell
+    known = sketches(described, calibration)[0]
+    board = described.targets[known.target.name]
+    seen = replace(described, targets={"board": board, "second": replace(board, name="second")})
+    views = [replace(known, cell=seen, view=("wrist", name)) for name in ("board", "second")]
+    monkeypatch.setattr(plans, "is_in_view", lambda sketch, sample: False)
+    monkeypatch.setattr(plans, "candidates", lambda sketch, states, count, seed: [(len(states), count, seed)])
+    assert [(sketch.view[1], found) for sketch, found in draw_offers(views, bare, 9)] == [("board", [(12, 9, 0)])]
+    monkeypatch.setattr(plans, "is_in_view", lambda sketch, sample: sketch.view[1] == "second")
+    assert [(sketch.view[1], found) for sketch, found in draw_offers(views, bare, 9, 2)] == [("second", [(12, 9, 2)])]
+    monkeypatch.setattr(plans, "is_in_view", lambda sketch, sample: True)
+    shares = [(sketch.view[1], found[0][1]) for sketch, found in draw_offers(views, bare, 9)]
+    assert shares == [("board", 5), ("second", 5)]
+
+
+def test_a_budget_contains_the_variance_beyond_the_noise(monkeypatch):
+    """Of the worst meeting, with so many samples."""
+    monkeypatch.setattr(plans, "worst_meeting", lambda meetings, covariance: meetings[1])
+    monkeypatch.setattr(plans, "budget", lambda solution, meeting, total_m2, known: (meeting.name, total_m2, known))
+    meetings = [SimpleNamespace(name=name, mean_square_m2=lambda of: 3.0 * of) for name in ("a", "b")]
+    goal = SimpleNamespace(meetings=meetings, excess_m2=lambda count: 1.0 / count)
+    assert plans._budget(SimpleNamespace(covariance=2.0), goal, 4) == ("b", 6.25, {})

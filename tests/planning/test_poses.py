@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from basecal.geometry import SE3
 from basecal.planning import poses
 from basecal.planning.feasible import is_feasible
 from basecal.planning.sketch import sketch_cell
+from planar_arm import planar
 from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
@@ -99,3 +102,20 @@ def test_samples_with_an_unclear_path_are_drawn_anew(monkeypatch):
     plan = poses.plan(SKETCH, states(eye=[0.0, 0.0]).robots, 3)
     assert [each.robots["eye"].joints_rad.tolist() for each in plan] == [[1, 1], [2, 0], [2, 1]]
     assert drawn == [(6, dict.fromkeys(("eye", "hand"), (0.6, 0.12)))] * 2
+
+
+def test_a_path_with_joints_at_one_end_alone_is_that_of_poses():
+    """Of the flange; robots of one sample alone do not count."""
+    chain = planar(0.5, 0.4)
+    sketch = SimpleNamespace(
+        base_from_flange=lambda robot, state: (
+            state.base_from_flange if state.joints_rad is None else chain.forward(state.joints_rad)
+        )
+    )
+    bent, straight = np.array([0.0, 0.3]), SE3(np.eye(3), np.array([0.9, 0.0, 0.0]))
+    one = Sample(0, robots={"arm": RobotState(joints_rad=bent), "other": RobotState(straight)})
+    for state, length in ((RobotState(straight), 0.3), (RobotState(joints_rad=np.array([0.2, -0.2])), 0.5)):
+        other = Sample(1, robots={"arm": state})
+        assert poses._path_length(sketch, one, other) == pytest.approx(length)
+        assert poses._path_length(sketch, other, one) == pytest.approx(length)
+    assert poses._path_length(sketch, Sample(0), one) == 0.0

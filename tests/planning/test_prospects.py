@@ -16,6 +16,7 @@ from basecal.planning.candidates import candidates
 from basecal.planning.prospects import (
     ASSUMED_NOISE,
     ASSUMED_ROBOT_SIGMAS,
+    _join_roots,
     _predict_observation,
     _with_noise,
     calibrated_sketch,
@@ -186,3 +187,23 @@ def test_views_are_predicted_by_what_the_sensor_measures(cell):
     tip = replace(made.cell, cameras={"wrist": replace(wrist, kind="tip")})
     found = _predict_observation(replace(sketch, cell=tip), drawn[0])
     assert (found.tip, found.mark) == ("wrist", "board")
+
+
+def test_groups_of_views_are_joined_by_what_each_candidate_has():
+    """Of as many numbers they stand in one place, since no candidate is in both; of other numbers side by side."""
+    rng = np.random.default_rng(0)
+    first, second = rng.standard_normal((4, 5, 3)), rng.standard_normal((4, 5, 3))
+    first[:2], second[2:] = 0, 0
+    for more in (second, second[..., :2], second[..., :0]):
+        joined = _join_roots(first, more)
+        wanted = first @ first.mT + more @ more.mT
+        np.testing.assert_allclose(joined @ joined.mT, wanted)
+        assert joined.shape == (4, 5, 3 + (more.shape[-1] if more.shape[-1] < 3 else 0))
+
+
+def test_arms_of_unknown_noise_are_as_noisy_as_arms_are():
+    """Between 0.1 and 0.5 mm, and 0.2 and 1 mrad, per axis; all three axes alike."""
+    shift, turn = ASSUMED_ROBOT_SIGMAS[:3], ASSUMED_ROBOT_SIGMAS[3:]
+    assert np.ptp(shift) == np.ptp(turn) == 0
+    assert 1e-4 < shift[0] < 5e-4
+    assert 2e-4 < turn[0] < 1e-3

@@ -10,7 +10,7 @@ import pytest
 
 import basecal
 from basecal.accuracy.arrays.array_calibration import ArrayCalibration
-from basecal.accuracy.arrays.words import HAND_EYE_WORDS, rename_finding
+from basecal.accuracy.arrays.words import BASE_TO_BASE_WORDS, HAND_EYE_WORDS, rename_finding
 from basecal.cell import Finding
 from basecal.geometry import SE3
 
@@ -99,3 +99,20 @@ def test_advice_about_files_is_left_out() -> None:
     found = rename_finding(Finding("x", "info", ("eye", "3"), "eye moved. eye rests.", do), HAND_EYE_WORDS)
     assert found.do == ("Record at least 12 stops.", "See the eyelet.")
     assert (found.about, found.what) == (("gripper", "3"), "The gripper moved. The gripper rests.")
+
+
+@pytest.mark.parametrize("command", ["Run `basecal fix CELL`.", "Write it in cell.yaml.", "Give --guess to it."])
+def test_advice_that_only_files_can_take_is_left_out(command: str) -> None:
+    """Other advice keeps its order, reasons are renamed as well, and what is about nothing stays so."""
+    finding = Finding("x", "warning", (), "Poses of eye.", ("First.", command, "poses of eye last."), "eye is still.")
+    found = rename_finding(finding, HAND_EYE_WORDS)
+    assert found.do == ("First.", "poses R_gripper2base, t_gripper2base last.")
+    assert (found.about, found.why, found.code, found.severity) == ((), "The gripper is still.", "x", "warning")
+
+
+def test_the_longest_phrase_is_renamed() -> None:
+    """Of words that begin alike; a name that is part of another word stays as it is."""
+    assert BASE_TO_BASE_WORDS["hand_flange"] == "hand_gripper"
+    words = {"eye": "A", "poses of eye": "B", "poses of eye and hand": "C"}
+    what = "poses of eye and hand, poses of eye, eye, eyes, my_eye, eye_base."
+    assert rename_finding(Finding("x", "info", ("eye",), what), words).what == "C, B, A, eyes, my_eye, eye_base."

@@ -163,7 +163,13 @@ def test_an_arc_has_the_second_moments_of_its_products(monkeypatch) -> None:
     np.testing.assert_allclose(found[:3, :3], 4 * moments, rtol=1e-9)
     assert not found[3:].any()
     monkeypatch.setattr(widening, "_best_states", lambda *given: None)
-    assert not curved_covariance(solution, ["base"]).any()
+    np.testing.assert_array_equal(curved_covariance(solution, ["base", "base"]), np.zeros((12, 12)))
+    monkeypatch.setattr(
+        widening, "_directions", lambda solution, order: directions._replace(wide=np.zeros(0, dtype=int))
+    )
+    np.testing.assert_array_equal(curved_covariance(solution, ["base", "base"]), np.zeros((12, 12)))
+    monkeypatch.setattr(widening, "goes_by_neighbourhoods", lambda problem: True)
+    np.testing.assert_array_equal(curved_covariance(solution, []), np.zeros((0, 0)))
 
 
 def test_states_are_best_across_what_is_held() -> None:

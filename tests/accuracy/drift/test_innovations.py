@@ -5,12 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.drift.innovations import MOST_VIEWS, Innovations, first_order, innovations, view_tangents
+from basecal.accuracy.drift.innovations import (
+    MOST_VIEWS,
+    Innovations,
+    _bearings,
+    first_order,
+    innovations,
+    view_tangents,
+)
 from basecal.accuracy.drift.verify import verify
 from basecal.cell import HeldGauge, Recording, RobotState
 from basecal.effects.smooth import kernel
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3, Array, Camera
 from drift_cells import BASE, Later, later
 
 
@@ -291,3 +298,16 @@ def test_what_a_gauge_holds_is_no_uncertainty_of_predictions() -> None:
     )
     alone, beside = (innovations(made.cell, each, made.recording) for each in (made.calibration, wider))
     np.testing.assert_allclose(beside.predicted, alone.predicted, atol=1e-9 * np.abs(alone.predicted).max())
+
+
+def test_points_that_are_not_seen_have_no_bearing_and_no_weight() -> None:
+    """Seen points weigh by the sigmas of their pixels, over the focal length; a point outside the lens weighs none."""
+    camera = Camera("pinhole", [800.0, 400.0, 320.0, 240.0])
+    pixels = np.array([[[320.0, 240.0], [1120.0, 240.0], [320.0, 640.0]]])
+    seen = np.array([[True, True, False]])
+    points, weight = np.zeros((3, 3)), np.array([[2.0, 4.0, 8.0]])
+    found = _bearings(PixelMeasurement(points, pixels, seen, weight, weight), camera)
+    np.testing.assert_allclose(found.weight, [[1200.0, 2400.0, 0.0]])
+    np.testing.assert_allclose(
+        found.bearings_in_camera[0, :2], [[0, 0, 1], [np.sqrt(0.5), 0, np.sqrt(0.5)]], atol=1e-12
+    )

@@ -1,14 +1,16 @@
 """What one thing may have moved by, and what would be seen."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
+from basecal.accuracy.drift import shifts
 from basecal.accuracy.drift.innovations import innovations
-from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
+from basecal.accuracy.drift.shifts import Shift, _sphere, detectable_m, frame_shifts, joint_shifts, size_shifts
 from drift_cells import BASE, later
 
 TANGENT = np.array([3e-3, -2e-3, 1e-3, 4e-3, -2e-3, 1e-3])
@@ -149,3 +151,46 @@ def test_a_shift_is_that_of_generalised_least_squares(joints: bool) -> None:
         np.testing.assert_allclose(each.information @ wanted, np.eye(len(size)), atol=1e-3)
         assert each.freedoms == len(size)
         assert each.of_noise == of.freedoms_of_noise
+
+
+def group(target: str, count: int) -> SimpleNamespace:
+    return SimpleNamespace(target=target, hand=SimpleNamespace(mount=f"mount of {target}"), views=count)
+
+
+def test_each_target_with_a_size_may_be_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the moves of its own views, in the order of names; single points have none."""
+    groups = [group("tag", 2), group("board", 1), group("light", 3), group("tag", 1)]
+    problem = SimpleNamespace(groups=groups, point_mounts={"mount of light"})
+    of = SimpleNamespace(situation=SimpleNamespace(problem=problem))
+    monkeypatch.setattr(shifts, "size_moves", lambda situation, k: np.full((groups[k].views, 6, 1), 1.0 + k))
+    monkeypatch.setattr(shifts, "_shift", lambda innovations, *of_what: of_what)
+    (first, kind, joint, by_board), (second, *_, by_tag) = size_shifts(of)  # type: ignore[arg-type,misc]
+    assert (first, second, kind, joint) == ("board", "tag", shifts.SIZE_KIND, None)
+    np.testing.assert_array_equal(by_board[:, 0, 0], [0, 0, 2, 0, 0, 0, 0])
+    np.testing.assert_array_equal(by_tag[:, 0, 0], [1, 1, 0, 0, 0, 0, 4])
+
+
+def test_a_point_may_shift_and_not_rotate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other frames do both; they are called by what they place."""
+    problem = SimpleNamespace(point_mounts={"hand_flange_from_light"})
+    of = SimpleNamespace(
+        situation=SimpleNamespace(frames=(BASE, "hand_flange_from_light"), problem=problem),
+        frame_jacobian=lambda name: np.full((2, 6, 6), 3.0),
+    )
+    monkeypatch.setattr(shifts, "_shift", lambda innovations, *of_what: of_what)
+    (base, name, _, by_base), (light, _, _, by_light) = frame_shifts(of)  # type: ignore[arg-type,misc]
+    assert (base, name, light) == ("hand_base", BASE, "light")
+    np.testing.assert_array_equal(by_base, np.full((2, 6, 6), 3.0))
+    np.testing.assert_array_equal(by_light, np.broadcast_to([3.0, 3, 3, 0, 0, 0], (2, 6, 6)))
+
+
+@pytest.mark.parametrize("count", [1, 2, 50, 400])
+def test_directions_are_even_over_the_sphere(count: int) -> None:
+    """All of unit length, their mean is none, and each axis has a third of their squares."""
+    along = _sphere(count)
+    np.testing.assert_allclose(np.linalg.norm(along, axis=1), 1.0)
+    if count > 2:
+        assert np.linalg.norm(along.mean(0)) < 2 / count
+        np.testing.assert_allclose(along.T @ along / count, np.eye(3) / 3, atol=2 / count)
+        between = np.arccos(np.clip(along @ along.T - 2 * np.eye(count), -1, 1)).min(1)
+        assert between.min() > 2.5 / np.sqrt(count)

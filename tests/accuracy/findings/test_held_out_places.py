@@ -22,3 +22,14 @@ def test_the_worst_mark_is_named_if_it_is_beyond_chance(ratio, marks):
 def test_nothing_is_said_of_no_places():
     """Cells without touches, or of two places."""
     assert held_out_places(SimpleNamespace(held_out_places=())) == []
+
+
+@pytest.mark.parametrize(("freedoms", "named"), [(20.0, False), (200.0, True)])
+def test_few_touches_scatter_more_by_chance(freedoms, named):
+    """An error 1.3 times the expected one is beyond chance for many touches alone."""
+    (place,) = [PlaceError("a", 3.9e-4, 1.3, freedoms)]
+    found = held_out_places(SimpleNamespace(held_out_places=(place,)))
+    assert len(found) == named
+    for each in found:
+        assert (each.code, each.severity, each.about) == ("held-out-places", "info", ("a",))
+        assert "0.39 mm; 0.3 mm is expected" in each.what

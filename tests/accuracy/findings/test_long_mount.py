@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Literal
 
 import numpy as np
+import pytest
 
 from basecal.accuracy.arrays.array_calibration import ArrayCalibration
 from basecal.accuracy.arrays.functions import hand_eye
 from basecal.accuracy.findings.long_mount import long_mount
+from basecal.cell import WORLD
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
 from evidence import evidence_of
@@ -47,3 +50,61 @@ def test_poses_in_order_are_not() -> None:
     name = other.cell.mount_name("camera")
     stated = other.cell.with_transform(name, replace(other.cell.transforms[name], status="fixed", mean=STILL))
     assert long_mount(replace(evidence, cell=stated)) == []
+
+
+def told(mount_m: float, stand_m: float, camera_on: str = "arm", joints: bool = False, **change: object) -> list[str]:
+    """What is said of a cell with one arm, whose carried device is so far from its flange."""
+    on = {"camera": camera_on, "board": WORLD if camera_on == "arm" else "arm"}
+    carried = "camera" if camera_on == "arm" else "board"
+    devices = {name: {name: SimpleNamespace(on=on[name])} for name in on}
+    at = {name: SE3.from_rotvec([0, 0, 0], [0.0, mount_m if name == carried else stand_m, 0.0]) for name in on}
+    cell = SimpleNamespace(
+        robots={"arm": None},
+        cameras=devices["camera"],
+        targets=devices["board"],
+        mount_name=lambda name: name,
+        transforms={name: SimpleNamespace(status="free") for name in on},
+    )
+    solution = SimpleNamespace(
+        converged=change.pop("converged", True),
+        state=SimpleNamespace(transforms=at),
+        problem=SimpleNamespace(robot_ends=lambda robot: [SimpleNamespace(joints=np.zeros(6) if joints else None)]),
+    )
+    cell.__dict__.update(change)
+    return [each.what for each in long_mount(SimpleNamespace(cell=cell, solution=solution))]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("camera_on", ["arm", WORLD])
+@pytest.mark.parametrize(
+    ("mount_m", "stand_m", "named"),
+    [(0.41, 0.1, True), (0.39, 0.1, False), (0.9, 0.44, True), (0.9, 0.46, False), (0.3, 0.01, False)],
+)
+def test_a_mount_is_long_from_forty_centimetres_on(mount_m: float, stand_m: float, named: bool, camera_on: str) -> None:
+    """If it is twice as long as the other device is far from the base, too, whichever device it holds."""
+    found = told(mount_m, stand_m, camera_on)
+    assert len(found) == named
+    carried, other = ("camera", "board") if camera_on == "arm" else ("board", "camera")
+    for what in found:
+        assert (
+            what == f"{carried} is {mount_m:.2f} m from the flange of arm, and {other} {stand_m:.2f} m from its base."
+        )
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"robots": {"arm": None, "other": None}},
+        {"cameras": {"camera": SimpleNamespace(on="arm"), "second": SimpleNamespace(on="arm")}},
+        {"cameras": {}},
+        {"targets": {"board": SimpleNamespace(on=WORLD), "second": SimpleNamespace(on=WORLD)}},
+        {"targets": {"board": SimpleNamespace(on="arm")}},
+        {"transforms": {"camera": SimpleNamespace(status="prior"), "board": SimpleNamespace(status="free")}},
+        {"transforms": {"camera": SimpleNamespace(status="free"), "board": SimpleNamespace(status="fixed")}},
+        {"converged": False},
+        {"joints": True},
+    ],
+)
+def test_only_a_plain_cell_may_have_its_mounts_exchanged(change: dict[str, object]) -> None:
+    """Of one arm with recorded poses, one camera and one target, of which one stands still, and both mounts open."""
+    assert len(told(1.0, 0.1)) == 1
+    assert told(1.0, 0.1, **change) == []  # type: ignore[arg-type]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 from basecal.accuracy.findings.near_bases import near_bases
 from basecal.cell import Unknown
@@ -27,3 +28,27 @@ def test_robots_in_one_frame_are_named() -> None:
     assert finding.what == "The bases of eye and hand are 16 mm apart."
     stated = near.cell.with_transform(NAME, Unknown("fixed", moved.transforms[NAME]))
     assert near_bases(replace(near, cell=stated)) == []
+
+
+def named(places_m: dict[str, float], fixed: tuple[str, ...] = (), stated: tuple[str, ...] = ("b", "c")) -> list[str]:
+    """Pairs named of robots a (the reference), b and c with bases along x."""
+    cell = SimpleNamespace(
+        reference="a",
+        base_name=lambda name: name,
+        bases={name: SimpleNamespace(status="fixed" if name in fixed else "free") for name in stated},
+    )
+    at = {name: SE3.from_rotvec([0, 0, 0], [x, 0, 0]) for name, x in places_m.items() if name != "a"}
+    solution = SimpleNamespace(state=SimpleNamespace(transforms=at), problem=SimpleNamespace(robots=(*places_m,)))
+    found = near_bases(SimpleNamespace(cell=cell, solution=solution))
+    return ["".join(each.about) for each in found]
+
+
+def test_feet_are_a_decimetre_wide() -> None:
+    """Every pair counts, of which one base is not stated, and whose robots stand in the same cell."""
+    assert named({"a": 0.0, "b": 0.099}) == ["ab"]
+    assert named({"a": 0.0, "b": 0.101}) == []
+    assert named({"a": 0.0, "b": 1.0, "c": 1.05}) == ["bc"]
+    assert named({"a": 0.0, "b": 0.05, "c": -0.04}) == ["ab", "ac", "bc"]
+    assert named({"a": 0.0, "b": 0.05, "c": -0.04}, fixed=("b",)) == ["ac", "bc"]
+    assert named({"a": 0.0, "b": 0.05, "c": -0.04}, fixed=("b", "c")) == []
+    assert named({"a": 0.0, "b": 0.05}, stated=()) == []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.ends import end, problem_of, views
 
-from basecal.accuracy.findings.rounded_poses import _Rounding, _step, rounded_poses
+from basecal.accuracy.findings.rounded_poses import _multiples, _quaternion_roundings, _Rounding, _step, rounded_poses
 from basecal.cell import Recording, RobotState
 from basecal.estimation.noise.robot_noise import with_robot_noise
 from basecal.estimation.problem.build import build_problem
@@ -206,3 +206,25 @@ def test_rounding_that_makes_a_good_part_of_the_noise_is_a_warning(noise, severi
     rounding = _Rounding("angles", np.sqrt(12.0), "", noise)
     assert rounding.sigma == pytest.approx(1.0)
     assert rounding.severity == severity
+
+
+@pytest.mark.parametrize(("least", "told"), [(-3, 0), (-4, 1)])
+def test_quaternions_of_ten_different_numbers_are_enough(least, told):
+    """Of nine nothing is said; numbers are those before they were normalised."""
+    numbers = np.array([[k, 0, 0, 100] for k in range(least, 5) if k], dtype=float)
+    quaternions = numbers / np.linalg.norm(numbers, axis=-1, keepdims=True)
+    np.testing.assert_array_equal(_multiples(quaternions, 0.01), numbers)
+    found = list(_quaternion_roundings(quaternions, 1e-3))
+    assert [(each.step, each.words, each.noise) for each in found] == [(0.02, "0.01 before normalisation", 1e-3)] * told
+
+
+@pytest.mark.parametrize("norm", [99, 100, 101])
+def test_numbers_of_a_quaternion_are_found_a_step_beside_its_norm(norm):
+    """Two steps beside it there are none."""
+    for off, is_found in ((0, True), (2, False)):
+        numbers = np.array([[60.0, -20.0, 0.0, 0.0]])
+        numbers[0, 3] = np.round(np.sqrt((norm + off) ** 2 - 4000))
+        unit = numbers / np.linalg.norm(numbers)
+        near = abs(np.round(unit.max() * 100) - numbers.max()) <= 1
+        assert np.isfinite(_multiples(unit, 0.01)).all() == near
+        assert near or not is_found

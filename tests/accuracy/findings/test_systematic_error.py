@@ -7,9 +7,10 @@ import pytest
 from tests.shared.rewriting import resized
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.findings.systematic_error import deduplicate_size_findings, systematic_error
+from basecal.accuracy.findings.systematic_error import _answer_sentence, deduplicate_size_findings, systematic_error
 from basecal.cell import Finding
 from basecal.effects.faces.effect import FoundEffect
+from basecal.effects.registry import CONTAINED
 from basecal.simulation import Scenario, simulate
 
 EFFECT = {
@@ -234,3 +235,15 @@ def test_a_board_stated_too_large_is_told_as_smaller():
     (said,) = [f for f in found.findings if f.code in ("length-scale", "board-size")]
     assert said.about == ("board",)
     assert "% smaller than stated" in said.message
+
+
+def test_an_answer_contains_errors_of_an_expected_size():
+    """It excludes the others; joints that are more than 30 mrad off are not linear, other errors of any size are."""
+    error = found("joint-offset", [0.029], 1e-3, unit="rad")
+    for effect, size, words in (
+        (next(iter(CONTAINED)), 5.0, "contains it, and"),
+        ("step", 5.0, "excludes it, and"),
+        ("joint_offsets", 0.029, "its covariance is wider"),
+        ("joint_offsets", -0.031, "Its covariance may be too small"),
+    ):
+        assert words in _answer_sentence(replace(error, effect=effect, size=np.array([size])))

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from tests.touch_cells import MARKS, recorded, touch_cell, touch_lines
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.findings.touch_noise import _sigma_with_arm, _stated_sigma, is_touch_noise, touch_noise
+from basecal.accuracy.stated_sigmas import ContradictedSigma
+from basecal.estimation.view.points import TouchMeasurement
+from basecal.geometry import SE3
 
 
 @pytest.mark.parametrize(("scatter_m", "codes", "verdict"), [(3e-4, {"touch-noise"}, "good"), (1e-4, set(), "good")])
@@ -44,3 +50,81 @@ def test_scatter_that_no_touch_has_is_a_poor_fit():
     found = calibrate(touch_cell(), recorded(touch_cell(), lines))
     assert "poor-fit" in {each.code for each in found.findings}
     assert found.verdict == "doubtful"
+
+
+TIP_M = np.array([0.0, 0.3, 0.0])
+
+
+def arm_evidence(arm_m: float, arm_rad: float, sigma_m: float = 1e-4, stated: bool = True, robot: str = "arm"):
+    """Touches by a tip 0.3 m from the flange of an arm with such noise, with 200 freedoms."""
+    inverse = np.full((9, 1), 1 / sigma_m)
+    touches = TouchMeasurement(np.zeros((1, 3)), np.zeros((9, 1, 3)), inverse > 0, inverse * stated, inverse)
+    group = SimpleNamespace(camera="tip", measurement=touches)
+    solution = SimpleNamespace(
+        noise=SimpleNamespace(robots={robot: np.repeat([arm_m, arm_rad], 3)}),
+        state=SimpleNamespace(transforms={"mount": SE3.from_rotvec([0, 0, 0], TIP_M)}),
+        dof=200,
+    )
+    cell = SimpleNamespace(cameras={"tip": SimpleNamespace(on="arm")}, mount_name=lambda name: "mount")
+    return SimpleNamespace(
+        solution=solution,
+        cell=cell,
+        recorded=SimpleNamespace(groups=[group]),
+        robot_model=None,
+        systematic_error=None,
+        contradicted_sigmas=(),
+    )
+
+
+@pytest.mark.parametrize(("arm_m", "arm_rad"), [(2e-4, 0.0), (0.0, 1e-3), (2e-4, 1e-3)])
+def test_noise_of_an_arm_adds_to_its_touches(arm_m, arm_rad):
+    """Turns act at the lever of the tip, along two of three axes."""
+    found = _sigma_with_arm("tip", arm_evidence(arm_m, arm_rad))
+    error_m2 = arm_m**2 + 2 / 3 * (0.3 * arm_rad) ** 2
+    assert found.ratio == pytest.approx(np.sqrt(1 + error_m2 / 1e-8))
+    assert (found.about, found.of_robot) == ("tip", False)
+
+
+def test_an_arm_as_quiet_as_its_touches_contradicts_nothing():
+    """Nor does an arm whose noise is not known, nor touches without a stated sigma, nor errors of millimetres."""
+    assert _sigma_with_arm("tip", arm_evidence(2e-5, 1e-5)) is None
+    assert _sigma_with_arm("tip", arm_evidence(2e-4, 1e-3, robot="other")) is None
+    assert _sigma_with_arm("tip", arm_evidence(4e-3, 0.0)) is None
+    (info,) = touch_noise(arm_evidence(2e-4, 0.0))
+    assert info.what == "Touches by tip scatter by 0.22 mm per axis, 0.1 mm is stated."
+    assert info.do == ("State `sigma_m: 0.00022` of these touches, or state none.",)
+    assert info.why == "The noise is that of the touches or of the arm. The covariance is that of the larger noise."
+
+
+def test_the_stated_sigma_of_touches_is_the_mean_of_their_groups():
+    """Of each group by its mean weight; groups of other cameras and other measurements do not count."""
+    of = arm_evidence(0.0, 0.0, 1e-4)
+    coarse = arm_evidence(0.0, 0.0, 3e-4).recorded.groups[0]
+    other = SimpleNamespace(camera="other", measurement=coarse.measurement)
+    frames = SimpleNamespace(camera="tip", measurement=None)
+    groups = [*of.recorded.groups, coarse, other, frames]
+    assert _stated_sigma("tip", SimpleNamespace(recorded=SimpleNamespace(groups=groups))) == pytest.approx(2e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "is_noise"),
+    [
+        ({}, True),
+        ({"robot_model": SimpleNamespace(chosen=SimpleNamespace(kind="none"))}, True),
+        ({"robot_model": SimpleNamespace(chosen=SimpleNamespace(kind="joints"))}, False),
+        ({"systematic_error": SimpleNamespace(is_certain=False)}, True),
+        ({"systematic_error": SimpleNamespace(is_certain=True)}, False),
+    ],
+)
+def test_scatter_of_touches_is_noise_if_nothing_else_explains_it(change, is_noise):
+    """Up to 3 mm, of a tip whose stated sigma is too small."""
+    of = SimpleNamespace(**{**arm_evidence(0.0, 0.0).__dict__, **change})
+    assert is_touch_noise(ContradictedSigma("tip", False, 20.0, 1e-9), of) == is_noise
+    assert is_touch_noise(ContradictedSigma("tip", False, 29.9, 1e-9), of) == is_noise
+    for other in (
+        ContradictedSigma("tip", False, 30.1, 1e-9),
+        ContradictedSigma("tip", True, 20.0, 1e-9),
+        ContradictedSigma("tip", False, 0.2, 1e-9),
+        ContradictedSigma("camera", False, 20.0, 1e-9),
+    ):
+        assert not is_touch_noise(other, of)

@@ -294,3 +294,17 @@ def test_other_directions_are_not_of_touches():
     state = State(dict.fromkeys(problem.unknowns, SE3.identity()), {}, np.zeros((0, 6)))
     for kind, name in (("translation", BASE), ("rotation", "eye_flange_from_eye_tip")):
         assert touch_advice(cell, problem, state, NullDirection(kind, (name,), np.zeros((1, 6)))) is None
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 30.0])
+def test_how_far_a_mark_is_from_an_axis(size: float) -> None:
+    """Along the line itself it is none; the size of the twist does not matter, nor its pitch."""
+    rng = np.random.default_rng(0)
+    axis = np.array([0.48, 0.6, 0.64])
+    beside, at = np.cross(axis, [1.0, 0.0, 0.0]), rng.standard_normal(3)
+    beside /= np.linalg.norm(beside)
+    for pitch in (0.0, 0.7):
+        twist = size * np.concatenate([np.cross(at, axis) + pitch * axis, axis])
+        for far in (0.0, 0.3):
+            point = at + 2.0 * axis + far * beside
+            assert unobservable_direction._distance(point, twist) == pytest.approx(far, abs=1e-12)

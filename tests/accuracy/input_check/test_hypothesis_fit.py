@@ -163,3 +163,10 @@ def test_a_fit_is_repeated_without_views_far_off(monkeypatch, far, times):
     assert len(kept) == times
     for each in kept:
         assert [len(group) for group in each] == [np.count_nonzero(off[0] <= np.quantile(off[0], 0.7))]
+
+
+def test_errors_of_samples_are_means_of_squares_over_their_views():
+    """Samples that are not asked for do not count; an error without a number is a thousand."""
+    off, sample = np.array([1.0, 3.0, 2.0, np.nan, 5.0]), np.array([4, 4, 7, 9, 5])
+    found = HypothesisFit(None, off, sample, False).squares(np.array([4, 7, 9]))
+    np.testing.assert_allclose(found, [5.0, 4.0, 1e6])

@@ -224,3 +224,20 @@ def test_samples_are_judged_again_without_a_few(monkeypatch, first, outliers, ag
         assert last.what.endswith(f"{verb} with all others.")
         assert last.about == tuple(map(str, outliers))
         assert last.why.startswith(f"At sample {numbers.split()[0]}, ")
+
+
+@pytest.mark.parametrize(("count", "is_whole", "named"), [(4, True, 0), (5, True, 2), (5, False, 0), (4, False, 0)])
+def test_units_that_no_sample_shows_are_an_error_of_a_whole_recording(monkeypatch, count, is_whole, named):
+    """Of five samples or more; of fewer, or of a part, it is said why nothing else is."""
+    unseen = [Finding("length-unit", "error", (name,), f"{name} is of no unit.") for name in ("a", "b")]
+    monkeypatch.setattr(module, "estimate_units", lambda cell, samples: ({}, unseen))
+    look = quick_look(made().cell, Recording(made().recording.samples[:count]), is_whole)
+    assert (look.views, look.error, look.untold) == (count, None, "a is of no unit.")
+    assert look.findings == tuple(unseen)[:named]
+
+
+def test_recordings_are_looked_at_as_whole_unless_told(monkeypatch):
+    """Of units, too."""
+    unseen = [Finding("length-unit", "error", (), "No unit.")]
+    monkeypatch.setattr(module, "estimate_units", lambda cell, samples: ({}, unseen))
+    assert quick_look(made().cell, Recording(made().recording.samples[:6])).findings == tuple(unseen)

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 from tests.shared.rewriting import resized, scaled, with_joints, with_points, with_robots, with_targets
 
-from basecal.accuracy.input_screening.units import count_searchable_images, impossible_units, needs_search
+from basecal.accuracy.input_screening.units import (
+    _sigma_findings,
+    count_searchable_images,
+    impossible_units,
+    needs_search,
+)
 from basecal.cell import PointObservation, PoseObservation, Recording, RobotState, Sample
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -202,3 +207,16 @@ def test_images_of_targets_are_searchable() -> None:
         shown = [replace(sample, images={"wrist": "images/wrist/0.png"}) for sample in made.recording.samples]
         assert count_searchable_images(made.cell, Recording(tuple(shown))) == count
         assert count_searchable_images(made.cell, made.recording) == 0
+
+
+@pytest.mark.parametrize(
+    ("shift_m", "turn_rad", "units"),
+    [(1e-4, 900.0, []), ([1e-7, 1.0, 1.0], 1e-3, ["m"]), (1e-3, [1e-7, 1.0, 1.0], ["rad"])],
+)
+def test_sigmas_of_shifts_are_not_held_against_those_of_turns(shift_m, turn_rad, units):
+    """Each by its own unit, over all three axes; sigmas that are not stated are none."""
+    sigma = np.concatenate([np.broadcast_to(each, 3) for each in (shift_m, turn_rad)])
+    seen = PoseObservation("wrist", "board", SE3.identity(), sigma), PoseObservation("wrist", "board", SE3.identity())
+    found = [each.what for each in _sigma_findings(Recording((Sample(0, observations=seen), Sample(1))))]
+    assert [what.removesuffix(".").split()[-1] for what in found] == units
+    assert all("from 1e-07 to 1 " in what for what in found)

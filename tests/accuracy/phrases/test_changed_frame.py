@@ -11,6 +11,7 @@ import pytest
 from basecal.accuracy.phrases import changed_frame as room
 from basecal.accuracy.phrases.changed_frame import _find_difference, changed_frame
 from basecal.cell import Recording, RobotState
+from basecal.errors import NotConverged
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3, PoseEstimate
 from basecal.simulation import Scenario, SimulatedCell, simulate
@@ -114,3 +115,23 @@ def test_a_frame_differs_alone_or_is_not_named() -> None:
     assert _find_difference(part(base=0.0), part(base=0.1)) == "base"
     assert _find_difference(part(base=0.0), part(base=1e-3)) == ""
     assert _find_difference(part(["base"], base=0.0), part(base=1e-3)) == ""
+
+
+def test_parts_are_solved_before_and_after_a_sample(monkeypatch) -> None:
+    """Earlier samples first; groups without samples of a part are left out, and parts that are not solved."""
+    problem, _ = build_problem(MADE.cell, MADE.recording)
+    parts = [room._part(problem, 5, is_later) for is_later in (False, True)]
+    assert [[group.sample.tolist() for group in part.groups] for part in parts] == [
+        [list(range(5))],
+        [list(range(5, 16))],
+    ]
+    assert room._part(problem, 0, False).groups == ()
+
+    def solve_one(part, cell):
+        if part == "later":
+            raise NotConverged("It does not end.")
+        return f"solved {part}"
+
+    monkeypatch.setattr(room, "_part", lambda problem, number, is_later: "later" if is_later else "earlier")
+    monkeypatch.setattr(room, "solve_problem", solve_one)
+    assert room._solve_parts(problem, MADE.cell, 5) == ["solved earlier"]

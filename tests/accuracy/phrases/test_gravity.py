@@ -56,3 +56,26 @@ def test_a_base_that_is_not_known_says_nothing():
     problem = SimpleNamespace(chains={"hand": tilted})
     words = describe_gravity(CELL, solved(problem, {}), ("hand",))
     assert words == "Gravity is assumed along (0.6, 0, -0.8) of hand_base."
+
+
+@pytest.mark.parametrize(("tilt_deg", "told"), [(9.9, False), (10.1, True)])
+@pytest.mark.parametrize("others", [{}, {"third": SE3.identity()}])
+def test_bases_may_be_ten_degrees_apart(tilt_deg, told, others):
+    """The largest tilt between any two arms counts, of those whose bases are known."""
+    chain = six_axis()
+    problem = SimpleNamespace(chains={"eye": chain, "hand": chain, "third": chain, "open": chain})
+    tilted = SE3.from_rpy(np.radians([tilt_deg, 0, 0]), np.ones(3))
+    bases = {CELL.base_name(name): base for name, base in {"hand": tilted, **others}.items()}
+    words = describe_gravity(CELL, solved(problem, bases), ("eye",))
+    assert ("differs by 10 deg" in words) == told
+
+
+def test_two_tilts_add_up_between_arms():
+    """Of two arms that lean away from one another."""
+    chain = six_axis()
+    problem = SimpleNamespace(chains={"eye": chain, "hand": chain, "third": chain})
+    bases = {
+        CELL.base_name(name): SE3.from_rpy(np.radians([tilt, 0, 0]), np.ones(3))
+        for name, tilt in (("hand", 8.0), ("third", -7.0))
+    }
+    assert "differs by 15 deg" in describe_gravity(CELL, solved(problem, bases), ("eye",))

@@ -83,3 +83,12 @@ def test_from_a_thousand_sigmas_on_the_number_says_no_more():
     assert outlier_reason(LeftOut(3, "a", "b", (1,), math.nan)) == (
         "a point is far from where the rest predicts it: a reflection, a wrong id or occluded"
     )
+
+
+@pytest.mark.parametrize("count", [1, 4, 5, 6, 9])
+def test_five_outliers_are_listed(count):
+    """Of more it is said where the others are."""
+    view = LeftOut(3, "wrist", "board", (), 12.3, 0.0161, 0.05)
+    told = list_outliers([replace(view, sample=k) for k in range(count)], {})
+    assert told.lower().count("sample ") == min(count, 5)
+    assert ("The others are listed" in told) == (count > 5)

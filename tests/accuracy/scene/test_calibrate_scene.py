@@ -209,8 +209,9 @@ def test_a_recording_without_images_is_an_error(monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(InputError, match="no camera on a robot has images"):
         calibrated(monkeypatch, empty)
     lost = Finding("dropped-sample", "info", (), "The image of eye in sample 0 is not used: is missing.")
-    with pytest.raises(InputError, match="sample 0 is not used: is missing"):
-        calibrated(monkeypatch, replace(empty, lost=(lost,)))
+    with pytest.raises(InputError, match="sample 0 is not used: is missing") as caught:
+        calibrated(monkeypatch, replace(empty, lost=(lost, replace(lost, what="Nor is another."))))
+    assert "another" not in str(caught.value)
 
 
 @pytest.mark.slow
@@ -359,6 +360,12 @@ def test_what_a_scene_answers_is_named_after_the_cell() -> None:
     columns = SimpleNamespace(lenses=(None, at))
     fixed_lens = SimpleNamespace(views=fit.views, state=fit.state, columns=columns)
     assert list(_lenses(fixed_lens, covariance)) == ["right_eye"]
+    few = SimpleNamespace(robots=("left", "right"), stop_robot=np.array([1, 0, 1]))
+    sigma = np.arange(18.0).reshape(3, 6)
+    assert _robot_noise(SimpleNamespace(views=few, stop_sigma=sigma)) == {
+        "left": {"sigma_t_m": [6.0, 7.0, 8.0], "sigma_r_rad": [9.0, 10.0, 11.0]},
+        "right": {"sigma_t_m": [0.0, 1.0, 2.0], "sigma_r_rad": [3.0, 4.0, 5.0]},
+    }
     noise = _robot_noise(fit)
     np.testing.assert_array_equal([*noise["right"]["sigma_t_m"], *noise["right"]["sigma_r_rad"]], fit.stop_sigma[-1])
     assert noise.keys() == {"left", "right"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -206,3 +207,24 @@ def test_other_evidence_of_a_base_contradicts_it_or_speaks_for_it(off_m: float |
     offset = None if off_m is None else np.array([off_m, 0.0, 0.0])
     found = [each.code for each in base_findings("left_base_from_right_base", offset, 1e-4 * np.eye(3))]
     assert found == [code] * bool(code)
+
+
+@pytest.mark.parametrize(
+    ("images", "pairs", "points", "codes"),
+    [
+        (7, 10, 60, ["too-few-samples"]),
+        (8, 10, 60, ["few-images"]),
+        (11, 10, 60, ["few-images"]),
+        (12, 10, 60, []),
+        (12, 9, 60, ["scene-texture"]),
+        (12, 10, 59, ["scene-texture"]),
+    ],
+)
+def test_a_camera_needs_images_pairs_and_points(images: int, pairs: int, points: int, codes: list[str]) -> None:
+    """Eight, ten and sixty; fewer than twelve images are few."""
+    start = SimpleNamespace(misfit=(False, 0.5), is_behind=False, median_px=0.5)
+    fit = SimpleNamespace(tracks=SimpleNamespace(count=points))
+    one = SimpleNamespace(rows=np.arange(images), fit=fit, start=start, matched_pairs=pairs)
+    found = list(camera_findings("eye", one))  # type: ignore[arg-type]
+    assert [each.code for each in found] == codes
+    assert {each.about for each in found} <= {("eye",)}

@@ -100,3 +100,14 @@ def test_cameras_that_share_nothing_are_named(monkeypatch: pytest.MonkeyPatch) -
     images = SimpleNamespace(views=SimpleNamespace(cameras=cameras))
     assert room._joins(images, ["one", "two", "three"], Report()) == {1: "two"}
     assert told == [(("a", "b"), "two", 7, (2, 1)), (("a", "c"), None, 0, (0, 0))]
+
+
+def test_each_camera_is_solved_with_the_noise_of_its_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of its own images; how far it is is told from one on."""
+    monkeypatch.setattr(room, "solve_camera", lambda images, camera, noise: (camera, noise))
+    views = SimpleNamespace(camera=np.array([1, 0, 0, 1]), robot=np.array([0, 1, 1, 0]), cameras=("a", "b"))
+    told: list[tuple[int, int]] = []
+    settings = SimpleNamespace(part=lambda *given: told.append(given))
+    found = [room._solve_one(SimpleNamespace(views=views), k, ("first", "second"), settings) for k in range(2)]
+    assert found == [(0, "second"), (1, "first")]
+    assert told == [(1, 2), (2, 2)]

@@ -5,18 +5,23 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.scene import find_scene
+from basecal.accuracy.scene import fingerprint as room
 from basecal.accuracy.scene.calibrate_scene import calibrate_scene
+from basecal.cell import Recording, Sample
 from basecal.cell.files import read_calibration, read_cell, read_recording, write_calibration
+from basecal.cell.fingerprint import Fingerprint
 from basecal.cli import main
 from basecal.cli.calibrate import CalibratedFolder
 from basecal.cli.verify import _renumber_sample
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
+from basecal.vision.tracks.locating import Located
 from scene_images import solved_camera
 from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, Scene, looks, made_scene
 from scene_tracks import write_tracks
@@ -95,3 +100,45 @@ def test_new_images_of_a_scene_join_its_recording(
     moved = _renumber_sample(shown, 40, "today", files)
     assert moved.images == {"left_eye": "recording/images/000040_a.png"}
     assert files == {"recording/images/000040_a.png": Path("today/recording/images/a.png")}
+
+
+def test_the_points_that_an_image_shows_are_observed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the order of their numbers, with a sigma of one and a half times what their scatter says."""
+    points = np.array([[0.1, 0.2, 2.0], [-0.1, 0.1, 1.5], [0.0, -0.1, 1.0], [0.3, 0.0, 2.0]])
+    off = np.array([[0.5, -0.5], [0.4, 0.6], [-0.5, 0.5]])
+    where, shown = SE3.from_rotvec([0.0, 0.1, 0.0], [0.0, 0.0, 0.1]), np.array([3, 0, 1])
+    pixels = np.concatenate([np.zeros((1, 2)), LENS.project(where @ points[shown]) + off])
+    views = SimpleNamespace(camera=np.array([1]), cameras=(SimpleNamespace(name="a"), SimpleNamespace(name="b")))
+    images = SimpleNamespace(features=[SimpleNamespace(pixels=pixels)], views=views)
+    target = SimpleNamespace(name="scene", target=SimpleNamespace(points=points))
+    monkeypatch.setattr(room, "locate_camera", lambda *given: Located(where, shown, np.array([1, 2, 3])))
+    found = room._observe_scene(images, 0, LENS, None, target)
+    assert (found.camera, found.target, found.ids.tolist()) == ("b", "scene", [0, 1, 3])
+    np.testing.assert_array_equal(found.pixels, pixels[[2, 3, 1]])
+    np.testing.assert_allclose(found.sigma_px, 1.5 * 1.4826 * 0.5)
+    monkeypatch.setattr(room, "locate_camera", lambda *given: None)
+    assert room._observe_scene(images, 0, LENS, None, target) is None
+
+
+def test_a_scene_is_an_exact_target_on_the_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under a name that is free; each image is seen with the lens of the calibration, or with its own."""
+    write_tracks(tmp_path, made_scene(1, arms=2, count=2, points=12))
+    cell = read_cell(tmp_path)
+    points = np.arange(9.0).reshape(3, 3)
+    views = SimpleNamespace(
+        sample=np.array([0, 1, 1]), camera=np.array([0, 1, 0]), cameras=[SimpleNamespace(name=n) for n in "ab"]
+    )
+    images = SimpleNamespace(views=views, lenses=["own a", "own b"])
+    monkeypatch.setattr(room, "read_images", lambda cell, recording: images)
+    monkeypatch.setattr(room, "unit_descriptors", lambda levels: levels)
+    monkeypatch.setattr(room, "_observe_scene", lambda images, row, lens, *more: (row, lens) if row != 1 else None)
+    calibration = SimpleNamespace(cameras={"a": ("found a", None)})
+    old = Recording((Sample(0), Sample(1), Sample(2)))
+    described, seen = room.with_scene_as_target(cell, calibration, old, Fingerprint(points, np.zeros((3, 128))))
+    assert [each.observations for each in seen.samples] == [((0, "found a"),), ((2, "found a"),), ()]
+    target = described.targets["scene"]
+    assert (target.on, target.mount.status, target.size_sigma) == ("world", "fixed", 0.0)
+    np.testing.assert_array_equal(target.mount.mean.matrix, np.eye(4))
+    np.testing.assert_array_equal(target.target.points, points)
+    again, _ = room.with_scene_as_target(described, calibration, old, Fingerprint(points, np.zeros((3, 128))))
+    assert set(again.targets) - set(described.targets) == {"static_scene"}

@@ -17,6 +17,7 @@ from basecal.accuracy.scene.images import read_images
 from basecal.accuracy.scene.join_scene import _place_in_world, _predicts_better, _update_images, join_scene
 from basecal.cell import Calibration, Cell, Finding, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
+from basecal.estimation.problem.problem import State
 from basecal.estimation.scene.state import SceneState
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -144,6 +145,14 @@ def test_the_world_of_a_scene_is_the_base_of_one_robot(tmp_path: Path) -> None:
         placed = _update_images(images, solution, cell, anchor)
         assert placed.views.robots == ("left", "right")
         assert [base.status for base in placed.views.bases] == statuses
+    left, right = (f"{name}_flange_from_{name}_eye" for name in ("left", "right"))
+    state = SimpleNamespace(cameras={"left_eye": "lens"}, transforms={left: "mount", right: "open"})
+    known = SimpleNamespace(state=state, observability=SimpleNamespace(unobservable={right}))
+    for guessed, left_guessed in ((True, (False, True)), (False, (False, False))):
+        placed = _update_images(replace(images, is_guessed=(guessed, guessed)), known, cell, "left")
+        assert placed.is_guessed == left_guessed
+        assert placed.lenses == ("lens", images.lenses[1])
+        assert placed.mounts == ("mount", None)
 
 
 def test_without_images_there_is_no_scene(tmp_path: Path) -> None:
@@ -225,7 +234,7 @@ def test_a_scene_predicts_better_if_scores_fall(monkeypatch, gain, is_better) ->
 class Tied:
     """A problem with or without tracks."""
 
-    tied: str | None
+    tied: object
 
 
 def test_a_scene_is_placed_in_the_world_of_the_cell() -> None:
@@ -249,3 +258,72 @@ class Fit:
 
     views: SimpleNamespace
     state: SceneState
+
+
+def test_noise_of_a_robot_is_that_of_its_own_stops() -> None:
+    """Without stops in the other observations it is not known."""
+    stops = SimpleNamespace(first={"right": 2, "left": 0}, sigma=np.arange(24.0).reshape(4, 6))
+    solution = SimpleNamespace(problem=SimpleNamespace(stops=stops))
+    np.testing.assert_array_equal(room._noise(solution, "right"), np.arange(12.0, 18))
+    np.testing.assert_array_equal(room._noise(solution, "left"), np.arange(6.0))
+    assert room._noise(solution, "other") is None
+
+
+CELL = SimpleNamespace(reference="left", base_name=lambda n: f"base {n}", mount_name=lambda n: f"mount {n}")
+
+
+def test_what_a_solution_leaves_open_starts_as_the_scene_has_it() -> None:
+    """Bases, mounts and lenses that it knows stay; the reference has no base."""
+    views = SimpleNamespace(robots=("left", "right"), cameras=[SimpleNamespace(name=n) for n in ("a", "b")])
+    of_scene = SimpleNamespace(bases=["none", "base"], mounts=["m a", "m b"], lenses=["lens a", "lens b"])
+    state = State(
+        {"base left": 0, "base right": 1, "mount a": 2, "mount b": 3, "board": 4}, {"b": "known"}, np.zeros((0, 6))
+    )
+    open_names = {"base left", "base right", "mount b", "board"}
+    solution = SimpleNamespace(state=state, observability=SimpleNamespace(unobservable=open_names))
+    found = room._first_state(CELL, solution, SimpleNamespace(views=views, state=of_scene))
+    assert found.transforms == {"base left": 0, "base right": "base", "mount a": 2, "mount b": "m b", "board": 4}
+    assert found.cameras == {"a": "lens a", "b": "known"}
+
+
+@pytest.mark.parametrize("logs", [None, "estimated"])
+def test_tracks_are_linearised_twice(monkeypatch, logs) -> None:
+    """The second time about the first optimum, with the groups that the first kept; noise that is not estimated stays.
+
+    Samples count for the camera that took them.
+    """
+    told: list[object] = []
+    monkeypatch.setattr(room, "widening", lambda fit: 3.0)
+    monkeypatch.setattr(room, "_first_state", lambda cell, last, fit: "start")
+    monkeypatch.setattr(room, "scene_groups", lambda cell, recording, problem, seen: told.append(seen) or "groups")
+
+    def tie(problem, state, groups, fit, sigma_px):
+        told.append((problem, state, groups, sigma_px))
+        return f"tied {problem}"
+
+    def solve_mode(problem, state, settings, findings, noise):
+        told.append(settings.robot_noise)
+        tied = None if len(told) < 4 else SimpleNamespace(groups="own")
+        return replace(last, problem=Tied(tied), state="next")
+
+    @dataclass(frozen=True)
+    class Last:
+        problem: object
+        state: object
+        noise: object
+        findings: tuple[Finding, ...] = ()
+
+    last = Last("problem", "at", SimpleNamespace(logs=logs))
+    monkeypatch.setattr(room, "with_scene", tie)
+    monkeypatch.setattr(room, "solve_at_mode", solve_mode)
+    views = SimpleNamespace(
+        cameras=[SimpleNamespace(name=n) for n in "ab"], sample=np.array([5, 6, 7]), camera=np.array([1, 0, 1])
+    )
+    fit = SimpleNamespace(views=views, sigma_px=0.5)
+    found = room._solve_jointly(None, None, last, fit, Settings())
+    noise = "stated" if logs is None else "estimated"
+    assert told[0] == {"a": [6], "b": [5, 7]}
+    assert told[1:3] == [("problem", "start", "groups", 1.5), noise]
+    assert told[3][1:] == ("next", "groups", 1.5)
+    assert told[4:] == [noise]
+    assert found.state == "next"

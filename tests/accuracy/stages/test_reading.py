@@ -9,8 +9,7 @@ import pytest
 
 from basecal.accuracy.stages import reading
 from basecal.accuracy.stages.case import Case
-from basecal.cell import Finding, Recording
-from basecal.errors import InputError
+from basecal.cell import Finding, Recording, Sample
 from basecal.estimation.settings import Settings
 from basecal.simulation import Scenario, simulate
 
@@ -19,19 +18,18 @@ CASE = Case(MADE.cell, MADE.recording, Settings())
 ERROR, WARNING = (Finding(s, s, (), s) for s in ("error", "warning"))
 
 
-def test_a_task_needs_something_that_is_placed():
+def test_a_task_needs_something_that_is_placed(monkeypatch):
     """But for the axis-shift method, whose task is where the base is wanted."""
-    world = simulate(Scenario(layout="eye_in_hand", samples=3), 0)
-    for settings, wanted in (
-        (Settings(), False),
-        (Settings(task_point=(0, 0, 0)), True),
-        (Settings(task_point=(0, 0, 0), method="axis-shift"), False),
+    asked = []
+    monkeypatch.setattr(reading, "base_transforms", asked.append)
+    for settings, count in (
+        (Settings(), 0),
+        (Settings(task_point=(0, 0, 0), method="axis-shift"), 0),
+        (Settings(task_point=(0, 0, 0)), 1),
     ):
-        case = Case(world.cell, world.recording, settings)
-        try:
-            assert reading.check_task(case) is case
-        except InputError:
-            assert wanted
+        case = Case(MADE.cell, MADE.recording, settings)
+        assert reading.check_task(case) is case
+        assert asked == [MADE.cell] * count
 
 
 @pytest.mark.parametrize("clocked", [None, SimpleNamespace(add_jitter=lambda problem: f"{problem} with jitter")])
@@ -80,3 +78,56 @@ def test_images_are_counted_for_checks_of_the_input(monkeypatch):
     samples = [replace(each, observations=(), images={"wrist": "0.png"}) for each in MADE.recording.samples]
     reading.check_input(reading.pack_problem(Case(MADE.cell, Recording(tuple(samples)), Settings())))
     assert inputs[0].images == 3
+
+
+@pytest.mark.parametrize(
+    ("method", "sees_scene", "tracks", "observations", "is_scene"),
+    [
+        ("auto", False, (), ("view",), False),
+        ("auto", False, (), (), False),
+        ("auto", False, ("track",), (), True),
+        ("auto", False, ("track",), ("view",), False),
+        ("auto", True, (), ("view",), True),
+        ("scene", False, (), ("view",), True),
+    ],
+)
+def test_a_scene_is_calibrated_if_there_is_nothing_else(
+    monkeypatch, method, sees_scene, tracks, observations, is_scene
+):
+    """Or if it is asked for; that ends the case."""
+    monkeypatch.setattr("basecal.accuracy.scene.calibrate_scene.calibrate_scene", lambda *given: given)
+    samples = (Sample(0, tracks=tracks), Sample(1, observations=observations))
+    cell, settings = SimpleNamespace(sees_scene=sees_scene), SimpleNamespace(method=method)
+    case = Case(cell, Recording(samples), settings)
+    found = reading.calibrate_from_scene(case)
+    assert found.is_ended == is_scene
+    if is_scene:
+        assert found.calibration == (cell, case.recording, settings)
+    else:
+        assert found is case
+
+
+def test_poses_of_another_unit_are_converted(monkeypatch):
+    """What is in no unit ends the case, with all that was found; without any such pose nothing changes."""
+    recording = Recording(findings=(WARNING,))
+    case = Case(MADE.cell, recording, Settings())
+    monkeypatch.setattr(reading, "convert_units", lambda given, units_m: (given, units_m))
+    monkeypatch.setattr(reading, "estimate_units", lambda *given: ({}, []))
+    assert reading.measure_units(case) is case
+    monkeypatch.setattr(reading, "estimate_units", lambda *given: ({"board": 0.04}, []))
+    found = reading.measure_units(case)
+    assert (found.units_m, found.recording) == ({"board": 0.04}, (recording, {"board": 0.04}))
+    monkeypatch.setattr(reading, "estimate_units", lambda *given: ({"board": 0.04}, [ERROR]))
+    found = reading.measure_units(case)
+    assert (found.is_ended, found.recording, found.findings) == (True, recording, (ERROR, WARNING))
+
+
+def test_clocks_of_streams_are_found_first(monkeypatch):
+    """The recording is that of the clocks; without streams nothing changes."""
+    monkeypatch.setattr(reading, "recording_streams", lambda *given: None)
+    assert reading.estimate_clocks(CASE) is CASE
+    clocked = SimpleNamespace(recording="interpolated")
+    monkeypatch.setattr(reading, "recording_streams", lambda *given: "streams")
+    monkeypatch.setattr(reading, "search_offsets", lambda streams, settings: clocked)
+    found = reading.estimate_clocks(CASE)
+    assert (found.clocked, found.recording) == (clocked, "interpolated")

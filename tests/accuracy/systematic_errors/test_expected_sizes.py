@@ -284,3 +284,55 @@ def test_levels_are_all_combinations_at_once(widths):
     np.testing.assert_allclose(found.covariance, spread, atol=1e-12)
     of_first = weights.reshape(len(priors[0].shares), -1).sum(1)
     np.testing.assert_allclose(probabilities(priors[0].shares, given.evidence), of_first)
+
+
+@pytest.mark.parametrize("sigmas", [None, [], [0.1, 0.2]])
+def test_a_solution_that_failed_moves_no_clock(monkeypatch, sigmas):
+    """Nothing is added, for as many clocks as there are."""
+    offsets = None if sigmas is None else SimpleNamespace(sigma_s=np.array(sigmas))
+    monkeypatch.setattr(
+        expected_sizes, "situate", lambda solution, offsets: SimpleNamespace(problem=SimpleNamespace(width=6))
+    )
+    solution = SimpleNamespace(converged=False)
+    found = expected_sizes.contain_expected_sizes(None, solution, None, offsets)
+    assert found[0] is solution
+    count = len(sigmas or [])
+    np.testing.assert_array_equal(found[1], np.zeros(count))
+    np.testing.assert_array_equal(found[2], np.zeros((count, count)))
+
+
+@pytest.mark.parametrize(
+    ("counts", "size"),
+    [
+        ([], 0.0),
+        ([{"stated": 9}], 0.0),
+        ([{"stated": 9}, {"pixel_px": 1}], 5e-4),
+        ([{"pose_m": 1, "pixel_px": 0}], 5e-4),
+        ([{"point_m": 4}], 0.0),
+    ],
+)
+def test_views_of_unknown_noise_leave_a_targets_size_open(counts, size):
+    """Those of the target itself; a stated size counts whatever was measured."""
+    groups = [SimpleNamespace(target="board", measurement=SimpleNamespace(counts=lambda of=of: of)) for of in counts]
+    groups.append(SimpleNamespace(target="other", measurement=SimpleNamespace(counts=lambda: {"pixel_px": 3})))
+    for stated, found in ((None, size), (0.0, 0.0), (2e-3, 2e-3)):
+        target = SimpleNamespace(has_free_scale=False, size_sigma=stated)
+        cell = SimpleNamespace(targets={"board": target})
+        assert expected_sizes._size_sigma(cell, tuple(groups), "board") == found
+
+
+def test_the_unit_of_each_target_is_its_own(monkeypatch):
+    """With its own mean and sigma, without any prior beside it."""
+    asked = []
+    candidates = [SimpleNamespace(about=(name,)) for name in ("first", "second")]
+    monkeypatch.setattr(expected_sizes.target_size, "candidates", lambda situation: iter(candidates))
+
+    def posterior(situation, fields, expected):
+        asked.append((fields, expected))
+        return SimpleNamespace(mean=np.array([0.01]), covariance=np.array([[0.04]]))
+
+    monkeypatch.setattr(expected_sizes, "size_posterior", posterior)
+    assert expected_sizes.unit_error(None, "second") == pytest.approx((0.01, 0.2))
+    ((fields, (only,)),) = asked
+    assert fields == ()
+    assert only[1] is candidates[1]

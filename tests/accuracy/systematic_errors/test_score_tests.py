@@ -233,3 +233,25 @@ def test_an_unknown_that_its_prior_holds_takes_no_freedom_of_the_residuals(sigma
     prior = Unknown("prior", SE3.exp(np.full(6, 2e-3)), np.full(6, sigma))
     problem, state = pose_problem(1e-3 * np.random.default_rng(1).standard_normal((4, 6)), np.full(6, 1e-3), prior)
     assert linearise_views(problem, state).residuals == pytest.approx(24 - problem.width + held, abs=1e-3)
+
+
+def test_candidates_move_poses_and_not_lenses():
+    """Of views whose lens is estimated the numbers of the pose alone count; groups that do not move count nothing."""
+    rng = np.random.default_rng(4)
+    root = rng.standard_normal((5, 8, 8))
+    view = SimpleNamespace(
+        information=root @ root.mT,
+        gradient=rng.standard_normal((5, 8)),
+        by_unknowns=rng.standard_normal((5, 8, 3)),
+        columns=np.array([0, 2, 3]),
+        shared=(),
+    )
+    moves = rng.standard_normal((5, 2, 6, 4))
+    about = Linearised(None, None, (view, None), np.zeros(4), np.eye(4), None)
+    found = sums(about, Candidates("", ("a", "b"), (None, None), "", (moves, None)))
+    np.testing.assert_allclose(found.gradient, np.einsum("ni,nbiq->bq", view.gradient[:, :6], moves))
+    own = view.information[:, :6, :6]
+    np.testing.assert_allclose(found.information, np.einsum("nbiq,nij,nbjr->bqr", moves, own, moves))
+    pull = (view.information @ view.by_unknowns)[:, :6]
+    np.testing.assert_allclose(found.across[..., view.columns], np.einsum("nbiq,nic->bqc", moves, pull))
+    np.testing.assert_array_equal(found.across[..., 1], 0)

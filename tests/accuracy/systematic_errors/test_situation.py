@@ -306,3 +306,21 @@ def test_single_stops_do_not_absorb_what_stops_share(bent):
     shared = candidate(views.by_unknowns[..., :6, views.columns >= problem.width][..., -1:])
     # One sigma of a random effect holds less than one unit of information beside itself.
     assert score(of.null, shared).information[0, 0, 0] < 1
+
+
+@pytest.mark.parametrize("noise", [None, SimpleNamespace(beside_common=None), SimpleNamespace(beside_common="noise")])
+@pytest.mark.parametrize("has_offsets", [False, True])
+def test_the_null_model_has_what_stops_share_and_clocks(monkeypatch, noise, has_offsets):
+    """Each if there is any; a clock's offset moves views by its sigma."""
+    monkeypatch.setattr(module, "linearise_views", lambda problem, state: "plain")
+    monkeypatch.setattr(module, "null_model", lambda problem, state, noise, jacobian: "shared")
+    monkeypatch.setattr(module, "with_random_effects", lambda *given: given)
+    offsets = SimpleNamespace(sigma_s=np.array([0.1, 0.5]), moves=(np.ones((3, 6, 2)), None), present="present")
+    of = Situation("problem", "state", "recorded", {}, noise, offsets if has_offsets else None)
+    model = "plain" if noise is None or noise.beside_common is None else "shared"
+    if not has_offsets:
+        assert of.null == model
+        return
+    found, (moved, still), present = of.null
+    assert (found, still, present) == (model, None, "present")
+    np.testing.assert_array_equal(moved, np.broadcast_to([0.1, 0.5], (3, 6, 2)))

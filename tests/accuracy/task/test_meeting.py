@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from tests.ends import end, views
 
-from basecal.accuracy.task.meeting import Meeting, make_meeting, recorded_places, target_places, worst_meeting
+from basecal.accuracy.task.meeting import (
+    Meeting,
+    choose_places,
+    make_meeting,
+    meeting_places,
+    recorded_places,
+    target_places,
+    worst_meeting,
+)
 from basecal.estimation.problem.problem import Problem, Stops
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -87,3 +95,54 @@ def test_places_are_those_of_the_target_on_its_arm_or_of_the_camera(on_arm, base
     )
     wanted = (base @ arm @ mount if based else arm @ mount).translation
     np.testing.assert_allclose(found, wanted, atol=1e-12)
+
+
+def meeting_of(robots: tuple[str, ...], sigmas: list[list[float]], turned: SE3 | None = None) -> Meeting:
+    """A meeting of arms a (the reference) and b without columns, whose stops have these robots and sigmas."""
+    stops = Stops(np.reshape(sigmas, (-1, 6)), robot=robots)
+    state = SimpleNamespace(transforms={"a_from_b": turned})
+    problem = Problem("a", (), {}, frozenset(), {}, stops, {"a_from_b": slice(0, 6)})
+    places = {"a": np.zeros((1, 3)), "b": np.zeros((1, 3))}
+    return Meeting(problem, state, "a_from_b", "a", np.zeros((1, 3)), places, None)
+
+
+def test_stops_add_their_variance_along_three_axes():
+    """The mean over the stops and axes of each arm, shifts and turns apart; exact arms add nothing."""
+    of = meeting_of(("a", "b", "a"), [[1, 2, 3, 4, 5, 6], [10] * 3 + [20] * 3, [0] * 6])
+    np.testing.assert_allclose(of.stop_variance("a"), [14 / 6, 77 / 6])
+    np.testing.assert_allclose(of.stop_variance("b"), [100, 400])
+    np.testing.assert_array_equal(of.stop_variance("c"), [0, 0])
+    assert of.stop_variances().keys() == {"a", "b"}
+    assert of.mean_square_m2(np.zeros((6, 6))) == pytest.approx(3 * (14 / 6 + 100))
+    assert of.mean_square_m2(np.diag([1.0, 2, 3, 0, 0, 0])) == pytest.approx(6 + 3 * (14 / 6 + 100))
+    own = of.total_error(np.zeros((6, 6)), [np.array([1.0, 2.0]), np.array([3.0, 5.0])])
+    np.testing.assert_allclose(own, [np.diag([4.0, 4, 4, 7, 7, 7])])
+
+
+def test_an_error_of_the_reference_is_that_of_the_other_turned_and_negated():
+    """In the axes of the other's base, shifts and turns alike."""
+    turned = SE3.from_rotvec([0, 0, np.pi / 2], [1.0, 2.0, 3.0])
+    of = meeting_of((), [], turned)
+    jacobian = np.arange(12.0).reshape(1, 6, 2)
+    np.testing.assert_array_equal(of.propagate("b", jacobian), jacobian)
+    found = of.propagate("a", jacobian)
+    for half in (slice(0, 3), slice(3, 6)):
+        np.testing.assert_allclose(found[0, half], -turned.rotation.T @ jacobian[0, half], atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 59, 60, 61, 250])
+def test_sixty_places_are_chosen_evenly(count):
+    """The first and the last are among them; of fewer all are."""
+    places = np.arange(3.0 * count).reshape(-1, 3)
+    found = choose_places(places)
+    rows = found[:, 0] / 3
+    assert len(found) == min(count, 60)
+    assert (rows[0], rows[-1]) == (0, count - 1)
+    assert np.ptp(np.diff(rows), axis=0) <= 1 if count > 2 else True
+
+
+def test_points_of_the_task_come_before_recorded_places(monkeypatch):
+    """Without any the recorded places are those of the task."""
+    monkeypatch.setattr("basecal.accuracy.task.meeting.recorded_places", lambda *given: given)
+    np.testing.assert_array_equal(meeting_places("problem", "state", "base", POINT), POINT)
+    assert meeting_places("problem", "state", "base", POINT[:0]) == ("problem", "state", "base")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.accuracy.task.task import base_transforms, box_points, placed_transforms, task_places
+from basecal.accuracy.task.task import base_transforms, box_points, place_kind, placed_transforms, task_places
 from basecal.errors import InputError
 from basecal.simulation import Scenario, simulate
 
@@ -27,3 +27,19 @@ def test_the_places_of_a_task():
     assert task_places((1.0, 2.0, 3.0), box).tolist() == [list(point) for point in box_points(box)]
     assert box_points(box)[0] == (0.5, 0.0, 3.0)
     assert set(box_points(box)[1:]) == {(x, y, z) for x in (0, 1) for y in (-1, 1) for z in (2, 4)}
+
+
+def test_a_box_is_its_middle_and_its_corners():
+    """Whichever opposite corners are given; a task has a kind by how many points it has."""
+    middle, *corners = box_points((0.0, 2.0, 10.0, 1.0, 4.0, 6.0))
+    assert middle == (0.5, 3.0, 8.0)
+    assert len(corners) == 8
+    assert set(corners) == {(x, y, z) for x in (0.0, 1.0) for y in (2.0, 4.0) for z in (10.0, 6.0)}
+    for point, box, kind, count in (
+        (None, None, "recorded places", 0),
+        ((1.0, 2.0, 3.0), None, "task point", 1),
+        (None, (0.0, 0.0, 0.0, 1.0, 1.0, 1.0), "task box", 9),
+    ):
+        places = task_places(point, box)
+        assert places.shape == (count, 3)
+        assert place_kind(places) == kind

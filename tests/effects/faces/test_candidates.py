@@ -116,3 +116,25 @@ def test_a_frame_moves_by_its_share_of_each_sample():
     for k in range(2):
         wanted = shares[views.rank(group), k][:, None, None] * by_frame
         np.testing.assert_allclose(found.moves[0][:, k], wanted)
+
+
+def test_the_first_names_all_that_are_joined():
+    """Its first sample, too; of the joined no joint is told."""
+    moves = (np.arange(2.0 * 3 * 6 * 2).reshape(2, 3, 6, 2), None)
+    joined = Candidates("code", ("a", "b", "c"), (4, 5, 6), "rad", moves, (0, 1, 2)).join_sizes()
+    assert (joined.code, joined.about, joined.since, joined.unit, joined.joint) == ("code", ("a",), (4,), "rad", ())
+    assert joined.sizes == 6
+    np.testing.assert_array_equal(joined.moves[0][1, 0, :, 2:4], moves[0][1, 1])
+    assert joined.moves[1] is None
+
+
+def test_a_frame_moves_along_all_of_its_six_axes():
+    """Each candidate by its own share, with its own first sample."""
+    views = views_of(Scenario(samples=6))
+    shares = np.stack([np.ones(6), np.arange(6.0)], axis=-1)
+    found = frame_candidates("step", views, MOUNT, shares, (None, 3))
+    assert (found.about, found.since, found.sizes) == ((MOUNT, MOUNT), (None, 3), 6)
+    by_frame = views.frame_jacobian(0, MOUNT)
+    np.testing.assert_array_equal(found.moves[0][:, 0], by_frame)
+    np.testing.assert_allclose(found.moves[0][:, 1], np.arange(6.0)[:, None, None] * by_frame)
+    assert frame_candidates("step", views, MOUNT, shares[:, :1]).since == (None,)

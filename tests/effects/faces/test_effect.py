@@ -8,15 +8,24 @@ import numpy as np
 import pytest
 
 from basecal.effects.faces.effect import (
+    DEGREE,
+    MILLI,
+    ONE,
+    SECOND,
     Effect,
     ExpectedSize,
     FoundEffect,
+    LensParameter,
+    RandomEffect,
     SigmaPrior,
+    SimulatedFault,
+    _known_part,
     clearest_joint,
     format_tangent,
     format_with_sigma,
     rounded_length,
 )
+from basecal.effects.faces.shared_errors import KINEMATICS
 
 
 @pytest.mark.parametrize("kinds", [1, 2, 3, 7])
@@ -146,3 +155,41 @@ def test_a_tangent_has_the_length_of_both_parts():
     assert format_tangent(size[[3, 4, 5, 0, 1, 2]] / 10, np.diag(sigmas**2)) == " by 2.00 ± 0.10 mm"
     assert rounded_length(np.zeros(3), np.eye(3)) == "0.000000000 ± 0.000000000"
     assert rounded_length(np.array([0.3, 0.4]), np.diag([0.01, 0.04]), 10.0) == "5.0 ± 1.7"
+
+
+def test_what_is_not_said_of_an_effect_is_not_so():
+    """Neither by place nor in time, not sudden, not certain, and on no map; what is found is certain unless told."""
+    effect = Effect("made_up")
+    assert (effect.is_by_place, effect.is_in_time, effect.faces) == (False, False, frozenset())
+    random = RandomEffect(KINEMATICS, "")
+    flags = random.is_of_poses_alone, random.is_by_coordinate, random.is_certain, random.is_mapped
+    assert flags == (False,) * 4
+    assert not SimulatedFault("", "", 1.0, 1.0, "").is_sudden
+    assert not LensParameter(slice(0, 1), lambda camera: np.zeros(1), "", lambda *given: "").is_each_alone
+    assert not ExpectedSize(1.0, 1.0, "").is_stated
+    found = FoundEffect("", "", "", False, False, None, "", np.zeros(1), np.array([[4.0]]), np.zeros(0))
+    assert (found.is_certain, found.share, found.alternatives, found.joint, found.sigma) == (True, 1.0, (), None, 2.0)
+
+
+def test_units_of_faults_are_those_of_their_names():
+    """In radians, metres and seconds."""
+    assert pytest.approx([np.pi / 180, 0.001, 1, 1]) == [DEGREE, MILLI, SECOND, ONE]
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
+def test_a_tangent_is_told_along_what_is_known_of_it(scale):
+    """The direction of a huge sigma is left out, as few as needed; nothing is told where none is longer than sigma."""
+    size = scale * np.array([3e-3, 4e-3, 50e-3])
+    covariance = scale**2 * np.diag([1e-8, 1e-8, 1e-2])
+    np.testing.assert_allclose(_known_part(size, covariance), scale * np.array([3e-3, 4e-3, 0]), atol=scale * 1e-12)
+    np.testing.assert_allclose(_known_part(size, 1e-4 * covariance), size, rtol=1e-9)
+    np.testing.assert_array_equal(_known_part(size, 1e9 * covariance), np.zeros(3))
+
+
+def test_a_length_is_in_its_own_unit_unless_told():
+    """Without a length the sigma is none along it."""
+    covariance = np.diag([0.04, 0.01])
+    assert rounded_length(np.array([3.0, 0.0]), covariance) == "3.00 ± 0.20"
+    assert rounded_length(np.array([0.0, 3.0]), covariance, 100.0) == "300 ± 10"
+    assert rounded_length(np.zeros(2), covariance).startswith("0.000000000 ± 0.000000000")
+    assert format_tangent(np.array([1.0, 0, 0, 1, 0, 0]), np.diag([1e-4] * 3 + [1e-4] * 3)).endswith(" deg")

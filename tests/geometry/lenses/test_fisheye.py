@@ -143,3 +143,9 @@ def test_leading_axes_are_a_batch(rng):
     assert whole.by_points.shape == (2, 3, 4, 2, 3)
     np.testing.assert_array_equal(whole.by_points.reshape(-1, 2, 3), flat.by_points)
     np.testing.assert_array_equal(whole.by_terms.reshape(-1, 2, 4), flat.by_terms)
+
+
+def test_usual_lenses_show_most_of_a_half_space():
+    """Across an image 1280 px wide, between 130 and 153 deg."""
+    least, most = (np.degrees(1280 / focal) for focal in reversed(fisheye.USUAL_FOCAL_PX))
+    assert 130 < least < most < 153
