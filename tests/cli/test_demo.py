@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from basecal.cli import main
-from basecal.cli.demo import _comparison, true_error
+from basecal.cli.demo import _comparison, demo, true_error
+from basecal.errors import InputError
 from basecal.geometry import SE3, PoseEstimate
 
 
@@ -41,3 +42,42 @@ def test_the_truth_is_compared_with_the_digits_of_sigma() -> None:
     assert lines[-1] == "  chi-square 1.0 with 6 degrees of freedom (99 % limit 16.8): consistent"
     far = _comparison(estimate, true_error(estimate, SE3.exp(np.array([0.1, 0, 0, 0, 0, 0]))), "b")
     assert far.endswith("inconsistent")
+
+
+@pytest.mark.parametrize(("words", "kind"), [([], "charuco"), (["--led"], "led")])
+def test_a_demo_shows_a_board_unless_a_led_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], kind: str
+) -> None:
+    """The folder is marked as that of a demo, and files of an earlier one are removed before the arms start."""
+
+    def refuse(folder: Path, target: str) -> None:
+        assert (folder / ".made-by-basecal-demo").exists()
+        assert not (folder / "truth.yaml").exists()
+        raise InputError(f"no arms for {target}")
+
+    monkeypatch.setattr("basecal.cli.demo.simulated_process", refuse)
+    folder = tmp_path / "c"
+    for _ in range(2):
+        with pytest.raises(InputError, match=f"no arms for {kind}$"):
+            demo(folder, led=bool(words))
+        assert main(["demo", str(folder), *words]) == 3
+        (folder / "truth.yaml").write_text("old")
+        (folder / "notes.txt").write_text("mine")
+    assert (folder / "notes.txt").read_text() == "mine"
+    monkeypatch.setattr("basecal.cli.demo.simulated_process", lambda folder, target: refuse(folder, f"{target} of all"))
+    with pytest.raises(InputError, match="no arms for charuco of all"):
+        demo(folder)
+
+
+@pytest.mark.parametrize(("off", "word"), [(16.7, "consistent"), (16.9, "inconsistent")])
+def test_an_error_in_one_of_a_hundred_is_inconsistent(off: float, word: str) -> None:
+    """By the squared sigmas of all six; sigmas are shown in millimetres and degrees."""
+    estimate = PoseEstimate(SE3.identity(), np.diag(np.array([1e-3, 2e-3, 4e-3, 1e-2, 2e-2, 4e-2]) ** 2))
+    error = true_error(estimate, SE3.exp(np.array([0, 0, 0, 0, 0, 4e-2 * np.sqrt(off)])))
+    lines = _comparison(estimate, error, "b").splitlines()
+    assert lines[:2] == ["", "b against the truth, along x y z of hand_base:"]
+    assert lines[3].split() == ["sigma", "1.0", "2.0", "4.0", "mm"]
+    assert [float(value) for value in lines[6].split()[1:4]] == pytest.approx([0.573, 1.146, 2.292], abs=0.06)
+    assert float(lines[5].split()[4]) == pytest.approx(np.degrees(4e-2 * np.sqrt(off)), abs=0.06)
+    assert float(lines[7].split()[4]) == pytest.approx(np.sqrt(off), abs=0.01)
+    assert lines[-1].endswith(f": {word}")

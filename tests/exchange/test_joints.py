@@ -175,3 +175,19 @@ def test_numbers_beyond_all_degrees_are_no_degrees(tmp_path: Path, limited: Seri
     rows[1, 2] = -400.0
     with pytest.raises(DatasetError, match="check the order of the joints"):
         read(tmp_path, lines(rows), limited)
+
+
+@pytest.mark.parametrize("given", [(True, False, False), (True, True, False), (False, True, True), (True, False, True)])
+def test_urdf_and_links_go_together(tmp_path: Path, given: tuple[bool, bool, bool]) -> None:
+    """Whichever of the three is missing."""
+    words = [word if is_given else None for word, is_given in zip(("a.urdf", "base", "tool0"), given, strict=True)]
+    with pytest.raises(UsageError, match="--urdf, --base-link and --flange-link go together: give all three"):
+        joint_model(tmp_path, "left", *words, None)
+
+
+def test_offsets_of_a_robot_of_the_cell(tmp_path: Path) -> None:
+    """Its URDF stays, and its entry gets the prior, to five digits behind the point."""
+    assert main(["simulate", str(tmp_path / "c"), "--samples", "3", "--joints"]) == 0
+    model = joint_model(tmp_path / "c", "hand", None, None, None, 2.0)
+    prior = {"joint_offsets": {"status": "prior", "sigma_rad": 0.03491}}
+    assert (model.entry, model.files) == ({"robots": {"hand": prior}}, {})

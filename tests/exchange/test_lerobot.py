@@ -170,3 +170,15 @@ def test_motors_of_one_of_two_arms(tmp_path: Path, arm: SerialChain) -> None:
     np.testing.assert_array_equal(left.values, DEGREES[:, :3])
     with pytest.raises(InputError, match=r"no motor is named middle_\*; there are: left_"):
         select_motors(episode, "middle_*")
+
+
+def test_periods_begin_with_the_first_frame() -> None:
+    """Wherever the stamps start; the earlier of two equally still frames is taken, and a single frame is kept."""
+    values = np.arange(12.0)[:, None]
+    values[2], values[7] = values[1], values[6]
+    for begin_s in (0.0, 0.3, 1e6):
+        chosen = still_frames(episode_of(values, begin_s + np.arange(12) / 4), 1.5)
+        assert chosen.tolist() == still_frames(episode_of(values, np.arange(12) / 4), 1.5).tolist()
+        assert len(chosen) == 2
+    assert still_frames(episode_of(values[:1], np.zeros(1)), 1.5).tolist() == [0]
+    assert still_frames(episode_of(np.zeros((4, 1)), np.arange(4.0)), 2.0).tolist() == [0, 2]

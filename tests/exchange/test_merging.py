@@ -11,6 +11,7 @@ from basecal.cell.files import append_samples, read_cell, read_recording
 from basecal.errors import InputError
 from basecal.exchange.merging import merge_cells
 from basecal.geometry import SE3
+from cell_example import URDF
 
 BASE = "schema: basecal/cell/1\nreference: left  # by the door\nrobots:\n  left: {}\n"
 OTHER = "schema: basecal/cell/1\nreference: right\nrobots: {right: {}}\n"
@@ -158,3 +159,44 @@ def test_who_wrote_the_poses_is_no_contradiction(tmp_path: Path) -> None:
     assert formats == {"left": "ur", "right": "ros"}
     with pytest.raises(InputError, match=r"robots.left.controller.format: .* states ur, .* abb"):
         merge_cells([a, b, c], tmp_path / "e")
+
+
+def test_robots_of_one_urdf_have_one_file(tmp_path: Path) -> None:
+    """Equal files of one name are one; files that differ are not mixed."""
+    text = BASE.replace("left: {}", "left: {urdf: a.urdf, base_link: base, flange_link: tool0}")
+    parts = [cell(tmp_path / n, text, range(1)) for n in "ab"]
+    for part in parts:
+        (part / "a.urdf").write_text(URDF)
+    merge_cells(parts, tmp_path / "c")
+    assert (tmp_path / "c" / "a.urdf").read_text() == URDF
+    (parts[1] / "a.urdf").write_text(URDF.replace("0.3", "0.4"))
+    with pytest.raises(InputError, match=r"a.urdf and .*b.a.urdf differ, and would be one file"):
+        merge_cells(parts, tmp_path / "d")
+
+
+def test_entries_of_one_name_stay_as_the_first_has_them(tmp_path: Path) -> None:
+    """A free mount keeps the guess of the first cell."""
+    guesses = ("guess: {t_m: [1, 0, 0], q_xyzw: [0, 0, 0, 1]}", "guess: {t_m: [2, 0, 0], q_xyzw: [0, 0, 0, 1]}")
+    parts = [
+        cell(tmp_path / n, BASE + f"targets: {{board: {{on: left, mount: {{status: free, {guess}}}}}}}\n", range(1))
+        for n, guess in zip("ab", guesses, strict=True)
+    ]
+    merge_cells(parts, tmp_path / "c")
+    mean = read_cell(tmp_path / "c").targets["board"].mount.mean
+    assert mean is not None
+    assert mean.translation.tolist() == [1, 0, 0]
+
+
+@pytest.mark.parametrize("begun_s", [1.0, 1.1])
+def test_streams_that_follow_one_another_are_merged(tmp_path: Path, begun_s: float) -> None:
+    """In any order; one instant in both is an overlap, and whole samples may overlap."""
+    images = {"cam": "recording/images/cam/0.png"}
+    for kind, robots in (("stream", {}), ("whole", {"left": RobotState(SE3.identity())})):
+        parts = [cell(tmp_path / f"{kind}{k}", BASE + CAMERA, range(0)) for k in range(2)]
+        for part, begin in zip(parts, (begun_s, 0.0), strict=True):
+            append_samples(part, [Sample(k, begin + k, robots, (), images) for k in range(2)])
+        if kind == "stream" and begun_s == 1.0:
+            with pytest.raises(InputError, match=r"stream1 and .*stream0 overlap in time \(1 to 1 s\)"):
+                merge_cells(parts, tmp_path / kind)
+        else:
+            assert len(merge_cells(parts, tmp_path / kind).recording.samples) == 4

@@ -249,3 +249,25 @@ def test_four_images_in_five_seconds_are_a_stream(ago_s, is_live):
     assert feed.is_live == is_live
     feed._camera.is_live = True
     assert feed.is_live
+
+
+@pytest.mark.parametrize(("is_live", "age_s", "waits"), [(False, 0.0, True), (False, 9.0, False), (True, 0.0, False)])
+def test_only_a_young_feed_waits_for_a_stream(is_live, age_s, waits):
+    """Of a camera that is not live by its driver, for no longer than its first one and a half seconds."""
+    waited = []
+
+    class Condition(threading.Condition):  # type: ignore[misc]
+        """Notes for how long it waits."""
+
+        def wait_for(self, predicate, timeout=None):
+            waited.append((timeout, predicate()))
+            return False
+
+    feed = CameraFeed.__new__(CameraFeed)
+    feed._changed, feed._camera = Condition(), SimpleNamespace(is_live=is_live)
+    feed._began_s, feed._arrivals = time.monotonic() - age_s, [(time.monotonic(), False)] * 3
+    assert feed.is_live == is_live
+    assert len(waited) == waits
+    for timeout, is_stream in waited:
+        assert 1.0 < timeout <= 1.5
+        assert not is_stream

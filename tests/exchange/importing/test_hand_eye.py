@@ -132,3 +132,11 @@ def test_a_mount_of_which_nothing_is_known_is_guessed(unknown: Unknown | None, i
     assert ("guess" in _mount(unknown, POSES[0]).get("mount", {})) == is_guessed
     assert bool(_mount(unknown, POSES[0])) == is_open
     assert bool(_mount(unknown, None)) == (unknown is None)
+
+
+def test_the_carrier_of_one_of_two_cameras(tmp_path: Path) -> None:
+    """The camera that is named tells it; without a name, only what the user states counts."""
+    cell = cell_in(tmp_path, cameras={"a": {"on": "arm"}, "b": {"on": "world"}}, targets={"t": {"on": "world"}})
+    assert [is_camera_on_robot(cell, name) for name in ("a", "b", None)] == [True, False, None]
+    assert [is_camera_on_robot(cell, None, on) for on in ("robot", "world", "arm")] == [True, False, True]
+    assert [is_camera_on_robot(cell, "b", "arm", robot) for robot in (None, "arm", "other")] == [True, True, False]
