@@ -137,5 +137,5 @@ def test_images_without_pixels_are_damaged(tmp_path: Path) -> None:
         fields = {
             name: getattr(whole, name) for name in ("width", "height", "step", "encoding", "is_bigendian", "data")
         }
-        with pytest.raises(InputError, match="x: .* is damaged"):
+        with pytest.raises(InputError, match=r"x: .* is damaged"):
             _netpbm(SimpleNamespace(**{**fields, **change}), "x")
