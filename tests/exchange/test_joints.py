@@ -191,3 +191,18 @@ def test_offsets_of_a_robot_of_the_cell(tmp_path: Path) -> None:
     model = joint_model(tmp_path / "c", "hand", None, None, None, 2.0)
     prior = {"joint_offsets": {"status": "prior", "sigma_rad": 0.03491}}
     assert (model.entry, model.files) == ({"robots": {"hand": prior}}, {})
+
+
+@pytest.mark.parametrize(("largest", "is_inside"), [(6.9, True), (-6.9, True), (7.0, False), (-7.0, False)])
+def test_a_joint_without_limits_turns_little_more_than_once(
+    tmp_path: Path, arm: SerialChain, largest: float, is_inside: bool
+) -> None:
+    """Either way, in radians."""
+    free = replace(arm, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
+    rows = ROWS.copy()
+    rows[1, 3] = largest
+    if is_inside:
+        np.testing.assert_allclose(read(tmp_path, lines(rows), free), rows, atol=1e-10)
+    else:
+        with pytest.raises(DatasetError, match=rf"q.csv:2: {free.joint_names[3]}: is at"):
+            read(tmp_path, lines(rows), free)

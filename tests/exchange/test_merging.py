@@ -200,3 +200,12 @@ def test_streams_that_follow_one_another_are_merged(tmp_path: Path, begun_s: flo
                 merge_cells(parts, tmp_path / kind)
         else:
             assert len(merge_cells(parts, tmp_path / kind).recording.samples) == 4
+
+
+def test_a_cell_without_samples_adds_none(tmp_path: Path) -> None:
+    """Numbers go on behind the last sample, whatever the first number of a cell is."""
+    parts = [cell(tmp_path / n, BASE, numbers) for n, numbers in (("a", range(0)), ("b", range(4, 6)), ("c", range(0)))]
+    parts.append(cell(tmp_path / "d", BASE, range(7, 8)))
+    merged = merge_cells(parts, tmp_path / "e")
+    assert [sample.sample for sample in merged.recording.samples] == [4, 5, 6]
+    assert merged.first_numbers == (0, 4, 0, 6)
