@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -108,3 +110,20 @@ def test_sigmas_of_lenses_belong_together():
         assert _intrinsics(entry, camera, (640, 480)).sigma is None
     assert lens("fixed", **LENS, exact=True).exact
     assert not lens("fixed", **LENS).exact
+
+
+@pytest.mark.parametrize(
+    ("fields", "size_sigma"),
+    [({}, None), ({"exact": True}, 0.0), ({"scale": "free"}, math.inf), ({"size_sigma": 1e-3}, 1e-3)],
+)
+def test_sizes_of_targets(fields, size_sigma):
+    """Exact, known up to scale, known with a sigma, or not stated."""
+    assert noun(targets={"tag": {"on": "hand", **fields}}).targets["tag"].size_sigma == size_sigma
+
+
+def test_a_driver_has_its_kind_and_its_options():
+    """Apart from one another; without a driver there is none."""
+    robots = {"eye": {"driver": {"kind": "ur", "host": "10.0.0.9", "port": 30004}}, "hand": {}}
+    found = noun(robots=robots).robots
+    assert (found["eye"].driver.kind, dict(found["eye"].driver.options)) == ("ur", {"host": "10.0.0.9", "port": 30004})
+    assert found["hand"].driver is None

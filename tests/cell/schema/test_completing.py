@@ -81,3 +81,12 @@ def test_long_lines_stay_one_line() -> None:
     points = ", ".join(f"[{k}, 0, 0]" for k in range(60))
     text = f"schema: basecal/cell/1\nmarks: {{plate: {{points_m: [{points}]}}}}\n"
     assert completed_cell_text(text, {"reference": "a"}, "cell.yaml")[0] == text + "reference: a\n"
+
+
+def test_a_mapping_is_no_number() -> None:
+    """One where the cell has a plain value, or the other way about, is a contradiction."""
+    for added in ({"cameras": {"cam": {"on": {"a": 1}}}}, {"cameras": {"cam": {"intrinsics": "free"}}}):
+        with pytest.raises(DatasetError, match="in the imported data: correct the wrong one"):
+            completed_cell_text(TEXT, added, "cell.yaml")
+    text, _ = completed_cell_text(TEXT, {"cameras": {"cam": {"intrinsics": {"exact": False}}}}, "cell.yaml")
+    assert "intrinsics: {status: free, exact: false}" in text

@@ -144,3 +144,34 @@ def test_a_rigid_part_is_near_its_flange():
     assert list(MarkEntry(points_m=[[1, 2, 3], [2, 2, 3]]).positions("m")) == ["m_0", "m_1"]
     (free,) = MarkEntry().positions("m").values()
     assert (free.status, free.mean) == ("free", None)
+
+
+def test_planes_edges_and_plates_are_written_as_read():
+    """Each with its pose; parts that robots hold are no marks."""
+    marks = {
+        "table": {"shape": "plane", "mount": MOUNT},
+        "rim": {"shape": "edge"},
+        "plate": PLATE,
+        "alone": {"points_m": [[0.1, 0.2, 0.3]], "exact": True},
+        "free": {},
+    }
+    cell = touch_cell((), marks=marks)
+    written = cell_to_dict(cell)["marks"]
+    assert list(written) == ["plate", "table", "rim", "alone", "free"]
+    assert written["table"] == {"shape": "plane", "mount": MOUNT | {"q_xyzw": [0, 0, 0, 1]}}
+    assert written["rim"]["mount"] == written["plate"]["mount"] == {"status": "free"}
+    again = cell_from_dict(touch_data((), marks=written))
+    for name, target in cell.targets.items():
+        read = again.targets[name]
+        assert (read.on, read.contact, read.mount.status, read.size_sigma) == (
+            target.on, target.contact, target.mount.status, target.size_sigma,
+        )  # fmt: skip
+    assert again.plates.keys() == cell.plates.keys() == {"plate"}
+    assert "marks" not in cell_to_dict(clamp_cell("free")) or not cell_to_dict(clamp_cell("free"))["marks"]
+
+
+@pytest.mark.parametrize("axis", ["fixed", "free"])
+def test_a_held_part_has_no_error_of_its_size(axis):
+    """At the end that the second robot holds."""
+    (end,) = [target for target in clamp_cell(axis).targets.values() if target.contact is not None]
+    assert (end.on, end.size_sigma) == ("hand", 0.0)
