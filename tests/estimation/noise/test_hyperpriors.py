@@ -194,13 +194,14 @@ def test_each_stamps_jitter_stands_between_stops_and_what_they_share():
     assert rises[0] - rises[1] == pytest.approx((off[5] ** 2 + off[6] ** 2) / np.log(5.0) ** 2)
 
 
-@pytest.mark.parametrize(
-    ("field", "mean"), [("pixel_px", 0.2), ("pose_m", 1e-3), ("pose_rad", 2e-3), ("point_m", 1e-3)]
-)
-def test_each_kind_of_views_has_its_usual_noise(field, mean):
+@pytest.mark.parametrize(("field", "mean", "factor"), [
+    ("pixel_px", 0.2, 5), ("pose_m", 1e-3, 5), ("pose_rad", 2e-3, 5), ("point_m", 1e-3, 5), ("touch_m", 2e-4, 4),
+    ("grip_rad", 1e-3, 4),
+])  # fmt: skip
+def test_each_kind_of_views_has_its_usual_noise(field, mean, factor):
     """Without scatter; exact points scatter by a two-hundredth of it at least."""
     found, sigma = _part_prior(field, 1e9, 0.0)
-    assert (found, sigma) == (mean, pytest.approx(np.log(5)))
+    assert (found, sigma) == (mean, pytest.approx(np.log(factor)))
     least, _ = _part_prior(field, 0.0, 1e6)
     assert least == pytest.approx(2 * 5e-3 * mean)
 
