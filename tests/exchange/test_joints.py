@@ -115,6 +115,9 @@ def test_of_the_cell(tmp_path: Path) -> None:
     assert main(["simulate", str(tmp_path / "c"), "--samples", "3", "--joints"]) == 0
     model = joint_model(tmp_path / "c", "hand", None, None, None, None)
     assert (len(model.chain.joint_names), model.entry, model.files) == (6, {}, {})
+    model = joint_model(tmp_path / "c", "hand", None, None, None, 2.0)
+    prior = {"joint_offsets": {"status": "prior", "sigma_rad": 0.03491}}
+    assert (model.entry, model.files) == ({"robots": {"hand": prior}}, {})
     with pytest.raises(InputError, match=r"has no URDF of 'arm', .*: give --urdf FILE --base-link"):
         joint_model(tmp_path / "c", "arm", None, None, None, None)
     with pytest.raises(UsageError, match="go together"):
@@ -183,14 +186,6 @@ def test_urdf_and_links_go_together(tmp_path: Path, given: tuple[bool, bool, boo
     words = [word if is_given else None for word, is_given in zip(("a.urdf", "base", "tool0"), given, strict=True)]
     with pytest.raises(UsageError, match="--urdf, --base-link and --flange-link go together: give all three"):
         joint_model(tmp_path, "left", *words, None)
-
-
-def test_offsets_of_a_robot_of_the_cell(tmp_path: Path) -> None:
-    """Its URDF stays, and its entry gets the prior, to five digits behind the point."""
-    assert main(["simulate", str(tmp_path / "c"), "--samples", "3", "--joints"]) == 0
-    model = joint_model(tmp_path / "c", "hand", None, None, None, 2.0)
-    prior = {"joint_offsets": {"status": "prior", "sigma_rad": 0.03491}}
-    assert (model.entry, model.files) == ({"robots": {"hand": prior}}, {})
 
 
 @pytest.mark.parametrize(("largest", "is_inside"), [(6.9, True), (-6.9, True), (7.0, False), (-7.0, False)])

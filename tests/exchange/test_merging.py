@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from basecal.cell import RobotState, Sample
+from basecal.cell import Cell, Recording, Robot, RobotState, Sample
 from basecal.cell.files import append_samples, read_cell, read_recording
 from basecal.errors import InputError
-from basecal.exchange.merging import merge_cells
+from basecal.exchange.merging import Part, _add_models, _check_times, merge_cells
 from basecal.geometry import SE3
 from cell_example import URDF
 
@@ -162,16 +162,19 @@ def test_who_wrote_the_poses_is_no_contradiction(tmp_path: Path) -> None:
 
 
 def test_robots_of_one_urdf_have_one_file(tmp_path: Path) -> None:
-    """Equal files of one name are one; files that differ are not mixed."""
-    text = BASE.replace("left: {}", "left: {urdf: a.urdf, base_link: base, flange_link: tool0}")
-    parts = [cell(tmp_path / n, text, range(1)) for n in "ab"]
+    """Equal files of one name are one; files that differ are not mixed, and a robot without a URDF adds none."""
+    robots = {"left": Robot("left", urdf="a.urdf"), "right": Robot("right")}
+    parts = [Part(tmp_path / n, Cell("left", robots), Recording()) for n in "ab"]
     for part in parts:
-        (part / "a.urdf").write_text(URDF)
-    merge_cells(parts, tmp_path / "c")
-    assert (tmp_path / "c" / "a.urdf").read_text() == URDF
-    (parts[1] / "a.urdf").write_text(URDF.replace("0.3", "0.4"))
+        part.folder.mkdir()
+        (part.folder / "a.urdf").write_text(URDF)
+    files: dict[str, Path] = {}
+    for part in parts:
+        _add_models(files, part)
+    assert files == {"a.urdf": tmp_path / "a" / "a.urdf"}
+    (tmp_path / "b" / "a.urdf").write_text(URDF.replace("0.3", "0.4"))
     with pytest.raises(InputError, match=r"a.urdf and .*b.a.urdf differ, and would be one file"):
-        merge_cells(parts, tmp_path / "d")
+        _add_models(files, parts[1])
 
 
 def test_entries_of_one_name_stay_as_the_first_has_them(tmp_path: Path) -> None:
@@ -188,18 +191,19 @@ def test_entries_of_one_name_stay_as_the_first_has_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("begun_s", [1.0, 1.1])
-def test_streams_that_follow_one_another_are_merged(tmp_path: Path, begun_s: float) -> None:
+def test_streams_that_follow_one_another_are_merged(begun_s: float) -> None:
     """In any order; one instant in both is an overlap, and whole samples may overlap."""
     images = {"cam": "recording/images/cam/0.png"}
-    for kind, robots in (("stream", {}), ("whole", {"left": RobotState(SE3.identity())})):
-        parts = [cell(tmp_path / f"{kind}{k}", BASE + CAMERA, range(0)) for k in range(2)]
-        for part, begin in zip(parts, (begun_s, 0.0), strict=True):
-            append_samples(part, [Sample(k, begin + k, robots, (), images) for k in range(2)])
-        if kind == "stream" and begun_s == 1.0:
-            with pytest.raises(InputError, match=r"stream1 and .*stream0 overlap in time \(1 to 1 s\)"):
-                merge_cells(parts, tmp_path / kind)
+    for robots in ({}, {"left": RobotState(SE3.identity())}):
+        lines = [[Sample(k, begin + k, robots, (), images) for k in range(2)] for begin in (begun_s, 0.0)]
+        lines.append([Sample(0, None, robots)])
+        described = Cell("left", {"left": Robot("left")})
+        parts = [Part(Path(name), described, Recording(tuple(each))) for name, each in zip("abc", lines, strict=True)]
+        if not robots and begun_s == 1.0:
+            with pytest.raises(InputError, match=r"^b and a overlap in time \(1 to 1 s\)"):
+                _check_times(parts)
         else:
-            assert len(merge_cells(parts, tmp_path / kind).recording.samples) == 4
+            _check_times(parts)
 
 
 def test_a_cell_without_samples_adds_none(tmp_path: Path) -> None:
