@@ -7,7 +7,7 @@ import pytest
 
 import basecal
 from basecal.cell import Calibration, Cell, CellCamera, Rival, Robot, RobotParameters, Unknown, Validation
-from basecal.cell.calibration import HeldGauge
+from basecal.cell.calibration import Finding, HeldGauge, Loop, Residuals
 from basecal.cell.files import calibration_from_dict, calibration_to_dict
 from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, PoseEstimate
@@ -101,3 +101,32 @@ def test_a_calibration_is_a_line():
     told = repr(Calibration("good", {"a_from_b": estimate}))
     assert told == "<good calibration: a_from_b [1000, 0, -250] ± [1, 1, 1] mm, [0, 0, 0] ± [0.5, 0.5, 0.5] deg>"
     assert repr(Calibration("refused")) == "<refused calibration: no transform>"
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_each_transform_has_its_own_block_of_a_gauge(place: int) -> None:
+    """Six rows and columns by its place in the order."""
+    names = ("a_from_b", "a_from_c", "a_from_d")
+    whole = np.arange(18.0 * 18).reshape(18, 18) + 1
+    calibration = Calibration("good", order=names, gauges=(HeldGauge("eye", ("joint_offsets",), whole),))
+    block = calibration.gauge_covariances(names[place])["eye"]
+    np.testing.assert_array_equal(block, whole[6 * place : 6 * place + 6, 6 * place : 6 * place + 6])
+
+
+def test_loops_are_written_in_millimetres_and_degrees() -> None:
+    """They are read back the same; a number that is missing is none."""
+    loops = (Loop(("eye_base", "wrist", "board", "eye_base"), 4, 2e-3, np.radians(0.5)),)
+    data = calibration_to_dict(Calibration("good", residuals=Residuals(loops=loops)))
+    (written,) = data["residuals"]["loops"]
+    assert (written["rms_mm"], written["rms_deg"]) == (pytest.approx(2.0), pytest.approx(0.5))
+    (found,) = calibration_from_dict(data).residuals.loops
+    assert (found.rms_m, found.rms_rad) == (pytest.approx(2e-3), pytest.approx(np.radians(0.5)))
+    written["rms_mm"] = None
+    (found,) = calibration_from_dict(data).residuals.loops
+    assert np.isnan(found.rms_m)
+
+
+def test_a_message_is_what_why_and_do() -> None:
+    """Parts that are missing leave no blank."""
+    assert Finding("poor-fit", "info", (), "What.", ("Do.", "Do more."), "Why.").message == "What. Why. Do. Do more."
+    assert Finding("poor-fit", "info", (), "What.").message == "What."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -242,3 +243,21 @@ def test_what_stands_on_a_plate_is_named_by_it():
     fixed = plated.with_transform("eye_base_from_hand_base", FIXED)
     assert plated.requested_transforms == ["eye_base_from_hand_base"]
     assert fixed.requested_transforms == ["eye_flange_from_wrist", "table_from_board"]
+
+
+def test_a_cell_is_plain_unless_stated():
+    """It sees targets, noise is the repeatability, lenses have errors, and all share one clock."""
+    cell = Cell("eye", {"eye": Robot("eye")})
+    assert not cell.sees_scene
+    assert not cell.robots["eye"].is_total_noise
+    assert not Intrinsics().exact
+    assert (Clock().offset_s, Clock().jitter_s, RollingShutter("free").line_time_s) == (0.0, None, 0.0)
+    assert not CellTarget("tag", "eye").has_free_scale
+
+
+@pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
+def test_clocks_and_line_times_are_finite(value):
+    """Of cameras."""
+    for data in ({"clock": {"offset_s": value}}, {"rolling_shutter": {"line_time_s": value}}):
+        with pytest.raises(ValidationError):
+            CameraEntry.model_validate({"on": "world", **data})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.cell.target import Marker, Sheet, Target, black_squares
+from basecal.cell.target import Marker, Sheet, Tags, Target, black_squares
 from basecal.errors import InputError
 
 TARGET = Target("points", np.array([2, 5, 9]), np.eye(3))
@@ -65,3 +65,10 @@ def test_a_marker_has_one_cell_of_border_and_is_upright():
     """Unless something else is said."""
     marker = Marker("DICT_4X4_50", 3, 0.0, 0.0, 0.1)
     assert (marker.border, marker.turns) == (1, 0)
+
+
+def test_tags_and_targets_are_plain_unless_stated() -> None:
+    """Tags have one cell of border and no squares; a target is printed nowhere and looks different when turned."""
+    tags = Tags("tag36h11", np.arange(1), np.arange(4)[None])
+    assert (tags.border, tags.squares) == (1, 0)
+    assert (TARGET.sheets, TARGET.tags, TARGET.found_by, TARGET.alike_turned) == ((), None, None, False)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
+from contextlib import nullcontext
 from io import StringIO
 
 import pytest
 from tests.touch_cells import touch_data
 
+from basecal.cell import Sample, TouchObservation
 from basecal.cell.files import read_cell, read_recording
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.cli import main
+from basecal.cli.capture_touch import capture_touches
+from basecal.cli.connecting import Connecting
 
 
 def test_the_verb_asks_and_notes(tmp_path, monkeypatch, capsys):
@@ -25,3 +30,33 @@ def test_the_verb_asks_and_notes(tmp_path, monkeypatch, capsys):
     assert "2 touches taken" in capsys.readouterr().out
     samples = read_recording(tmp_path, read_cell(tmp_path)).samples
     assert samples[1].robots["eye"].base_from_flange.translation == pytest.approx([0.4, 0.1, 0.5])
+
+
+def touched(monkeypatch, samples):
+    """No rig, and these samples."""
+    monkeypatch.setattr("basecal.cli.capture_touch.allowed_rig", lambda *_: nullcontext())
+    monkeypatch.setattr("basecal.acquisition.led_touches.take_touches", lambda *_: iter(samples))
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_touches_are_counted(tmp_path, monkeypatch, capsys, count):
+    """For people with what touched what, for programs as numbers; none at all is a failure."""
+    (tmp_path / "cell.yaml").write_text(yaml_text(touch_data(["corner"])))
+    seen = TouchObservation("eye_tip", "corner")
+    touched(monkeypatch, [Sample(number, observations=(seen,)) for number in range(3, 3 + count)])
+    assert capture_touches(tmp_path, Connecting(), json=True) == (0 if count else 1)
+    out, err = capsys.readouterr()
+    assert (json.loads(out), err) == ({"cell": str(tmp_path), "captured": list(range(3, 3 + count))}, "")
+    assert capture_touches(tmp_path, Connecting(), json=False) == (0 if count else 1)
+    out, err = capsys.readouterr()
+    assert out.splitlines() == [
+        *(f"sample {number}: eye_tip at corner" for number in range(3, 3 + count)), f"{count} touches taken",
+    ]  # fmt: skip
+    assert err == f"next: basecal calibrate {tmp_path}\n"
+
+
+@pytest.mark.parametrize("option", ["--go", "--dry-run", "--freedrive", "--web"])
+def test_touches_go_with_no_other_way(tmp_path, capsys, option):
+    """Before the cell is read."""
+    assert main(["capture", str(tmp_path / "none"), "--touch", option]) == 2
+    assert "--touch only records touches: leave --go, --dry-run, --freedrive and --web out" in capsys.readouterr().err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -144,3 +145,13 @@ def test_advice_and_doubts_follow(capsys: pytest.CaptureFixture[str]) -> None:
         "  WARNING: eye moved",
         "  check: blurred",
     ]
+
+
+@pytest.mark.parametrize(("is_live", "key"), [(True, "q"), (False, "")])
+def test_keys_belong_to_who_asks_on_the_terminal(monkeypatch: pytest.MonkeyPatch, is_live: bool, key: str) -> None:
+    """A driver that asks there reads its own lines; otherwise keys reach the capture."""
+    monkeypatch.setattr("basecal.cli.capture_view.pressed_keys", lambda: nullcontext(lambda: "q"))
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    with capture_view(rig(is_live), CELL, Path(), web=False, port=0, quiet=True) as view:
+        assert view.key() == key
+        assert not view.has_lines

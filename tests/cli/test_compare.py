@@ -54,3 +54,13 @@ def test_another_cell_disagrees(cell: Path, tmp_path: Path, capsys: pytest.Captu
     capsys.readouterr()
     assert main(["compare", str(cell), str(other)]) == 1
     assert capsys.readouterr().out.startswith("DISAGREE\n")
+
+
+def test_the_next_command_has_the_folder_of_the_cell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of the last run, whether the cell or the run is named; all runs must agree."""
+    first, second = sorted((cell / "runs").iterdir())
+    for last in (second, cell):
+        assert main(["compare", str(first), str(second), str(last)]) == 0
+        out, err = capsys.readouterr()
+        assert out.count("AGREE") == 1
+        assert err == f"next: the figures of a run: basecal report {cell}\n"

@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from basecal.cli import _VERBS, main
-from basecal.cli.completion import manual
+from basecal.cli.completion import _body, manual
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +50,15 @@ def test_every_verb_is_completed(shell: str, capsys: pytest.CaptureFixture[str])
     script = capsys.readouterr().out
     assert all(verb in script for verb in _VERBS)
     assert "station-choice" in script
+
+
+def test_help_becomes_requests_line_by_line() -> None:
+    """Headings, options with their help, examples that are not wrapped, and paragraphs."""
+    text = (
+        "Usage: basecal new CELL\n\nMake a cell.\n\n    basecal new c\n\n"
+        "Parameters:\n  CELL -x: The cell.\n    more\n.dot\n"
+    )
+    assert list(_body(text)) == [
+        ".PP", ".B Usage:", "basecal new CELL", ".PP", "Make a cell.", ".PP", ".br", "basecal new c", ".PP",
+        ".PP", ".B Parameters:", ".TP", ".B CELL \\-x", "The cell.", "more", "\\&.dot",
+    ]  # fmt: skip

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import json
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.cli import main
-from basecal.cli.demo import _comparison, true_error
+from basecal.cli.demo import _capture, _comparison, demo, true_error
+from basecal.errors import InputError
+from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, PoseEstimate
+from export_example import BASE, CALIBRATION, CELL
 
 
 def test_the_true_error_is_in_the_answers_own_sigmas() -> None:
@@ -41,3 +48,105 @@ def test_the_truth_is_compared_with_the_digits_of_sigma() -> None:
     assert lines[-1] == "  chi-square 1.0 with 6 degrees of freedom (99 % limit 16.8): consistent"
     far = _comparison(estimate, true_error(estimate, SE3.exp(np.array([0.1, 0, 0, 0, 0, 0]))), "b")
     assert far.endswith("inconsistent")
+
+
+@pytest.mark.parametrize(("words", "kind"), [([], "charuco"), (["--led"], "led")])
+def test_a_demo_shows_a_board_unless_a_led_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], kind: str
+) -> None:
+    """The folder is marked as that of a demo, and files of an earlier one are removed before the arms start."""
+
+    def refuse(folder: Path, target: str) -> None:
+        assert (folder / ".made-by-basecal-demo").exists()
+        assert not (folder / "truth.yaml").exists()
+        raise InputError(f"no arms for {target}")
+
+    monkeypatch.setattr("basecal.cli.demo.simulated_process", refuse)
+    folder = tmp_path / "c"
+    for _ in range(2):
+        with pytest.raises(InputError, match=f"no arms for {kind}$"):
+            demo(folder, led=bool(words))
+        assert main(["demo", str(folder), *words]) == 3
+        (folder / "truth.yaml").write_text("old")
+        (folder / "notes.txt").write_text("mine")
+    assert (folder / "notes.txt").read_text() == "mine"
+    monkeypatch.setattr("basecal.cli.demo.simulated_process", lambda folder, target: refuse(folder, f"{target} of all"))
+    with pytest.raises(InputError, match="no arms for charuco of all"):
+        demo(folder)
+
+
+@pytest.mark.parametrize(("off", "word"), [(16.7, "consistent"), (16.9, "inconsistent")])
+def test_an_error_in_one_of_a_hundred_is_inconsistent(off: float, word: str) -> None:
+    """By the squared sigmas of all six; sigmas are shown in millimetres and degrees."""
+    estimate = PoseEstimate(SE3.identity(), np.diag(np.array([1e-3, 2e-3, 4e-3, 1e-2, 2e-2, 4e-2]) ** 2))
+    error = true_error(estimate, SE3.exp(np.array([0, 0, 0, 0, 0, 4e-2 * np.sqrt(off)])))
+    lines = _comparison(estimate, error, "b").splitlines()
+    assert lines[:2] == ["", "b against the truth, along x y z of hand_base:"]
+    assert lines[3].split() == ["sigma", "1.0", "2.0", "4.0", "mm"]
+    assert [float(value) for value in lines[6].split()[1:4]] == pytest.approx([0.573, 1.146, 2.292], abs=0.06)
+    assert float(lines[5].split()[4]) == pytest.approx(np.degrees(4e-2 * np.sqrt(off)), abs=0.06)
+    assert float(lines[7].split()[4]) == pytest.approx(np.sqrt(off), abs=0.01)
+    assert lines[-1].endswith(f": {word}")
+
+
+def calibrated(monkeypatch: pytest.MonkeyPatch, transforms: dict[str, PoseEstimate]) -> list[object]:
+    """A demo whose arms, captures and calibrations are given: the calls of it, in order."""
+    calls: list[object] = []
+
+    def calibrate(folder: Path, cell: object, settings: Settings) -> SimpleNamespace:
+        calls.append(settings.method)
+        return SimpleNamespace(calibration=replace(CALIBRATION, transforms=transforms), run=folder / "run")
+
+    monkeypatch.setattr("basecal.cli.demo.simulated_process", lambda folder, target: nullcontext(calls.append(target)))
+    monkeypatch.setattr("basecal.cli.demo._capture", lambda folder, pattern, quiet: calls.append((pattern, quiet)))
+    monkeypatch.setattr("basecal.cli.demo.calibrate_folder", calibrate)
+    monkeypatch.setattr("basecal.cli.demo.show", lambda cell, calibration: calls.append("show"))
+    monkeypatch.setattr("basecal.cli.demo.show_page", lambda page, opens: calls.append((page.parent.name, opens)))
+    monkeypatch.setattr("basecal.cell.files.read_cell", lambda folder: CELL)
+    monkeypatch.setattr("basecal.cell.files.read_truth", lambda folder: {BASE: CALIBRATION[BASE].mean})
+    return calls
+
+
+@pytest.mark.parametrize("led", [False, True])
+def test_a_demo_compares_with_the_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], led: bool
+) -> None:
+    """A board by maximum likelihood, a LED also by the closed form of the paper; programs get both errors."""
+    calls = calibrated(monkeypatch, dict(CALIBRATION.transforms))
+    assert demo(tmp_path / "c", led=led, opens_page=True) == 0
+    methods = ["axis-shift", "maximum-likelihood"] if led else ["maximum-likelihood"]
+    capture = ["led", ("shifts", False)] if led else ["charuco", ("poses", False)]
+    assert calls == [*capture, *methods, "show", ("run", True)]
+    out = capsys.readouterr().out
+    assert [line.split(" against")[0] for line in out.splitlines() if " against the truth" in line] == (
+        ["the paper's closed form", "maximum likelihood"] if led else [BASE]
+    )
+    assert f"next: look into {tmp_path / 'c' / 'cell.yaml'}; basecal report {tmp_path / 'c'}" in out
+    assert demo(tmp_path / "c", led=led, json=True) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["true_error"][BASE]["squared_sigmas"] == pytest.approx(0.0, abs=1e-9)
+    assert ("closed_form_error" in answer) == led
+    assert calls[-1] == "maximum-likelihood"
+
+
+def test_a_demo_without_a_base_has_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """If it was not estimated, nothing is compared."""
+    calibrated(monkeypatch, {})
+    demo(tmp_path / "c", led=True)
+    assert "against the truth" not in capsys.readouterr().out
+    demo(tmp_path / "c", json=True)
+    assert json.loads(capsys.readouterr().out)["true_error"] == {BASE: None}
+
+
+@pytest.mark.parametrize(("pattern", "count"), [("poses", 25), ("shifts", 35)])
+def test_samples_of_a_demo_are_counted_from_one(monkeypatch: pytest.MonkeyPatch, pattern: str, count: int) -> None:
+    """Each is a line, and none if a program reads."""
+    asked, said = [], []
+    monkeypatch.setattr("basecal.cli.capture.captured_steps", lambda *given: asked.append(given) or iter("ab"))
+    monkeypatch.setattr("basecal.cli.capture_view.say_step", lambda *given: said.append(given))
+    for quiet in (False, True):
+        _capture(Path("c"), pattern, quiet)
+    assert said == [("a", 1), ("b", 2)]
+    assert asked == [(Path("c"), pattern, count, 120.0)] * 2

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from basecal.cell import Finding, Recording, RobotState, Sample
 from basecal.cell.files import read_recording
 from basecal.cli import main
+from basecal.cli.merge import merge
 
 
 def test_two_simulated_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -26,3 +29,23 @@ def test_one_cell_is_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[s
     """Two are needed."""
     assert main(["merge", str(tmp_path), "-o", str(tmp_path / "c")]) == 2
     assert "give two cells or more" in capsys.readouterr().err
+
+
+def test_what_was_left_out_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of each part, with the robots of its samples in their order; a part may have none."""
+    finding = Finding("duplicate-sample", "warning", (), "Sample 3 is there twice.")
+    first = Recording((Sample(0, robots={"b": RobotState()}), Sample(1, robots={"a": RobotState(), "b": RobotState()})))
+    parts = [
+        SimpleNamespace(folder=name, recording=each) for name, each in (("x", first), ("y", Recording((), (finding,))))
+    ]
+    merged = SimpleNamespace(parts=parts, first_numbers=(0, 2), recording=first)
+    monkeypatch.setattr("basecal.exchange.merging.merge_cells", lambda cells, output: merged)
+    assert merge(Path("x"), Path("y"), output=Path("a b")) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines() == [
+        "x: 2 samples of b, a, from number 0 on",
+        "y: 0 samples of no robot, from number 2 on",
+        "left out: Sample 3 is there twice.",
+        "2 samples written to a b",
+    ]
+    assert err == "next: basecal calibrate 'a b'\n"

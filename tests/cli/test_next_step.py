@@ -223,3 +223,13 @@ def test_images_beside_other_files_are_seen(tmp_path: Path) -> None:
     dropped.mkdir(parents=True)
     (dropped / "notes.txt").touch()
     assert " DIR --camera wrist" in step(tmp_path, recording=without(observations=()))
+
+
+def test_a_single_arm_has_no_other_that_stood_still(tmp_path: Path) -> None:
+    """A sample of its camera without its pose is no session of another arm."""
+    cell = replace(MADE.cell, robots={"eye": MADE.cell.robots["eye"]}, bases={}, targets={})
+    target = replace(MADE.cell.targets["board"], on="world")
+    first, *others = MADE.recording.samples
+    still = {"eye": first.robots["eye"]}
+    samples = (*(replace(each, robots=still) for each in others), replace(first, robots={"other": still["eye"]}))
+    assert step(tmp_path, replace(cell, targets={"board": target}), Recording(samples)) == ""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, get_args
 
 import pytest
 
 from basecal.cli import main
-from basecal.cli.option_types import task_points
+from basecal.cli.option_types import Domain, Port, Seed, task_points
 from basecal.errors import InputError, UsageError
 
 BOX = (0.6, -0.2, 0.1, 1.0, 0.2, 0.5)
@@ -52,3 +53,15 @@ def test_a_box_of_no_volume_is_refused():
     """Before anything is read: no sample is inside."""
     with pytest.raises(InputError, match="differ in x, in y and in z"):
         task_points(None, (0.6, -0.2, 0.1, 1.0, 0.2, 0.1))
+
+
+@pytest.mark.parametrize(("kind", "most"), [(Seed, 2**63 - 1), (Port, 65535), (Domain, 232)])
+def test_numbers_up_to_their_limits_are_taken(kind: Any, most: int) -> None:
+    """From zero."""
+    _, parameter = get_args(kind)
+    (check,) = parameter.validator
+    for number in (0, 1, most):
+        check(int, number)
+    for number in (-1, most + 1):
+        with pytest.raises(ValueError, match="Must be"):
+            check(int, number)

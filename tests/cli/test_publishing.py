@@ -6,16 +6,22 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from cyclopts import CycloptsError
 
 from basecal.cell.files import latest_run, read_calibration
 from basecal.cli import main
+from basecal.cli.publishing import check_publishing, publish_transforms
 from basecal.exchange.bags.frames import pose_from_values, transform_values
 
 pytest.importorskip("cyclonedds")
+from basecal.acquisition.ros2 import static_frames
 from basecal.acquisition.ros2.dds import Discovery, Listener
+from export_example import BASE, CALIBRATION, CELL
 from shared.ros2_domain import DOMAIN, LOOPBACK
 
 ELSEWHERE = DOMAIN + 31
@@ -52,3 +58,32 @@ def test_what_does_not_go_together(tmp_path, words, capsys):
     """Only what ROS 2 takes is sent, and a domain is said only where it is."""
     assert main(["export", str(tmp_path), *words]) == 2
     assert "--publish and --domain go with --to ros2" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("publish", "domain", "to", "output", "is_right"), [
+    (False, None, None, None, True), (False, None, "ur", Path("a"), True), (True, None, "ros2", None, True),
+    (True, 0, "ros2", None, True), (False, 0, "ros2", None, False), (True, None, None, None, False),
+    (True, None, "ros2", Path("a"), False), (True, 3, "ur", None, False),
+])  # fmt: skip
+def test_options_of_publishing(publish, domain, to, output, is_right):
+    """They go together, and only there; domain 0 is a domain."""
+    if is_right:
+        check_publishing(publish, domain, to, output)
+    else:
+        with pytest.raises(CycloptsError, match="--publish and --domain go with --to ros2"):
+            check_publishing(publish, domain, to, output)
+
+
+@pytest.mark.parametrize(("verdict", "is_warned"), [("good", False), ("doubtful", True)])
+def test_what_is_published_is_said(monkeypatch, capsys, verdict, is_warned):
+    """Each transform with its domain, and a doubtful calibration on standard error."""
+    sent = []
+    monkeypatch.setattr(static_frames, "send_static", lambda *given: sent.append(given))
+    assert publish_transforms(replace(CALIBRATION, verdict=verdict), CELL, BASE, 7) == 0
+    ((domain, ((parent, child, pose),)),) = sent
+    assert (domain, pose) == (7, CALIBRATION[BASE].mean)
+    out, err = capsys.readouterr()
+    assert out.splitlines() == [
+        f"on /tf_static in domain 7: {parent} to {child}", "published, also to later subscribers, until Ctrl-C",
+    ]  # fmt: skip
+    assert ("the calibration is doubtful" in err) == is_warned

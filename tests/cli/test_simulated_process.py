@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from io import BytesIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from basecal.cli import main
-from basecal.cli.simulated_process import _draws_surroundings
+from basecal.cli.simulated_process import _draws_surroundings, _end_with_input, _print_address, _world
+from basecal.errors import InputError
 from basecal.simulation.surroundings import graphics
 
 
@@ -36,3 +40,32 @@ def test_who_insists_is_refused(
     monkeypatch.setattr(graphics, "missing_graphics", lambda: "nothing to draw with")
     assert main(["simulate", str(tmp_path / "cell"), "--process", "--renderer", "mujoco", "--target", "led"]) == 3
     assert capsys.readouterr().err.strip() == "basecal: error: nothing to draw with"
+
+
+@pytest.mark.parametrize("target", ["pose", "points3d"])
+def test_a_running_cell_needs_a_target_in_images(tmp_path: Path, target: str) -> None:
+    """One that is seen only as poses or points in space is refused, and nothing is written."""
+    with pytest.raises(InputError, match=f"a running cell gives images; '{target}' is not seen in them"):
+        _world(tmp_path / "c", target, 0, ())
+    assert not (tmp_path / "c").exists()
+
+
+def test_the_address_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    """For programs with the renderer, for people with the next command."""
+    for with_mujoco, renderer in ((True, "mujoco"), (False, "analytic")):
+        _print_address(Path("my cell"), 4321, with_mujoco, json=True)
+        data = json.loads(capsys.readouterr().out)
+        assert (data["cell"], data["port"], data["renderer"]) == ("my cell", 4321, renderer)
+    _print_address(Path("my cell"), 4321, with_mujoco=True, json=False)
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith(f"my cell runs on {data['host']}:4321, its token is in {data['address']}")
+    assert second == "next, in another terminal: basecal capture 'my cell' --pattern poses --go"
+
+
+@pytest.mark.parametrize("has_input", [True, False])
+def test_a_server_ends_with_its_input(monkeypatch: pytest.MonkeyPatch, has_input: bool) -> None:
+    """At once where there is none."""
+    text, ended = BytesIO(b"more"), []
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=text) if has_input else None)
+    _end_with_input(SimpleNamespace(shutdown=lambda: ended.append(text.tell())))
+    assert ended == [4 if has_input else 0]

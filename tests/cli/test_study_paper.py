@@ -67,3 +67,16 @@ def test_one_draw_has_no_spread(asked):
     """It is wrong usage."""
     assert main(["study", "paper", "--draws", "1"]) == 2
     assert asked == []
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["-o", "x", "--seed", "0"], "--output runs the study file as it is"),
+    (["-o", "x", "--draws", "2"], "--output runs the study file as it is"),
+    (["--workers", "1"], "--workers run the study file: give --output"),
+    (["--draws", "1"], "2"),
+    (["--draws", "10000001"], "10000000"),
+])  # fmt: skip
+def test_options_of_the_study_file_go_together(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Before anything is simulated."""
+    assert main(["study", "paper", *words]) == 2
+    assert said in capsys.readouterr().err

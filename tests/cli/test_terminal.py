@@ -343,3 +343,32 @@ def test_questions_need_both_ends(monkeypatch: pytest.MonkeyPatch, reads: bool, 
     monkeypatch.setattr(sys, "stdin", Watched() if reads else io.StringIO())
     monkeypatch.setattr(sys, "stderr", Watched() if writes else io.StringIO())
     assert can_ask() == (reads and writes)
+
+
+def test_a_bar_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is removed from the terminal at its end."""
+    made = []
+
+    class Bar:
+        """A bar that notes how it was made."""
+
+        def __init__(self, *, console: object, transient: bool) -> None:
+            made.append(transient)
+
+        def __enter__(self) -> Bar:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            made.append("end")
+
+        def add_task(self, activity: str) -> str:
+            return activity
+
+        def update(self, task: str, completed: int, total: int) -> None:
+            made.append((task, completed, total))
+
+    monkeypatch.setattr("rich.progress.Progress", Bar)
+    monkeypatch.setattr("basecal.cli.terminal.is_terminal", lambda stream: True)
+    with counting("detecting") as step:
+        step(1, 3)
+    assert made == [True, ("detecting", 1, 3), "end"]

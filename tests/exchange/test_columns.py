@@ -108,3 +108,17 @@ def test_rows_of_blanks_are_passed_over(tmp_path):
     table = read_columns(written(tmp_path, 'x,"a, b"\n1,2\n , \n3,"4"\n'), ALIASES)
     assert {name: values.tolist() for name, values in table.values.items()} == {"x": [1, 3], "a, b": [2, 4]}
     assert list(table.lines) == [2, 4]
+
+
+def test_quotes_after_a_blank_are_quotes(tmp_path):
+    """Cells of the header and of numbers may be in quotes behind a comma and a blank."""
+    table = read_columns(written(tmp_path, 'x, "y"\n1, "2"\n'), ALIASES)
+    assert {name: values.tolist() for name, values in table.values.items()} == {"x": [1.0], "y": [2.0]}
+
+
+def test_numbers_end_at_a_million_millions(tmp_path):
+    """Of either sign; the limit itself is read."""
+    assert read_columns(written(tmp_path, "x\n1e12\n-1e12\n"), ALIASES).values["x"].tolist() == [1e12, -1e12]
+    for cell in ("1.01e12", "-1.01e12", "nan"):
+        with pytest.raises(DatasetError, match="is not finite, or beyond"):
+            read_columns(written(tmp_path, f"x\n{cell}\n"), ALIASES)

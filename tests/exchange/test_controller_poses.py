@@ -538,3 +538,30 @@ def test_units_are_told_by_the_largest_numbers(length, angle, count, is_told):
     numbers = np.zeros((count, 6))
     numbers[0, 1], numbers[1, 4] = -length, -angle
     assert bool(_other_controllers(numbers, CONTROLLERS["ur"], Reading("ur"))) == is_told
+
+
+def test_angles_below_one_look_like_radians(tmp_path):
+    """If they vary at all; equal angles are an arm that does not rotate."""
+    for angles, is_wrong in (((0.1, 0.2, 0.3), True), ((0.2, 0.2, 0.2), False)):
+        text = "\n".join(f"100,20,{k},0,0,{angle}" for k, angle in enumerate(angles))
+        if is_wrong:
+            with pytest.raises(DatasetError, match=r"reach only 0\.3: they look like radians"):
+                poses(tmp_path, text, Reading("kuka"))
+        else:
+            assert len(poses(tmp_path, text, Reading("kuka"))) == 3
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_units_are_told_by_any_axis(axis):
+    """The largest length and the largest angle may be of any axis."""
+    numbers = np.zeros((3, 6))
+    numbers[0, axis], numbers[1, 3 + axis] = 400.0, 90.0
+    assert "mm --deg" in _other_controllers(numbers, CONTROLLERS["ur"], Reading("ur"))
+
+
+@pytest.mark.parametrize(("robot", "x"), [(None, [1, 2, 3]), ("b", [2, 3])])
+def test_rows_of_one_of_several_robots(tmp_path, robot, x):
+    """All rows are read if no robot is named."""
+    path = tmp_path / "a.csv"
+    path.write_text("robot,x,y,z,rx,ry,rz\na,1,0,0,0,0,0\nb,2,0,0,0,0,0\nb,3,0,0,0,0,0\n")
+    assert read_pose_rows(str(path), Reading("ur"), robot=robot).poses.translation[:, 0].tolist() == x

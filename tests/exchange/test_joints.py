@@ -115,6 +115,9 @@ def test_of_the_cell(tmp_path: Path) -> None:
     assert main(["simulate", str(tmp_path / "c"), "--samples", "3", "--joints"]) == 0
     model = joint_model(tmp_path / "c", "hand", None, None, None, None)
     assert (len(model.chain.joint_names), model.entry, model.files) == (6, {}, {})
+    model = joint_model(tmp_path / "c", "hand", None, None, None, 2.0)
+    prior = {"joint_offsets": {"status": "prior", "sigma_rad": 0.03491}}
+    assert (model.entry, model.files) == ({"robots": {"hand": prior}}, {})
     with pytest.raises(InputError, match=r"has no URDF of 'arm', .*: give --urdf FILE --base-link"):
         joint_model(tmp_path / "c", "arm", None, None, None, None)
     with pytest.raises(UsageError, match="go together"):
@@ -175,3 +178,26 @@ def test_numbers_beyond_all_degrees_are_no_degrees(tmp_path: Path, limited: Seri
     rows[1, 2] = -400.0
     with pytest.raises(DatasetError, match="check the order of the joints"):
         read(tmp_path, lines(rows), limited)
+
+
+@pytest.mark.parametrize("given", [(True, False, False), (True, True, False), (False, True, True), (True, False, True)])
+def test_urdf_and_links_go_together(tmp_path: Path, given: tuple[bool, bool, bool]) -> None:
+    """Whichever of the three is missing."""
+    words = [word if is_given else None for word, is_given in zip(("a.urdf", "base", "tool0"), given, strict=True)]
+    with pytest.raises(UsageError, match="--urdf, --base-link and --flange-link go together: give all three"):
+        joint_model(tmp_path, "left", *words, None)
+
+
+@pytest.mark.parametrize(("largest", "is_inside"), [(6.9, True), (-6.9, True), (7.0, False), (-7.0, False)])
+def test_a_joint_without_limits_turns_little_more_than_once(
+    tmp_path: Path, arm: SerialChain, largest: float, is_inside: bool
+) -> None:
+    """Either way, in radians."""
+    free = replace(arm, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
+    rows = ROWS.copy()
+    rows[1, 3] = largest
+    if is_inside:
+        np.testing.assert_allclose(read(tmp_path, lines(rows), free), rows, atol=1e-10)
+    else:
+        with pytest.raises(DatasetError, match=rf"q.csv:2: {free.joint_names[3]}: is at"):
+            read(tmp_path, lines(rows), free)

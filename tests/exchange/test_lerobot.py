@@ -170,3 +170,54 @@ def test_motors_of_one_of_two_arms(tmp_path: Path, arm: SerialChain) -> None:
     np.testing.assert_array_equal(left.values, DEGREES[:, :3])
     with pytest.raises(InputError, match=r"no motor is named middle_\*; there are: left_"):
         select_motors(episode, "middle_*")
+
+
+def test_periods_begin_with_the_first_frame() -> None:
+    """Wherever the stamps start; the earlier of two equally still frames is taken, and a single frame is kept."""
+    values = np.arange(12.0)[:, None]
+    values[2], values[7] = values[1], values[6]
+    for begin_s in (0.0, 0.3, 1e6):
+        chosen = still_frames(episode_of(values, begin_s + np.arange(12) / 4), 1.5)
+        assert chosen.tolist() == still_frames(episode_of(values, np.arange(12) / 4), 1.5).tolist()
+        assert len(chosen) == 2
+    assert still_frames(episode_of(values[:1], np.zeros(1)), 1.5).tolist() == [0]
+    assert still_frames(episode_of(np.zeros((4, 1)), np.arange(4.0)), 2.0).tolist() == [0, 2]
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-4, 1e4])
+def test_motion_is_relative_to_the_range_of_a_motor(unit: float) -> None:
+    """The frame with the least share of either range is taken, in any units."""
+    slow = np.array([[0.0, 0.0], [0.3, 0.0], [0.6, 0.0], [0.62, 0.01], [0.64, 0.02], [1.0, 1.0], [1.3, 2.0]])
+    (frame,) = still_frames(episode_of(slow * [1e-3, unit], np.arange(7) * 1.0), 7.0)
+    assert frame == 3
+
+
+def test_more_frames_than_samples_and_fewer() -> None:
+    """Each sample has its own nearest frame."""
+    few = episode_of(np.zeros((2, 1)), np.array([0.0, 1.0]))
+    assert nearest_frames(few, np.array([1.01, 0.0, 0.99, 5.0, 0.02])).tolist() == [0, 1]
+    many = episode_of(np.zeros((5, 1)), np.arange(5.0))
+    assert nearest_frames(many, np.array([3.0])).tolist() == [3]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "is_right"),
+    [
+        (0, 4095, True),
+        (0, 1, True),
+        (4094, 4095, True),
+        (-1, 100, False),
+        (0, 4096, False),
+        (7, 7, False),
+        (8, 7, False),
+    ],
+)
+def test_ranges_lie_within_a_turn(tmp_path: Path, low: int, high: int, is_right: bool) -> None:
+    """Of 4095 ticks, the lower end below the upper one."""
+    path = tmp_path / "x.json"
+    path.write_text(json.dumps({"a": {"range_min": low, "range_max": high, "drive_mode": 0}}))
+    if is_right:
+        assert list(read_motor_ranges(path)) == ["a"]
+    else:
+        with pytest.raises(DatasetError, match="a: range_min and range_max"):
+            read_motor_ranges(path)

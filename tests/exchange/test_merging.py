@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from basecal.cell import RobotState, Sample
+from basecal.cell import Cell, Recording, Robot, RobotState, Sample
 from basecal.cell.files import append_samples, read_cell, read_recording
 from basecal.errors import InputError
-from basecal.exchange.merging import merge_cells
+from basecal.exchange.merging import Part, _add_models, _check_times, merge_cells
 from basecal.geometry import SE3
+from cell_example import URDF
 
 BASE = "schema: basecal/cell/1\nreference: left  # by the door\nrobots:\n  left: {}\n"
 OTHER = "schema: basecal/cell/1\nreference: right\nrobots: {right: {}}\n"
@@ -158,3 +159,57 @@ def test_who_wrote_the_poses_is_no_contradiction(tmp_path: Path) -> None:
     assert formats == {"left": "ur", "right": "ros"}
     with pytest.raises(InputError, match=r"robots.left.controller.format: .* states ur, .* abb"):
         merge_cells([a, b, c], tmp_path / "e")
+
+
+def test_robots_of_one_urdf_have_one_file(tmp_path: Path) -> None:
+    """Equal files of one name are one; files that differ are not mixed, and a robot without a URDF adds none."""
+    robots = {"left": Robot("left", urdf="a.urdf"), "right": Robot("right")}
+    parts = [Part(tmp_path / n, Cell("left", robots), Recording()) for n in "ab"]
+    for part in parts:
+        part.folder.mkdir()
+        (part.folder / "a.urdf").write_text(URDF)
+    files: dict[str, Path] = {}
+    for part in parts:
+        _add_models(files, part)
+    assert files == {"a.urdf": tmp_path / "a" / "a.urdf"}
+    (tmp_path / "b" / "a.urdf").write_text(URDF.replace("0.3", "0.4"))
+    with pytest.raises(InputError, match=r"a.urdf and .*b.a.urdf differ, and would be one file"):
+        _add_models(files, parts[1])
+
+
+def test_entries_of_one_name_stay_as_the_first_has_them(tmp_path: Path) -> None:
+    """A free mount keeps the guess of the first cell."""
+    guesses = ("guess: {t_m: [1, 0, 0], q_xyzw: [0, 0, 0, 1]}", "guess: {t_m: [2, 0, 0], q_xyzw: [0, 0, 0, 1]}")
+    parts = [
+        cell(tmp_path / n, BASE + f"targets: {{board: {{on: left, mount: {{status: free, {guess}}}}}}}\n", range(1))
+        for n, guess in zip("ab", guesses, strict=True)
+    ]
+    merge_cells(parts, tmp_path / "c")
+    mean = read_cell(tmp_path / "c").targets["board"].mount.mean
+    assert mean is not None
+    assert mean.translation.tolist() == [1, 0, 0]
+
+
+@pytest.mark.parametrize("begun_s", [1.0, 1.1])
+def test_streams_that_follow_one_another_are_merged(begun_s: float) -> None:
+    """In any order; one instant in both is an overlap, and whole samples may overlap."""
+    images = {"cam": "recording/images/cam/0.png"}
+    for robots in ({}, {"left": RobotState(SE3.identity())}):
+        lines = [[Sample(k, begin + k, robots, (), images) for k in range(2)] for begin in (begun_s, 0.0)]
+        lines.append([Sample(0, None, robots)])
+        described = Cell("left", {"left": Robot("left")})
+        parts = [Part(Path(name), described, Recording(tuple(each))) for name, each in zip("abc", lines, strict=True)]
+        if not robots and begun_s == 1.0:
+            with pytest.raises(InputError, match=r"^b and a overlap in time \(1 to 1 s\)"):
+                _check_times(parts)
+        else:
+            _check_times(parts)
+
+
+def test_a_cell_without_samples_adds_none(tmp_path: Path) -> None:
+    """Numbers go on behind the last sample, whatever the first number of a cell is."""
+    parts = [cell(tmp_path / n, BASE, numbers) for n, numbers in (("a", range(0)), ("b", range(4, 6)), ("c", range(0)))]
+    parts.append(cell(tmp_path / "d", BASE, range(7, 8)))
+    merged = merge_cells(parts, tmp_path / "e")
+    assert [sample.sample for sample in merged.recording.samples] == [4, 5, 6]
+    assert merged.first_numbers == (0, 4, 0, 6)

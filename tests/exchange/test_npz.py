@@ -169,3 +169,15 @@ def test_an_archive_may_be_as_large_as_the_limit(tmp_path, monkeypatch):
     monkeypatch.setattr(npz, "LARGEST_BYTES", size - 1)
     with pytest.raises(DatasetError, match="unpacks to more than"):
         read_arrays(str(path))
+
+
+@pytest.mark.parametrize("dtype", ["<f8", "<i2", "|u1"])
+def test_a_header_promises_what_the_file_has(tmp_path, dtype):
+    """As many bytes as the numbers of a type take; a number more is refused with its shape."""
+    path, size = tmp_path / "a.npy", np.dtype(dtype).itemsize
+    path.write_bytes(npy_bytes("(2, 3)", bytes(6 * size), dtype))
+    assert read_arrays(str(path))[1]["array"].shape == (2, 3)
+    for count, said in ((7, "is cut off"), (7 + 128 // size, r"a header of shape .* does not match")):
+        path.write_bytes(npy_bytes(f"({count},)", bytes(6 * size), dtype))
+        with pytest.raises(DatasetError, match=said):
+            read_arrays(str(path))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,18 @@ import pytest
 
 from basecal.cell import PixelObservation, PoseObservation
 from basecal.cell.files import read_cell, read_recording
+from basecal.cell.schema.cell_file import cell_from_dict
 from basecal.cli import main
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.controller_poses import PoseStream
-from basecal.exchange.streams import read_pixels, recording_from_streams
+from basecal.exchange.streams import (
+    Places,
+    Streams,
+    _known_places,
+    _new_places,
+    read_pixels,
+    recording_from_streams,
+)
 from basecal.geometry import SE3
 from pose_files import drawn, options, pose_files, stack
 
@@ -204,3 +213,34 @@ def test_some_robot_is_needed() -> None:
     """Without any stream there is no sample to make."""
     with pytest.raises(InputError, match="no pose file"):
         recording_from_streams({}, "camera", "target")
+
+
+def test_a_camera_does_not_calibrate_its_own_robot() -> None:
+    """Camera and target on one robot see no motion; on two, or both on the world, they may."""
+    described = cell_from_dict({
+        "schema": "basecal/cell/1",
+        "reference": "a",
+        "robots": {"a": {}, "b": {}},
+        "cameras": {"own": {"on": "a"}, "still": {"on": "world"}},
+        "targets": {"tag": {"on": "a"}, "other": {"on": "b"}, "wall": {"on": "world"}},
+    })  # fmt: skip
+    files = Streams("a.txt", "b.txt", "c.txt", "m")
+    assert _known_places(described, files, "own", "other") == Places("own", "other", "a", "b")
+    with pytest.raises(InputError, match="camera 'own' and target 'tag' are both on 'a': views are useless"):
+        _known_places(described, files, "own", "tag")
+    none = replace(files, eye=None, hand=None)
+    assert _known_places(described, none, "still", "wall") == Places("still", "wall", None, None)
+
+
+def test_the_names_of_a_new_cell() -> None:
+    """They follow from the files; pixels need a cell, and other names, too."""
+    files = Streams("a.txt", None, "c.txt", "m")
+    assert _new_places("c", files, "camera", "target") == Places("camera", "target", "eye", None)
+    assert _new_places("c", replace(files, eye=None, hand="b.txt"), None, None).hand == "hand"
+    with pytest.raises(InputError, match="must describe the target and the lens: basecal new c"):
+        _new_places("c", replace(files, pixels="p.csv"), None, None)
+    with pytest.raises(InputError, match="no robot: give"):
+        _new_places("c", replace(files, eye=None), None, None)
+    for names, said in ((("cam", "target"), "'cam'"), (("camera", "tag"), "'camera'"), ((None, "tag"), "'tag'")):
+        with pytest.raises(InputError, match=f"has no cell.yaml to name {said}"):
+            _new_places("c", files, *names)

@@ -136,3 +136,14 @@ def test_a_string_that_is_not_there_is_damage() -> None:
     """A number beyond the shared strings."""
     with pytest.raises(DatasetError, match="is a damaged Excel workbook"):
         sheet('<row><c t="s"><v>0</v></c></row>')
+
+
+@pytest.mark.parametrize(
+    ("numbers", "text"),
+    [("1 3", "1\n\n3\n"), ("1 2 4", "1\n2\n\n4\n"), ("2 - 5", "\n2\n-\n\n5\n"), ("2 1 4", "\n2\n1\n4\n")],
+)
+def test_rows_have_their_numbers(numbers: str, text: str) -> None:
+    """A row without a number follows the last one, and so does a row of a number that is passed."""
+    places = {n: "" if n == "-" else f' r="{n}"' for n in numbers.split()}
+    rows = (f'<row{place}><c t="inlineStr"><is><t>{n}</t></is></c></row>' for n, place in places.items())
+    assert sheet("".join(rows)) == text

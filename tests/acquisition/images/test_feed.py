@@ -13,7 +13,7 @@ import pytest
 
 from basecal.acquisition.driver import Camera, CameraImage, Switches
 from basecal.acquisition.images.feed import CameraFeed, feed_camera
-from basecal.acquisition.images.latency import ArmMotion
+from basecal.acquisition.images.latency import ArmMotion, Latency
 from basecal.acquisition.stillness import Moving, wait_for_image_after
 from basecal.errors import DriverError
 
@@ -249,3 +249,112 @@ def test_four_images_in_five_seconds_are_a_stream(ago_s, is_live):
     assert feed.is_live == is_live
     feed._camera.is_live = True
     assert feed.is_live
+
+
+@pytest.mark.parametrize(("is_live", "age_s", "waits"), [(False, 0.0, True), (False, 9.0, False), (True, 0.0, False)])
+def test_only_a_young_feed_waits_for_a_stream(is_live, age_s, waits):
+    """Of a camera that is not live by its driver, for no longer than its first one and a half seconds."""
+    waited = []
+
+    class Condition(threading.Condition):  # type: ignore[misc]
+        """Notes for how long it waits."""
+
+        def wait_for(self, predicate, timeout=None):
+            waited.append((timeout, predicate()))
+            return False
+
+    feed = CameraFeed.__new__(CameraFeed)
+    feed._changed, feed._camera = Condition(), SimpleNamespace(is_live=is_live)
+    feed._began_s, feed._arrivals = time.monotonic() - age_s, [(time.monotonic(), False)] * 3
+    assert feed.is_live == is_live
+    assert len(waited) == waits
+    for timeout, is_stream in waited:
+        assert 1.0 < timeout <= 1.5
+        assert not is_stream
+
+
+def unread(arms=None, **fields):
+    """A feed that no thread reads, with an image each tenth of a second."""
+    feed = CameraFeed.__new__(CameraFeed)
+    feed._name, feed._arms, feed._changed = "wrist", arms or ArmMotion(), threading.Condition()
+    feed._latencies, feed._reported, feed._notes = {}, None, []
+    feed._waits_s, feed._late_s, feed._last_s, feed._is_stamped = [], [], -np.inf, True
+    feed._camera, feed._light = SimpleNamespace(is_live=True), None
+    feed._began_s, feed._arrivals = time.monotonic() - 9.0, []
+    for name, value in fields.items():
+        setattr(feed, name, value)
+    return feed
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "count", "bound_s"), [(0.1, 20, 2.0), (0.5, 20, 6.0), (0.5, 1, 2.0), (0.5, 0, 2.0)]
+)
+def test_an_unknown_latency_is_two_seconds_or_twelve_images(interval_s, count, bound_s):
+    """Whichever is longer; a camera that is not live has none."""
+    arrivals = np.column_stack([interval_s * np.arange(count), np.zeros(count)])
+    assert unread()._latency_s(arrivals) == pytest.approx(bound_s)
+    old = unread(_camera=SimpleNamespace(is_live=False))
+    assert old._latency_s(arrivals) == 0.0
+
+
+def test_the_last_three_latencies_count():
+    """The largest of them, also before the arms move again; during motions no less than is assumed."""
+    known = {float(k): Latency(0.0, high) for k, high in enumerate((9.0, 0.3, 0.4, 0.2))}
+    arrivals = np.column_stack([0.1 * np.arange(20), np.zeros(20)])
+    assert unread(_latencies=known)._latency_s(arrivals) == 0.4
+    moving = ArmMotion()
+    moving.spans = ((0.5, 0.8),)
+    assert unread(moving, _latencies=known)._latency_s(arrivals) == 2.0
+
+
+def test_a_latency_is_reported_if_it_grows():
+    """Beyond all that was possible before."""
+    feed = unread()
+    for low_s, high_s in ((0.1, 0.2), (0.15, 0.3), (0.05, 0.1), (0.3, 0.4)):
+        feed._report(Latency(low_s, high_s))
+    assert feed._notes == [
+        "camera wrist: images arrive 0.15 +- 0.05 s after exposure (measured)",
+        "camera wrist: images arrive 0.35 +- 0.05 s after exposure, 0.15 +- 0.05 s before (measured)",
+    ]
+
+
+@pytest.mark.parametrize(("times_s", "is_error"), [
+    ((0.0, 0.1, 0.2, 1.9), False), ((0.0, 2.1), False), ((0.0, 0.1, 2.1), True), ((0.0, 2.0, 2.05), True),
+])  # fmt: skip
+def test_three_older_images_in_two_seconds_are_a_clock_that_went_back(monkeypatch, times_s, is_error):
+    """Fewer, or within less time, came late; an image in order ends them."""
+    feed, clock = unread(), iter(times_s)
+    monkeypatch.setattr("basecal.acquisition.images.feed.time", SimpleNamespace(monotonic=lambda: next(clock)))
+    assert not feed._is_outdated(SimpleNamespace(stamp_s=5.0), 0.1)
+    late = SimpleNamespace(stamp_s=4.9, source="a.png")
+    assert all(feed._is_outdated(late, 0.1) for _ in times_s[:-1])
+    if is_error:
+        with pytest.raises(DriverError, match=f"wrist: the last {len(times_s)} images are older"):
+            feed._is_outdated(late, 0.1)
+    else:
+        assert feed._is_outdated(late, 0.1)
+        assert feed._notes[-1] == "camera wrist: a.png came after a newer one; not used"
+        assert not feed._is_outdated(SimpleNamespace(stamp_s=5.0), 0.1)
+        assert feed._late_s == []
+
+
+def test_lights_are_switched_once():
+    """If a state is requested, and the camera can switch."""
+    switched = []
+
+    class Lamp:
+        """A camera with a light."""
+
+        def light(self, on):
+            switched.append(on)
+
+    feed = unread(_camera=Lamp())
+    for state in (None, True, False):
+        feed._light = state
+        feed._switch()
+        feed._switch()
+        assert feed._light is None
+    assert switched == [True, False]
+    plain = unread(_light=True)
+    plain._switch()
+    assert plain._light is None

@@ -67,3 +67,29 @@ def test_arms_that_pause_for_long_move_twice(monkeypatch):
 def test_a_latency_reads_as_a_value_with_its_uncertainty():
     """It is written with the half of its range."""
     assert str(module.Latency(0.1, 0.2)) == "0.15 +- 0.05 s"
+
+
+@pytest.mark.parametrize(("count", "is_known"), [(2, False), (3, True), (4, True)])
+def test_three_images_show_a_motion(count, is_known):
+    """Fewer may be noise; the motion must have ended in the last two."""
+    at = np.arange(1.0, 3.0, 0.1)
+    shown = np.column_stack([at, (at > 1.25) & (at < 1.25 + 0.1 * count)]).astype(float)
+    spans = np.array([[1.0, 1.0 + 0.1 * (count - 1)]])
+    assert (estimate_latency(spans, shown) is not None) == is_known
+    for place in (-1, -2):
+        going = shown.copy()
+        going[place, 1] = 1
+        assert estimate_latency(spans, going) is None
+
+
+def test_motion_is_from_where_an_arm_was_last_seen_to_move():
+    """Small steps add up, either way; where an arm is first seen is no motion, wherever that is."""
+    motion = ArmMotion()
+    for place, moves in ((5.0, False), (5.0015, False), (5.003, True), (5.002, False), (5.0009, True)):
+        before = motion.spans
+        motion.note("eye", Reading(0.0, RobotState(joints_rad=np.array([1.0, place]))))
+        assert (motion.spans != before) == moves
+    motion.note("hand", Reading(0.0, RobotState(joints_rad=np.array([-7.0]))))
+    assert len(motion.spans) == 1
+    motion.forget()
+    assert motion.spans == ()

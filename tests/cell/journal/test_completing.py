@@ -111,3 +111,12 @@ def test_what_is_added_may_stand_in(tmp_path: Path) -> None:
     first, second = text.splitlines(keepends=True)
     assert second == other
     assert json.loads(first)["robots"]["left"]["base_from_flange"]["t_m"] == [0.3, 0.2, 0.1]
+
+
+def test_numbers_that_are_none_are_not_written(tmp_path: Path) -> None:
+    """Neither into a line nor as a new one."""
+    folder = journal(tmp_path, LINE)
+    lost = RobotState(joints_rad=np.array([0.1, np.nan]))
+    for number in (0, 1):
+        with pytest.raises((ValueError, InputError), match=r"not JSON compliant|holds NaN or infinity"):
+            completed_recording_text(folder, [Sample(number, None, {"right": lost})])

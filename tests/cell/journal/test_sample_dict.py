@@ -12,6 +12,7 @@ from basecal.cell.recording import (
     PoseObservation,
     RobotState,
     Sample,
+    TouchObservation,
 )
 from basecal.geometry import SE3
 
@@ -61,4 +62,20 @@ def test_observations():
         of[3] | {"camera_from_target": {**POSE, "sigma_t_m": 1.0, "sigma_r_rad": [2.0, 2.0, 3.0]}},
         of[4] | {"camera_from_target": POSE},
         of[5] | {"ids": [7], "points_in_camera_m": [[1.0, 2.0, 3.0]], "sigma_m": 0.3},
+    ]
+
+
+def test_touches_state_only_what_is_known():
+    """Of a mark, of another tip and of a held part; sigmas where there are some."""
+    touches = (
+        TouchObservation("tip_a", "mark", 1e-4),
+        TouchObservation("tip_a", "tip_b", kind="tip2"),
+        TouchObservation("part", "part_end", 1e-4, "clamp", 2e-3),
+        TouchObservation("part", "part_end", None, "clamp", 2e-3),
+    )
+    assert sample_to_dict(Sample(0, observations=touches), "recording")["observations"] == [
+        {"touch": "mark", "tip": "tip_a", "sigma_m": 1e-4},
+        {"tip2": "tip_b", "tip": "tip_a"},
+        {"clamp": "part", "sigma_m": 1e-4, "sigma_rad": 2e-3},
+        {"clamp": "part", "sigma_rad": 2e-3},
     ]

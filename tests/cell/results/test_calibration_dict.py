@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,12 +26,14 @@ from basecal.cell.calibration import (
     Validation,
 )
 from basecal.cell.results.calibration_dict import (
+    _plain,
     budget_entry,
     calibration_from_dict,
     calibration_to_dict,
     finding_to_dict,
 )
 from basecal.errors import InputError
+from basecal.fields.file_forms import LARGEST_NUMBER
 from basecal.geometry import SE3, Camera, PoseEstimate
 
 EMPTY = calibration_to_dict(Calibration("refused"))
@@ -231,3 +234,15 @@ def test_a_line_of_a_budget_is_in_millimetres_and_percent():
     written = budget_entry(entry)
     assert written == {"source": "noise of eye", "mm": 2.0, "percent": 25.0, "total_mm_if_halved": 3.0}
     assert calibration_to_dict(Calibration("good", budget=(entry,)))["budget"] == [written]
+
+
+def test_numbers_that_are_none_are_null():
+    """In arrays as elsewhere; whole numbers, texts and truth values stay."""
+    assert _plain(np.array([[1.5, np.nan], [np.inf, -2.0]])) == [[1.5, None], [None, -2.0]]
+    assert _plain({1: (np.float64(0.5), np.int64(3), True, None, "a"), "b": {4}}) == {
+        "1": [0.5, 3, True, None, "a"], "b": [4],
+    }  # fmt: skip
+    assert _plain([np.array([1, 2]), np.array([True]), Path("a"), 2 * LARGEST_NUMBER, -2 * LARGEST_NUMBER]) == [
+        [1, 2], [True], "a", None, None,
+    ]  # fmt: skip
+    assert _plain(np.array([LARGEST_NUMBER, -LARGEST_NUMBER])) == [LARGEST_NUMBER, -LARGEST_NUMBER]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
-from basecal.cell.schema.cell_nouns import cell_noun
-from basecal.cell.schema.cell_schema import CellEntry
+from basecal.cell.schema.cell_nouns import _intrinsics, cell_noun
+from basecal.cell.schema.cell_schema import CameraEntry, CellEntry
+from basecal.cell.schema.lens import IntrinsicsEntry
 
 POSE = {"t_m": [1.0, 2.0, 3.0], "q_xyzw": [0.0, 0.0, 0.0, 1.0]}
 LENS = {"fx": 500.0, "fy": 510.0, "cx": 320.0, "cy": 240.0}
@@ -97,3 +100,30 @@ def test_the_array_of_sigmas_is_read_only():
     """A noun is a value."""
     with pytest.raises(ValueError, match="read-only"):
         noun(robots={"eye": {"noise": {"sigma_t_m": 1.0, "sigma_r_rad": 1.0}}}).robots["eye"].noise[0] = np.inf
+
+
+def test_sigmas_of_lenses_belong_together():
+    """One alone gives none; the order is focal lengths, centre, distortion."""
+    for name in SIGMAS:
+        entry = IntrinsicsEntry.model_validate({"status": "prior", **LENS, name: SIGMAS[name]})
+        camera = CameraEntry.model_validate({"on": "eye", "size_px": [640, 480]})
+        assert _intrinsics(entry, camera, (640, 480)).sigma is None
+    assert lens("fixed", **LENS, exact=True).exact
+    assert not lens("fixed", **LENS).exact
+
+
+@pytest.mark.parametrize(
+    ("fields", "size_sigma"),
+    [({}, None), ({"exact": True}, 0.0), ({"scale": "free"}, math.inf), ({"size_sigma": 1e-3}, 1e-3)],
+)
+def test_sizes_of_targets(fields, size_sigma):
+    """Exact, known up to scale, known with a sigma, or not stated."""
+    assert noun(targets={"tag": {"on": "hand", **fields}}).targets["tag"].size_sigma == size_sigma
+
+
+def test_a_driver_has_its_kind_and_its_options():
+    """Apart from one another; without a driver there is none."""
+    robots = {"eye": {"driver": {"kind": "ur", "host": "10.0.0.9", "port": 30004}}, "hand": {}}
+    found = noun(robots=robots).robots
+    assert (found["eye"].driver.kind, dict(found["eye"].driver.options)) == ("ur", {"host": "10.0.0.9", "port": 30004})
+    assert found["hand"].driver is None

@@ -65,3 +65,28 @@ def test_what_is_added_is_written_as_by_hand() -> None:
         "    mount: {status: fixed, t_m: [0.0, 0.1, 0.2]}",
     ]
     assert changed == ("cameras",)
+
+
+def test_quotes_stay() -> None:
+    """Single and double ones, and plain words, as a person wrote them."""
+    text = "schema: 'basecal/cell/1'\nreference: \"left\"\nrobots: {left: {}}\n"
+    done, changed = completed_cell_text(text, {"noise": {"pixel_px": 0.3}}, "cell.yaml")
+    assert done.startswith(text)
+    assert changed == ("noise",)
+    assert completed_cell_text("schema: basecal/cell/1\nrobots:\n", {"robots": {"a": {}}}, "c")[1] == ("robots",)
+
+
+def test_long_lines_stay_one_line() -> None:
+    """Of hundreds of characters, as of a list of points."""
+    points = ", ".join(f"[{k}, 0, 0]" for k in range(60))
+    text = f"schema: basecal/cell/1\nmarks: {{plate: {{points_m: [{points}]}}}}\n"
+    assert completed_cell_text(text, {"reference": "a"}, "cell.yaml")[0] == text + "reference: a\n"
+
+
+def test_a_mapping_is_no_number() -> None:
+    """One where the cell has a plain value, or the other way about, is a contradiction."""
+    for added in ({"cameras": {"cam": {"on": {"a": 1}}}}, {"cameras": {"cam": {"intrinsics": "free"}}}):
+        with pytest.raises(DatasetError, match="in the imported data: correct the wrong one"):
+            completed_cell_text(TEXT, added, "cell.yaml")
+    text, _ = completed_cell_text(TEXT, {"cameras": {"cam": {"intrinsics": {"exact": False}}}}, "cell.yaml")
+    assert "intrinsics: {status: free, exact: false}" in text

@@ -16,6 +16,7 @@ from tests.touch_cells import (
 )
 
 from basecal.cell.files import cell_from_dict, cell_to_dict, recording_from_text, sample_to_dict
+from basecal.cell.schema.touching import MarkEntry, _is_line
 from basecal.errors import DatasetError
 
 MOUNT = {"status": "fixed", "t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}
@@ -108,3 +109,69 @@ def test_an_unknown_part_of_a_line_is_an_error():
     line = {"sample": 0, "robots": {}, "observations": [{"clamp": "rod"}]}
     with pytest.raises(DatasetError, match="no clamp 'rod'"):
         recording_from_text(lines_text([line]).encode(), ".", clamp_cell("fixed"))
+
+
+@pytest.mark.parametrize(
+    ("points", "is_line"),
+    [
+        ([[0, 0, 0], [1, 1, 0]], True),
+        ([[5, 3, 2], [6, 4, 2], [7, 5, 2]], True),
+        ([[5, 3, 2], [6, 3, 2], [9, 3, 2]], False),
+        ([[5, 3, 2], [5, 3, 4]], False),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], False),
+        ([[5, 5, 5], [6, 5, 5], [5, 6, 5]], False),
+        ([[0, 0, 0], [1, 1e-7, 0]], False),
+        ([[0, 0, 0], [1, 1e-5, 0]], True),
+    ],
+)
+def test_lines_of_marks_lie_along_an_axis(points, is_line):
+    """Wherever they are; named marks and listed ones alike."""
+    assert _is_line(points) == is_line
+    assert _is_line({f"m{k}": point for k, point in enumerate(points)}) == is_line
+
+
+def test_a_rigid_part_is_near_its_flange():
+    """Within a few decimetres, in any rotation; stated marks are known to hundredths of a millimetre."""
+    cell = clamp_cell("fixed")
+    (part, *_) = [thing for thing in (*cell.cameras.values(), *cell.targets.values()) if thing.mount.status == "prior"]
+    assert part.mount.sigma[:3].tolist() == [0.2] * 3
+    assert np.isinf(part.mount.sigma[3:]).all()
+    assert part.mount.mean.translation.tolist() == [0, 0, 0]
+    (mark,) = MarkEntry(points_m=[[1.0, 2.0, 3.0]]).positions("m").values()
+    assert (mark.status, mark.sigma.tolist()) == ("prior", [2e-5] * 3 + [0.0] * 3)
+    (stated,) = MarkEntry(points_m=[[1.0, 2.0, 3.0]], sigma_m=1e-3).positions("m").values()
+    assert stated.sigma.tolist() == [1e-3] * 3 + [0.0] * 3
+    assert list(MarkEntry(points_m=[[1, 2, 3], [2, 2, 3]]).positions("m")) == ["m_0", "m_1"]
+    (free,) = MarkEntry().positions("m").values()
+    assert (free.status, free.mean) == ("free", None)
+
+
+def test_planes_edges_and_plates_are_written_as_read():
+    """Each with its pose; parts that robots hold are no marks."""
+    marks = {
+        "table": {"shape": "plane", "mount": MOUNT},
+        "rim": {"shape": "edge"},
+        "plate": PLATE,
+        "alone": {"points_m": [[0.1, 0.2, 0.3]], "exact": True},
+        "free": {},
+    }
+    cell = touch_cell((), marks=marks)
+    written = cell_to_dict(cell)["marks"]
+    assert list(written) == ["plate", "table", "rim", "alone", "free"]
+    assert written["table"] == {"shape": "plane", "mount": MOUNT | {"q_xyzw": [0, 0, 0, 1]}}
+    assert written["rim"]["mount"] == written["plate"]["mount"] == {"status": "free"}
+    again = cell_from_dict(touch_data((), marks=written))
+    for name, target in cell.targets.items():
+        read = again.targets[name]
+        assert (read.on, read.contact, read.mount.status, read.size_sigma) == (
+            target.on, target.contact, target.mount.status, target.size_sigma,
+        )  # fmt: skip
+    assert again.plates.keys() == cell.plates.keys() == {"plate"}
+    assert "marks" not in cell_to_dict(clamp_cell("free")) or not cell_to_dict(clamp_cell("free"))["marks"]
+
+
+@pytest.mark.parametrize("axis", ["fixed", "free"])
+def test_a_held_part_has_no_error_of_its_size(axis):
+    """At the end that the second robot holds."""
+    (end,) = [target for target in clamp_cell(axis).targets.values() if target.contact is not None]
+    assert (end.on, end.size_sigma) == ("hand", 0.0)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from textwrap import dedent
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from basecal.cell.format.yaml_text import parse_yaml
 from basecal.cell.targets.kind import (
@@ -60,3 +62,31 @@ def test_several_of_a_kind(name: TargetKindName) -> None:
         assert entry.model_validate({"on": "hand", **each}).shape() is not None
     told = [not is_indistinguishable(kind, one, other) for one, other in combinations(several, 2)]
     assert any(told) == told[0] == (several[1] != several[0])
+
+
+@pytest.mark.parametrize("fields", [{"exact": True}, {"size_sigma": 1e-3}, {"kind": "led"}])
+def test_a_free_scale_is_of_poses_alone(fields: dict[str, object]) -> None:
+    """No kind, exact sizes or sigma of sizes go with it."""
+    model = TARGETS["led"].entries[0] if "kind" in fields else TargetEntry
+    assert TargetEntry.model_validate({"on": "hand", "scale": "free"}).scale == "free"
+    assert model.model_validate({"on": "hand", **fields}).scale is None
+    with pytest.raises(ValidationError, match="scale is for a target that is seen only as poses: remove kind, exact"):
+        model.model_validate({"on": "hand", "scale": "free", **fields})
+
+
+def test_exact_sizes_have_no_sigma() -> None:
+    """One of both is enough, and a target is not exact unless it is said."""
+    assert not TargetEntry.model_validate({"on": "hand", "size_sigma": 1e-3}).exact
+    with pytest.raises(ValidationError, match="exact takes no size_sigma: remove one of them"):
+        TargetEntry.model_validate({"on": "hand", "exact": True, "size_sigma": 1e-3})
+
+
+def test_targets_without_any_marks_cannot_be_told_apart() -> None:
+    """Of different marks they can, and of one that is equal they cannot; a kind without marks has none."""
+    kind = TargetKind((TargetEntry,), Described("", "", ""), "", lambda _: None)
+    assert is_indistinguishable(kind, {"n": 1}, {"n": 2})
+    assert kind.another({"n": 1}, 3) == {"n": 1}
+    marked = replace(kind, marks=lambda fields: frozenset(fields["n"]))
+    cases = (("ab", "cd", False), ("ab", "bc", True), ("ab", "", False), ("", "ab", False), ("", "", True))
+    for first, second, expected in cases:
+        assert is_indistinguishable(marked, {"n": first}, {"n": second}) == expected

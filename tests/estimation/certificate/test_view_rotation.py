@@ -187,3 +187,14 @@ def test_a_view_of_three_points_proves_nothing():
     for part in ("constant", "weight"):
         np.testing.assert_allclose(getattr(found, part)[[0, 2]], getattr(whole, part)[[0, 2]], rtol=1e-6)
     assert np.all(whole.weight > 0)
+
+
+def test_weights_below_one_count():
+    """Noise a thousand times as large costs a millionth; poses stay."""
+    problem, state, group = at_the_truth(Scenario(samples=3))
+    faint = replace(group, measurement=replace(group.measurement, weight=1e-3 * group.measurement.weight))
+    whole, found = view_costs(problem, state, group), view_costs(problem, state, faint)
+    for part in ("constant", "weight", "second"):
+        np.testing.assert_allclose(getattr(found, part), 1e-6 * getattr(whole, part), rtol=1e-5)
+    np.testing.assert_allclose(found.camera_from_target.matrix, whole.camera_from_target.matrix, atol=1e-6)
+    assert (whole.weight > 0).all()

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors, SharedPrior
-from basecal.estimation.noise.hyperpriors import LogNormals, hyperpriors
+from basecal.estimation.noise.hyperpriors import LogNormals, _part_prior, _pool_robots, hyperpriors
 from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
 from basecal.estimation.noise.sigma_places import SigmaPlaces
@@ -192,3 +192,23 @@ def test_each_stamps_jitter_stands_between_stops_and_what_they_share():
     without = np.delete(off, [5, 6])
     rises = [of.value(of.start + by)[0] - of.value(of.start)[0] for of, by in ((prior, off), (plain, without))]
     assert rises[0] - rises[1] == pytest.approx((off[5] ** 2 + off[6] ** 2) / np.log(5.0) ** 2)
+
+
+@pytest.mark.parametrize(("field", "mean", "factor"), [
+    ("pixel_px", 0.2, 5), ("pose_m", 1e-3, 5), ("pose_rad", 2e-3, 5), ("point_m", 1e-3, 5), ("touch_m", 2e-4, 4),
+    ("grip_rad", 1e-3, 4),
+])  # fmt: skip
+def test_each_kind_of_views_has_its_usual_noise(field, mean, factor):
+    """Without scatter; exact points scatter by a two-hundredth of it at least."""
+    found, sigma = _part_prior(field, 1e9, 0.0)
+    assert (found, sigma) == (mean, pytest.approx(np.log(factor)))
+    least, _ = _part_prior(field, 0.0, 1e6)
+    assert least == pytest.approx(2 * 5e-3 * mean)
+
+
+def test_robots_that_are_none_have_no_prior():
+    """A single one has that of the trade."""
+    assert _pool_robots([], (3e-4, 4.0)) == []
+    ((form, mean, sigma),) = _pool_robots([np.array([0.0, 1.0])], (3e-4, 4.0))
+    np.testing.assert_allclose(form, [0.0, 1.0])
+    assert (mean, sigma) == (pytest.approx(np.log(3e-4)), pytest.approx(np.log(4.0)))

@@ -194,3 +194,10 @@ def test_samples_part_at_the_first_clear_gap():
     assert _split_at_gap(numbers, sigmas) == (3.0, (1, 3, 5, 6, 7))
     assert _split_at_gap(numbers, np.where(sigmas < 10, 0.1, 5.1)) == (1.0, (1, 3, 5, 6, 7))
     assert _split_at_gap(numbers, np.where(sigmas < 10, 1e15, 1e30)) == (np.inf, ())
+
+
+def test_no_gap_without_samples_on_both_sides():
+    """Nobody agrees where all do, and where one of two is far off."""
+    assert _split_at_gap(np.arange(4), np.ones(4)) == (np.inf, ())
+    assert _split_at_gap(np.arange(2), np.array([1.0, 100.0])) == (1.0, (0,))
+    assert _split_at_gap(np.array([5, 2, 9]), np.array([100.0, 2.0, 1.0])) == (2.0, (2, 9))

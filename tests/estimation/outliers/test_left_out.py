@@ -226,3 +226,19 @@ def test_a_contact_is_off_in_metres_if_it_is_one_of_places(kind, off_m):
     assert (one.sample, one.ids, one.sigmas) == (int(group.sample[1]), (), 7.0)
     assert one.off_m == (None if off_m is None else pytest.approx(off_m))
     assert one.off_rad is None
+
+
+@pytest.mark.parametrize("target", ["chessboard", "charuco", "points3d"])
+def test_only_grids_that_look_alike_are_counted_from_either_end(target):
+    """Other targets keep their ids, whatever their points are."""
+    _, problem, _ = cell_at_truth(Scenario(samples=3, target=target))
+    (group,) = problem.groups
+    measurement, ids = group.measurement, np.arange(group.measurement.seen.shape[1])
+    np.testing.assert_array_equal(left_out._ids_by_view(ids, group, group), np.tile(ids, (3, 1)))
+    name = "pixels" if hasattr(measurement, "pixels") else "points_in_camera"
+    moved = getattr(measurement, name).copy()
+    moved[1] += 1.0
+    other = replace(group, measurement=replace(measurement, **{name: moved}))
+    found = left_out._ids_by_view(ids, other, group)
+    np.testing.assert_array_equal(found[1], ids[::-1] if target == "chessboard" else ids)
+    np.testing.assert_array_equal(found[[0, 2]], np.tile(ids, (2, 1)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from basecal.estimation.scene.equations import pixel_equations, point_information, point_steps, reduced_equations, sums
@@ -108,3 +110,26 @@ def test_points_behind_or_beside_have_no_equation():
         assert not of.seen[here].any()
         for values in (of.residual, of.by_view, of.by_point):
             assert not values[here].any()
+
+
+def test_points_behind_a_camera_are_not_seen():
+    """Nor are pixels that are not finite; neither has equations, and those of other points stay as they are."""
+    scene = made_scene(4, count=4, points=20)
+    whole = pixel_equations(scene.views, scene.tracks, scene.truth, 2.0)
+    assert whole.seen.all()
+    pixels = scene.tracks.pixels.copy()
+    pixels[3, 0] = np.nan
+    lost = pixel_equations(scene.views, replace(scene.tracks, pixels=pixels), scene.truth, 2.0)
+    points = scene.truth.points.copy()
+    world_from_camera = scene.truth.world_from_camera(scene.views)[scene.tracks.view[5]]
+    points[scene.tracks.point[5]] = world_from_camera @ np.array([0.0, 0.0, -1.0])
+    behind = pixel_equations(scene.views, scene.tracks, replace(scene.truth, points=points), 2.0)
+    assert not behind.seen[5]
+    assert np.flatnonzero(~lost.seen).tolist() == [3]
+    for found in (lost, behind):
+        assert 0 < np.count_nonzero(found.seen) < len(scene.tracks)
+        for part in ("residual", "by_view", "by_point"):
+            values = getattr(found, part)
+            assert not values[~found.seen].any()
+            assert np.isfinite(values).all()
+    np.testing.assert_array_equal(lost.by_view[lost.seen], whole.by_view[lost.seen])

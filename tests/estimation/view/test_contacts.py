@@ -42,3 +42,23 @@ def test_unstated_noise_is_counted_by_its_field():
     """Places by `touch_m`, directions by `grip_rad`, as many equations as a contact has."""
     assert some(PlaneMeasurement).counts() == {"stated": 0, "touch_m": 4}
     assert some(HingeMeasurement).counts() == {"stated": 0, "grip_rad": 8}
+
+
+@pytest.mark.parametrize(("kind", "start", "parts"), [
+    (PlaneMeasurement, [0.2, -0.3, 0, 0, 0, 0.7], slice(0, 6)), (EdgeMeasurement, [0, 0, 0.3, 0, 0, 0.5], slice(0, 6)),
+    (HingeMeasurement, [0.1, 0.2, 0.3, 0, 0, 0.5], slice(3, 6)),
+])  # fmt: skip
+def test_all_other_moves_of_targets_are_seen(kind, start, parts):
+    """From a contact away from the target's origin, only moves along the gauges leave residuals zero."""
+    contact, pose = some(kind, 1), SE3.exp(np.array([start], dtype=float))
+    np.testing.assert_allclose(contact.residuals(pose, None), 0, atol=1e-12)
+    moved = [np.abs(contact.residuals(pose @ SE3.exp(0.3 * along[None]), None)).max() > 1e-3 for along in np.eye(6)]
+    assert moved[parts] == [not held for held in kind.target_gauge[parts]]
+
+
+def test_a_hinge_turns_about_its_axis_at_either_end():
+    """Moves of the camera's end along and about its z axis leave residuals zero, and other rotations do not."""
+    contact, pose = some(HingeMeasurement, 1), SE3.exp(np.array([[0.1, 0.2, 0.3, 0, 0, 0.5]]))
+    moved = [np.abs(contact.residuals(SE3.exp(0.3 * along[None]) @ pose, None)).max() > 1e-3 for along in np.eye(6)]
+    assert moved == [False, False, False, True, True, False]
+    assert [not held for held in HingeMeasurement.camera_gauge[3:]] == moved[3:]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.estimation.view.measurement import Noise
-from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.points import PointMeasurement, is_touch
 from basecal.geometry import SE3
 
 SEEN = np.array([[True, True, True, True], [True, False, False, True], [False, False, True, False]])
@@ -77,3 +77,14 @@ def test_noisier_points_weigh_less(measurement):
     """Sigmas of all, stated or not, are larger by a factor; the cost is smaller by its square."""
     plain, wide = (m.linearise(SE3.identity((3,)), None, False).cost for m in (measurement, measurement.noisier(2.0)))
     np.testing.assert_allclose(wide, plain / 4)
+
+
+def test_points_at_the_origin_of_a_sensor_are_touched(measurement):
+    """All of them must be there."""
+    assert not is_touch(measurement)
+    touched = replace(measurement, points_in_camera=np.zeros_like(measurement.points_in_camera))
+    assert is_touch(touched)
+    some = touched.points_in_camera.copy()
+    some[0, 0, 2] = 1e-3
+    assert not is_touch(replace(touched, points_in_camera=some))
+    assert not is_touch(None)

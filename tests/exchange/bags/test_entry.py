@@ -74,3 +74,14 @@ def test_none_and_unknown(tmp_path: Path) -> None:
     assert bag_lens(info(tmp_path, k=np.zeros(9)), "x", "/eye/image_raw") is None
     with pytest.raises(DatasetError, match="'odd' is not supported"):
         bag_lens(info(tmp_path, model="odd"), "x", "/eye/image_raw")
+
+
+@pytest.mark.parametrize(("topic", "is_rectified"), [
+    ("image_rect", True), ("/eye/image_rect_color", True), ("/eye/image_rect/compressed", True),
+    ("/eye/image_raw", False), ("/eye/image_raw/compressed", False), ("/image_correct", False),
+])  # fmt: skip
+def test_topics_of_rectified_images(tmp_path: Path, topic: str, is_rectified: bool) -> None:
+    """By a name that begins so, anywhere in the topic."""
+    found = bag_lens(info(tmp_path), "x", topic)
+    assert found is not None
+    assert (len(found.camera.parameters) == 4) == is_rectified

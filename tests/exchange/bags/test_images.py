@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ from tests.bag_of_cell import BEGIN_S, new_bag
 
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import Message, Topic
-from basecal.exchange.bags.images import image_file
+from basecal.exchange.bags.images import _brightness, _netpbm, image_file
 
 RNG = np.random.default_rng(0)
 GREY = RNG.integers(0, 256, (4, 6), dtype=np.uint8)
@@ -96,3 +97,45 @@ def test_what_is_not_read(tmp_path: Path) -> None:
     cut.data.data = cut.data.data[:-1]
     with pytest.raises(InputError, match="23 bytes for 6 x 4 pixels"):
         image_file(cut, "x.bag")
+
+
+@pytest.mark.parametrize(
+    ("pixels", "encoding", "expected"),
+    [
+        (GREY, "8UC1", GREY),
+        (DEEP, "16UC1", DEEP),
+        (np.dstack([BGR[..., ::-1], GREY]), "rgba8", BGR),
+        (BGR, "8UC3", BGR),
+        (np.dstack([BGR, GREY]), "8UC4", BGR),
+        (np.dstack([DEEP, DEEP // 2, DEEP // 3]), "bgr16", np.dstack([DEEP, DEEP // 2, DEEP // 3])),
+        (np.dstack([DEEP // 3, DEEP // 2, DEEP]), "rgb16", np.dstack([DEEP, DEEP // 2, DEEP // 3])),
+        (np.dstack([GREY // 2, GREY]), "yuv422", GREY),
+        (np.dstack([GREY, GREY // 2]), "yuyv", GREY),
+    ],
+)
+def test_channels_of_other_encodings(pixels: np.ndarray, encoding: str, expected: np.ndarray, tmp_path: Path) -> None:
+    """Colours in their order, without opacity; of YUV the brightness."""
+    found = image_file(message(tmp_path, pixels, encoding), "x.bag")
+    read = cv2.imdecode(np.frombuffer(found.content, np.uint8), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(read, expected)
+    assert read.dtype == expected.dtype
+
+
+def test_brightness_is_rounded_to_the_nearest() -> None:
+    """Of the binomial mean of each neighbourhood, which is mirrored at the borders."""
+    mosaic_ = RNG.integers(0, 256, (7, 9))
+    wide = np.pad(mosaic_, 1, mode="reflect")
+    binomial = np.outer([1, 2, 1], [1, 2, 1])
+    mean = sum(binomial[i, j] * wide[i : i + 7, j : j + 9] for i in range(3) for j in range(3)) / 16
+    np.testing.assert_array_equal(_brightness(mosaic_), np.floor(mean + 0.5))
+
+
+def test_images_without_pixels_are_damaged(tmp_path: Path) -> None:
+    """No columns, no rows, or fewer bytes than pixels."""
+    whole = message(tmp_path, GREY, "mono8").data
+    for change in ({"width": 0}, {"height": 0}, {"height": 5}, {"step": 5}, {"width": 7}):
+        fields = {
+            name: getattr(whole, name) for name in ("width", "height", "step", "encoding", "is_bigendian", "data")
+        }
+        with pytest.raises(InputError, match=r"x: .* is damaged"):
+            _netpbm(SimpleNamespace(**{**fields, **change}), "x")

@@ -10,8 +10,13 @@ from tests.bag_of_cell import BEGIN_S, new_bag
 
 from basecal.cell import PoseObservation
 from basecal.errors import InputError
+from basecal.exchange.bags import rows
 from basecal.exchange.bags.bag import open_bag
 from basecal.exchange.bags.rows import (
+    _AROUND_S,
+    _MOST_APART_S,
+    _STILL_RAD_M,
+    _standing_state,
     collect_looks,
     explain_no_stop,
     find_stops,
@@ -143,3 +148,61 @@ def test_more_noise_than_arms_have_is_movement() -> None:
     """States that scatter by 2 mrad are no read-back: nothing stands."""
     assert len(find_stops(tracks(noise=3e-4))) == 4
     assert find_stops(tracks(noise=2e-3)) == ()
+
+
+@pytest.mark.parametrize("time", [0.5004, 0.501, 0.7349, 1.0003])
+def test_a_state_at_rest_is_the_mean_around_a_time(time: float) -> None:
+    """Of all records no farther away than a tenth of a second or so, and of those next to it."""
+    times = np.arange(0, 2, 0.01)
+    joints = np.stack([1e-6 * times**2, -1e-6 * times], axis=1)
+    near = np.abs(times - time) <= _AROUND_S + 1e-9
+    found = _standing_state(Track(times, joints=joints), time)
+    np.testing.assert_allclose(found, joints[near].mean(0), rtol=1e-9)
+
+
+def test_a_time_needs_records_on_both_sides() -> None:
+    """From the first to the last record, less the time around; no gap may be long."""
+    times = 10 + np.arange(0, 2, 0.01)
+    still = Track(times, joints=np.zeros((len(times), 2)))
+    first, last = times[0] + _AROUND_S, times[-1] - _AROUND_S
+    for time, is_known in ((first + 1e-4, True), (first - 1e-4, False), (last - 1e-4, True), (last + 1e-4, False)):
+        assert (_standing_state(still, time) is not None) == is_known
+    for gap_s, is_known in ((0.9 * _MOST_APART_S, True), (1.1 * _MOST_APART_S, False)):
+        apart = np.concatenate([times, times[-1] + gap_s + times - times[0]])
+        track = Track(apart, joints=np.zeros((len(apart), 2)))
+        assert (_standing_state(track, times[-1] + 1e-3) is not None) == is_known
+
+
+def test_four_records_tell_their_noise() -> None:
+    """Read-back that hops between two values is at rest; three records that do are a movement."""
+    hop = 1.2 * _STILL_RAD_M
+    for count, is_known in ((4, True), (3, False)):
+        times = np.concatenate([[-10.0], np.linspace(-0.9, 0.9, count) * _AROUND_S, [10.0]])
+        joints = np.array([[0.0], *([hop * (k % 2)] for k in range(count)), [0.0]])
+        assert (_standing_state(Track(times, joints=joints), 0.0) is not None) == is_known
+
+
+@pytest.mark.parametrize("most", [22, 21])
+def test_a_recording_is_full(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
+    """At its limit, with the images and views."""
+    monkeypatch.setattr(rows, "_MOST_ROWS", most)
+    both = Tracks({"arm": ARM}, {("eye", "tag"): TAG}, {})
+    if most == 22:
+        assert len(stream_instants(both, "x")) == 22
+    else:
+        with pytest.raises(InputError, match="22 lines, expected at most 21: cut it"):
+            stream_instants(both, "x")
+
+
+def test_images_of_a_stream_are_all_written(tmp_path: Path) -> None:
+    """Those of a camera into one folder."""
+    writer, seen = new_bag(tmp_path, "mcap"), BEGIN_S + np.array([0.3, 0.5])
+    for k, time in enumerate(seen):
+        writer.image("/eye/image_raw", float(time), np.full((3, 4), k, np.uint8))
+    instants = stream_instants(Tracks({}, {}, {"eye": seen}), "x")
+    (tmp_path / "images").mkdir()
+    with open_bag(writer.close()) as bag:
+        taken = Taken(cameras={"eye": CameraSource("/eye/image_raw", None, "arm")})
+        written = write_images(bag, taken, instants, tmp_path / "images")
+    assert sorted(path.name for path in written.values()) == [f"{time:.6f}.pgm" for time in seen]
+    assert [path.read_bytes()[-1] for _, path in sorted(written.items(), key=lambda item: item[1])] == [0, 1]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, CameraSource, Taken
+from types import SimpleNamespace
+
+from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, ByTagPoses, CameraSource, Taken
+from basecal.geometry import SE3
 from basecal.kinematics import SerialChain
 
 
@@ -24,3 +27,9 @@ def test_a_line_for_each(arm: SerialChain) -> None:
         "camera 'post', on 'world': /p",
         "target 'tag' seen by 'eye': /tag",
     ]
+
+
+def test_tags_are_named() -> None:
+    """By their numbers, or as the only one."""
+    for tags, words in (({3: SE3.identity(), 5: SE3.identity()}, "tag 3, 5"), ({}, "tag the only one of each image")):
+        assert str(ByTagPoses("/tags", SimpleNamespace(tag_from_target=tags))) == f"poses of /tags, {words}"

@@ -52,3 +52,14 @@ def test_a_message_holds_one_pose():
     both = replace(wanted(), transforms=(*wanted(BASE).transforms, *wanted(INVERSE).transforms))
     with pytest.raises(InputError, match=f"with --transform: {BASE}, {INVERSE}"):
         export_text(both)
+
+
+def test_no_zero_is_negative() -> None:
+    """Of position and orientation."""
+    request = wanted(BASE)
+    (one,) = request.transforms
+    zeros = SE3(np.diag([-1.0, -1.0, 1.0]), np.array([-0.0, 0.0, -0.0]))
+    text = export_text(replace(request, transforms=(replace(one, estimate=replace(one.estimate, mean=zeros)),)))
+    lines = [line for line in text.splitlines() if "position" in line or "orientation" in line]
+    assert len(lines) == 2
+    assert "-0.0" not in "".join(lines)

@@ -90,3 +90,12 @@ def test_what_is_no_covariance_is_said(variance):
         with pytest.raises(InputError, match=f"the covariance of {BASE} is none"):
             chosen_transforms(calibration, CELL, name)
     assert names(both_directions(calibration))[0] == MOUNT
+
+
+def test_cameras_without_a_frame_keep_their_name():
+    """A frame of another program replaces it."""
+    for frame, name in ((None, "wrist"), ("optical", "optical")):
+        camera = replace(CELL.cameras["wrist"], frame=frame)
+        parent, child = frame_names(replace(CELL, cameras={**CELL.cameras, "wrist": camera}), MOUNT)
+        assert child == name
+        assert parent == frame_names(CELL, BASE.replace("_base_from_hand_base", "_flange_from_x"))[0]

@@ -13,11 +13,14 @@ import pytest
 from tests.exchange.test_lerobot import DEGREES, dataset, names_of
 from tests.shared.boxed_here import boxed_here
 
-from basecal.cell.files import read_cell, read_recording
+from basecal.cell import RobotState, Sample
+from basecal.cell.files import append_samples, read_cell, read_recording
 from basecal.cli import main
 from basecal.errors import DatasetError
-from basecal.exchange.importers.lerobot import Film, find_film, write_images
+from basecal.exchange.importers.lerobot import Film, _choose_frames, find_film, write_images
+from basecal.exchange.lerobot import Episode
 from basecal.exchange.urdf import chain_urdf
+from basecal.geometry import SE3
 from basecal.kinematics import SerialChain
 
 FILM = Path(__file__).parents[2] / "data" / "film_av1.mp4"
@@ -253,3 +256,19 @@ def test_lists_of_addresses_are_no_films(tmp_path: Path, kind: str) -> None:
                 write_images(Film(path, 0.0), np.array([0.0]), tmp_path)
         with pytest.raises(TimeoutError):
             peer.accept()
+
+
+def test_frames_are_those_of_samples_that_wait(tmp_path: Path) -> None:
+    """Samples with times that lack the robot; if there are none near the episode, the frames at rest."""
+    (tmp_path / "cell.yaml").write_text("schema: basecal/cell/1\nreference: a\nrobots: {a: {}, b: {}}\n")
+    state = {"a": RobotState(SE3.identity())}
+    append_samples(
+        tmp_path, [Sample(0, 0.5, state), Sample(1, 1.5, {**state, "b": state["a"]}), Sample(2, None, state)]
+    )
+    episode = Episode(("m",), np.arange(8.0)[:, None], np.arange(8) / 4)
+    cell = read_cell(tmp_path)
+    assert _choose_frames(tmp_path, cell, "b", episode, 0.0).tolist() == [2]
+    assert _choose_frames(tmp_path, cell, "a", episode, 0.0).tolist() == list(range(8))
+    late = Episode(("m",), episode.values, episode.stamps_s + 100)
+    assert _choose_frames(tmp_path, cell, "b", late, 0.0).tolist() == list(range(8))
+    assert len(_choose_frames(tmp_path, cell, "b", late, 1.0)) == 2

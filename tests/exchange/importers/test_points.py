@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from basecal.cell.files import latest_run, read_calibration, read_cell
+from basecal.cell.format.yaml_text import yaml_text
 from basecal.cli import main
-from basecal.errors import DatasetError
+from basecal.errors import DatasetError, UsageError
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.points import PointTable, read_points
 from basecal.geometry import SE3
@@ -103,3 +104,49 @@ def test_rows_of_one_sample_are_joined(tmp_path: Path, column: str, numbers: str
     (tmp_path / "points.csv").write_text(f"target,{column},x_m,y_m,z_m\n{rows}")
     found = read_points(tmp_path / "c", tmp_path / "points.csv", camera="tracker", robot="arm").rows
     assert [[seen.points_in_camera[0, 0] for seen in row.observations] for row in found] == joined
+
+
+def table_of(folder: Path, text: str) -> Path:
+    (folder / "points.csv").write_text(text)
+    return folder / "points.csv"
+
+
+def test_what_the_cell_has_is_not_added_again(tmp_path: Path) -> None:
+    """Unknown reflectors are new on the robot, an unknown instrument on the world; known ones need no robot."""
+    words = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}}
+    there = {"cameras": {"laser": {"kind": "tracker", "on": "world"}}, "targets": {"top": {"on": "arm"}}}
+    (tmp_path / "cell.yaml").write_text(yaml_text({**words, **there}))
+    file = table_of(tmp_path, "target,x_m,y_m,z_m\ntop,1,2,3\nside,1,2,3\n")
+    both = read_points(tmp_path, file, camera="laser", robot="arm").cell
+    assert both == {"targets": {"side": {"on": "arm", "kind": "points", "points_m": [[0, 0, 0]]}}}
+    with pytest.raises(UsageError, match=r"--robot is missing: give the carrier of side$"):
+        read_points(tmp_path, file, camera="laser")
+    known = table_of(tmp_path, "x_m,y_m,z_m\n1,2,3\n")
+    found = read_points(tmp_path, known, camera="other", target="top")
+    assert found.cell == {"targets": {}, "cameras": {"other": {"kind": "tracker", "on": "world"}}}
+    assert found.what == "1 points of top in other, m"
+
+
+@pytest.mark.parametrize("sigma_m", [None, 2e-5])
+def test_the_sigma_of_points(tmp_path: Path, sigma_m: float | None) -> None:
+    """It is of every point if it is given, and else estimated."""
+    file = table_of(tmp_path, "x_m,y_m,z_m\n1,2,3\n4,5,6\n")
+    rows = read_points(tmp_path / "c", file, camera="laser", target="top", robot="arm", sigma_m=sigma_m).rows
+    sigmas = [None if seen.sigma_m is None else seen.sigma_m.tolist() for row in rows for seen in row.observations]
+    assert sigmas == [None if sigma_m is None else [sigma_m]] * 2
+
+
+@pytest.mark.parametrize(("text", "target"), [("target,x_m,y_m,z_m\na,1,2,3\n", "b"), ("x_m,y_m,z_m\n1,2,3\n", None)])
+def test_reflectors_are_named_once(tmp_path: Path, text: str, target: str | None) -> None:
+    """By the option or by the column, not by both or neither."""
+    with pytest.raises(UsageError, match="name the measured reflector with either --target or a column"):
+        read_points(tmp_path / "c", table_of(tmp_path, text), camera="laser", target=target, robot="arm")
+
+
+def test_a_sample_has_a_reflector_once(tmp_path: Path) -> None:
+    """Two points of one in a sample are an error; other reflectors, and other samples, are not."""
+    file = table_of(tmp_path, "target,sample,x_m,y_m,z_m\na,0,1,2,3\nb,0,1,2,3\na,1,1,2,3\n")
+    assert len(read_points(tmp_path / "c", file, camera="laser", robot="arm").rows) == 2
+    file = table_of(tmp_path, "target,sample,x_m,y_m,z_m\na,0,1,2,3\nb,0,1,2,3\na,0,1,2,3\n")
+    with pytest.raises(DatasetError, match="twice"):
+        read_points(tmp_path / "c", file, camera="laser", robot="arm")

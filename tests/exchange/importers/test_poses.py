@@ -11,8 +11,9 @@ import pytest
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
 from basecal.errors import UsageError
+from basecal.exchange.controller_poses import Reading
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.exchange.importers.poses import table_reading
+from basecal.exchange.importers.poses import _robot_poses, table_reading
 from basecal.geometry import SE3
 
 DRAWN = SE3.exp(np.random.default_rng(3).normal(0, 0.5, (4, 6)))
@@ -130,3 +131,19 @@ def test_units_that_are_stated_are_read(deg: bool, rad: bool, angle_rad: float |
         table_reading("a.csv", "kuka", None, True, True)
     with pytest.raises(UsageError, match=r"--format no 'kuca' \(did you mean 'kuka'\?\)"):
         table_reading("a.csv", "kuca", None, deg, rad)
+
+
+@pytest.mark.parametrize("frames", [{}, {"base": "BASE_3", "flange": None}, {"base": None, "flange": "TOOL_1"}])
+def test_stated_frames_replace_those_of_the_cell(tmp_path: Path, frames: dict[str, str | None]) -> None:
+    """Only those that are stated are written; without any, what the cell states stays."""
+    (tmp_path / "a.csv").write_text("0.1,0.2,0.3,0,0,0\n")
+    found = _robot_poses("arm", str(tmp_path / "a.csv"), Reading("ur"), False, (), frames)
+    stated = {name: frame for name, frame in frames.items() if frame}
+    assert found.cell == {"robots": {"arm": {"controller": {"format": "ur", **stated}}}}
+    place = frozenset({("robots", "arm", "controller")})
+    assert (found.replaced, found.defaults) == ((place, frozenset()) if stated else (frozenset(), place))
+    assert not found.is_stream
+    assert found.what.startswith("1 poses arm_base_from_arm_flange as of ur")
+    turned = _robot_poses("arm", str(tmp_path / "a.csv"), Reading("ur"), False, ("base-from-flange",), frames)
+    assert turned.what.startswith("1 poses arm_flange_from_arm_base, inverted, as of ur")
+    assert turned.rows[0].robots["arm"].base_from_flange.translation.tolist() == [-0.1, -0.2, -0.3]

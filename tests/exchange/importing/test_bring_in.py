@@ -11,7 +11,7 @@ import pytest
 from basecal.cell import Cell, PoseObservation, Recording, RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.importing.bring_in import add_to_cell
+from basecal.exchange.importing.bring_in import _omit_defaults, _places, add_to_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.geometry import SE3
 
@@ -183,3 +183,29 @@ def test_what_is_replaced_is_kept_and_all_else_stays(tmp_path: Path) -> None:
     (kept,) = (folder / "originals").iterdir()
     assert content(kept)["cell.yaml"] == before["cell.yaml"]
     assert content(kept)["samples.jsonl"] == before["recording/samples.jsonl"]
+
+
+def test_places_of_what_is_added() -> None:
+    """A pose or a lens is one place; a target has a place for each of its fields."""
+    lens = {"status": "free", "guess": {"fx": 1}}
+    target = {"kind": "charuco", "squares": [5, 7]}
+    data = {"cameras": {"a": {"on": "b", "intrinsics": lens}}, "targets": {"t": target}, "reference": "b"}
+    assert set(_places(data)) == {
+        ("cameras", "a", "on"),
+        ("cameras", "a", "intrinsics"),
+        ("targets", "t", "kind"),
+        ("targets", "t", "squares"),
+        ("reference",),
+    }
+
+
+def test_defaults_give_way_to_values() -> None:
+    """Only where the cell has a value, at any depth, and only for what is a default."""
+    new = {"robots": {"a": {"noise": 1, "controller": {"format": "ur"}}}}
+    place = frozenset({("robots", "a", "controller")})
+    assert _omit_defaults(new, place, {"robots": {"a": {"noise": 2, "controller": 3}}}) == {
+        "robots": {"a": {"noise": 1}}
+    }
+    for old in ({}, None, {"robots": {"a": {"noise": 2}}}, {"robots": {"b": {"controller": 3}}}):
+        assert _omit_defaults(new, place, old) == new
+    assert _omit_defaults(new, frozenset(), {"robots": {"a": {"controller": 3}}}) == new

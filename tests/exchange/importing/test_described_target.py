@@ -15,7 +15,7 @@ from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.registry import TARGETS
 from basecal.cli import main
 from basecal.errors import InputError
-from basecal.exchange.importing.described_target import Shape, are_indistinguishable, target_fields
+from basecal.exchange.importing.described_target import Shape, are_indistinguishable, print_sizes, target_fields
 from basecal.geometry import SE3
 
 SHAPES = {
@@ -166,3 +166,13 @@ def test_boards_that_no_image_tells_apart_are_refused(tmp_path: Path, capsys: py
     assert [*read_cell(cell).targets] == ["board"]
     assert main([*second, "--target-name", "plate", "--dictionary", "DICT_5X5_50"]) == 0
     assert [*read_cell(cell).targets] == ["board", "plate"]
+
+
+@pytest.mark.parametrize(("columns", "rows", "name"), [(10, 10, "50"), (10, 11, "100"), (1, 101, "50"), (2, 51, "100")])
+def test_the_dictionary_has_a_marker_for_every_other_square(columns: int, rows: int, name: str) -> None:
+    """The smallest one with enough markers; one that is stated stays, and a marker has its share of the square."""
+    sizes = print_sizes(columns, rows, 0.04, None, None, "tag36h11", 0)
+    assert sizes.dictionary == f"DICT_4X4_{name}"
+    assert 0 < sizes.marker_m < sizes.square_m == 0.04
+    stated = print_sizes(columns, rows, 0.04, 0.01, "DICT_6X6_50", "tag36h11", 0)
+    assert (stated.dictionary, stated.marker_m) == ("DICT_6X6_50", 0.01)

@@ -132,3 +132,36 @@ def test_a_mount_of_which_nothing_is_known_is_guessed(unknown: Unknown | None, i
     assert ("guess" in _mount(unknown, POSES[0]).get("mount", {})) == is_guessed
     assert bool(_mount(unknown, POSES[0])) == is_open
     assert bool(_mount(unknown, None)) == (unknown is None)
+
+
+def test_the_carrier_of_one_of_two_cameras(tmp_path: Path) -> None:
+    """The camera that is named tells it; without a name, only what the user states counts."""
+    cell = cell_in(tmp_path, cameras={"a": {"on": "arm"}, "b": {"on": "world"}}, targets={"t": {"on": "world"}})
+    assert [is_camera_on_robot(cell, name) for name in ("a", "b", None)] == [True, False, None]
+    assert [is_camera_on_robot(cell, None, on) for on in ("robot", "world", "arm")] == [True, False, True]
+    assert [is_camera_on_robot(cell, "b", "arm", robot) for robot in (None, "arm", "other")] == [True, True, False]
+
+
+def test_the_robot_is_the_one_that_carries(tmp_path: Path) -> None:
+    """Of two, that of the camera or of the target; things on the world leave it open."""
+    things = {"cameras": {"cam": {"on": "left"}}, "targets": {"tag": {"on": "right"}}}
+    cell = cell_in(tmp_path, reference="left", robots={"left": {}, "right": {}}, **things)
+    assert chosen_names(cell, None, None, None, True).robot == "left"
+    assert chosen_names(cell, None, None, None, False).robot == "right"
+    assert chosen_names(cell, "right", None, None, True).robot == "right"
+    still = cell_in(tmp_path, reference="left", robots={"left": {}, "right": {}}, cameras={"cam": {"on": "world"}})
+    with pytest.raises(InputError, match=r"which robot\?"):
+        chosen_names(still, None, None, "tag", True)
+    with pytest.raises(InputError, match=r"which robot\?"):
+        chosen_names(still, None, None, "tag", False)
+
+
+def test_the_shape_of_a_target_stays(tmp_path: Path) -> None:
+    """That of the file is taken for a target without one."""
+    shape = {"kind": "led"}
+    cell = cell_in(tmp_path, cameras={"cam": {"on": "arm"}}, targets={"led": {"on": "world", "kind": "led"}})
+    record = recorded(True, target=shape)
+    assert "kind" not in imported_hand_eye(cell, record, Names("arm", "cam", "led")).cell["targets"]["led"]
+    assert imported_hand_eye(cell, record, Names("arm", "cam", "new")).cell["targets"]["new"]["kind"] == "led"
+    bare = cell_in(tmp_path, cameras={"cam": {"on": "arm"}}, targets={"tag": {"on": "world"}})
+    assert imported_hand_eye(bare, record, Names("arm", "cam", "tag")).cell["targets"]["tag"]["kind"] == "led"

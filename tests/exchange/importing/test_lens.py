@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from basecal.cell import Cell
-from basecal.cell.files import read_cell
+from basecal.cell import Cell, Sample
+from basecal.cell.files import append_samples, read_cell
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.fields import parse_fields
@@ -157,3 +158,30 @@ def test_a_lens_as_the_cell_has_it() -> None:
     }
     with pytest.raises(DatasetError, match=r"a.yaml:1: k: the focal lengths are -500"):
         made_camera(HERE, "pinhole", [-500, 500, 320, 240], None)
+
+
+def test_a_guess_that_is_there_stays(tmp_path: Path) -> None:
+    """A free mount without a guess gets the one of the file."""
+    guess = {"status": "free", "guess": {"t_m": [0.2, 0, 0], "q_xyzw": [0, 0, 0, 1]}}
+    for mount, x in (({"status": "free"}, 0.5), (guess, 0.2)):
+        cell_in(tmp_path, cameras={"wrist": {"on": "arm", "mount": mount}})
+        moved = SE3(np.eye(3), np.array([0.5, 0, 0]))
+        imported = lens_of_file(tmp_path, LENS, "a.yaml", None, None, "fixed", mount=moved)
+        mean = brought(tmp_path, imported).cameras["wrist"].mount.mean
+        assert mean is not None
+        assert mean.translation[0] == x
+
+
+@pytest.mark.parametrize(("size", "is_other"), [((640, 480), False), ((640, 360), True), ((320, 480), True)])
+def test_images_have_the_size_of_the_lens(tmp_path: Path, size: tuple[int, int], is_other: bool) -> None:
+    """The first recorded image of the camera is compared."""
+    cell_in(tmp_path, cameras={"wrist": {"on": "arm"}, "hall": {"on": "world"}})
+    for name, pixels in (("wrist", size), ("hall", (8, 6))):
+        (tmp_path / name).with_suffix(".png").write_bytes(cv2.imencode(".png", np.zeros(pixels[::-1], np.uint8))[1])
+    samples = [Sample(0, images={"hall": "hall.png"}), Sample(1, images={"hall": "hall.png", "wrist": "wrist.png"})]
+    append_samples(tmp_path, samples)
+    if is_other:
+        with pytest.raises(InputError, match=f"640 x 480 px, wrist.png has {size[0]} x {size[1]}: import the calib"):
+            lens_of_file(tmp_path, LENS, "a.yaml", "wrist", None, "fixed")
+    else:
+        assert "wrist" in lens_of_file(tmp_path, LENS, "a.yaml", "wrist", None, "fixed").cell["cameras"]

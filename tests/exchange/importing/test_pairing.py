@@ -11,7 +11,7 @@ import pytest
 from basecal.cell import PoseObservation, RobotState, Sample
 from basecal.errors import InputError
 from basecal.exchange.importing.imported import By, Imported, Row
-from basecal.exchange.importing.pairing import is_same_state, pair, plain_name
+from basecal.exchange.importing.pairing import _pairing_method, is_same_state, pair, plain_name
 from basecal.geometry import SE3
 
 TIMED = [Sample(n, 10.0 + n) for n in (0, 1, 2)]
@@ -232,3 +232,23 @@ def test_a_session_of_which_one_row_is_new_is_one() -> None:
     assert session({"a": at(0), "b": at(1)}) == (2,)
     with pytest.raises(InputError, match="nothing needs to be imported"):
         session({"a": at(1)}, {"a": at(0), "b": at(0)})
+
+
+def test_the_method_of_pairing_follows_from_what_rows_have() -> None:
+    """Images by name if any name is known, tables by name, then samples, then times, then the order."""
+    path, timed = Path("a.png"), Sample(0, 1.0)
+    table, folder = Row(image="a.png", sample=1, stamp_s=1.0), Row(image="a.png", images={"cam": path})
+    other = Row(image="b.png", images={"cam": path})
+    assert _pairing_method([table], [timed], {"c": 0}) == "image"
+    assert _pairing_method([folder, other], [timed], {"a": 0}) == "image"
+    assert _pairing_method([folder], [timed], {"c": 0}) == "order"
+    assert _pairing_method([table], [timed], {}) == "sample"
+    assert _pairing_method([table, Row(sample=1)], [timed], {"a": 0}) == "sample"
+    assert _pairing_method([Row(stamp_s=1.0)], [timed], {}) == "stamp_s"
+    for rows, samples in (
+        ([Row(stamp_s=1.0), Row()], [timed]),
+        ([Row(stamp_s=1.0)], [timed, Sample(1)]),
+        ([], [timed]),
+    ):
+        assert _pairing_method(rows, samples, {"a": 0}) == "order"
+    assert _pairing_method([Row(stamp_s=1.0)], [], {}) == "order"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.lens_files.file_storage import read_file_storage
+from basecal.exchange.lens_files.file_storage import _DEEPEST, read_file_storage
 
 MATRIX = np.array([[766.5, 0, 640.9], [0, 765.4, 1e-7], [0, 0, 1]])
 
@@ -88,3 +88,19 @@ def test_xml_may_be_as_deep_as_yaml(tmp_path: Path) -> None:
     path.write_text("<a>" * 34 + "</a>" * 34)
     with pytest.raises(DatasetError, match="nested deeper than 32 levels"):
         read_file_storage(path)
+
+
+@pytest.mark.parametrize("tag", ["_", "a"])
+def test_files_are_as_deep_as_opencvs(tmp_path: Path, tag: str) -> None:
+    """Lists and mappings up to the limit are read, and one level more is refused."""
+    for depth in (_DEEPEST - 1, _DEEPEST + 1):
+        text = f"<{tag}>" * depth + "1 2" + f"</{tag}>" * depth
+        (tmp_path / "a.xml").write_text(f"<opencv_storage>{text}</opencv_storage>")
+        if depth > _DEEPEST:
+            with pytest.raises(DatasetError, match=f"nested deeper than {_DEEPEST} levels"):
+                read_file_storage(tmp_path / "a.xml")
+        else:
+            data = read_file_storage(tmp_path / "a.xml").data
+            for _ in range(depth):
+                (data,) = data if isinstance(data, list) else data.values()
+            assert data == [1, 2]

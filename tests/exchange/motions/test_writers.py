@@ -96,3 +96,10 @@ def test_poses_are_rotation_vectors() -> None:
         apart = way.pose("hand", sample).inverse() @ SE3.from_rotvec(np.array(numbers[3:]), np.array(numbers[:3]))
         assert kind == "p"
         assert np.abs(apart.log()).max() < 1e-6
+
+
+def test_samples_of_a_program_are_counted() -> None:
+    """From one, beside their numbers, in the order of the way."""
+    text = write_ur_script(of_joints("hand"))
+    assert re.findall(r"textmsg\(.basecal: (.*?).\)", text) == [f"sample {19 + k}, {k} of 3" for k in (1, 2, 3)]
+    assert re.findall(r"popup\(.(sample .*?): take", text) == [f"sample {19 + k}, {k} of 3" for k in (1, 2, 3)]
