@@ -26,7 +26,7 @@ from basecal.vision.fit.corner_shapes import saddle
 from basecal.vision.fit.corners import Window, refine_corners
 from basecal.vision.fit.local_map import local_axes
 from quick import quick
-from vision_scenes import FISHEYE, PLAIN, TARGETS, WIDE, poses
+from vision_scenes import FISHEYE, PLAIN, SMALL, TARGETS, WIDE, poses
 
 CLEAN = RenderSettings(noise=0.0)
 
@@ -239,3 +239,11 @@ def test_blur_reaches_four_and_a_half_sigmas() -> None:
     image = np.zeros((41, 41), np.float32)
     image[20, 20] = 1e6
     assert np.flatnonzero(blur_image(image, 2.0)[20]).tolist() == list(range(11, 30))
+
+
+def test_usual_ink_and_paper() -> None:
+    """Are at 30 and 200 of 255 levels, before a background of 110."""
+    levels = radiance(SMALL, [(chessboard_target((3, 3), 0.05), SE3(np.eye(3), np.array([-0.1, -0.1, 0.6])))], CLEAN)
+    assert levels.min() == pytest.approx(30, abs=0.01)
+    assert levels.max() == pytest.approx(200, abs=0.01)
+    assert levels[0, -1] == pytest.approx(110, abs=0.01)
