@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 
 from basecal.reporting.svg import (
@@ -11,9 +12,12 @@ from basecal.reporting.svg import (
     FAINTEST,
     HEIGHT,
     bar,
+    dots,
+    drawing,
     element,
     label_lines,
     nice_ceiling,
+    segments,
     three_digits,
     tile,
     wrapped_label,
@@ -85,3 +89,25 @@ def test_a_tile_with_least_is_told_from_none() -> None:
     assert shades == [FAINTEST, (1 + FAINTEST) / 2, 1.0]
     assert "<title>a &lt; b</title>" in tile((0, 0, 1, 1), 0.5, "a < b")
     assert "<title>" not in tile((0, 0, 1, 1), 0.5)
+
+
+def test_a_drawing_keeps_its_shape_unless_it_is_stretched() -> None:
+    """With a text alternative and the box of its view."""
+    plain = drawing(640.0, 360.5, "a < b", "inside")
+    assert 'viewBox="0 0 640 360.5"' in plain
+    assert "<title>a &lt; b</title>" in plain
+    assert "preserveAspectRatio" not in plain
+    assert 'preserveAspectRatio="none"' in drawing(1.0, 1.0, "x", stretch=True)
+
+
+def test_a_bar_stands_in_the_middle_of_its_column() -> None:
+    """A twentieth of the width is free on each side."""
+    assert 'class="bar" x="21.0" ' in bar(20.0, 20.0, 0.5, "x", 7, "view")
+    assert 'width="18.0"' in bar(20.0, 20.0, 0.5, "x", 7, "view")
+
+
+def test_lines_and_dots_are_in_tenths() -> None:
+    """Of what is between two points, or at one."""
+    assert segments([np.array([[0.0, 1.04], [2.06, 3.0]])]) == "M0.0 1.0L2.1 3.0"
+    assert dots(np.array([[0.04, 1.0], [2.0, 3.06]])) == "M0.0 1.0h0M2.0 3.1h0"
+    assert segments([]) == dots([]) == ""

@@ -115,3 +115,12 @@ def test_the_truth_has_every_transform_of_the_cell():
     assert named.keys() == cell.transforms.keys()
     assert named["eye_base_from_hand_base"] is scene.bases["hand"]
     assert named["eye_flange_from_wrist"] is scene.mounts["wrist"]
+
+
+def test_usual_priors_are_of_a_rough_measurement():
+    """Bases by a centimetre, mounts by 5 mm, lenses by 5 px and a hundredth."""
+    _, cell = told(base="prior", camera_mount="prior", target_mount="prior", intrinsics="prior")
+    np.testing.assert_array_equal(cell.bases["hand"].sigma, [0.01] * 3 + [0.02] * 3)
+    for thing in (cell.cameras["wrist"], cell.targets["board"]):
+        np.testing.assert_array_equal(thing.mount.sigma, [0.005] * 3 + [0.05] * 3)
+    assert cell.cameras["wrist"].intrinsics.sigma.tolist() == [5.0] * 4 + [0.01] * 5

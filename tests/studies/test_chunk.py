@@ -13,7 +13,7 @@ from basecal.geometry import SE3
 from basecal.studies import chunk as module
 from basecal.studies.chunk import COLUMNS, chunk_path, keep_chunk, pack_result, read_chunk, work_chunk
 from basecal.studies.solvers.solver import Answers
-from study_example import SMALL, study
+from study_example import BOARD, SMALL, study
 
 
 def test_a_chunk_is_a_function_of_the_study() -> None:
@@ -87,3 +87,26 @@ def test_files_are_read_back_or_not_at_all(tmp_path: Path) -> None:
     for damaged in (b"", whole[: len(whole) // 2], b"PK" + bytes(100), whole[:200] + b"\xff" * 40 + whole[240:]):
         path.write_bytes(damaged)
         assert read_chunk(tmp_path, made, chunk) is None
+
+
+def test_the_time_of_a_batch_is_shared_by_its_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 6 s for three trials each has 2 s, also where there is no answer."""
+    clock = iter((10.0, 16.0))
+    monkeypatch.setattr(module.time, "perf_counter", lambda: next(clock))
+    made = study(trials=3, cells=1, hold=f"{SMALL}, layout: eye_in_hand, arms: halves")
+    trials = work_chunk(made, made.chunks[0]).trials
+    assert trials.time_s.tolist() == [2.0] * 3
+    assert np.isnan([trials.sigma_mm, trials.sigma_deg, trials.nees, trials.error_mm]).all()
+    assert trials.directions.tolist() == [0] * 3
+    assert trials.trial.tolist() == [0, 1, 2]
+
+
+def test_places_of_cells_and_trials_are_those_of_their_pieces() -> None:
+    """Three trials on two cells: two of the first, and the third of the second; each reason once."""
+    made = study(trials=3, cells=2, hold=f"{BOARD}, layout: eye_in_hand, arms: halves", axes="samples: [5, 6]")
+    result = work_chunk(made, made.chunks[1])
+    assert result.trials.cell.tolist() == [0, 0, 1]
+    assert result.trials.trial.tolist() == [0, 1, 2]
+    assert result.trials.point.tolist() == [1] * 3
+    assert len(result.reasons) == 1
+    assert chunk_path(Path("a"), made.chunks[1]) == Path("a/chunks/000001.npz")

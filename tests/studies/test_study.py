@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 from basecal.studies.solvers.registry import SOLVERS
-from basecal.studies.study import _MOST_CELLS, BLOCK, label
+from basecal.studies.study import _MOST_CELLS, BLOCK, _abbreviate, label
 from study_example import BOARD, study
 
 
@@ -80,3 +80,46 @@ def test_labels_are_short() -> None:
     made = study(axes=f"board: [{boards}]")
     assert [point.label["board"] for point in made.points] == ["charuco 5x7 0.03 0.0225 DICT_4X4_50"]
     assert label(True) is True
+
+
+def test_a_generator_draws_256_trials() -> None:
+    """The numbers of a study depend on where the next generator begins."""
+    pieces = {count: study(trials=count, cells=1).chunks for count in (256, 257)}
+    assert [[piece.count for chunk in chunks for piece in chunk.pieces] for chunks in pieces.values()] == [
+        [256],
+        [256, 1],
+    ]
+
+
+def test_a_chunk_has_the_trials_that_its_solver_does_in_seconds() -> None:
+    """A generator of the estimator, 64 generators of the closed form, and the trials of at most twenty cells."""
+    shifts = "layout: shifts, solver: closed_form"
+    for trials, cells, hold, counts in (
+        (257, 1, "", [256, 1]),
+        (64 * 256, 1, shifts, [64 * 256]),
+        (64 * 256 + 1, 1, shifts, [64 * 256, 1]),
+        (20, 20, "", [20]),
+        (42, 21, "", [40, 2]),
+    ):
+        assert [chunk.trials for chunk in study(trials=trials, cells=cells, hold=hold).chunks] == counts
+
+
+def test_identity_holds_the_order_of_an_axis_and_the_cells() -> None:
+    """The same values in another order are other points."""
+    made = study(axes="samples: [5, 6]")
+    assert [point.settings["samples"] for point in made.points] == [5, 6]
+    assert made.identity == study(axes="samples: [5, 6]", hold="pixel_px: 0.2").identity
+    assert made.identity != study(axes="samples: [6, 5]").identity
+    assert made.identity != study(axes="samples: [5, 6]", cells=1).identity
+
+
+def test_labels_leave_out_lists_of_four() -> None:
+    """A list of three numbers is written with an x between, words and numbers as they are."""
+    assert [_abbreviate(option) for option in ([1, 2.5, "a"], 0.25, 3, "DICT", None, False)] == [
+        "1x2.5",
+        "0.25",
+        "3",
+        "DICT",
+        "",
+        "",
+    ]

@@ -211,3 +211,14 @@ def test_only_exif_states_an_orientation() -> None:
         assert header(b"\xff\xd8" + segment + frame) == Header((640, 480), orientation)
     cut = b"\xff\xe1" + struct.pack(">H", 8 + 12) + b"Exif\0\0" + exif
     assert header(b"\xff\xd8" + cut + frame) is None
+
+
+def test_exif_without_an_orientation_is_upright() -> None:
+    """In a JPEG and in a PNG."""
+    frame = b"\xff\xc0" + struct.pack(">HBHHB", 8, 8, 480, 640, 1)
+    exif = tiff((256, 3, 1, 6))
+    segment = b"\xff\xe1" + struct.pack(">H", 8 + len(exif)) + b"Exif\0\0" + exif
+    assert header(b"\xff\xd8" + segment + frame) == Header((640, 480), 1)
+    found = header(png((b"eXIf", exif)))
+    assert found is not None
+    assert found.orientation == 1

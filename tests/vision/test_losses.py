@@ -133,3 +133,11 @@ def test_images_are_surveyed_if_more_than_half_are_lost(
     first, *_ = lost_images(searched(found, 10 - found), {"board": TARGETS["charuco"]}, tmp_path)
     assert first.code == "few-images"
     assert (first.do == ("'board': another board.",)) == hinted
+
+
+def test_nothing_is_explained_if_an_image_shows_a_target(tmp_path: Path) -> None:
+    """Whatever the others lack; nor is it without images."""
+    unusable = Searched(5, "wrist", "5.png", unusable="is empty")
+    assert explain_no_target([*searched(1, 0), unusable], {}, tmp_path) == ""
+    assert explain_no_target([unusable], {}, tmp_path) == "sample 5: 5.png is empty"
+    assert explain_no_target([], {"board": TARGETS["charuco"]}, tmp_path) == ""

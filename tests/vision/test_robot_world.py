@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from basecal.geometry import SE3, Camera
-from basecal.vision.robot_world import camera_from_target, robot_world
+from basecal.vision.robot_world import METHODS, camera_from_target, robot_world
 
 LENS = Camera("pinhole", np.array([900.0, 905.0, 640.0, 350.0, -0.2, 0.05, 0.001, -0.001, 0.0]), (1280, 720))
 
@@ -40,3 +41,14 @@ def test_too_few_poses_are_none() -> None:
     """OpenCV wants three."""
     one = SE3.identity((1,))
     assert robot_world(one, one) is None
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_finds_both_unknowns(method: str) -> None:
+    """From exact poses, also by the methods for a camera on a hand, whose second unknown is a mean over the views."""
+    rng = np.random.default_rng(1)
+    first, last, inner = (SE3.exp(0.6 * rng.normal(size=s)) for s in (6, 6, (12, 6)))
+    found = robot_world(first @ inner @ last, inner, method)
+    assert found is not None
+    np.testing.assert_allclose(found.first.matrix, first.matrix, atol=1e-5)
+    np.testing.assert_allclose(found.last.matrix, last.matrix, atol=1e-5)

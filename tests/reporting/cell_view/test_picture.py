@@ -145,3 +145,25 @@ def test_ellipsoids_are_drawn_in_the_scale_of_the_cell(drawn: Scene) -> None:
     assert ball[0] == pytest.approx(ball[1], rel=0.01)
     assert line[0] == pytest.approx(ball[0], rel=0.01)
     assert line[1] < 1
+
+
+def test_what_is_farther_away_is_drawn_higher(drawn: Scene) -> None:
+    """The cell is seen from 0.45 rad above: of axes to the right, away and up each has its direction."""
+    right = drawn.across
+    turned = SE3(np.column_stack([right, np.cross([0, 0, 1], right), [0, 0, 1]]), np.zeros(3))
+    arms = (replace(drawn.arms[0], world_from_base=turned), *drawn.arms[1:])
+    axes = shown_axes(picture(replace(drawn, arms=arms, bodies=())))
+    x, y, z = (np.subtract(*axes[axis][1][::-1]) for axis in "xyz")
+    length = float(x[0])
+    assert length > 20
+    assert abs(x[1]) <= 0.1
+    np.testing.assert_allclose([y, z], [[0, -length * np.sin(0.45)], [0, -length * np.cos(0.45)]], atol=0.25)
+
+
+def test_a_body_is_its_lines_and_its_points(drawn: Scene) -> None:
+    """Each drawn once; dots have no length."""
+    (board,) = (body for body in drawn.bodies if body.kind == "target")
+    lines = ends(picture(drawn), "target")
+    lengths = np.array([float(np.linalg.norm(line[-1] - line[0])) for line in lines])
+    assert len(lines) == len(board.lines) + len(board.points)
+    assert np.count_nonzero(lengths > 0.5) == len(board.lines)

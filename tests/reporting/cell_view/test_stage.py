@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
-from basecal.cell import RobotState, Sample
+from basecal.cell import ErrorMap, RobotState, Sample
 from basecal.planning.sketch import sketch_cell
-from basecal.reporting.cell_view.stage import json_inside_html, stage, stated_scene
+from basecal.reporting.cell_view.stage import _legend, json_inside_html, stage, stated_scene
 from shared.facing_arms import facing_arms
 
 HOME = {name: RobotState(joints_rad=joints) for name, joints in facing_arms().home.items()}
@@ -37,3 +38,19 @@ def test_names_cannot_end_the_element() -> None:
     said = json_inside_html({"name": "</script><b>"})
     assert "<" not in said
     assert json.loads(said) == {"name": "</script><b>"}
+
+
+def test_the_legend_says_what_is_enlarged_coloured_and_left_out() -> None:
+    """The least and the largest error in millimetres, how much is shown, and what is missing."""
+    plain = stated_scene(sketch_cell(facing_arms().cell), [Sample(0, robots=HOME)])
+    errors = ErrorMap(np.zeros((3, 3)), np.array([2e-3, 1.2e-3, 5.1e-3]), np.zeros(3))
+    arms = (replace(plain.arms[0], ellipsoid=np.eye(3)), *plain.arms[1:])
+    legend = _legend(replace(plain, arms=arms, errors=errors, total=2, missing=("a", "b"), ellipsoid_scale=12.5))
+    assert legend[1:] == [
+        "Ellipsoid: 1 sigma of the position of requested transforms, drawn 12.5 times as large.",
+        "Cloud: 95 % of errors stay below 1.2 mm where it is pale and 5.1 mm where it is full.",
+        "1 of 2 samples are shown.",
+        "Not drawn, as their poses are unknown: a, b.",
+    ]
+    bodies = (replace(plain.bodies[0], ellipsoid=np.eye(3)), *plain.bodies[1:])
+    assert _legend(replace(plain, bodies=bodies))[1:] == ["Ellipsoid: 1 sigma of the position of requested transforms."]

@@ -10,7 +10,7 @@ from tests.drawings import check_labels, ends, labels, rectangles, view
 
 from basecal.cell import ErrorMap
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.decision.outlook import component_figure, outlook_figure, workspace
+from basecal.reporting.decision.outlook import component_figure, error_curve, outlook_figure, workspace
 
 OUTLOOK = [(0, 3e-3), (10, 1.5e-3), (40, 1e-3)]
 ESTIMATE = PoseEstimate(SE3.identity(), np.diag([1e-6, 4e-6, 9e-6, 1, 1, 1]))
@@ -148,3 +148,13 @@ def test_squares_of_a_height_lie_by_their_place() -> None:
     assert frame[:4] == (0, 0, 120, 80)
     assert (figure.x, figure.y) == (("x 0.00 m", "1.00 m"), ("y 2.00 m", "0.00 m"))
     assert figure.caption.startswith("95 % of errors below 1.0 to 6.0 mm here, 1.0 to 6.0 mm in all.")
+
+
+def test_numbers_of_samples_have_an_even_scale() -> None:
+    """The middle of a wide range is half way."""
+    figure = error_curve("error", [(1, 21e-3), (26, 11e-3), (51, 1e-3)], None)
+    places = [float(found) for found in re.findall(r'cx="([0-9.]+)"', figure.svg)]
+    assert places[1] - places[0] == pytest.approx(places[2] - places[1], abs=0.2)
+    assert figure.title == "error [mm]"
+    assert figure.caption == "21 mm with 1, 1.0 mm with 51 samples."
+    assert error_curve("error", [(4, 2e-3)], None).caption.startswith("2.0 mm with 4")

@@ -79,3 +79,8 @@ def test_quantities_are_in_their_units():
     view_of_one = SampleResidual(1, "wrist", "board", 0.5, 2e-3, np.pi / 180)
     assert [(each.value(view_of_one), each.unit) for each in QUANTITIES] == [(0.5, "px"), (2.0, "mm"), (1.0, "deg")]
     assert QUANTITIES[1].value(VIEWS[0]) is None
+
+
+def test_a_figure_fills_any_box():
+    """Its bars stretch with the page."""
+    assert 'preserveAspectRatio="none"' in shown(1.0)[0].svg

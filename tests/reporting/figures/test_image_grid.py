@@ -4,17 +4,29 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from tests.drawings import check_labels, labels, rectangles, view
 from tests.seen_points import seen
 
+from basecal.accuracy.residuals.lens_uncertainty import lens_sigmas
 from basecal.geometry import Camera
 from basecal.reporting.figures.image_grid import image_coverage, image_grid, lens_uncertainty
+from basecal.reporting.statement.verdict import two_digits
+from basecal.reporting.svg import Figure
 
 CAMERA = Camera("pinhole", np.array([900.0, 910.0, 630.0, 360.0, -0.1, 0.05, 1e-3, -1e-3, 0.01]), (1280, 720))
 COVARIANCE = np.diag(np.array([1.0, 1.0, 2.0, 2.0, 2e-3, 3e-3, 1e-4, 1e-4, 3e-3]) ** 2)
+
+
+@cache
+def lens_map() -> Figure:
+    """Of the lens with its covariance."""
+    figure = lens_uncertainty("wrist", CAMERA, COVARIANCE)
+    assert figure is not None
+    return figure
 
 
 def test_points_fall_into_their_squares():
@@ -73,8 +85,7 @@ def test_squares_are_counted():
 
 def test_a_lens_has_contours_over_its_image() -> None:
     """A square for each part of the image, shaded from the least to the most, and lines with their values."""
-    figure = lens_uncertainty("wrist", CAMERA, COVARIANCE)
-    assert figure is not None
+    figure = lens_map()
     assert figure.title == "wrist, uncertainty of the lens"
     assert figure.svg.count('class="tile"') == 16 * 9
     assert 'fill-opacity="0.12"' in figure.svg
@@ -92,7 +103,7 @@ def test_without_a_size_there_is_no_image() -> None:
 
 def test_contours_lie_over_the_whole_image() -> None:
     """The drawing is 640 wide and 360 high, without what stands below the image."""
-    figure = lens_uncertainty("wrist", CAMERA, COVARIANCE)
+    figure = lens_map()
     (lines,) = re.findall(r'class="contour" d="([^"]*)"', figure.svg)
     places = np.array([float(number) for number in re.findall(r"[-0-9.]+", lines)]).reshape(-1, 2)
     assert places.min() >= 0
@@ -149,10 +160,43 @@ def test_shades_of_counts_are_their_roots():
 
 def test_sigmas_of_a_lens_are_least_and_most_in_its_words():
     """The faintest and the strongest square state the ends of the colour bar."""
-    figure = lens_uncertainty("wrist", CAMERA, COVARIANCE)
+    figure = lens_map()
     words = [float(each) for each in re.findall(r"1 sigma ([0-9.]+) px", figure.svg)]
     _, low, high = (label.text for label in labels(figure.svg) if label.top > 360)
     assert (f"{min(words):g}", f"{max(words):g} px") == (f"{float(low):g}", f"{float(high[:-3]):g} px")
     shades = [float(box.text) for box in rectangles(figure.svg, "tile")]
     assert words[int(np.argmax(shades))] == max(words)
     assert words[int(np.argmin(shades))] <= 1.1 * min(words)
+
+
+def test_shades_of_a_lens_are_of_the_sigmas_at_the_middles_of_squares() -> None:
+    """On one scale from the least to the most, with a margin of 6 % on both sides."""
+    figure = lens_map()
+    words = re.findall(r"1 sigma ([0-9.]+) px", figure.svg)
+    places = np.stack(np.meshgrid(80 * np.arange(16) + 39.5, 80 * np.arange(9) + 39.5), -1).reshape(-1, 2)
+    assert words == [two_digits(float(sigma)) for sigma in lens_sigmas(CAMERA, COVARIANCE, places)]
+    shades = [float(box.text) for box in rectangles(figure.svg, "tile")]
+    assert (min(shades), max(shades)) == (
+        pytest.approx(0.12 + 0.88 * 0.06 / 1.12, abs=0.006),
+        pytest.approx(0.12 + 0.88 * 1.06 / 1.12, abs=0.006),
+    )
+    assert len(set(shades)) > 20
+
+
+def test_sigmas_below_a_millionth_of_a_pixel_are_alike() -> None:
+    """They have one shade."""
+    figure = lens_uncertainty("wrist", CAMERA, 1e-20 * COVARIANCE)
+    assert len({box.text for box in rectangles(figure.svg, "tile")}) == 1
+
+
+def test_squares_begin_at_the_border_of_the_first_pixel() -> None:
+    """Half a pixel before its centre, along both axes."""
+    pixels = np.array([[79.4, 10.0], [79.6, 10.0], [10.0, 79.4], [10.0, 79.6]])
+    assert image_grid((1280, 720), pixels).square.tolist() == [0, 1, 0, 16]
+
+
+def test_a_narrow_image_has_one_row() -> None:
+    """At least."""
+    assert image_grid((1600, 1), np.zeros((1, 2))).shape == (16, 1)
+    assert image_grid((1, 1600), np.zeros((1, 2))).shape == (1, 16)
+    assert image_grid((1600, 102), np.zeros((1, 2))).shape == (16, 2)

@@ -151,3 +151,12 @@ def test_points_that_were_left_out_have_no_line():
     (line,) = ends(svg, "off")
     assert line.tolist() == [[25, 50], [35, 30]]
     assert [each.tolist() for each in ends(svg, "left-out")] == [[[1.0, 1.2], [1.0, 1.2]]]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_view_may_have_a_single_point(recording):
+    """As that of a light has."""
+    one = seen([[300.0, 200.0]], [[0.3, 0.4]])
+    ((_, view, words),), _ = thumbnails(CELL, recording, CALIBRATION, [one])
+    assert view.sample.tolist() == [0]
+    assert words == "wrist, 0.35 px rms"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import numpy as np
 from rich.console import Console
@@ -51,3 +52,16 @@ def test_the_view_says_all_of_it():
     for words in ("6 taken, 25 planned", "sample 7: not taken: too similar to sample 4", "turn eye further about x",
                   "sample 8: arms move", "hand  x 50  y 40  z 40", "not all directions"):  # fmt: skip
         assert words in shown
+
+
+def test_a_column_of_sigmas_has_a_head_once_there_are_any():
+    """At most forty bars, of the last; equal ones are low."""
+    watch = Watch()
+    watch.note(Step(7, None, 6, 25, covered(), None))
+    assert "base" not in printed(replace(watch.snapshot, sigmas=()))
+    assert "base" in printed(replace(watch.snapshot, sigmas=(Sigma(1, 1e-3, 1e-3),)))
+    assert sigma_row([Sigma(k, 1e-3, 1e-3) for k in range(41)]).split("\n")[0] == "▁" * 40
+    assert sigma_row([]) == "not all directions\nare observed yet"
+    half = sigma_row([Sigma(0, 1e-3, 1e-3), Sigma(1, 1e-3 * np.exp(0.5), 1e-3), Sigma(2, 1e-3 * np.e, 1e-3)])
+    assert half[:3] in ("▁▄█", "▁▅█")
+    assert half[3] == "\n"

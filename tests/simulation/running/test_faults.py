@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import InputError
-from basecal.simulation.running.faults import FAULTS, read_faults
+from basecal.simulation.running.faults import FAULTS, Fault, Faults, read_faults
 from basecal.simulation.running.plant import Clock, Plant
 from shared.facing_arms import facing_arms
 
@@ -89,3 +89,10 @@ def test_sizes_are_above_zero_and_finite(size):
     with pytest.raises(InputError, match="size above 0"):
         read_faults([f"sag={size}"])
     assert read_faults(["sag=1e-9"]).size("sag") > 0
+
+
+def test_a_fault_acts_from_the_start_unless_moves_are_stated():
+    """Sizes of one name add up; without any there are no faults."""
+    faults = Faults((Fault("base-bumped", 0.003), Fault("base-bumped", 0.001, 4)))
+    assert (faults.delay_moves("base-bumped"), faults.size("base-bumped")) == (0, 0.004)
+    assert Faults().size("base-bumped") == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -173,3 +174,23 @@ def test_time_goes_faster():
     before = clock.time_s()
     time.sleep(0.01)
     assert clock.time_s() - before >= 1.0
+
+
+def test_what_stands_in_the_world_is_never_pushed():
+    """An arm's is after more than the stated moves."""
+    world, running = plant("board-remounted=5@1")
+    assert not running._is_pushed("board-remounted", "world")
+    pushed = []
+    for _ in range(3):
+        pushed.append(running._is_pushed("board-remounted", "hand"))
+        running.move("hand", world.home["hand"], 1.0)
+    assert pushed == [False, False, True]
+    assert not running._is_pushed("board-remounted", "eye")
+
+
+def test_a_clock_goes_in_real_time(monkeypatch):
+    """From its start, unless another speed is stated."""
+    now = iter((5.0, 7.5, 5.0, 7.5))
+    monkeypatch.setattr(time, "monotonic", lambda: next(now))
+    for clock, passed_s in ((Clock, 2.5), (partial(Clock, 4.0), 10.0)):
+        assert clock().time_s() == passed_s

@@ -12,6 +12,7 @@ import sys
 import pytest
 
 from basecal.errors import DriverError, InputError
+from basecal.simulation.running import protocol
 from basecal.simulation.running.protocol import Address, connect, decode, encode, read_address
 
 
@@ -89,3 +90,20 @@ def test_an_address_that_is_none(tmp_path):
     with pytest.raises(DriverError):
         read_address(tmp_path)
     assert Address(port=1, token="t", pid=2).port == 1
+
+
+def test_the_address_of_a_cell_is_its_owners_and_goes_with_it(tmp_path, monkeypatch):
+    """Its use is allowed while it runs; a cell that has ended twice has ended."""
+    allowed = []
+    monkeypatch.setattr(protocol, "allow", lambda folder, words: allowed.extend(words))
+    monkeypatch.setattr(protocol, "withdraw", lambda folder, word: allowed.clear())
+    running = Address(port=4711, token="secret", pid=1)
+    path = protocol.write_address(tmp_path, running)
+    assert path == tmp_path / "derived" / "simulated.json"
+    assert json.loads(path.read_text()) == {"port": 4711, "token": "secret", "pid": 1}
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert allowed == ["a simulated cell at 127.0.0.1:4711"]
+    for _ in range(2):
+        protocol.remove_address(tmp_path, running)
+    assert not path.exists()
+    assert allowed == []

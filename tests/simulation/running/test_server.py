@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import socket
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.errors import DriverError
+from basecal.simulation.running import server as server_module
 from basecal.simulation.running.plant import Clock, Plant
-from basecal.simulation.running.protocol import Address, connect
+from basecal.simulation.running.protocol import Address, connect, encode
 from basecal.simulation.running.server import CellServer
 from shared.facing_arms import facing_arms
 
@@ -91,3 +93,41 @@ def test_wrong_tokens_by_the_driver(server):
     with pytest.raises(DriverError, match="token is missing or wrong"):
         line.ask(do="state", robot="eye")
     line.close()
+
+
+@pytest.mark.parametrize(
+    ("silent_s", "is_real_time", "is_busy", "stopped"),
+    [
+        (0.2, True, False, []),
+        (0.4, True, False, ["eye", "hand"]),
+        (0.4, False, False, []),
+        (0.4, True, True, []),
+    ],
+)
+def test_arms_stop_in_silence(monkeypatch, silent_s, is_real_time, is_busy, stopped):
+    """In real time, unless a request is being answered."""
+    now, arms = [100.0], []
+    monkeypatch.setattr(server_module.time, "monotonic", lambda: now[0])
+    plant = SimpleNamespace(is_real_time=is_real_time, robots=("eye", "hand"), stop=arms.append)
+    with CellServer(plant, TOKEN) as quiet:
+        now[0] += silent_s
+        if is_busy:
+            quiet.refuse_requests()
+        quiet.service_actions()
+        assert quiet.daemon_threads
+    assert arms == stopped
+
+
+def test_every_request_breaks_the_silence(monkeypatch):
+    """A refused one does not."""
+    now, arms = [100.0], []
+    monkeypatch.setattr(server_module.time, "monotonic", lambda: now[0])
+    plant = SimpleNamespace(is_real_time=True, robots=("eye",), stop=arms.append)
+    with CellServer(plant, TOKEN) as quiet:
+        for token, stops in ((TOKEN, 0), ("wrong", 1)):
+            now[0] += 0.2
+            quiet.answer(encode({"token": token, "do": "stop", "robot": "eye"}))
+            arms.clear()
+            now[0] += 0.2
+            quiet.service_actions()
+            assert len(arms) == stops

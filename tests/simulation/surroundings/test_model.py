@@ -11,7 +11,7 @@ import pytest
 from basecal.cell.targets.led import led_target
 from basecal.cell.targets.registry import TARGETS
 from basecal.simulation.running.ur5e import ur5e
-from basecal.simulation.surroundings.model import TABLE_M, TRAY, Stage, body_names, mjcf
+from basecal.simulation.surroundings.model import TABLE_M, TRAY, Stage, _rod, body_names, mjcf
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'basecal[sim]'")
 
@@ -122,3 +122,31 @@ def test_plates_are_behind_their_paper():
     np.testing.assert_allclose(numbers(plate, "xyaxes").reshape(2, 3), sheet.target_from_sheet.rotation[:, :2].T)
     _, lights = geoms(mjcf(stage(led_target([[0, 0, 0], [0.05, 0.02, 0]])), (64, 48), 40.0))
     np.testing.assert_allclose([numbers(each, "pos") for each in lights["target"]], [[0, 0, 0], [0.05, 0.02, 0]])
+
+
+def test_surroundings_are_about_bases_anywhere():
+    """The table ends 1.3 m beyond the outermost along each axis; clutter ends 0.8 m beyond the farthest."""
+    bases = {"eye": np.zeros(3), "hand": np.array([2.7, -0.6, 0.4])}
+    (table, _, *things), _ = geoms(mjcf(Stage({}, bases, led_target(), 0), (64, 48), 40.0))
+    middle, half = numbers(table, "pos"), numbers(table, "size")
+    np.testing.assert_allclose(middle[:2] - half[:2], [-1.3, -1.9])
+    np.testing.assert_allclose(middle[:2] + half[:2], [4.0, 1.3])
+    places = np.array([numbers(thing, "pos")[0] for thing in things])
+    assert -0.5 <= places.min() < 0.3
+    assert 2.7 < places.max() <= 3.5
+
+
+def test_the_tray_is_a_flat_square_of_half_a_metre():
+    """Six millimetres thick."""
+    (_, _, tray, *_), _ = geoms(mjcf(replace(stage(led_target()), tray=np.array([0.8, 0.1, 0.4])), (64, 48), 40.0))
+    np.testing.assert_allclose(2 * numbers(tray, "size"), [0.5, 0.5, 0.006])
+
+
+def test_rods_without_a_length_are_balls():
+    """Of less than a tenth of a millimetre; a stem is as thick as the thinnest link."""
+    for length, kind in ((9e-5, "sphere"), (1.1e-4, "capsule")):
+        geom = ElementTree.fromstring(_rod(np.zeros(3), np.array([0, 0, length]), 0.01, "metal"))
+        assert (geom.get("type"), geom.get("size")) == (kind, "0.01")
+    target = TARGETS["chessboard"].usual(np.random.default_rng(0))
+    _, bodies = geoms(mjcf(stage(target), (64, 48), 40.0))
+    assert float(bodies["target"][1].get("size")) == 0.02

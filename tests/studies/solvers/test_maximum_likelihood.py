@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
+from basecal.errors import InputError
 from basecal.estimation.solve import solve_problem
 from basecal.estimation.solve_batch import SolutionBatch
 from basecal.studies.draws import Draws, draw, draw_cell, group_pixels
@@ -15,6 +17,7 @@ from basecal.studies.solvers.maximum_likelihood import solve
 from study_example import SMALL, study
 
 
+@cache
 def drawn(hold: str, count: int = 4) -> Draws:
     settings = study(hold=f"{SMALL}, {hold}").points[0].settings
     return draw(draw_cell(settings, 2, 0, None), settings, (2, 0, 0), count)
@@ -73,3 +76,52 @@ def test_what_cannot_be_seen_has_no_answer() -> None:
     found = solve(draw(draw_cell(settings, 0, 0, None), settings, (0, 0, 0), 3))
     assert not found.solved.any()
     assert found.reason
+
+
+def test_a_trial_that_cannot_be_solved_again_has_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Although the batch converged there: the others keep their answers, and the reason is told."""
+    draws = drawn("pixel_px: 0.2")
+    batch, alone = maximum_likelihood.solve_batch, maximum_likelihood._solve_trial
+
+    def far(problem, starts) -> SolutionBatch:
+        """A batch whose third entry ends at a great cost."""
+        found = batch(problem, starts)
+        return replace(found, cost=np.where(np.arange(4) == 2, 1e9, found.cost))
+
+    def only_first(draws, trial):
+        if trial:
+            raise InputError("no solution")
+        return alone(draws, trial)
+
+    monkeypatch.setattr(maximum_likelihood, "_solve_trial", only_first)
+    whole = solve(draws)
+    assert (whole.solved.all(), whole.reason) == (True, "")
+    monkeypatch.setattr(maximum_likelihood, "solve_batch", far)
+    found = solve(draws)
+    assert found.solved.tolist() == [True, True, False, True]
+    assert found.reason == "not converged"
+    np.testing.assert_array_equal(found.transform.matrix, whole.transform.matrix)
+
+
+def test_trials_are_solved_again_above_four_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the root of the cost, relative to the median of the trials."""
+    draws, asked = drawn("pixel_px: 0.2"), []
+    first = maximum_likelihood._solve_trial(draws, 0)
+    batch = maximum_likelihood.solve_batch(draws.problem, first.state.spread(draws.problem, 4))
+    monkeypatch.setattr(maximum_likelihood, "_solve_trial", lambda of, k: asked.append(k) or first)
+    for above in (15.9, 16.1):
+        found = replace(batch, cost=np.array([1.0, above, 1.0, 0.5]))
+        monkeypatch.setattr(maximum_likelihood, "solve_batch", lambda *_, found=found: found)
+        assert solve(draws).solved.all()
+    assert asked == [0, 0, 1]
+
+
+def test_a_mount_is_solved_trial_by_trial() -> None:
+    """Its columns stand behind those of the base; the covariance is of its six directions."""
+    settings = study(hold=f"{SMALL}, pixel_px: 0.2, own_starts: true").points[0].settings
+    cell = draw_cell(settings, 2, 0, "hand_flange_from_board")
+    found = solve(draw(cell, settings, (2, 0, 0), 1))
+    assert cell.problem.columns[cell.transform].start > 0
+    assert found.covariance is not None
+    assert found.covariance.shape == (1, 6, 6)
+    assert found.solved.all()

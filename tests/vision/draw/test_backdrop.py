@@ -69,3 +69,36 @@ def test_a_lens_that_sees_to_the_side_is_refused():
     lens = Camera("fisheye", np.array([200.0, 200.0, 319.5, 239.5, 0.0, 0.0, 0.0, 0.0]), (640, 480))
     with pytest.raises(InputError, match="field of view of the lens is too wide"):
         undistorted_camera(lens)
+
+
+def small(fx, fy, cx, cy, size=(64, 48)):
+    return undistorted_camera(Camera("pinhole", np.array([fx, fy, cx, cy]), size))
+
+
+def test_the_flat_image_is_symmetric_and_reaches_the_farthest_side():
+    """Twice the way from the principal point to that side, and a pixel beyond."""
+    assert small(50.0, 50.0, 30.5, 25.5).size_px == (2 * 33 + 2, 2 * 26 + 2)
+    assert small(50.0, 50.0, 33.5, 20.5).size_px == (2 * 34 + 2, 2 * 27 + 2)
+
+
+def test_places_in_the_flat_image_are_about_its_middle():
+    """Both axes have the mean focal length."""
+    flat = small(50.0, 54.0, 30.0, 26.0)
+    assert flat.focal_px == 52
+    middle = (np.array(flat.size_px) - 1) / 2
+    assert flat.u.shape == (48, 64)
+    np.testing.assert_allclose(flat.u[7], middle[0] + 52 * (np.arange(64) - 30) / 50, atol=1e-4)
+    np.testing.assert_allclose(flat.v[:, 7], middle[1] + 52 * (np.arange(48) - 26) / 54, atol=1e-4)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_flat_image_is_at_most_two_and_a_half_times_as_large(axis):
+    """Along each axis: 158 px for 64 are drawn, 160 are not."""
+    for off, drawn in ((77.5, True), (78.5, False)):
+        centre = np.full(2, 31.5)
+        centre[axis] = 63 - off
+        if drawn:
+            assert small(50.0, 50.0, *centre, size=(64, 64)).size_px[axis] == 158
+        else:
+            with pytest.raises(InputError, match="too wide"):
+                small(50.0, 50.0, *centre, size=(64, 64))

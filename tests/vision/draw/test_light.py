@@ -56,3 +56,48 @@ def test_camera_without_size() -> None:
     """A camera of no size has no image."""
     with pytest.raises(InputError, match="size"):
         render_light(Camera("pinhole", SMALL.parameters), PLACE)
+
+
+def at_pixel(u: float, v: float) -> np.ndarray:
+    """A point a metre or so off that is seen at a pixel."""
+    return SMALL.undistort(np.array([[u, v]]))[0]
+
+
+def test_a_light_of_usual_exposure() -> None:
+    """30,000 photons make 1500 levels over a dark background of ten, in a spot of 1.2 px and its pixel."""
+    levels = light_levels(SMALL, PLACE, LightSettings())
+    assert levels[0, 0] == 10
+    spot = levels - 10
+    assert spot.sum() == pytest.approx(1500)
+    columns, across = np.arange(spot.shape[1]), spot.sum(axis=0) / spot.sum()
+    assert across @ (columns - across @ columns) ** 2 == pytest.approx(1.2**2 + 1 / 12, rel=1e-6)
+    image = render_light(SMALL, np.zeros((0, 3)))
+    assert image.dtype == np.uint8
+    assert image.astype(float).var() == pytest.approx(10 / 20 + 1 + 1 / 12, rel=0.03)
+    np.testing.assert_array_equal(image, render_light(SMALL, np.zeros((0, 3)), LightSettings(), seed=0))
+
+
+@pytest.mark.parametrize("corner", [(0, 0), (1, 0), (0, 1), (1, 1)])
+def test_a_light_on_a_corner_leaves_a_quarter_in_the_image(corner: tuple[int, int]) -> None:
+    """The first and the last row and column have their share."""
+    u, v = np.array(corner) * SMALL.size_px - 0.5
+    settings = LightSettings(background=0.0)
+    levels = light_levels(SMALL, at_pixel(u, v), settings)
+    assert levels.sum() == pytest.approx(1500 / 4, rel=1e-6)
+    assert np.unravel_index(levels.argmax(), levels.shape) == (
+        corner[1] * (SMALL.size_px[1] - 1),
+        corner[0] * (SMALL.size_px[0] - 1),
+    )
+
+
+def test_texture_is_of_the_scene() -> None:
+    """Images with other noise have the same texture; that of another scene is another."""
+    one, other = (light_levels(SMALL, PLACE, LightSettings(texture=3.0, scene=scene)) for scene in (0, 1))
+    np.testing.assert_array_equal(one, light_levels(SMALL, PLACE, LightSettings(texture=3.0)))
+    assert np.abs(one - other).max() > 1
+
+
+def test_lights_add_up() -> None:
+    """Of two at one place the levels are twice as high above the background."""
+    once, twice = (light_levels(SMALL, np.array([PLACE] * count), LightSettings()) for count in (1, 2))
+    np.testing.assert_allclose(twice - 10, 2 * (once - 10), atol=1e-9)

@@ -12,12 +12,21 @@ from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.circles import RADIUS, circles_target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
-from basecal.vision.draw.render import RenderSettings, coverage, radiance, render
+from basecal.vision.draw.render import (
+    RenderSettings,
+    background,
+    blur_image,
+    coverage,
+    expose,
+    quantise,
+    radiance,
+    render,
+)
 from basecal.vision.fit.corner_shapes import saddle
 from basecal.vision.fit.corners import Window, refine_corners
 from basecal.vision.fit.local_map import local_axes
 from quick import quick
-from vision_scenes import FISHEYE, PLAIN, TARGETS, WIDE, poses
+from vision_scenes import FISHEYE, PLAIN, SMALL, TARGETS, WIDE, poses
 
 CLEAN = RenderSettings(noise=0.0)
 
@@ -185,3 +194,56 @@ def test_paper_has_its_area() -> None:
     middle = PLAIN.project(behind @ board.sheets[0].target_from_sheet @ corners).mean(0)
     centre = np.array([(levels * column).sum(), (levels * row).sum()]) / levels.sum()
     np.testing.assert_allclose(centre, middle, atol=1e-4)
+
+
+def test_faint_texture_is_drawn() -> None:
+    """Of half a level, also in small images, about the level of the background; seeds draw others, the first is 0."""
+    rough, other = (background((320, 240), 110.0, 0.5, seed) for seed in (0, 1))
+    assert rough.shape == (240, 320)
+    assert 0.2 < rough.std() < 0.8
+    assert rough.mean() == pytest.approx(110, abs=0.5)
+    assert np.abs(rough - other).max() > 0.5
+    small = replace(PLAIN, size_px=(160, 120))
+    settings = RenderSettings(texture=20.0)
+    levels = radiance(small, [], settings)
+    np.testing.assert_array_equal(levels, radiance(small, [], settings, 0))
+    assert np.abs(levels - radiance(small, [], settings, 1)).max() > 1
+    np.testing.assert_array_equal(expose(levels, settings), expose(levels, settings, 0))
+    assert np.any(expose(levels, settings) != expose(levels, settings, 1))
+
+
+def test_usual_exposure() -> None:
+    """Grey levels of 110 with a noise of two; 16 bits are 257 times as many."""
+    plain = expose(background((320, 240), 110.0, 0.0, 0), RenderSettings()).astype(float)
+    assert plain.mean() == pytest.approx(110, abs=0.05)
+    assert plain.var() == pytest.approx(4 + 1 / 12, rel=0.03)
+    bare = radiance(replace(PLAIN, size_px=(32, 24)), [], RenderSettings())
+    np.testing.assert_allclose(bare, np.full((24, 32), 110.0), rtol=1e-6)
+    levels = np.array([[-1.0, 0.0, 127.6, 255.0, 300.0]])
+    assert quantise(levels, 8).tolist() == [[0, 0, 128, 255, 255]]
+    assert quantise(levels, 16).tolist() == [[0, 0, 32793, 65535, 65535]]
+
+
+def test_a_blur_of_zero_changes_nothing() -> None:
+    """And one of half a pixel keeps the sum of an inner spot."""
+    image = np.zeros((21, 21), np.float32)
+    image[10, 10] = 1
+    assert blur_image(image, 0.0) is image
+    blurred = blur_image(image, 0.5)
+    assert blurred.sum() == pytest.approx(1)
+    assert blurred[10, 9] / blurred[10, 10] == pytest.approx(np.exp(-2), rel=1e-3)
+
+
+def test_blur_reaches_four_and_a_half_sigmas() -> None:
+    """There a spot of a million levels ends."""
+    image = np.zeros((41, 41), np.float32)
+    image[20, 20] = 1e6
+    assert np.flatnonzero(blur_image(image, 2.0)[20]).tolist() == list(range(11, 30))
+
+
+def test_usual_ink_and_paper() -> None:
+    """Are at 30 and 200 of 255 levels, before a background of 110."""
+    levels = radiance(SMALL, [(chessboard_target((3, 3), 0.05), SE3(np.eye(3), np.array([-0.1, -0.1, 0.6])))], CLEAN)
+    assert levels.min() == pytest.approx(30, abs=0.01)
+    assert levels.max() == pytest.approx(200, abs=0.01)
+    assert levels[0, -1] == pytest.approx(110, abs=0.01)

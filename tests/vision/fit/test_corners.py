@@ -211,3 +211,21 @@ def test_noise_is_that_of_few_pixels_less_their_parameters() -> None:
         ratio.append((found.pixels - PLACES) / found.sigma_px[:, None])
     # Of 384 coordinates an rms has a sigma of 3.6 %.
     assert np.sqrt(np.mean(np.square(ratio))) == pytest.approx(np.sqrt(26 / 24), abs=0.1)
+
+
+def test_squares_of_pixels_matter_less_the_wider_the_spread_is() -> None:
+    """As the first harmonic of a Gaussian with the spread, of which a pixel's square is a part; both lines count."""
+    sharp, wide = (np.array([[0.0, 0, 0, 0, np.log(spread), 0]]) for spread in (0.2, 0.6))
+    ratio = _pixel_error_px(wide)[0] / _pixel_error_px(sharp)[0]
+    assert ratio == pytest.approx(np.exp(-2 * np.pi**2 * (0.36 - 1 / 12)), rel=1e-9)
+    slanted, mixed = sharp.copy(), sharp.copy()
+    slanted[0, 2:4], mixed[0, 2] = 0.3, 0.3
+    both = [_pixel_error_px(each)[0] ** 2 for each in (sharp, slanted)]
+    assert _pixel_error_px(mixed)[0] ** 2 == pytest.approx(np.mean(both))
+
+
+def test_guards_are_of_the_length_of_each_axis() -> None:
+    """A band beside a line is measured along the other axis, of 10 and of 40 px here, each less 1 px."""
+    axes = np.array([[10.0, 0.0], [0.0, 40.0]])
+    window = Window(arm_px=100.0, arm=2.0, inside=0.45, outside=0.45, before=1.5)
+    assert in_cross([(3.4, 30), (3.6, 30), (8, 16.9), (8, 17.1)], window, axes=axes) == [True, False] * 2

@@ -96,3 +96,34 @@ def test_maps_are_local() -> None:
     lengths = np.linalg.norm(steps, axis=(1, 2))
     assert lengths[[0, 1, 7]].min() > 0.1
     assert lengths[-1] < 1e-2
+
+
+def test_axes_are_weighted_by_their_distance() -> None:
+    """A line through pixels that no plane fits, with weights exp(-(distance / pitch)^2 / 2)."""
+    rng = np.random.default_rng(0)
+    pixels = seen(PLANE) + rng.normal(0, 3, PLANE.shape)
+    offset = (PLANE - PLANE[16]) / PITCH
+    root = np.exp(-0.25 * (offset**2).sum(axis=1))[:, None]
+    expected, *_ = np.linalg.lstsq(root * np.column_stack([offset, np.ones(35)]), root * pixels, rcond=None)
+    np.testing.assert_allclose(local_axes(PLANE[16:17], PLANE, pixels, PITCH)[0], expected[:2], atol=0.02)
+
+
+def test_second_derivatives_are_weighted() -> None:
+    """Where no cubic fits, by least squares of weighted residuals."""
+    rng = np.random.default_rng(0)
+    offset = np.stack(np.meshgrid(np.arange(-2.0, 3), np.arange(-2.0, 3)), -1).reshape(-1, 2)
+    weight, values = rng.uniform(0.1, 1.0, 25), rng.normal(size=(25, 2))
+    x, y = offset.T
+    basis = np.stack([x**0, x, y, x * x / 2, x * y, y * y / 2, x**3, x * x * y, x * y * y, y**3], axis=1)
+    expected, *_ = np.linalg.lstsq(weight[:, None] * basis, weight[:, None] * values, rcond=None)
+    found = _second_derivatives(offset[None], weight[None], values[None])
+    np.testing.assert_allclose(found[0], expected[3:6], atol=1e-4)
+
+
+def test_a_grid_is_turned_by_most_of_its_points() -> None:
+    """Rows of two points have the steps between them."""
+    grid = np.array([[[0.0, 0.0], [4.0, 1.0]], [[-1.0, 3.0], [3.0, 5.0]]])
+    axes = grid_axes(grid)
+    assert axes.tolist() == [[[4, 1], [-1, 3]], [[4, 1], [-1, 4]], [[4, 2], [-1, 3]], [[4, 2], [-1, 4]]]
+    np.testing.assert_array_equal(orient_grid(grid), grid)
+    np.testing.assert_array_equal(orient_grid(grid[::-1]), grid)

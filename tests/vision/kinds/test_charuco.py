@@ -8,7 +8,8 @@ import pytest
 from basecal.cell.targets.charuco import charuco_target
 from basecal.errors import InputError
 from basecal.vision.draw.render import RenderSettings
-from basecal.vision.kinds.charuco import detect
+from basecal.vision.kinds.charuco import _read, detect
+from basecal.vision.kinds.ways import MARKER_WAYS
 from vision_scenes import BLURRED, DARK, TARGETS, errors_of, scene, shrunk
 
 BOARD = TARGETS["charuco"]
@@ -49,3 +50,18 @@ def test_fewer_squares_than_printed() -> None:
     found = detect(scene(BOARD), charuco_target((5, 5), 0.04, 0.03, "DICT_4X4_50"))
     assert found is not None
     assert len(found.ids) == 16
+
+
+@pytest.mark.parametrize("lacking", ["corners", "markers"])
+def test_half_a_reading_is_none(lacking: str) -> None:
+    """Markers without a corner between them, or corners without markers, are no reading."""
+
+    class Detector:
+        """Reads half a board."""
+
+        def detectBoard(self, _):
+            some, ids = np.zeros((1, 1, 2)), np.zeros((1, 1))
+            return (None, None, some, ids) if lacking == "corners" else (some, ids, None, None)
+
+    found = _read(Detector(), np.zeros((8, 8), np.uint8), MARKER_WAYS[0])
+    assert (len(found), len(found.marker_ids), len(found.markers)) == (0, 0, 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -11,8 +12,19 @@ from scipy.ndimage import gaussian_filter
 from basecal.cell.targets.circles import circles_target
 from basecal.geometry import SE3, Array
 from basecal.vision.draw.render import RenderSettings, render
-from basecal.vision.kinds.circles import _eccentricity, detect, has_further_row
-from vision_scenes import DARK, TARGETS, WIDE, at, check_poor_image, errors_of, scene, shrunk
+from basecal.vision.fit.patch_fit import Patches
+from basecal.vision.kinds import circles
+from basecal.vision.kinds.circles import (
+    _eccentricity,
+    _fit_outlines,
+    _has_discs,
+    _levels,
+    _Outlines,
+    _shared_residual,
+    detect,
+    has_further_row,
+)
+from vision_scenes import DARK, SMALL, TARGETS, WIDE, at, check_poor_image, errors_of, scene, shrunk
 
 SHAPE = TARGETS["circles"]
 POOR = {
@@ -142,3 +154,110 @@ def test_bright_circles_on_black_paper() -> None:
     found = detect(scene(SHAPE, RenderSettings(black=200.0, white=0.0, background=0.0, noise=1.0)), SHAPE)
     assert found is not None
     assert len(found.pixels) == 40
+
+
+def patches(weights: Array) -> Patches:
+    return Patches(np.zeros((*weights.shape, 2)), np.zeros(weights.shape), weights)
+
+
+def test_what_neighbours_share_is_no_noise() -> None:
+    """Equal residuals count in full, alternating ones and those beside unused pixels not at all."""
+    residuals = np.array([[2.0, 2, 2, 2], [2, -2, 2, -2], [2, 9, 2, 2], [2, 9, 2, 9]])
+    weights = np.array([[1.0, 1, 1, 1], [1, 1, 1, 1], [1, 0, 1, 1], [1, 0, 1, 0]])
+    np.testing.assert_allclose(_shared_residual(patches(weights), residuals), [2, 0, 2, 0])
+    np.testing.assert_allclose(_shared_residual(patches(0.5 * weights[:1]), np.array([[3.0, 3, 0, 0]])), [3**0.5])
+
+
+def test_levels_are_those_of_the_nearest_pixel() -> None:
+    """Beyond the image, of its border."""
+    image = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    places = np.array([[0.4, 0.6], [-3.0, 1.0], [2.0, -1.0], [9.0, 1.0], [1.0, 7.0]])
+    assert _levels(image, places).tolist() == [4, 4, 2, 7, 9]
+
+
+def discs(columns: int, rows: int, lacking: int = 0) -> tuple[np.ndarray, Array]:
+    """A picture of discs 20 px apart, without so many in its first row, and the centres of the other rows."""
+    image = np.full((20 * rows, 20 * columns), 220, np.uint8)
+    centres = np.stack(np.meshgrid(20 * np.arange(columns) + 10, 20 * np.arange(rows) + 10), -1)
+    for row, column in np.ndindex(rows, columns):
+        if row or column >= lacking:
+            cv2.circle(image, tuple(map(int, centres[row, column])), 6, 30, -1)
+    return image, centres[1:].astype(float)
+
+
+@pytest.mark.parametrize(("lacking", "further"), [(0, True), (1, True), (2, False)])
+def test_one_disc_of_a_further_row_may_be_covered(lacking: int, further: bool) -> None:
+    """Of five; on whichever side the row is."""
+    image, centres = discs(5, 4, lacking)
+    assert has_further_row(image, centres) == further
+    assert has_further_row(image[::-1], [0, 79] + [1, -1] * centres) == further
+    assert has_further_row(image.T, centres[..., ::-1]) == further
+
+
+@pytest.mark.parametrize(("shown", "further"), [(1, False), (2, True)])
+def test_a_single_disc_is_no_further_row(shown: int, further: bool) -> None:
+    """Two of a row whose other places are outside the image are one."""
+    image, centres = discs(5, 4)
+    skew = centres.copy()
+    skew[0, shown:, 1] = 100.0  # the places before these are above the image
+    assert _has_discs(image, skew[:2], 125.0) == further
+
+
+def test_a_dark_stripe_is_no_row_of_discs() -> None:
+    """Between discs there is paper."""
+    image, centres = discs(5, 4)
+    image[:20] = 30
+    assert not has_further_row(image, centres)
+
+
+FRONT = SE3(np.eye(3), np.array([0.0, 0.0, 0.6]))
+
+
+@pytest.fixture(scope="module")
+def seen() -> tuple[np.ndarray, Array]:
+    """An image of discs, and where their centres are."""
+    pose = at(SHAPE, FRONT)
+    return render(SMALL, SHAPE, pose), SMALL.project(pose @ SHAPE.points)
+
+
+def test_outlines_are_trusted_where_a_disc_is(seen: tuple[np.ndarray, Array]) -> None:
+    """Not where the search began more than 3 px away, nor on bare paper."""
+    image, start = seen[0].copy(), seen[1].copy()
+    left, top = np.rint(start[9]).astype(int) - 9
+    image[top : top + 19, left : left + 19] = 200 + np.random.default_rng(0).integers(-2, 3, (19, 19))
+    start[20] += [3.5, 0.0]
+    start[21] += [2.5, 0.0]
+    outlines = _fit_outlines(image, SHAPE, start)
+    assert np.flatnonzero(~outlines.trusted).tolist() == [9, 20]
+    kept = outlines.trusted
+    np.testing.assert_allclose(outlines.shape[kept, :2], seen[1][kept], atol=0.1)
+    assert outlines.left[kept].max() < 0.1
+    assert np.all((outlines.variance[kept] > 1e-5) & (outlines.variance[kept] < 1e-2))
+
+
+def test_rows_found_in_reverse_are_turned(monkeypatch: pytest.MonkeyPatch, seen: tuple[np.ndarray, Array]) -> None:
+    """A print is not seen from behind."""
+    image, places = seen
+    for order in (places, places.reshape(5, 8, 2)[::-1].reshape(-1, 2)):
+        monkeypatch.setattr(circles, "best_result", lambda *_, order=order: order)
+        found = detect(image, SHAPE)
+        assert found is not None
+        np.testing.assert_allclose(found.pixels, places, atol=0.1)
+
+
+@pytest.mark.parametrize(("count", "left", "known"), [(4, 0.09, True), (3, 0.09, False), (4, 0.11, False)])
+def test_a_grid_has_four_discs_that_are_round(
+    monkeypatch: pytest.MonkeyPatch, seen: tuple[np.ndarray, Array], count: int, left: float, known: bool
+) -> None:
+    """Residuals beyond noise are less than a tenth of the contrast; sigmas are never below those of the model."""
+    image, places = seen
+    shape = np.column_stack([places, np.tile([2.0, 0.0, 2.0, 0.0], (40, 1))])
+    trusted = np.isin(np.arange(40), [0, 7, 32, 39][:count])
+    outlines = _Outlines(shape, np.zeros(40), trusted, np.full(40, left))
+    monkeypatch.setattr(circles, "_fit_outlines", lambda *_: outlines)
+    monkeypatch.setattr(circles, "best_result", lambda *_: places)
+    found = circles._detect_dark(image, SHAPE)
+    assert (found is not None) == known
+    if found is not None:
+        assert found.ids.tolist() == [0, 7, 32, 39]
+        assert found.sigma_px.min() >= 0.0007

@@ -181,9 +181,10 @@ def test_a_spot_has_a_quarter_of_the_height_of_the_brightest(height: int, count:
 @pytest.mark.parametrize(("side", "count"), [(44, 1), (56, 0)])
 def test_large_bright_areas_are_no_spots(side: int, count: int) -> None:
     """Windows and walls."""
-    image = np.zeros((120, 160), np.uint16)
-    image[20 : 20 + side, 30 : 30 + side] = 4000
-    assert len(_bright_spots(image)) == count
+    for wide, high in ((side, side), (side, 20), (20, side)):
+        image = np.zeros((120, 160), np.uint16)
+        image[20 : 20 + high, 30 : 30 + wide] = 4000
+        assert len(_bright_spots(image)) == count
 
 
 def test_the_eight_brightest_spots_are_candidates() -> None:

@@ -53,7 +53,9 @@ def test_sizes_that_suit() -> None:
     assert not Way(2.0).suits(large)
 
 
-@pytest.mark.parametrize(("counts", "tried", "found"), [([5, 9], 1, 5), ([2, 3, 1], 3, 3), ([0, 0, 0], 3, None)])
+@pytest.mark.parametrize(
+    ("counts", "tried", "found"), [([5, 9], 1, 5), ([2, 3, 1], 3, 3), ([0, 1, 0], 3, 1), ([0, 0, 0], 3, None)]
+)
 def test_best_of_several(counts: list[int], tried: int, found: int | None) -> None:
     """The first way that finds enough ends the search; else the one that found most counts."""
     calls: list[Way] = []

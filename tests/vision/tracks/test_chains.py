@@ -60,3 +60,14 @@ def test_the_longest_tracks_are_kept() -> None:
     assert three.track.tolist() == [0, 0, 1, 1, 1, 2, 2, 2]
     assert three.feature.tolist() == [0, 1, 2, 3, 4, 7, 8, 9]
     assert longest_chains(chains, 9).track.tolist() == track.tolist()
+
+
+def test_a_track_counts_the_images_in_which_it_is_single() -> None:
+    """Of four images with two features in one of them, three are enough; the last feature of the last image counts."""
+    given = {(0, 1): matches((0, 0), (1, 1)), (1, 2): matches((0, 0), (1, 1), (0, 2)), (2, 3): matches((0, 0), (1, 1))}
+    assert tracks_of(chain_matches([2, 2, 3, 2], given, 3)) == {
+        frozenset({(0, 0), (1, 0), (3, 0)}),
+        frozenset({(0, 1), (1, 1), (2, 1), (3, 1)}),
+    }
+    assert tracks_of(chain_matches([2, 2, 3, 2], given, 4)) == {frozenset({(0, 1), (1, 1), (2, 1), (3, 1)})}
+    assert tracks_of(chain_matches([1, 1], {(0, 1): matches((0, 0))}, 2)) == {frozenset({(0, 0), (1, 0)})}
