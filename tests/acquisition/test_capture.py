@@ -112,6 +112,7 @@ def test_an_arm_that_is_led_is_taken_wherever_it_stands(tmp_path):
         np.testing.assert_allclose(sample.robots["hand"].joints_rad, wanted, atol=1e-3)
 
 
+@pytest.mark.journey
 def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):
     """A place where the board is out of view, and one like another, are given up with words, and stay so."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:

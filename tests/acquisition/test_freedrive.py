@@ -123,6 +123,7 @@ def test_a_cell_is_captured_by_hand(tmp_path):
         assert (tmp_path / sample.images["wrist"]).exists()
 
 
+@pytest.mark.journey
 def test_a_place_where_nothing_is_seen_is_told_and_waited_for_anew(tmp_path):
     """The number stays free for the next place."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:

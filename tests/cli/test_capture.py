@@ -140,6 +140,7 @@ def test_a_cell_that_is_not_ready(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "--process`" in capsys.readouterr().err
 
 
+@pytest.mark.journey
 def test_ctrl_c_stops_the_arms(tmp_path: Path) -> None:
     """Interrupted on the way, it ends with 130 and the arm is at rest short of where it was sent."""
     with running(tmp_path) as world:
