@@ -12,6 +12,8 @@ from basecal.geometry import SE3
 from basecal.numerics.batch import take
 from scene_points import BASE, LENS, made_scene
 
+TWIN = SE3.from_rpy((0.0, 0.0, 1.0), (0.3, 0.2, 0.0))
+
 
 def clouds(rng, right, wrong):
     """Points of the first arm, their partners in the second, some of which are others."""
@@ -29,16 +31,20 @@ def test_a_third_of_right_pairs_is_enough():
     assert agrees[:60].mean() > 0.9
 
 
+def with_twin(right, twins):
+    """Clouds of points, the last of which belong to an object that stands elsewhere a second time."""
+    first, second = clouds(np.random.default_rng(2), right, twins)
+    second[right:] = BASE.inverse() @ (TWIN @ first[right:])
+    return first, second
+
+
 def test_a_repeated_object_makes_a_rival():
     """An object that stands twice makes a second transform, told apart from the first."""
-    rng = np.random.default_rng(2)
-    first, second = clouds(rng, 80, 40)
-    twin = SE3.from_rpy((0.0, 0.0, 1.0), (0.3, 0.2, 0.0))
-    second[80:] = BASE.inverse() @ (twin @ first[80:])
+    first, second = with_twin(80, 40)
     found = alignments(first, second, np.full(120, 0.01), 5)
     assert int(found[0][1].sum()) >= 80
     assert found[1][1][80:].mean() > 0.9
-    assert np.linalg.norm((twin.inverse() @ BASE @ found[1][0]).log()) < 0.02
+    assert np.linalg.norm((TWIN.inverse() @ BASE @ found[1][0]).log()) < 0.02
 
 
 def test_pairs_by_chance_align_nothing():
@@ -77,10 +83,7 @@ def test_points_outside_of_the_image_have_no_pixels():
 
 def test_most_transforms_are_as_many_as_wanted():
     """The one that most pairs agree with is the first of them; a pair counts within its own tolerance."""
-    rng = np.random.default_rng(2)
-    first, second = clouds(rng, 40, 80)
-    twin = SE3.from_rpy((0.0, 0.0, 1.0), (0.3, 0.2, 0.0))
-    second[40:] = BASE.inverse() @ (twin @ first[40:])
+    first, second = with_twin(40, 80)
     both = alignments(first, second, np.full(120, 0.01), 2)
     assert [int(mask.sum()) for _, mask in both] == sorted((int(mask.sum()) for _, mask in both), reverse=True)
     assert both[0][1][40:].all()

@@ -23,13 +23,8 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 
 _MIDDLE = 0.08  # half of a target's side, over its median distance
-_NEIGHBOURS = {
-    _MIDDLE: _MIDDLE,
-    0.04: _MIDDLE,
-    0.02: 0.04,
-    0.15: _MIDDLE,
-    0.3: 0.15,
-}  # by size, the next one towards it
+# By size, the next one towards the middle, whose sigmas a search starts from.
+_NEIGHBOURS = {_MIDDLE: _MIDDLE, 0.04: _MIDDLE, 0.02: 0.04, 0.15: _MIDDLE, 0.3: 0.15}
 _SIZES = tuple(sorted(_NEIGHBOURS))
 _FEWEST_VIEWS = 6
 
