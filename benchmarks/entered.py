@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import ast
 import builtins
+import os
 import pickle
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,7 +34,7 @@ PROCESSES = {"subprocess.Popen", "os.fork", "os.posix_spawn", "os.exec", "os.sys
 
 
 class Judge(NamedTuple):
-    """A test that passes: its name, the functions it enters (None: any), the time it computes [s]."""
+    """A test that passes: its name, the functions it enters (None: any), the time it and its processes compute [s]."""
 
     name: str
     entered: frozenset[Place] | None
@@ -89,7 +89,7 @@ class Tracer:
         self._package = package
         self._now: set[Place] = set()
         self._outside = False
-        self._preceding_records: set[Place] = set()
+        self._before_tests: set[Place] = set()
         self._of_fixture: dict[int, set[Place]] = {}
         self._tests: list[Judge] = []
         sys.addaudithook(self._audit)
@@ -99,14 +99,14 @@ class Tracer:
 
     def found(self) -> FileOfTests:
         """What was found."""
-        return FileOfTests(tuple(self._tests), frozenset(self._preceding_records))
+        return FileOfTests(tuple(self._tests), frozenset(self._before_tests))
 
     @pytest.hookimpl(wrapper=True)
     def pytest_make_collect_report(self) -> Iterator[None]:
         """What runs while tests are collected counts for all."""
         self._now = set()
         result = yield
-        self._preceding_records |= self._now
+        self._before_tests |= self._now
         return result
 
     @pytest.hookimpl(wrapper=True)
@@ -124,16 +124,16 @@ class Tracer:
         """One test."""
         self._empty_caches()
         self._now, self._outside = set(), False
-        began = time.process_time()
+        began = _computed_s()
         result = yield
-        took = time.process_time() - began
+        took = _computed_s() - began
         for definitions in item._fixtureinfo.name2fixturedefs.values():
             self._now.update(*(self._of_fixture.get(id(each), ()) for each in definitions))
         self._tests.append(Judge(item.nodeid, None if self._outside else frozenset(self._now), took))
         return result
 
     def _enter(self, file: str, line: int) -> None:
-        (self._preceding_records if self._importing else self._now).add((file, line))
+        (self._before_tests if self._importing else self._now).add((file, line))
 
     def _import(self, step: int) -> None:
         self._importing += step
@@ -147,6 +147,11 @@ class Tracer:
                 for thing in list(vars(module).values()):
                     if hasattr(thing, "cache_clear") and not isinstance(thing, type):
                         thing.cache_clear()
+
+
+def _computed_s() -> float:
+    """Time that this process and those that it has waited for have computed [s]."""
+    return sum(os.times()[:4])
 
 
 class Chosen:

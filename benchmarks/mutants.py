@@ -10,7 +10,9 @@ Every mutant is judged in a fork of one process that has the libraries loaded bu
 of the sources in which that file is changed: nothing of the work tree is touched. Tests that never enter the function
 that is changed cannot fail because of it, so that only those that do are run (`benchmarks/entered.py`): those under the
 file's own name first, quick ones before slow ones, until one fails. Hypothesis draws the same examples every time.
-With `--keep FOLDER` verdicts and what tests enter are kept there, and a run that was stopped goes on.
+With `--keep FOLDER` verdicts and what tests enter are kept there, and a run that was stopped goes on. `--elsewhere`
+judges what survived its own room by the tests of all other folders, the quick ones first, for at most so many seconds
+of the processor. Deadlines and trials of safety do not judge there: a busy machine may miss them.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from itertools import accumulate
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -33,7 +36,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from benchmarks.common import RESULTS, Kept, commit, table, write
-from benchmarks.entered import Chosen, FileOfTests, Tracer, keep_found, kept_found, telling
+from benchmarks.entered import Chosen, FileOfTests, Judge, Tracer, keep_found, kept_found, telling
 from benchmarks.small_faults import ROOT, SOURCE, Mutant, mutants_of, sample_of
 
 TESTS = ROOT / "tests"
@@ -41,11 +44,15 @@ PACKAGES = ("geometry", "numerics", "kinematics", "cell", "estimation", "accurac
 SLOWER = 5.0  # tests that compute so many times as long as without a mutant are taken to hang
 SPARE_S = 20.0  # to load and collect
 WAITS = 20.0  # so many times as long by the clock: they wait for what never comes
-HEAD = ("package", "mutants", "equivalent", "killed", "of the others", "with the tests added", "of the others")
+HEAD = ("package", "mutants", "equivalent", "killed", "of the others", "by all tests", "of the others",
+        "with the tests added", "of the others")  # fmt: skip
 HEAD_OF_SURVIVORS = ("survived", "was", "became", "why")
 UNKNOWN = "no test of its folder distinguishes the two so far"
 CHANGE = ("file", "text", "old", "new")
 NICE = 10
+# Marks of the tests that judge.
+IN_ROOM = "not slow"
+ELSEWHERE = "not slow and not timed"
 
 
 class Verdict(NamedTuple):
@@ -62,17 +69,17 @@ def room_tests(file: str) -> list[Path]:
     return sorted(folder.glob("test_*.py"), key=lambda path: (path != own, path.name))
 
 
-def judged(sources: Path, names: Sequence[str], seconds: float) -> str:
+def judged(sources: Path, names: Sequence[str], seconds: float, marks: str) -> str:
     """Run tests by name on a copy of the sources in a fork: `survived` where all pass, `killed` or `hung`.
 
-    They may compute `seconds` [s].
+    They may compute `seconds` [s]. Only tests of these marks run.
     """
     child = os.fork()
     if child == 0:
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 10))
         files = dict.fromkeys(name.partition("::")[0] for name in names)
         sys.path.insert(0, str(sources))
-        os._exit(_run(sources, [*files], Chosen(list(names))))
+        os._exit(_run(sources, [*files], Chosen(list(names)), marks))
     end = time.monotonic() + WAITS * seconds
     while time.monotonic() < end:
         ended, status = os.waitpid(child, os.WNOHANG)
@@ -87,14 +94,14 @@ def judged(sources: Path, names: Sequence[str], seconds: float) -> str:
     return "hung"
 
 
-def measured(sources: Path, tells: Path, tests: Path, kept: Path) -> FileOfTests:
+def measured(sources: Path, tells: Path, tests: Path, kept: Path, marks: str) -> FileOfTests:
     """What the tests of a file enter, by sources that tell it; kept in a file. Processes of tests tell nothing."""
     if not kept.exists():
         child = os.fork()
         if child == 0:
             sys.path.insert(0, str(tells))
             tracer = Tracer(tells / "basecal")
-            ended = _run(sources, [str(tests)], tracer)
+            ended = _run(sources, [str(tests)], tracer, marks)
             if ended in {pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED}:
                 keep_found(tracer.found(), kept)
                 ended = 0
@@ -105,14 +112,14 @@ def measured(sources: Path, tells: Path, tests: Path, kept: Path) -> FileOfTests
     return kept_found(kept)
 
 
-def _run(sources: Path, tests: Sequence[str], plugin: Any) -> int:
-    """Run tests without a word; processes that they start have these sources."""
+def _run(sources: Path, tests: Sequence[str], plugin: Any, marks: str) -> int:
+    """Run tests of some marks without a word; processes that they start have these sources."""
     silence = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(silence, stream)
     os.environ["PYTHONPATH"] = str(sources)
     without = [part for name in ("cacheprovider", "xdist", "benchmark") for part in ("-p", f"no:{name}")]
-    quiet = ["-x", "-q", "--assert=plain", "-m", "not slow", *without, "--rootdir", str(ROOT)]
+    quiet = ["-x", "-q", "--assert=plain", "-m", marks, *without, "--rootdir", str(ROOT)]
     return int(pytest.main([*quiet, *tests], plugins=[plugin]))
 
 
@@ -147,7 +154,7 @@ class Court:
         self._telling = Path(self._folder.name) / "telling"
         self._kept = Path(self._folder.name) / "entered" if kept is None else kept / "entered"
         self._about = b""
-        self._files: dict[Path, FileOfTests] = {}
+        self._files: dict[tuple[Path, str], FileOfTests] = {}
 
     def __enter__(self) -> Court:
         shutil.copytree(SOURCE.parent, self._sources, ignore=shutil.ignore_patterns("__pycache__"))
@@ -169,29 +176,48 @@ class Court:
         tests = room_tests(mutant.file)
         own = [path for path in tests if path.name == f"test_{Path(mutant.file).name}"]
         for paths in (own, tests[len(own) :]):
-            chosen = [test for path in paths for test in self._entered(path).judges(mutant.file, mutant.function)]
+            chosen = self._judges(mutant, paths, IN_ROOM)
             chosen.sort(key=lambda test: (not test.enters_file(mutant.file), test.seconds))
-            allowed = SPARE_S + SLOWER * sum(test.seconds for test in chosen)
-            if chosen and (end := self._judged(mutant, [test.name for test in chosen], allowed)) != "survived":
+            if (end := self._judged(mutant, chosen, IN_ROOM)) != "survived":
                 return end
         return "survived"
 
-    def _entered(self, tests: Path) -> FileOfTests:
-        if tests not in self._files:
-            key = hashlib.sha256(self._about + tests.read_bytes()).hexdigest()[:16]
-            self._files[tests] = measured(self._sources, self._telling, tests, self._kept / f"{tests.stem}_{key}")
-        return self._files[tests]
+    def verdict_elsewhere(self, mutant: Mutant, most_s: float) -> str:
+        """How a mutant ends by the tests of all other folders that compute at most `most_s` [s], the quick ones first.
 
-    def _judged(self, mutant: Mutant, names: Sequence[str], seconds: float) -> str:
+        Tests that start a process may enter anything; they come last.
+        """
+        own = set(room_tests(mutant.file))
+        others = [path for path in sorted(TESTS.rglob("test_*.py")) if path not in own]
+        chosen = self._judges(mutant, others, ELSEWHERE)
+        chosen.sort(key=lambda test: (test.entered is None, test.seconds))
+        within = accumulate(test.seconds for test in chosen)
+        quick = [test for test, so_far in zip(chosen, within, strict=True) if so_far <= most_s]
+        return self._judged(mutant, quick, ELSEWHERE)
+
+    def _judges(self, mutant: Mutant, paths: Sequence[Path], marks: str) -> list[Judge]:
+        return [test for path in paths for test in self._entered(path, marks).judges(mutant.file, mutant.function)]
+
+    def _entered(self, tests: Path, marks: str) -> FileOfTests:
+        if (tests, marks) not in self._files:
+            key = hashlib.sha256(self._about + tests.read_bytes() + marks.encode()).hexdigest()[:16]
+            kept = self._kept / f"{tests.stem}_{key}"
+            self._files[tests, marks] = measured(self._sources, self._telling, tests, kept, marks)
+        return self._files[tests, marks]
+
+    def _judged(self, mutant: Mutant, tests: Sequence[Judge], marks: str) -> str:
+        if not tests:
+            return "survived"
         path = self._sources / "basecal" / mutant.file
         unchanged = path.read_text(encoding="utf-8")
         try:
-            self._pose_bodies(path, mutant.source)
-            return judged(self._sources, names, seconds)
+            self._write_source(path, mutant.source)
+            allowed = SPARE_S + SLOWER * sum(test.seconds for test in tests)
+            return judged(self._sources, [test.name for test in tests], allowed, marks)
         finally:
-            self._pose_bodies(path, unchanged)
+            self._write_source(path, unchanged)
 
-    def _pose_bodies(self, path: Path, text: str) -> None:
+    def _write_source(self, path: Path, text: str) -> None:
         """Write a source; what was compiled of one as long, written in the same second, must not be taken for it."""
         path.write_text(text, encoding="utf-8")
         for compiled in path.parent.glob(f"__pycache__/{path.stem}.*"):
@@ -212,22 +238,37 @@ def run_of(packages: Sequence[str], seed: int, found: Sequence[Verdict]) -> dict
     }
 
 
-def rows(run: dict[str, Any]) -> list[tuple[str, int, int, int, str, int, str]]:
+def _ends_elsewhere(survivor: dict[str, Any]) -> bool:
+    return survivor.get("elsewhere") == "killed"
+
+
+def _ends(survivor: dict[str, Any]) -> bool:
+    """Whether the tests as they are now, of any folder, kill what its own room missed."""
+    return survivor["now"] == "killed" or _ends_elsewhere(survivor)
+
+
+def _share(count: int, of_all: int) -> str:
+    return f"{100 * count / max(of_all, 1):.1f} %"
+
+
+def rows(run: dict[str, Any]) -> list[tuple[Any, ...]]:
     """Rows of the table with `HEAD`, one a package and one for all."""
     found = []
     for package, mutants in (*run["mutants"].items(), ("", sum(run["mutants"].values()))):
         left = [each for each in run["survived"] if each["file"].startswith(package)]
         alike = sum(each.get("why", "").startswith("equivalent") for each in left)
         killed = mutants - len(left)
-        now = killed + sum(each["now"] == "killed" for each in left)
-        shares = [f"{100 * n / max(mutants - alike, 1):.1f} %" for n in (killed, now)]
-        found.append((package or "all", mutants, alike, killed, shares[0], now, shares[1]))
+        count = mutants - alike
+        by_all = killed + sum(map(_ends_elsewhere, left))
+        every = (by_all, _share(by_all, count)) if any("elsewhere" in each for each in run["survived"]) else ("", "")
+        now = killed + sum(map(_ends, left))
+        found.append((package or "all", mutants, alike, killed, _share(killed, count), *every, now, _share(now, count)))
     return found
 
 
 def survivors(runs: Sequence[dict[str, Any]]) -> list[tuple[str, str, str, str]]:
     """Rows of the table with `HEAD_OF_SURVIVORS`."""
-    left = [each for run in runs for each in run["survived"] if each["now"] == "survived"]
+    left = [each for run in runs for each in run["survived"] if not _ends(each)]
     told = [(f"{e['file']}:{e['line']}", f"`{e['old']}`", f"`{e['new']}`", e.get("why", UNKNOWN)) for e in left]
     return [(place, old.replace("|", "\\|"), new.replace("|", "\\|"), why) for place, old, new, why in told]
 
@@ -255,11 +296,32 @@ def judged_again(run: dict[str, Any], court: Court) -> dict[str, Any]:
     """A run with what survived judged by the tests as they are now; what is no longer in the sources stays."""
     now = []
     for each in run["survived"]:
-        place = tuple(each[name] for name in Mutant._fields[:6] if name != "line")
-        there = [mutant for mutant in mutants_of(SOURCE / each["file"]) if mutant.place == place]
-        ended = court.verdict(there[0]) if there else each["now"]
+        mutant = _mutant_of(each)
+        ended = court.verdict(mutant) if mutant else each["now"]
         now.append({**each, "now": "survived" if ended == "survived" else "killed"})
     return {**run, "again": commit(), "survived": now}
+
+
+def _mutant_of(survivor: dict[str, Any]) -> Mutant | None:
+    """The mutant that a run keeps, in the sources as they are; None where they no longer hold it."""
+    place = tuple(survivor[name] for name in Mutant._fields[:6] if name != "line")
+    return next((each for each in mutants_of(SOURCE / survivor["file"]) if each.place == place), None)
+
+
+def judged_elsewhere(run: dict[str, Any], court: Court, most_s: float) -> dict[str, Any]:
+    """A run with what survived its own room judged by the tests of all other folders."""
+    found = []
+    for each in run["survived"]:
+        mutant = None if each.get("why", "").startswith("equivalent") else _mutant_of(each)
+        if mutant is not None:
+            ended = court.verdict_elsewhere(mutant, most_s)
+            each = {**each, "elsewhere": "survived" if ended == "survived" else "killed"}
+            print(
+                f"{each['elsewhere']} elsewhere: {mutant.file}:{mutant.line}: {mutant.old}  ->  {mutant.new}",
+                flush=True,
+            )
+        found.append(each)
+    return {**run, "survived": found}
 
 
 def judged_once(packages: Sequence[str], count: int, seed: int, court: Court, path: Path | None) -> dict[str, Any]:
@@ -280,16 +342,19 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder in which verdicts are kept, and from which a run goes on")
     parser.add_argument("--again", action="store_true", help="judge anew what survived in the runs that are kept")
+    elsewhere = "judge what survived in the run of this seed by the tests of all other folders, for SECONDS each"
+    parser.add_argument("--elsewhere", type=float, metavar="SECONDS", help=elsewhere)
     asked = parser.parse_args(arguments)
     os.nice(NICE)
     os.chdir(ROOT)
     load_libraries()
     with Court(asked.keep) as court:
-        runs = (
-            [judged_again(run, court) for run in kept_runs()]
-            if asked.again
-            else [judged_once(asked.packages, asked.count, asked.seed, court, asked.keep)]
-        )
+        if asked.elsewhere:
+            runs = [judged_elsewhere(run, court, asked.elsewhere) for run in kept_runs() if run["seed"] == asked.seed]
+        elif asked.again:
+            runs = [judged_again(run, court) for run in kept_runs()]
+        else:
+            runs = [judged_once(asked.packages, asked.count, asked.seed, court, asked.keep)]
     for run in runs:
         print(table(HEAD, rows(run)))
         keep(run)

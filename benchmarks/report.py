@@ -392,7 +392,8 @@ def _mutants(result: Result) -> str:
 One expression of one file is changed at a time. Does a test fail in the test folder that mirrors the folder of the
 file? Mutants are drawn from all possible ones in these packages. Required: 90 % of the mutants that are not equivalent
 are killed. Each survivor was inspected. If it showed a gap, a test was written, and the survivors were judged again
-(`--again`).
+(`--again`). `by all tests` adds those that tests of other folders kill, within a minute of the processor each
+(`--elsewhere`).
 
 Seed 11 was the first. Each later seed was drawn when tests for the earlier ones had been written, and none for its own
 mutants. `killed` is the count by the tests of that time. For most survivors of seeds 12 to 14 tests have been written

@@ -15,7 +15,7 @@ from benchmarks import capture, report, scale
 from benchmarks.capture import HEAD, Kept, Outcome, row, size_of
 from benchmarks.common import RESULTS
 from benchmarks.entered import FileOfTests, Judge, telling
-from benchmarks.mutants import Verdict, kept_runs, room_tests, rows, run_of
+from benchmarks.mutants import Verdict, kept_runs, room_tests, rows, run_of, survivors
 from benchmarks.peers.tables import brief
 from benchmarks.real_errors import reality
 from benchmarks.report import PAGE, page
@@ -151,7 +151,17 @@ def test_a_run_takes_over_why_its_mutants_survived() -> None:
     other = mutant._replace(text="something else")
     run = run_of(["any"], 0, [Verdict(mutant, "survived"), Verdict(other, "survived"), Verdict(other, "killed")])
     assert [each.get("why") for each in run["survived"]] == [known["why"], None]
-    assert rows(run)[-1][1:6] == (3, 1, 1, "50.0 %", 1)
+    assert rows(run)[-1][1:] == (3, 1, 1, "50.0 %", "", "", 1, "50.0 %")
+
+
+def test_a_mutant_that_other_folders_kill_counts_for_all_tests() -> None:
+    """Not for those of its own room; the tests of now include it."""
+    mutants = [Mutant("a/b.py", 1, text, "1", "2", 0, range(0), "") for text in "xyz"]
+    run = run_of(["a"], 0, [Verdict(each, "survived") for each in mutants])
+    missed, elsewhere, added = run["survived"]
+    missed["elsewhere"], elsewhere["elsewhere"], added["now"] = "survived", "killed", "killed"
+    assert rows(run)[-1][1:] == (3, 0, 0, "0.0 %", 1, "33.3 %", 2, "66.7 %")
+    assert [row[0] for row in survivors([run])] == ["a/b.py:1"]
 
 
 def test_mutants_are_judged_by_their_room() -> None:

@@ -55,7 +55,7 @@ def test_a_robot_by_its_frames(ros2_cell):
 def test_what_is_not_sent_is_told_with_what_is(ros2_cell):
     """A topic that nobody sends, one of another type, frames that nothing joins."""
     with pytest.raises(DriverError, match=r"eye: no publisher of /joints in domain \d+; there are: /joint_states, /r"):
-        open_robot(ros2_cell.place("eye", topic="/joints", reconnect_s=0.0))
+        open_robot(ros2_cell.place("eye", topic="/joints", reconnect_s=2.0))
     with pytest.raises(DriverError, match="wrist: /tf is of tf2_msgs/msg/TFMessage, expected sensor_msgs/msg/Image"):
         open_camera(ros2_cell.place("wrist", topic="/tf"))
     with pytest.raises(DriverError, match=r"eye: no 'wrong'.*there are: base_link, link, tool0"):
