@@ -121,3 +121,17 @@ def test_too_few_stations_are_an_error(monkeypatch):
     monkeypatch.setattr(shifts, "candidates", lambda *given: [Sample(0, robots=HOME)])
     with pytest.raises(InputError, match="no station is feasible"):
         stations(SKETCH, [HOME])
+
+
+def test_each_origin_is_shifted_by_the_best_length_and_twice_and_four_times_it():
+    """Stations follow one another by length; one that an arm cannot reach ends those of its origin."""
+    sketch, taught = guessed()
+    first = stations(sketch, taught)[::STATION_SAMPLES]
+    found = stations(sketch, taught)[1::STATION_SAMPLES]
+    ratios = set()
+    for origin, moved in zip(first, found, strict=True):
+        length = np.linalg.norm(
+            sketch.camera_from_target(moved).translation - sketch.camera_from_target(origin).translation
+        )
+        ratios.add(round(float(length / shifts.shift_length(sketch, origin)), 3))
+    assert ratios == {1.0, 2.0, 4.0}

@@ -122,3 +122,13 @@ def test_a_watchdog_is_kept_alive_until_it_is_to_bite(monkeypatch):
         assert robot.count == count
     with promises._kept_alive(SimpleNamespace()) as end:
         end()
+
+
+@pytest.mark.parametrize(("sigma", "is_kept"), [(0.5, True), (2.0, False)])
+def test_an_arm_at_rest_is_still(monkeypatch, sigma, is_kept):
+    """Its states scatter by less than the distance at which it has arrived."""
+    at_s = np.arange(100) * 0.01
+    values = np.tile([[-1.0], [1.0]], (50, 6)) * sigma * promises.ARRIVED_RAD_M
+    monkeypatch.setattr(promises, "record_states", lambda name, robot, duration_s: (Arrivals(at_s, at_s), values))
+    found = promises.robot_promises("arm", SimpleNamespace(is_live=True), "none", False)
+    assert next(each for each in found if each.promise.startswith("noise at rest")).holds == is_kept

@@ -109,6 +109,7 @@ def test_what_a_parser_would_take_minutes_for_is_not_read(tmp_path):
         ("a:\n  b: 1\n c: 2\n", 3, "indented unlike its neighbours"),
         ("a:\n  b: 1\n   c: 2\n", 3, "indented under a line that already has a value"),
         ("a: b: c\n", 1, "two colons"),
+        ("x: 1\na: b: c\n", 2, "two colons"),
         ("on eye  # x: y\nb: 2\n", 1, "there is no colon"),
         ("on eye\n\n# one\n\nb: 2\n", 1, "there is no colon"),
         ("a:\n  b: 1\n\n   c: 2\n", 4, "indented under a line that already has a value"),

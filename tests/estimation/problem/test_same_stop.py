@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from basecal.estimation.problem.same_stop import READ_BACK, stop_numbers
+from basecal.estimation.problem.same_stop import READ_BACK, _near_pairs, stop_numbers
 from basecal.geometry import SE3
 
 PLACES = SE3.exp(np.random.default_rng(0).uniform(-1, 1, (5, 6)))
@@ -84,3 +84,9 @@ def test_a_place_that_belongs_to_another_has_no_places_of_its_own():
     """Four places in a row, each within the limit of the next, visited far apart in time, are two stops of two."""
     steps = READ_BACK * np.array([0, 90, 0.9, 90, 1.8, 90, 2.7])
     assert stop_numbers(shifted(steps), None, None).tolist() == [0, 1, 0, 1, 2, 1, 2]
+
+
+def test_near_pairs_are_near_in_every_coordinate():
+    """Rows near along the widest coordinate alone are no pair; the lower index is first."""
+    places = np.array([[10.5, 5.0], [0.5, 5.0], [10.0, 5.5], [0.0, 0.0]])
+    assert _near_pairs(places).tolist() == [[0, 2]]

@@ -165,3 +165,12 @@ def test_the_shape_of_a_target_stays(tmp_path: Path) -> None:
     assert imported_hand_eye(cell, record, Names("arm", "cam", "new")).cell["targets"]["new"]["kind"] == "led"
     bare = cell_in(tmp_path, cameras={"cam": {"on": "arm"}}, targets={"tag": {"on": "world"}})
     assert imported_hand_eye(bare, record, Names("arm", "cam", "tag")).cell["targets"]["tag"]["kind"] == "led"
+
+
+@pytest.mark.parametrize(("stated", "frame"), [({}, "camera_link"), ({"frame": "wrist_optical"}, "wrist_optical")])
+def test_the_frame_of_a_camera_is_added_but_not_replaced(tmp_path: Path, stated: dict[str, str], frame: str) -> None:
+    """A file's name for the camera's frame is used if the cell states none."""
+    cell = cell_in(tmp_path, cameras={"wrist": {"on": "arm", **stated}}, targets={"tag": {"on": "world"}})
+    names = chosen_names(cell, None, None, None, True)
+    after, _ = brought(tmp_path, cell, recorded(True, camera_frame="camera_link"), names)
+    assert after.cameras["wrist"].frame == frame

@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import stat
 import subprocess
 import sys
+import time
 
 import pytest
 
 from basecal.errors import DriverError, InputError
 from basecal.simulation.running import protocol
-from basecal.simulation.running.protocol import Address, connect, decode, encode, read_address
+from basecal.simulation.running.protocol import Address, Connection, connect, decode, encode, read_address
 
 
 @pytest.fixture(scope="module")
@@ -107,3 +109,13 @@ def test_the_address_of_a_cell_is_its_owners_and_goes_with_it(tmp_path, monkeypa
         protocol.remove_address(tmp_path, running)
     assert not path.exists()
     assert allowed == []
+
+
+def test_a_cell_that_does_not_answer_is_given_up_at_the_deadline():
+    """Whatever it has sent of a line by then."""
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        theirs.sendall(b"{")
+        began = time.monotonic()
+        with pytest.raises(TimeoutError):
+            Connection("token", ours)._exchange_lines(b"?", began + 0.2)
