@@ -47,7 +47,7 @@ def joint_state(problem: Problem, cell: Cell) -> State | None:
         name: known[name].repeat(count) if name in known else SE3.from_quaternion(turn, np.zeros((count, 3)))
         for name, turn in zip(problem.unknowns, turns, strict=True)
     }
-    ends = bundle_adjust_batch(by_poses, State(begun, {}, np.zeros((count, 0, 6))), dof=1, sigmas=_CONVERGED_SIGMAS)
+    ends = bundle_adjust_batch(by_poses, State(begun, {}, np.zeros((count, 0, 6))), dof=1, tolerance=_CONVERGED_SIGMAS)
     best = take(ends.state, int(np.nanargmin(ends.cost)))
     return State(dict(best.transforms), cameras, np.zeros((len(problem.stops), 6)))
 

@@ -13,7 +13,7 @@ from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import ROUNDING
 
 _LEAST_DIAGONAL = 1e-12  # relative to the largest entry: limits the scale of columns without information
-_TOLERANCE = 1e-3  # relative tolerance of eigenvalues, which are compared with limits of one digit
+_EIGENVALUE_TOLERANCE = 1e-3  # relative tolerance of eigenvalues, which are compared with limits of one digit
 _CHUNK_COLUMNS = 512  # right-hand sides per solve: some tens of megabytes for ten thousand unknowns
 
 
@@ -89,11 +89,11 @@ class SparseHessian:
 
     def inverse_block(self, columns: IntArray) -> Array:
         """Symmetric block of the inverse at rows and columns (c,), (c, c)."""
-        found = np.empty((len(columns), len(columns)))
+        block = np.empty((len(columns), len(columns)))
         for at in range(0, len(columns), _CHUNK_COLUMNS):
             some = columns[at : at + _CHUNK_COLUMNS]
-            found[:, at : at + len(some)] = self.inverse_columns(some)[columns]
-        return 0.5 * (found + found.T)
+            block[:, at : at + len(some)] = self.inverse_columns(some)[columns]
+        return 0.5 * (block + block.T)
 
 
 def _factorise(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
@@ -113,5 +113,7 @@ def _largest_eigenvalue(size: int, apply: Callable[[Array], Array]) -> float:
     operator = scipy.sparse.linalg.LinearOperator((size, size), matvec=apply, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(size)  # the same in every run
     return float(
-        scipy.sparse.linalg.eigsh(operator, k=1, which="LA", v0=start, tol=_TOLERANCE, return_eigenvectors=False)[0]
+        scipy.sparse.linalg.eigsh(
+            operator, k=1, which="LA", v0=start, tol=_EIGENVALUE_TOLERANCE, return_eigenvectors=False
+        )[0]
     )

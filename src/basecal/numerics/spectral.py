@@ -81,8 +81,8 @@ class Spectrum:
         if not root.size:
             return root
         values, vectors = np.linalg.eigh(ridge * (root.mT @ root))
-        along = root @ vectors
-        return np.asarray((along / (1 + np.maximum(values, 0.0))[..., None, :]) @ along.mT)
+        directions = root @ vectors
+        return np.asarray((directions / (1 + np.maximum(values, 0.0))[..., None, :]) @ directions.mT)
 
     @property
     def log_det(self) -> Array:
@@ -97,8 +97,8 @@ class Spectrum:
         ridge, each direction has the weight old / new eigenvalue, which changes smoothly.
         """
         values = np.maximum(self.values, 0.0)
-        raised = values + share * np.maximum(values[..., -1:], _SMALLEST_DIVISOR)
-        return replace(self, values=raised, held=np.ones(self.held.shape, dtype=bool))
+        values_with_ridge = values + share * np.maximum(values[..., -1:], _SMALLEST_DIVISOR)
+        return replace(self, values=values_with_ridge, held=np.ones(self.held.shape, dtype=bool))
 
     def squared_mahalanobis(self, vector: Array) -> Array:
         """Squared Mahalanobis norms `v' M^+ v` of vectors (..., k), (...,)."""
@@ -141,8 +141,10 @@ def scaled_spectrum(matrix: Array, least: float | Array, scale: Array | None = N
 
 def floored_spectrum(matrix: Array, least: float | Array) -> Spectrum:
     """Decompose symmetric matrices (..., k, k), with eigenvalues below `least` raised to `least`: always regular."""
-    of = scaled_spectrum(matrix, least)
-    return replace(of, values=np.maximum(of.values, least), held=np.ones(of.held.shape, dtype=bool))
+    decomposed = scaled_spectrum(matrix, least)
+    return replace(
+        decomposed, values=np.maximum(decomposed.values, least), held=np.ones(decomposed.held.shape, dtype=bool)
+    )
 
 
 def floored_inverse(matrix: Array, least: float) -> Array:
@@ -216,19 +218,19 @@ def null_vector(squares: Array, size: float) -> NullVector:
 
 
 @dataclass(frozen=True, eq=False)
-class Turned:
+class RotatedBasis:
     """Rotated basis (p, k), with columns sorted by the norm of their part in some rows, and this norm, (k,)."""
 
     basis: Array
     share: Array
 
 
-def sort_by_share(basis: Array, rows: IntArray) -> Turned:
+def sort_by_share(basis: Array, rows: IntArray) -> RotatedBasis:
     """Rotate a basis, (p, k), so that its columns are orthogonal in some rows, sorted by their norm there."""
     if not len(rows) or not basis.shape[1]:
-        return Turned(basis, np.zeros(basis.shape[1]))
+        return RotatedBasis(basis, np.zeros(basis.shape[1]))
     _, values, mix = np.linalg.svd(basis[rows], full_matrices=len(rows) < basis.shape[1])
-    return Turned(basis @ mix.T, np.pad(values, (0, basis.shape[1] - len(values))))
+    return RotatedBasis(basis @ mix.T, np.pad(values, (0, basis.shape[1] - len(values))))
 
 
 @dataclass(frozen=True, eq=False)

@@ -120,7 +120,7 @@ def _estimate_sigmas(
         _, few_end, found = _estimate_sigmas(few, few_start, iterations, guess)
         if few_end.converged and found.settled and found.logs is not None:
             return _extend_estimate(found.apply(problem), few_end.state, iterations, found.logs)
-    end = bundle_adjust(used, start, dof, iterations, sigmas=ROUGH_SIGMAS)
+    end = bundle_adjust(used, start, dof, iterations, tolerance=ROUGH_SIGMAS)
     plain = _sigma_posterior(used, end.state, robots, logs)
     settled = logs is not None and _has_settled(plain, logs)
     for _ in range(_ALTERNATIONS):
@@ -138,7 +138,7 @@ def _extend_estimate(
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
     """Estimate the sigmas of all views from those of some views, one step away; see `estimate_jointly`."""
     dof = degrees_of_freedom(problem)
-    end = bundle_adjust(problem, without_errors(problem, start), dof, iterations, sigmas=ROUGH_SIGMAS)
+    end = bundle_adjust(problem, without_errors(problem, start), dof, iterations, tolerance=ROUGH_SIGMAS)
     plain = _sigma_posterior(problem, end.state, open_robots(problem), logs)
     problem, end = _readjust(problem, end, plain, dof, iterations)
     return problem, end, _final_estimate(plain, problem, True)
@@ -265,7 +265,7 @@ def _readjust(
     posterior: SigmaPosterior,
     dof: int,
     iterations: int,
-    sigmas: float = CONVERGED_SIGMAS,
+    tolerance: float = CONVERGED_SIGMAS,
 ) -> tuple[Problem, Optimum]:
     """Update the problem with the most likely sigmas, and find its optimum from the last one."""
     # Errors of stops stay unchanged in metres and radians.
@@ -273,7 +273,7 @@ def _readjust(
     physical = end.state.stop_errors * _units(problem, robots)
     problem = _estimate(posterior, problem).apply(problem)
     state = replace(end.state, stop_errors=physical / _units(problem, robots))
-    return problem, bundle_adjust(problem, state, dof, iterations, sigmas=sigmas)
+    return problem, bundle_adjust(problem, state, dof, iterations, tolerance=tolerance)
 
 
 def _sigma_posterior(

@@ -70,9 +70,9 @@ def separate_null_space(problem: Problem, state: State, vectors: Array, scale: A
         for cluster in _clusters(problem, space):
             # A basis of the part of the space that moves the cluster.
             rows = problem.column_indices(cluster)
-            turned = sort_by_share(space, rows)
-            basis = np.zeros((len(space), int(np.sum(turned.share > _LITTLE_SHARE))))
-            basis[rows] = turned.basis[rows, : basis.shape[1]] / turned.share[: basis.shape[1]]
+            rotated = sort_by_share(space, rows)
+            basis = np.zeros((len(space), int(np.sum(rotated.share > _LITTLE_SHARE))))
+            basis[rows] = rotated.basis[rows, : basis.shape[1]] / rotated.share[: basis.shape[1]]
             found += _cluster_directions(problem, state, basis, cluster, scale, is_rotation)
     return tuple(found)
 
@@ -85,8 +85,8 @@ def orthonormal_rows(rows: Array) -> Array:
 
 def _split_basis(vectors: Array, rows: IntArray) -> tuple[Array, Array]:
     """Split a basis into a part with little motion of some rows, and the rest."""
-    turned = sort_by_share(vectors, rows)
-    return turned.basis[:, turned.share <= _LITTLE_SHARE], turned.basis[:, turned.share > _LITTLE_SHARE]
+    rotated = sort_by_share(vectors, rows)
+    return rotated.basis[:, rotated.share <= _LITTLE_SHARE], rotated.basis[:, rotated.share > _LITTLE_SHARE]
 
 
 def _other_direction(problem: Problem, direction: Array) -> NullDirection:
@@ -135,9 +135,9 @@ def _cluster_directions(
         # The unknown that moves most; among similar ones the first, a base before mounts.
         size = {name: float(np.linalg.norm(space[_rotation_rows(problem, name, is_rotation)])) for name in cluster}
         main = next(name for name in cluster if size[name] >= _MAIN_SHARE * max(size.values()))
-        turned = sort_by_share(space, _rotation_rows(problem, main, is_rotation))
-        moves = turned.share > _LITTLE_SHARE * turned.share[0]
-        own, space = turned.basis[:, moves], turned.basis[:, ~moves]
+        rotated = sort_by_share(space, _rotation_rows(problem, main, is_rotation))
+        moves = rotated.share > _LITTLE_SHARE * rotated.share[0]
+        own, space = rotated.basis[:, moves], rotated.basis[:, ~moves]
         along = {name: float(np.linalg.norm(_block(problem, own, name))) for name in cluster}
         names = (main, *(name for name in cluster if name != main and along[name] > _COUPLED_SHARE * along[main]))
         at = state.transforms[main]
