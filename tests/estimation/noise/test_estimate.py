@@ -137,7 +137,7 @@ def test_each_column_of_an_arm_under_a_prior_is_a_residual(links, more):
 def ratio(problem, state, noise, name="pose_m"):
     """New over old variance of one field at a state."""
     problem = problem.with_noise(noise)
-    return module._ratio(
+    return module._variance_ratio(
         problem, SimpleNamespace(state=state, normal=linearise(problem, state)), noise, name, 3 * len(problem.groups[0])
     )
 

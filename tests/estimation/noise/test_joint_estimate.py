@@ -186,7 +186,7 @@ def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(mo
     state = State(s.truth, s.cameras, np.zeros((len(problem.stops), 6)))
     monkeypatch.setattr(joint_estimate, "MANY_VIEWS", 8)
     if not settled:
-        monkeypatch.setattr(joint_estimate, "_ALTERNATIONS", 0)
+        monkeypatch.setattr(joint_estimate, "_MOST_ALTERNATIONS", 0)
     asked, of_all = [], joint_estimate._extend_estimate
     monkeypatch.setattr(
         joint_estimate, "_extend_estimate", lambda *given: asked.append(len(given[0].groups[0])) or of_all(*given)

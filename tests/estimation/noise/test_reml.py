@@ -114,7 +114,7 @@ def test_slope_is_the_derivative(arms, smooth):
     np.testing.assert_allclose(posterior(model, logs).slope(), differences, rtol=1e-3, atol=1e-3)
 
 
-@pytest.mark.parametrize("constant", ["_AT_ONCE", "_MOST_PADDING"])
+@pytest.mark.parametrize("constant", ["_CHUNK_NUMBERS", "_MOST_PADDING"])
 def test_blocks_at_a_time_change_nothing(monkeypatch, constant):
     """Taken one by one, or without padding, blocks give what they give together: value, slope, means and covariance."""
     problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((6, 6)), *STAR)

@@ -19,9 +19,11 @@ from basecal.geometry import Array, IntArray
 from basecal.numerics.tied_blocks import tied_blocks
 
 # Maximum number of stops in a block: two arms that each visited one place twice.
-_MOST_TIED = 4
+_MOST_BLOCK_STOPS = 4
 _MOST_PADDING = 16_384  # numbers that are processed in the time of NumPy's calls on a chunk
-_AT_ONCE = 131_072  # numbers of an array over blocks that are processed at a time: 1 MB fits into the processor's cache
+_CHUNK_NUMBERS = (
+    131_072  # numbers of an array over blocks that are processed at a time: 1 MB fits into the processor's cache
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +65,7 @@ class Layout:
         first = 0
         for last in _ends_of_sizes(self.sizes, columns):
             rows = int(self.sizes[last - 1])
-            for here in chunks(last - first, rows, columns, _AT_ONCE):
+            for here in chunks(last - first, rows, columns, _CHUNK_NUMBERS):
                 yield slice(first + here.start, min(first + here.stop, last)), slice(rows)
             first = last
 
@@ -73,22 +75,24 @@ class Layout:
             yield slice(at, at + len(errors.is_turn)), errors.by_stop
 
 
-def place_effects(problem: Problem, kinds: Sequence[Mapping[str, SharedErrors]]) -> Layout:
+def place_effects(problem: Problem, shared_errors: Sequence[Mapping[str, SharedErrors]]) -> Layout:
     """Place the errors of stops, shared errors by kind and robot, jitter, and shapes of targets."""
     count = len(problem.stops)
     pairs = np.concatenate([np.column_stack([end.stop for end in g.ends]) for g in problem.groups])
-    of_scene = [] if problem.tied is None else problem.tied.stops.tolist()
-    of = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_TIED, of_scene)
-    row, column = np.where(of.block >= 0, 6 * of.place, -1), np.full(count, -1, dtype=np.int64)
-    jitter_rows, sizes = _jitter_layout(problem, of.block, 6 * np.bincount(of.block[of.block >= 0]))
+    scene_stops = [] if problem.tied is None else problem.tied.stops.tolist()
+    partition = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_BLOCK_STOPS, scene_stops)
+    row, column = np.where(partition.block >= 0, 6 * partition.place, -1), np.full(count, -1, dtype=np.int64)
+    jitter_rows, sizes = _jitter_layout(
+        problem, partition.block, 6 * np.bincount(partition.block[partition.block >= 0])
+    )
     order = np.argsort(sizes, kind="stable")
     number = np.append(np.argsort(order), -1)  # new number of each block; -1 stays
     width = problem.width
-    for stop in of.hubs:
+    for stop in partition.hubs:
         column[stop] = width
         width += 6
-    shared: tuple[dict[str, tuple[int, SharedErrors]], ...] = tuple({} for _ in kinds)
-    for of_kind, by_robot in zip(shared, kinds, strict=True):
+    shared_places: tuple[dict[str, tuple[int, SharedErrors]], ...] = tuple({} for _ in shared_errors)
+    for of_kind, by_robot in zip(shared_places, shared_errors, strict=True):
         for robot, errors in by_robot.items():
             of_kind[robot] = (width, errors)
             width += len(errors.is_turn)
@@ -96,8 +100,8 @@ def place_effects(problem: Problem, kinds: Sequence[Mapping[str, SharedErrors]])
     for target, count in shaped_targets(problem).items():
         shapes[target] = slice(width, width + count)
         width += count
-    jitter_rows = tuple((number[own], at) for own, at in jitter_rows)
-    return Layout(number[of.block], row, column, sizes[order], width, shared, shapes, jitter_rows)
+    jitter_rows = tuple((number[block], row_in_block) for block, row_in_block in jitter_rows)
+    return Layout(number[partition.block], row, column, sizes[order], width, shared_places, shapes, jitter_rows)
 
 
 def _jitter_layout(
@@ -110,23 +114,23 @@ def _jitter_layout(
     Returns:
         `Layout.jitter_rows`, and the number of rows of each block.
     """
-    found, taken, rows = [], set[int](), sizes.tolist()
+    places, used_blocks, rows = [], set[int](), sizes.tolist()
     for group in problem.groups:
         own, row = (np.full(len(group), -1, dtype=np.int64) for _ in range(2))
         stops = [end.stop for end in group.ends]
-        is_shaken = group.camera in problem.open_jitter or problem.jitter_motion(group) is not None
-        for view in range(len(group)) if is_shaken and group.motion is not None else ():
+        has_jitter = group.camera in problem.open_jitter or problem.jitter_motion(group) is not None
+        for view in range(len(group)) if has_jitter and group.motion is not None else ():
             of_stops = [int(block[s[view]]) for s in stops if s[view] >= 0]
-            here = max(of_stops, default=-1)
-            if here < 0:
-                here = len(rows)
+            own_block = max(of_stops, default=-1)
+            if own_block < 0:
+                own_block = len(rows)
                 rows.append(0)
-            if here not in taken:
-                taken.add(here)
-                own[view], row[view] = here, rows[here]
-                rows[here] += 1
-        found.append((own, row))
-    return tuple(found), np.array(rows, dtype=np.int64)
+            if own_block not in used_blocks:
+                used_blocks.add(own_block)
+                own[view], row[view] = own_block, rows[own_block]
+                rows[own_block] += 1
+        places.append((own, row))
+    return tuple(places), np.array(rows, dtype=np.int64)
 
 
 def _ends_of_sizes(sizes: IntArray, columns: int) -> list[int]:
@@ -136,8 +140,8 @@ def _ends_of_sizes(sizes: IntArray, columns: int) -> list[int]:
     """
     ends = (np.flatnonzero(np.diff(sizes)) + 1).tolist()
     kept, first = [], 0
-    for end, after in pairwise([*ends, len(sizes)]):
-        padding = (end - first) * (sizes[after - 1] - sizes[end - 1]) * (columns + sizes[after - 1])
+    for end, next_end in pairwise([*ends, len(sizes)]):
+        padding = (end - first) * (sizes[next_end - 1] - sizes[end - 1]) * (columns + sizes[next_end - 1])
         if padding > _MOST_PADDING:
             kept.append(end)
             first = end

@@ -41,7 +41,7 @@ class Neighbourhood:
     targets: frozenset[str]
 
 
-def goes_by_neighbourhoods(problem: Problem) -> bool:
+def uses_neighbourhoods(problem: Problem) -> bool:
     """Whether a problem has enough unknowns and robots to estimate its sigmas by neighbourhoods."""
     return problem.width >= MANY_COLUMNS and not problem.models and len(problem.robots) > 1
 
@@ -54,14 +54,16 @@ def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
     carrier = {group.camera: group.eye.robot or group.hand.robot for group in reversed(problem.groups)}
     holder = {group.target: group.hand.robot or group.eye.robot for group in reversed(problem.groups)}
     for robot in problem.robots:
-        few, own = some_views(problem.with_groups(g for g in problem.groups if g.robot_end(robot)), state, _MOST_VIEWS)
-        base = next((end.base for end in few.robot_ends(robot)), None)  # None for the reference
+        own_problem, own_state = some_views(
+            problem.with_groups(g for g in problem.groups if g.robot_end(robot)), state, _MOST_VIEWS
+        )
+        base = next((end.base for end in own_problem.robot_ends(robot)), None)  # None for the reference
         yield Neighbourhood(
             robot,
-            replace(few, columns=_columns(few, base)),
-            own,
-            frozenset(name for name, on in carrier.items() if on == robot),
-            frozenset(name for name, on in holder.items() if on == robot),
+            replace(own_problem, columns=_columns(own_problem, base)),
+            own_state,
+            frozenset(name for name, reporter in carrier.items() if reporter == robot),
+            frozenset(name for name, reporter in holder.items() if reporter == robot),
         )
 
 
@@ -93,8 +95,8 @@ def merge_estimates(estimates: Mapping[str, NoiseEstimate], parts: Mapping[str, 
 
 def _columns(problem: Problem, held_base: str | None) -> dict[str, slice]:
     """Columns of the unknowns that the problem's views depend on, without those of one base."""
-    named: set[str | None] = set()
+    names: set[str | None] = set()
     for group in problem.groups:
-        named |= {*group.frames, group.camera}
-    named.discard(held_base)
-    return sequential_columns({name: problem.column_width(name) for name in problem.columns if name in named})
+        names |= {*group.frames, group.camera}
+    names.discard(held_base)
+    return sequential_columns({name: problem.column_width(name) for name in problem.columns if name in names})
