@@ -267,7 +267,7 @@ def test_starts_that_end_apart_are_disputed(monkeypatch, costs, disputed):
     monkeypatch.setattr(module, "guessed_state", lambda *given: None)
     monkeypatch.setattr(module, "joint_state", lambda *given: None)
     monkeypatch.setattr(module, "_is_plausible", lambda problem, cost: False)
-    monkeypatch.setattr(module, "_settle_readings", lambda *given: next(ends))
+    monkeypatch.setattr(module, "_choose_readings", lambda *given: next(ends))
     assert module._start("problem", "cell", Settings()) == ("problem", min(costs), disputed)
 
 
