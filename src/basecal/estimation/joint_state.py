@@ -24,7 +24,7 @@ _MOST_VIEWS, _MOST_POINTS = 100, 40  # most views and points per pair; assumed: 
 # For the worst of twenty rings, one start in sixteen finds the optimum: all starts miss it in 0.2 % of cases.
 _START_COUNT = 100
 _SEED = 1  # any seed works
-_CONVERGED_SIGMAS = 0.1  # distance to the optimum, which is sought again from the best of the ends
+_CONVERGED_SIGMAS = 0.1  # convergence tolerance: a further descent starts from the best end
 
 
 def joint_state(problem: Problem, cell: Cell) -> State | None:

@@ -35,7 +35,7 @@ from basecal.numerics.spectral import spectrum
 from basecal.numerics.threads import limit_threads
 
 _MOST_READING_ROUNDS = 6  # most rounds of choosing correspondences; assumed
-_LARGEST_FACTOR = 1e30  # keeps covariances finite where exact robots cannot explain the data at all
+_LARGEST_FACTOR = 1e30  # keeps covariances finite if exact robots cannot explain the data at all
 # Residuals of measured poses and points [m, rad] beyond which another start is tried; assumed. Lower limits cost time,
 # higher limits hide wrong optima: `benchmarks.starts`.
 _PLAUSIBLE_M, _PLAUSIBLE_RAD = 0.02, 0.05
@@ -168,7 +168,7 @@ def integrate_solution(solution: Solution, is_quick: bool = False, guess: NoiseE
     observability = solution.observability
     at_mode = spectrum(linearise(solution.problem, solution.state).hessian).inverse
     # If only the noise model determines a direction, the data contain less information on it than the model assumes.
-    sigma_covariance = observability.onto_held @ (noise.covariance - at_mode) @ observability.onto_held.T
+    sigma_covariance = observability.onto_informative @ (noise.covariance - at_mode) @ observability.onto_informative.T
     return replace(solution, noise=noise, covariance=observability.inverse + sigma_covariance)
 
 

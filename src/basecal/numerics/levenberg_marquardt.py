@@ -20,10 +20,12 @@ from basecal.numerics.structured_secant import usable_curvature, with_secant
 
 CONVERGED_SIGMAS = 1e-5  # distance to the optimum at convergence, in sigmas of the unknowns: negligible in any result
 _SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses at a distance of a metre
-# Relative to the decrease predicted for the previous step: eliminated unknowns move less each time, until rounding.
-_LEAST_DECREASE_RATIO = 0.5
+# Predicted decrease, relative to that of the previous step, above which steps no longer shrink: they are rounding.
+_ROUNDING_RATIO = 0.5
 FIRST_DAMPING = 1e-9  # relative to the scaled diagonal: Gauss-Newton, but regular if a direction is unobservable
-PRIOR_DAMPING = 1e-13  # for problems that priors make regular: more would hide a prior of degrees beside micrometres
+PRIOR_DAMPING = (
+    1e-13  # for problems that priors make regular: more would dominate a prior of degrees beside micrometres
+)
 # Predicted decrease relative to the cost, below which the secant of a step describes the curvature at the optimum. It
 # is needed for starts whose residuals do not determine sigmas.
 _NEAR_SHARE = 1e-3
@@ -168,10 +170,10 @@ def levenberg_marquardt(system: System[S, L], state: S, criteria: Criteria) -> O
     )
     ends: list[tuple[IntArray, Optima[S, L]]] = []
     for k in range(criteria.iterations):
-        left = _iterate(active, system, ends, k + 1, criteria)
-        if left is None:
+        remaining = _iterate(active, system, ends, k + 1, criteria)
+        if remaining is None:
             break
-        active, system = left
+        active, system = remaining
     else:
         ends.append(active.end(active.state, active.cost, False, criteria.iterations))
     return join_ends(ends)
@@ -203,18 +205,18 @@ def _iterate(
         kept = np.flatnonzero(~is_done)
         active, candidate, system = take(active, kept), take(candidate, kept), system.take(kept)
         step, expected, settled = step[kept], expected[kept], settled[kept]
-    after, cost = _linearise(system, candidate, active.linearisation)
+    linearisation, cost = _linearise(system, candidate, active.linearisation)
     better = cost <= active.cost * (1 + _COST_ROUNDING)
-    curvature = _updated_curvature(active, after, step, better & _is_near(active, expected))
+    curvature = _updated_curvature(active, linearisation, step, better & _is_near(active, expected))
     expected = np.maximum(expected, 1e-300)
-    active = _accept_step(active, candidate, after, cost, better, expected, curvature, criteria.damping)
-    stuck, lost = ~better & settled, ~better & (active.damping > _LARGEST_DAMPING)
-    for ended, converged in ((stuck, True), (lost & ~stuck, False)):
+    active = _accept_step(active, candidate, linearisation, cost, better, expected, curvature, criteria.damping)
+    is_stuck, is_lost = ~better & settled, ~better & (active.damping > _LARGEST_DAMPING)
+    for ended, converged in ((is_stuck, True), (is_lost & ~is_stuck, False)):
         if ended.any():
             finished = take(active, ended)
             ends.append(finished.end(finished.state, finished.cost, converged, number))
-    going = np.flatnonzero(~(stuck | lost))
-    if len(going) == len(stuck):
+    going = np.flatnonzero(~(is_stuck | is_lost))
+    if len(going) == len(is_stuck):
         return active, system
     return (take(active, going), system.take(going)) if len(going) else None
 
@@ -243,7 +245,7 @@ def _has_converged(active: _Active[S, L], step: Array, expected_decrease: Array,
     rate = np.where(is_shrinking, np.minimum(previous, expected_decrease) / previous, 1.0)
     # A rejected step is rounding, and so is one whose predicted decrease no longer shrinks.
     is_rounding = (active.damping > _GAUSS_NEWTON_DAMPING) | (
-        (active.expected > 0) & (expected_decrease > _LEAST_DECREASE_RATIO * active.expected)
+        (active.expected > 0) & (expected_decrease > _ROUNDING_RATIO * active.expected)
     )
     is_tiny = (np.abs(step).max(axis=1, initial=0.0) < _SMALLEST_STEP) & (
         (active.linearisation.eliminated_cost <= limit) | is_rounding

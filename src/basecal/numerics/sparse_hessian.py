@@ -48,8 +48,8 @@ class SparseHessian:
 
     @cached_property
     def _scaled_matrix(self) -> scipy.sparse.csc_array:
-        by = scipy.sparse.diags_array(self._scale, format="csc")
-        return scipy.sparse.csc_array(by @ self.matrix @ by)
+        scaling = scipy.sparse.diags_array(self._scale, format="csc")
+        return scipy.sparse.csc_array(scaling @ self.matrix @ scaling)
 
     @cached_property
     def factor(self) -> scipy.sparse.linalg.SuperLU:
@@ -74,25 +74,25 @@ class SparseHessian:
 
     def rescale(self, scale: Array) -> SparseHessian:
         """Return the Hessian in new units of the unknowns, with `scale` (p,) old units per new unit."""
-        by = scipy.sparse.diags_array(scale, format="csc")
-        return SparseHessian(scipy.sparse.csc_array(by @ self.matrix @ by))
+        scaling = scipy.sparse.diags_array(scale, format="csc")
+        return SparseHessian(scipy.sparse.csc_array(scaling @ self.matrix @ scaling))
 
     def inverse_columns(self, columns: IntArray) -> Array:
         """Columns of the inverse, (p, c)."""
-        out = np.empty((len(self._scale), len(columns)))
-        for at in range(0, len(columns), _CHUNK_COLUMNS):
-            some = columns[at : at + _CHUNK_COLUMNS]
-            right = np.zeros((len(self._scale), len(some)))
-            right[some, np.arange(len(some))] = self._scale[some]
-            out[:, at : at + len(some)] = self._scale[:, None] * self.factor.solve(right)
-        return out
+        inverse = np.empty((len(self._scale), len(columns)))
+        for first in range(0, len(columns), _CHUNK_COLUMNS):
+            chunk = columns[first : first + _CHUNK_COLUMNS]
+            right = np.zeros((len(self._scale), len(chunk)))
+            right[chunk, np.arange(len(chunk))] = self._scale[chunk]
+            inverse[:, first : first + len(chunk)] = self._scale[:, None] * self.factor.solve(right)
+        return inverse
 
     def inverse_block(self, columns: IntArray) -> Array:
         """Symmetric block of the inverse at rows and columns (c,), (c, c)."""
         block = np.empty((len(columns), len(columns)))
-        for at in range(0, len(columns), _CHUNK_COLUMNS):
-            some = columns[at : at + _CHUNK_COLUMNS]
-            block[:, at : at + len(some)] = self.inverse_columns(some)[columns]
+        for first in range(0, len(columns), _CHUNK_COLUMNS):
+            chunk = columns[first : first + _CHUNK_COLUMNS]
+            block[:, first : first + len(chunk)] = self.inverse_columns(chunk)[columns]
         return 0.5 * (block + block.T)
 
 

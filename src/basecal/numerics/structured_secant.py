@@ -30,20 +30,20 @@ def with_secant(residual_curvature: Array, hessian: Array, change: Array, step: 
         step: The step, (b, p).
         is_near: (b,) whether the step was accepted and is near enough to an optimum.
     """
-    kept = np.where(is_near[:, None, None], residual_curvature, 0.0)
+    updated = np.where(is_near[:, None, None], residual_curvature, 0.0)
     if not is_near.any():
-        return kept
+        return updated
     with np.errstate(all="ignore"):
         by_hessian = (hessian @ step[..., None])[..., 0]
-        missing = change - by_hessian - (kept @ step[..., None])[..., 0]
+        missing = change - by_hessian - (updated @ step[..., None])[..., 0]
         along, curvature = np.einsum("bi,bi->b", missing, step), np.einsum("bi,bi->b", by_hessian, step)
         diagonal = np.maximum(np.diagonal(hessian, axis1=1, axis2=2), np.finfo(np.float64).tiny)
         is_used = is_near & np.isfinite(along) & (np.abs(along) > _LEAST_SHARE * curvature) & (curvature > 0)
         is_used &= (missing**2 / diagonal).sum(axis=1) <= _LARGEST_CHANGE * np.abs(along)
     rows = np.flatnonzero(is_used)
     corrections = missing[rows]
-    kept[rows] += corrections[:, :, None] * corrections[:, None, :] / along[rows, None, None]
-    return kept
+    updated[rows] += corrections[:, :, None] * corrections[:, None, :] / along[rows, None, None]
+    return updated
 
 
 def usable_curvature(residual_curvature: Array, hessian: Array) -> Array:

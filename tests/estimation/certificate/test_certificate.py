@@ -321,7 +321,7 @@ def test_views_of_four_points_have_a_pose(corners, told):
     """Those of three do not, as is said."""
     square = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]])[:corners]
     certificate = certify(solved(Scenario(target="points", samples=10, board=points_target(square)))).certificate
-    reason = "no pose from a single view: less than four points are seen"
+    reason = "no pose from a single view: fewer than four points are seen"
     assert (certificate.reason == reason) != told
     assert (certificate.gap is None) != told
 

@@ -138,13 +138,13 @@ def test_each_sigma_is_that_of_where_it_is_told():
     assert of.shapes == {"t": shape, "u": shape}
     np.testing.assert_allclose(of.robots["r1"], 2e-3)
     np.testing.assert_allclose(of.robots["r2"], 3e-3)
-    assert (of.estimated, of.settled, of.minus_2_log_evidence, of.plain_minus_2_log_evidence) == (
+    assert (of.estimated, of.converged, of.minus_2_log_evidence, of.plain_minus_2_log_evidence) == (
         ("pixel_px",),
         False,
         7.0,
         70.0,
     )
-    assert merge_estimates({**found, "r2": found["r1"]}, parts).settled
+    assert merge_estimates({**found, "r2": found["r1"]}, parts).converged
     assert of.factor == 1.0
     assert of.noise == of.cameras["a"]
 

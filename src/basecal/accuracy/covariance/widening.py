@@ -110,11 +110,13 @@ def _directions(solution: Solution, order: Sequence[str]) -> _Directions:
     covariance = solution.noise.factor * spectrum(equations.hessian).inverse
     of = scaled_spectrum(covariance, 0.0, scale)
     blocks = [scaled_spectrum(covariance[at, at], 0.0, scale[at]) for at in columns]
-    least = min((float(np.sqrt(block.values[block.held].min(initial=np.inf))) for block in blocks), default=np.inf)
-    sigmas = np.sqrt(of.values[of.held])
+    least = min(
+        (float(np.sqrt(block.values[block.is_informative].min(initial=np.inf))) for block in blocks), default=np.inf
+    )
+    sigmas = np.sqrt(of.values[of.is_informative])
     wide = np.flatnonzero(sigmas * sigmas.max(initial=0.0) > _LEAST_SHARE * least)[-_MOST_DIRECTIONS:]
     together = np.triu(np.outer(sigmas[wide], sigmas[wide]) > _LEAST_SHARE * least, 1)
-    return _Directions(of.root[:, of.held], wide, np.array(np.nonzero(together)))
+    return _Directions(of.root[:, of.is_informative], wide, np.array(np.nonzero(together)))
 
 
 def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State | None:

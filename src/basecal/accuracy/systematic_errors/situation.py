@@ -329,4 +329,4 @@ def _independent_moves(model: Linearised, moves: Moves) -> Moves:
         return moves
     information = sum(np.tensordot(m, h @ m, ((0, 1), (0, 1))) for h, m in pairs)
     of = scaled_spectrum(np.asarray(information), _LEAST_SEEN)
-    return tuple(None if m is None else m @ of.vectors[:, of.held] for m in moves)
+    return tuple(None if m is None else m @ of.vectors[:, of.is_informative] for m in moves)

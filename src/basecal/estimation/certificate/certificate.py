@@ -82,13 +82,13 @@ def certify(solution: Solution) -> Certified:
     if reason:
         return _undecided_certificate(reason)
     loops, constant = proven_loops(solution)
-    known = [loop for loop in loops if loop is not None]
-    if len(known) < len(loops):
+    proven = [loop for loop in loops if loop is not None]
+    if len(proven) < len(loops):
         group = solution.problem.groups[loops.index(None)]
         views = f"fewer than {_FEWEST_VIEWS} views of {group.target} by {group.camera}"
         return _undecided_certificate(f"no pose from a single view: {views} have an unambiguous pose")
-    gap = max(loop.gap for loop in known)
-    better = _descend_from_proven(solution, known)
+    gap = max(loop.gap for loop in proven)
+    better = _descend_from_proven(solution, proven)
     if better is not None:
         return Certified(Certificate(gap, None, "the proven rotations lead to a better fit"), better)
     if not solution.converged:
@@ -97,8 +97,8 @@ def certify(solution: Solution) -> Certified:
         return _undecided_certificate(
             "the relaxation is not tight: other rotations could cost less than those found", gap
         )
-    floor = constant + sum(loop.form.weight * loop.bound.lower for loop in known)
-    sine2 = max(_largest_sine2(loop, solution.cost - floor) for loop in known)
+    floor = constant + sum(loop.form.weight * loop.bound.lower for loop in proven)
+    sine2 = max(_largest_sine2(loop, solution.cost - floor) for loop in proven)
     if not sine2 <= _WIDEST_SINE2:
         return _undecided_certificate(
             "the noise is too large for how far the arms turn: a better fit could be far away", gap
@@ -141,7 +141,7 @@ def _scope_reason(solution: Solution) -> str:
     if any(len(group.readings) > 1 for group in problem.groups):
         return "views can be read in several ways"
     if any(isinstance(g.measurement, PixelMeasurement) and g.measurement.weight.shape[1] < 4 for g in problem.groups):
-        return "no pose from a single view: less than four points are seen"
+        return "no pose from a single view: fewer than four points are seen"
     return ""
 
 

@@ -98,13 +98,13 @@ def lower_bound(form: Array, factors: Factors) -> Bound:
     axes = np.ones((1, 1))
     for factor in factors:
         axes = kron(axes, _complete_basis(factor))
-    turned = axes.T @ form @ axes
-    value = float(turned[0, 0])
-    lifted = _clear_first_row(turned, len(factors))
-    rest = lifted[1:, 1:] - value * np.eye(len(turned) - 1)
-    lifted[1:, 1:] = _maximise_dual(rest, len(factors)) + value * np.eye(len(turned) - 1)
+    rotated_form = axes.T @ form @ axes
+    value = float(rotated_form[0, 0])
+    lifted = _clear_first_row(rotated_form, len(factors))
+    inner = lifted[1:, 1:] - value * np.eye(len(rotated_form) - 1)
+    lifted[1:, 1:] = _maximise_dual(inner, len(factors)) + value * np.eye(len(rotated_form) - 1)
     values = np.linalg.eigvalsh(lifted)
-    leak = float(np.linalg.norm(_exchange_mean(lifted - turned, len(factors)), 2))
+    leak = float(np.linalg.norm(_exchange_mean(lifted - rotated_form, len(factors)), 2))
     return Bound(factors, value, float(values[0]) - leak, float(values[1] - values[0]))
 
 

@@ -75,8 +75,9 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
     total = float(weight.sum())
     size = 4 ** len(loop.unknown)
     form = np.zeros((size, size))
-    for at in range(0, len(weight), _CHUNK_VIEWS):
-        rows = _rows(loop, slice(at, at + _CHUNK_VIEWS)) * np.sqrt(weight[at : at + _CHUNK_VIEWS, None, None])
+    for first in range(0, len(weight), _CHUNK_VIEWS):
+        chunk = slice(first, first + _CHUNK_VIEWS)
+        rows = _rows(loop, chunk) * np.sqrt(weight[chunk, None, None])
         flat = rows.reshape(-1, size)
         form += flat.T @ flat
     return LoopForm(loop, form / max(total, 1e-300), total, merged)

@@ -95,12 +95,12 @@ def stop_error_jacobians(
     if not noisy:
         return []
     tangents, n = stop_tangents(group, state, stops), len(group)
-    moved = right_jacobian(tangents) * stops.sigma[np.concatenate([stop for stop, _ in noisy])][:, None, :]
+    error_jacobian = right_jacobian(tangents) * stops.sigma[np.concatenate([stop for stop, _ in noisy])][:, None, :]
     parts = []
     for k, (stop, link) in enumerate(noisy):
         adjoint = np.zeros((*link.target_from_flange.shape, 6, 6))
         link.target_from_flange.put_adjoint(adjoint, link.sign)
-        by_error = adjoint @ moved[..., k * n : (k + 1) * n, :, :]
+        by_error = adjoint @ error_jacobian[..., k * n : (k + 1) * n, :, :]
         if rows > 6:
             by_error = np.concatenate([by_error, np.zeros((*by_error.shape[:-2], rows - 6, 6))], -2)
         parts.append((stop, by_error))

@@ -167,8 +167,8 @@ def retract(problem: Problem, state: State, normal: NormalEquations, step: Array
     tangents = np.zeros((len(names), *state.batch, 6))
     for k, name in enumerate(names):
         tangents[k, ..., : problem.column_width(name)] = step[..., columns[name]]
-    after = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents) if names else SE3.identity((0,))
-    transforms = {**state.transforms, **{name: after[k] for k, name in enumerate(names)}}
+    updated = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents) if names else SE3.identity((0,))
+    transforms = {**state.transforms, **{name: updated[k] for k, name in enumerate(names)}}
     lenses = {
         name: retract_lens(lens, step[..., columns[name]]) for name, lens in state.cameras.items() if name in columns
     }

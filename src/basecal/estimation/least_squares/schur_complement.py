@@ -124,16 +124,16 @@ class SchurAccumulator:
         self.by_unknowns[..., stop, :, : by_unknowns.shape[-1]] += by_unknowns.reshape(*gradient.shape[:-1], k, 6, -1)
         blocks = np.swapaxes(information.reshape(*information.shape[:-2], k, 6, k, 6), -3, -2)
         self.diagonal[..., stop, :, :] += blocks[..., np.arange(k), np.arange(k), :, :]
-        one, other = np.triu_indices(k, 1)
-        if len(one):
-            self.pairs.append((stop[one], stop[other], blocks[..., one, other, :, :]))
+        first, second = np.triu_indices(k, 1)
+        if len(first):
+            self.pairs.append((stop[first], stop[second], blocks[..., first, second, :, :]))
 
     def _add_pairs(self, eye: StopViews, hand: StopViews, information: Array) -> None:
-        both, a, b = np.intersect1d(eye.view, hand.view, assume_unique=True, return_indices=True)
-        if not len(both):
+        views, a, b = np.intersect1d(eye.view, hand.view, assume_unique=True, return_indices=True)
+        if not len(views):
             return
         transposed = eye.by_error[..., a, :, :].mT
-        block = transposed @ information[..., both, :, :] @ hand.by_error[..., b, :, :]
+        block = transposed @ information[..., views, :, :] @ hand.by_error[..., b, :, :]
         self.pairs.append((eye.stop[a], hand.stop[b], block))
 
     def solve(self) -> SchurComplement:

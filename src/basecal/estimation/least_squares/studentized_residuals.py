@@ -105,7 +105,7 @@ def _group_deviations(model: LeaveOneOut, k: int) -> MahalanobisSquared:
     sign = np.where(weight > 0, -1.0, 1.0)[:, None, None]
     decomposed = scaled_spectrum(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _LARGEST_LEVERAGE)
     # Directions without information have whitened gradient zero and leverage zero.
-    freedoms = np.maximum(information.rank - np.count_nonzero(~decomposed.held, axis=-1), 0)
+    freedoms = np.maximum(information.rank - np.count_nonzero(~decomposed.is_informative, axis=-1), 0)
     return MahalanobisSquared(np.where(freedoms > 0, decomposed.squared_mahalanobis(whitened), np.nan), freedoms)
 
 
@@ -234,7 +234,7 @@ def _stop_covariance(normal: NormalEquations, k: int) -> Array:
     total = np.zeros((n, q, q))
     for a in views.shared:
         for b in views.shared:
-            both, i, j = np.intersect1d(a.view, b.view, assume_unique=True, return_indices=True)
+            common, i, j = np.intersect1d(a.view, b.view, assume_unique=True, return_indices=True)
             block = system.covariance(a.stop[i], b.stop[j])
-            total[both] += a.by_error[i] @ block @ b.by_error[j].mT
+            total[common] += a.by_error[i] @ block @ b.by_error[j].mT
     return total

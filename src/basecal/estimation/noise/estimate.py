@@ -58,7 +58,7 @@ class NoiseEstimate:
         noise: Sigmas of views.
         factor: Factor of the inverse information in the covariance.
         estimated: Fields of `noise` that were estimated.
-        settled: Whether the estimation converged.
+        converged: Whether the estimation converged.
         robots: Estimated sigmas of robots with unstated noise, (6,) [m, rad], by name.
         cameras: Sigmas by camera; cameras without an entry have those of `noise`.
         common: Sigmas of shared errors of the likeliest model, (2,) [m, rad], by effect and robot.
@@ -77,7 +77,7 @@ class NoiseEstimate:
     noise: Noise
     factor: float
     estimated: tuple[str, ...]
-    settled: bool
+    converged: bool
     robots: Mapping[str, Array] = field(default_factory=dict)
     cameras: Mapping[str, Noise] = field(default_factory=dict)
     common: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
@@ -167,8 +167,8 @@ def _variance_ratio(problem: Problem, end: Optimum, noise: Noise, field: str, co
         predicted = end.state.camera_from_target(group, problem.stops)
         squares += group.measurement.squares(predicted, end.state.cameras.get(group.camera)).get(field, 0.0)
     smaller_noise = noise._replace(**{field: getattr(noise, field) * np.exp(-_LOG_STEP / 2)})
-    after = linearise(problem.with_noise(smaller_noise), end.state)
-    gamma = (_log_det(after) - _log_det(end.normal)) / _LOG_STEP
+    normal = linearise(problem.with_noise(smaller_noise), end.state)
+    gamma = (_log_det(normal) - _log_det(end.normal)) / _LOG_STEP
     return float(np.clip(squares / max(count - gamma, 0.01 * count), 1e-8, 1e8))
 
 

@@ -116,21 +116,21 @@ def _estimate_sigmas(
         used, logs = guess.apply(problem), guess.logs
         start = start if len(start.stop_errors) == len(used.stops) else without_errors(used, start)
     if max(map(len, problem.groups), default=0) > MANY_VIEWS:
-        few, few_start = recorded_subset(problem, without_errors(problem, start), MANY_VIEWS)
-        _, few_end, estimate = _estimate_sigmas(few, few_start, iterations, guess)
-        if few_end.converged and estimate.settled and estimate.logs is not None:
-            return _extend_estimate(estimate.apply(problem), few_end.state, iterations, estimate.logs)
+        subset, subset_start = recorded_subset(problem, without_errors(problem, start), MANY_VIEWS)
+        _, subset_end, estimate = _estimate_sigmas(subset, subset_start, iterations, guess)
+        if subset_end.converged and estimate.converged and estimate.logs is not None:
+            return _extend_estimate(estimate.apply(problem), subset_end.state, iterations, estimate.logs)
     end = bundle_adjust(used, start, dof, iterations, tolerance=ROUGH_SIGMAS)
     plain = _sigma_posterior(used, end.state, robots, logs)
-    settled = logs is not None and _has_settled(plain, logs)
+    has_converged = logs is not None and _has_converged(plain, logs)
     for _ in range(_MOST_ALTERNATIONS):
-        if settled:
+        if has_converged:
             break
         used, end = _readjust(used, end, plain, dof, iterations, ROUGH_SIGMAS)
         previous, plain = plain.logs, _sigma_posterior(used, end.state, robots, plain.logs)
-        settled = _has_settled(plain, previous)
+        has_converged = _has_converged(plain, previous)
     used, end = _readjust(used, end, plain, dof, iterations)
-    return used, end, _final_estimate(plain, used, settled)
+    return used, end, _final_estimate(plain, used, has_converged)
 
 
 def _extend_estimate(
@@ -156,7 +156,7 @@ def _clear_open_errors(problem: Problem, nominal: Problem, state: State, robots:
     return replace(state, stop_errors=errors)
 
 
-def _has_settled(posterior: SigmaPosterior, used_logs: Array) -> bool:
+def _has_converged(posterior: SigmaPosterior, used_logs: Array) -> bool:
     """Whether sigmas and shapes of targets agree with those that were used, the former with logarithms (k,)."""
     changes = [np.abs(posterior.columns.mean[rows]).max() for rows in posterior.model.layout.shapes.values()]
     return bool(max(*changes, np.abs(posterior.logs - used_logs).max(initial=0.0), 0.0) < _SETTLED_CHANGE)
@@ -333,11 +333,11 @@ def _shared_sigmas(posterior: SigmaPosterior) -> list[dict[str, Array]]:
     ]
 
 
-def _final_estimate(posterior: SigmaPosterior, problem: Problem, is_settled: bool) -> NoiseEstimate:
+def _final_estimate(posterior: SigmaPosterior, problem: Problem, has_converged: bool) -> NoiseEstimate:
     """Return the most likely sigmas, with the shapes of the problem."""
     estimate = _estimate(posterior, problem)
     shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in estimate.shapes.items()}
-    return replace(estimate, settled=is_settled, shapes=shapes)
+    return replace(estimate, converged=has_converged, shapes=shapes)
 
 
 def _estimate(posterior: SigmaPosterior, problem: Problem) -> NoiseEstimate:

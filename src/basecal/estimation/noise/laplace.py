@@ -104,9 +104,9 @@ def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = 
     """
     count = len(prior.start)
     logs = prior.start if start is None else np.append(start[:count], prior.start[len(start) :])
-    logs, here = _find_mode(model, prior, logs)
-    curvature = floored_spectrum(0.5 * here.curvature, _LEAST_CURVATURE)
-    minus_2_log_evidence = here.value + float(np.log(curvature.values / (2 * np.pi)).sum())
+    logs, surface = _find_mode(model, prior, logs)
+    curvature = floored_spectrum(0.5 * surface.curvature, _LEAST_CURVATURE)
+    minus_2_log_evidence = surface.value + float(np.log(curvature.values / (2 * np.pi)).sum())
     return SigmaPosterior(model, prior, logs, curvature.inverse, minus_2_log_evidence)
 
 
@@ -114,25 +114,25 @@ def _find_mode(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Arra
     """Find the most likely logarithms, (k,), by Newton steps with the average information as curvature."""
     lower, upper = _bounds(model, prior)
     logs = np.clip(start, lower, upper)
-    here = _Surface(posterior(model, logs), prior)
+    surface = _Surface(posterior(model, logs), prior)
     secants: list[Secant] = []
     for _ in range(_NEWTON_STEPS):
-        step = _bounded_step(here.slope, here.curvature, logs, lower, upper, secants)
+        step = _bounded_step(surface.slope, surface.curvature, logs, lower, upper, secants)
         step = np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
-        expected = -float(here.slope @ step)
+        expected = -float(surface.slope @ step)
         for _ in range(_HALVINGS):
             candidate = np.clip(logs + step, lower, upper)
-            there = _Surface(posterior(model, candidate), prior)
-            if there.value <= here.value:
+            candidate_surface = _Surface(posterior(model, candidate), prior)
+            if candidate_surface.value <= surface.value:
                 break
             step = step / 2
         else:
-            return logs, here
+            return logs, surface
         if expected < _SETTLED_STEP:
-            return candidate, there
-        secants = [*secants, Secant(candidate - logs, there.slope - here.slope)][-_SECANT_COUNT:]
-        logs, here = candidate, there
-    return logs, here
+            return candidate, candidate_surface
+        secants = [*secants, Secant(candidate - logs, candidate_surface.slope - surface.slope)][-_SECANT_COUNT:]
+        logs, surface = candidate, candidate_surface
+    return logs, surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +271,7 @@ def _cubature(posterior: SigmaPosterior, is_quick: bool = False) -> tuple[Array,
     root = _root(posterior.covariance)
     if is_quick:
         wide = scaled_spectrum(posterior.covariance, _NEARLY_KNOWN_SIGMA**2)
-        root = wide.root[:, wide.held].T
+        root = wide.root[:, wide.is_informative].T
     steps = np.sqrt(len(root)) * root
     return posterior.logs + np.concatenate([steps, -steps]), np.zeros(2 * len(root))
 

@@ -1,7 +1,7 @@
 """Positions of the random effects of a mixed model, in blocks of errors and in columns.
 
-Stops that views link to few others form a block with these. Stops linked to many others are columns, as are shared
-errors and shapes of targets.
+Stops that share views with few other stops form a block with them. Stops that share views with many are columns, as
+are shared errors and shapes of targets.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from basecal.numerics.tied_blocks import tied_blocks
 
 # Maximum number of stops in a block: two arms that each visited one place twice.
 _MOST_BLOCK_STOPS = 4
-_MOST_PADDING = 16_384  # numbers that are processed in the time of NumPy's calls on a chunk
+_MOST_PADDING = 16_384  # numbers that take as long to process as NumPy's calls on one more chunk
 _CHUNK_NUMBERS = (
     131_072  # numbers of an array over blocks that are processed at a time: 1 MB fits into the processor's cache
 )
@@ -61,7 +61,7 @@ class Layout:
         return int(self.sizes.max(initial=0))
 
     def chunks(self, columns: int) -> Iterator[tuple[slice, slice]]:
-        """Yield slices of blocks that are processed at a time, with the rows that these blocks use at most."""
+        """Yield slices of blocks to process together, each with the slice of the rows that these blocks use."""
         first = 0
         for last in _ends_of_sizes(self.sizes, columns):
             rows = int(self.sizes[last - 1])
@@ -71,8 +71,8 @@ class Layout:
 
     def shared_columns(self, robot: str) -> Iterator[tuple[slice, Array]]:
         """Yield the columns of a robot's shared errors and the derivative of its flange poses, (stops, 6, k)."""
-        for at, errors in (of[robot] for of in self.shared if robot in of):
-            yield slice(at, at + len(errors.is_turn)), errors.by_stop
+        for first, errors in (by_robot[robot] for by_robot in self.shared if robot in by_robot):
+            yield slice(first, first + len(errors.is_turn)), errors.by_stop
 
 
 def place_effects(problem: Problem, shared_errors: Sequence[Mapping[str, SharedErrors]]) -> Layout:
@@ -148,7 +148,7 @@ def _ends_of_sizes(sizes: IntArray, columns: int) -> list[int]:
     return [*kept, len(sizes)] if len(sizes) else []
 
 
-def chunks(blocks: int, rows: int, columns: int, at_once: int) -> list[slice]:
-    """Slices over blocks of the given rows and columns, each with at most `at_once` numbers or a single block."""
-    size = max(1, at_once // max(1, rows * columns))
+def chunks(blocks: int, rows: int, columns: int, max_count: int) -> list[slice]:
+    """Slices over blocks of the given rows and columns, each with at most `max_count` numbers or a single block."""
+    size = max(1, max_count // max(1, rows * columns))
     return [slice(first, first + size) for first in range(0, blocks, size)]

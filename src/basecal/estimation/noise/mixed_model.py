@@ -2,8 +2,8 @@
 
 Each view has one cost, gradient and information matrix per sigma, with respect to `camera_from_target` and the lens.
 Adjoints relate them to the unknowns and to the errors of stops. The estimation of sigmas therefore needs only sums over
-views, whose size does not grow with the number of points. Stops that views link to few others form a block with these.
-The columns are the unknowns, the errors of stops linked to many others, shared errors, and shapes of targets.
+views, whose size does not grow with the number of points. Stops that share views with few other stops form a block
+with them. The columns are the unknowns, the errors of all other stops, shared errors, and shapes of targets.
 Source: Harville 1977; docs/mathematics.md (5.2).
 """
 
@@ -52,7 +52,7 @@ class Moments:
     errors_errors: Array
 
     def __add__(self, other: Moments) -> Moments:
-        return Moments(*(getattr(self, of.name) + getattr(other, of.name) for of in fields(self)))
+        return Moments(*(getattr(self, moment.name) + getattr(other, moment.name) for moment in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,8 +204,8 @@ def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Lay
     cost = float(equations.cost + displacement @ (weighted - 2 * equations.gradient))
     b, q, m = layout.blocks, layout.rows, layout.width
     errors = np.zeros((b, q)), np.zeros((b, q, m)), np.zeros((b, q, q))
-    both = fixed.T @ equations.information @ fixed
-    return Moments(scene.count, cost, fixed.T @ (equations.gradient - weighted), errors[0], both, *errors[1:])
+    information = fixed.T @ equations.information @ fixed
+    return Moments(scene.count, cost, fixed.T @ (equations.gradient - weighted), errors[0], information, *errors[1:])
 
 
 def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int, layout: Layout) -> None:
@@ -242,11 +242,11 @@ def _sum_views(
     if by_shape is not None:
         weighted[..., by_shape] = view.information[:, :rows, rows:]
     flat = fixed_effects.reshape(n * rows, layout.width)
-    by_fixed, both = flat.T @ gradient.ravel(), flat.T @ weighted.reshape(n * rows, layout.width)
+    by_fixed, fixed_fixed = flat.T @ gradient.ravel(), flat.T @ weighted.reshape(n * rows, layout.width)
     if by_shape is not None:
         by_fixed[by_shape] = view.gradient[:, rows:].sum(0)
-        both[by_shape] = both[:, by_shape].T
-        both[by_shape, by_shape] = view.information[:, rows:, rows:].sum(0)
+        fixed_fixed[by_shape] = fixed_fixed[:, by_shape].T
+        fixed_fixed[by_shape, by_shape] = view.information[:, rows:, rows:].sum(0)
     blocks, q, m = layout.blocks, layout.rows, layout.width
     e, ef, ee = np.zeros((blocks, q)), np.zeros((blocks, q, m)), np.zeros((blocks, q, q))
     for chunk, used_rows in layout.chunks(m):
@@ -256,13 +256,13 @@ def _sum_views(
         e[chunk, used_rows] = sums.sum((by_error @ gradient[views][..., None])[..., 0])
         ef[chunk, used_rows] = sums.sum(by_error @ weighted[views])
         ee[chunk, used_rows, used_rows] = sums.sum(by_error @ information[views] @ errors[views, :, used_rows])
-    return Moments(view.count, float(view.cost.sum()), by_fixed, e, both, ef, ee)
+    return Moments(view.count, float(view.cost.sum()), by_fixed, e, fixed_fixed, ef, ee)
 
 
 def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array, float]:
-    known, of_unknowns, total = prior_equations(problem, state)
-    prior, gradient, cost = np.eye(layout.width), np.zeros(layout.width), float(total)
-    prior[: problem.width, : problem.width], gradient[: problem.width] = known, of_unknowns
+    information, unknown_gradient, unknown_cost = prior_equations(problem, state)
+    prior, gradient, cost = np.eye(layout.width), np.zeros(layout.width), float(unknown_cost)
+    prior[: problem.width, : problem.width], gradient[: problem.width] = information, unknown_gradient
     for target, columns in layout.shapes.items():
         mean = problem.shapes.get(target, np.zeros(columns.stop - columns.start))
         gradient[columns] = mean

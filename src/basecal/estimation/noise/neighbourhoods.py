@@ -73,21 +73,23 @@ def merge_estimates(estimates: Mapping[str, NoiseEstimate], parts: Mapping[str, 
     A robot's sigma is its posterior root mean square. With few views, the most likely value would make the result look
     too certain.
     """
-    variances = {robot: of.robot_variances[robot] for robot, of in estimates.items() if robot in of.robot_variances}
+    variances = {
+        robot: each.robot_variances[robot] for robot, each in estimates.items() if robot in each.robot_variances
+    }
     cameras: dict[str, Noise] = {}
     shapes: dict[str, tuple[Array, Array]] = {}
-    for robot, of in parts.items():
-        cameras |= {name: noise for name, noise in estimates[robot].cameras.items() if name in of.cameras}
-        shapes |= {name: shape for name, shape in estimates[robot].shapes.items() if name in of.targets}
+    for robot, each in parts.items():
+        cameras |= {name: noise for name, noise in estimates[robot].cameras.items() if name in each.cameras}
+        shapes |= {name: shape for name, shape in estimates[robot].shapes.items() if name in each.targets}
     return NoiseEstimate(
         next(iter(cameras.values()), Noise()),
         1.0,
-        tuple(f for f in Noise._fields if any(f in of.estimated for of in estimates.values())),
-        all(of.settled for of in estimates.values()),
-        {robot: np.sqrt(of) for robot, of in variances.items()},
+        tuple(f for f in Noise._fields if any(f in each.estimated for each in estimates.values())),
+        all(each.converged for each in estimates.values()),
+        {robot: np.sqrt(each) for robot, each in variances.items()},
         cameras,
-        minus_2_log_evidence=sum(of.minus_2_log_evidence for of in estimates.values()),
-        plain_minus_2_log_evidence=sum(of.plain_minus_2_log_evidence for of in estimates.values()),
+        minus_2_log_evidence=sum(each.minus_2_log_evidence for each in estimates.values()),
+        plain_minus_2_log_evidence=sum(each.plain_minus_2_log_evidence for each in estimates.values()),
         shapes=shapes,
         robot_variances=variances,
     )

@@ -43,7 +43,7 @@ def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedE
 def shared_term(problem: Problem, name: str, robots: Sequence[str]) -> SharedTerm | None:
     """Shared errors of some robots due to an effect; None if no robot has any, or if the name is empty.
 
-    Of an effect of motion, a view cannot separate the errors of its two arms: one arm carries the errors of both.
+    A view cannot separate the motion errors of its two arms. For an effect of motion, one arm has the errors of both.
     """
     if not name:
         return None

@@ -33,7 +33,7 @@ from basecal.numerics.spectral import floored_spectrum
 _FLOOR = 1e-11  # smallest eigenvalue of the scaled information: four digits above rounding
 _ROUNDING_SCALE = 1e12  # an entry of this size leaves four digits of an identity that is added to it
 _ROUNDING = 1e-13  # share of such entries that is added to keep the sum regular
-_NODES_AT_ONCE = 2**19  # numbers of an array over nodes and blocks: 4 MB, the fastest size from 2^15 to 2^21
+_CHUNK_NUMBERS = 2**19  # numbers of an array over nodes and blocks: 4 MB, the fastest size from 2^15 to 2^21
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,16 +170,16 @@ class Posterior:
         keys = tuple(self.model.sigmas.views)
         for i, key in enumerate(keys):
             weight = np.exp(-2 * self.logs[i])
-            own[i], columns[i], errors[i] = (weight * of for of in self._mean_moments[key])
+            own[i], columns[i], errors[i] = (weight * part for part in self._mean_moments[key])
         for i in range(len(keys), k):
             columns[i] = np.where(self.model.of_columns == i, self.mean_columns, 0.0)
             errors[i] = np.where(self.model.of_errors == i, self.mean_errors, 0.0)
             own[i] = np.sum(columns[i] ** 2) + np.sum(errors[i] ** 2)
-        carried = (self.blocks.own @ errors.transpose(1, 2, 0)).transpose(2, 0, 1).reshape(k, -1)
-        scaled = carried * scales(self.logs, self.model.of_errors).ravel()
+        products = (self.blocks.own @ errors.transpose(1, 2, 0)).transpose(2, 0, 1).reshape(k, -1)
+        scaled = products * scales(self.logs, self.model.of_errors).ravel()
         by_columns = scaled @ self.blocks.by_columns.reshape(-1, columns.shape[-1])
         reduced = columns - by_columns * scales(self.logs, self.model.of_columns)
-        by_errors = errors.reshape(k, -1) @ carried.T
+        by_errors = errors.reshape(k, -1) @ products.T
         return np.asarray(4 * (np.diag(own) - reduced @ self.spread @ reduced.T - by_errors))
 
 
@@ -227,8 +227,8 @@ def node_equations(model: MixedModel, nodes: Array) -> list[Equations]:
 
     Nodes are processed in chunks, since the overhead of NumPy's calls is half the time if they are processed singly.
     """
-    parts = chunks(len(nodes), model.of_errors.size, len(model.prior), _NODES_AT_ONCE)
-    return [_eliminate_errors(model, nodes[here]) for here in parts]
+    parts = chunks(len(nodes), model.of_errors.size, len(model.prior), _CHUNK_NUMBERS)
+    return [_eliminate_errors(model, nodes[chunk]) for chunk in parts]
 
 
 def solve_columns(equations: Iterable[Equations], columns: IntArray) -> Columns:
@@ -269,8 +269,8 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
         uu *= scale[..., :, None]
         uu *= scale[..., None, :]
         uu = with_identity(uu, np.ones(uu.shape[:-2]))
-        lost = _rounding_loss(uu)
-        root, log_dets = inverse_factors(uu if lost is None else with_identity(uu, lost))
+        rounding_loss = _rounding_loss(uu)
+        root, log_dets = inverse_factors(uu if rounding_loss is None else with_identity(uu, rounding_loss))
         scaled = root * scale[..., None, :]
         whitened, cu = scaled @ ux, (scaled @ bu[..., None])[..., 0]
         flat, flat_cu = whitened.reshape(*logs.shape[:-1], -1, m), cu.reshape(*logs.shape[:-1], -1)
@@ -281,7 +281,7 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
             blocks.alone[chunk] = (root.mT @ cu[..., None])[..., 0]
             np.matmul(root.mT, root, out=blocks.own[square])
             blocks.by_columns[chunk] = ux
-            blocks.lost[chunk[0]] = 0.0 if lost is None else lost
+            blocks.lost[chunk[0]] = 0.0 if rounding_loss is None else rounding_loss
     by_scales = x[..., :, None] * x[..., None, :]
     explained *= by_scales
     if blocks is not None:
@@ -343,9 +343,9 @@ def _squares_of_spread(
     """Contribution of the spread of some blocks' errors to a part's expected sum of squares."""
     x, u = scales(posterior.logs, posterior.model.of_columns), scales(posterior.logs, posterior.model.of_errors[here])
     by_x = (cross_covariance.reshape(-1, len(x)) * x).reshape(cross_covariance.shape)
-    both = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
-    by_u = np.vdot(u, np.vecdot(part.errors_errors[*here, here[1]], u[:, None, :] * covariance))
-    return float(by_u - 2 * both)
+    cross_term = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
+    own_term = np.vdot(u, np.vecdot(part.errors_errors[*here, here[1]], u[:, None, :] * covariance))
+    return float(own_term - 2 * cross_term)
 
 
 def _part_moments(part: Moments, posterior: Posterior) -> tuple[float, Array, Array]:

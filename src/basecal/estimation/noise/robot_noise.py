@@ -38,7 +38,8 @@ def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:
     """
     kept = np.array([name not in sigmas for name in problem.stops.robot], dtype=bool)
     renumbered = np.cumsum(kept) - 1  # new numbers of the stops that are kept
-    sigma, names = [problem.stops.sigma[kept]], [n for n, k in zip(problem.stops.robot, kept, strict=True) if k]
+    sigma = [problem.stops.sigma[kept]]
+    names = [name for name in problem.stops.robot if name not in sigmas]
     first: dict[str, int] = {}
     for robot in sorted(sigmas):
         count = _highest_stand(problem, robot) + 1

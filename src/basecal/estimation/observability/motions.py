@@ -110,7 +110,7 @@ def _indistinct_twists(base_from_flange: SE3, least: float) -> tuple[Array, Arra
     mean = adjoints.mean(0)
     deviations = (adjoints - mean).reshape(-1, 6)
     scatter = scaled_spectrum(deviations.T @ deviations / len(adjoints), least**2)
-    constant = scatter.vectors[:, ~scatter.held]
+    constant = scatter.vectors[:, ~scatter.is_informative]
     return constant.T * MOVE_SCALE, (mean @ constant).T * MOVE_SCALE
 
 

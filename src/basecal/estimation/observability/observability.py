@@ -41,7 +41,7 @@ class Observability:
         condition: Largest over smallest scaled sigma; infinite if a direction has no information.
         null_space: Unobservable directions, separated by kind.
         unobservable: Names of the transforms and lenses with an unobservable direction.
-        onto_held: (p, p) projection of a step that removes directions without information.
+        onto_informative: (p, p) projection of a step that removes directions without information.
         length_m: Length of the scene, the scale of translations: median distance of targets from cameras [m].
     """
 
@@ -49,7 +49,7 @@ class Observability:
     condition: float
     null_space: tuple[NullDirection, ...]
     unobservable: frozenset[str]
-    onto_held: Array
+    onto_informative: Array
     length_m: float = 1.0
 
 
@@ -61,9 +61,9 @@ def analyse_observability(problem: Problem, state: State, hessian: Array, factor
     scale = column_scales(problem, state, length)
     noise = max(factor, _SMALLEST_FACTOR)
     decomposed = _information_spectrum(problem, state, hessian, noise / _NO_INFORMATION_SIGMA**2, scale)
-    values, vectors, has_no_information = decomposed.values, decomposed.vectors, ~decomposed.held
+    values, vectors, has_no_information = decomposed.values, decomposed.vectors, ~decomposed.is_informative
     inverse = decomposed.inverse
-    onto_held = decomposed.inverse_root @ decomposed.root.T
+    onto_informative = decomposed.inverse_root @ decomposed.root.T
     lenses = [columns for name, columns in problem.columns.items() if name in problem.lenses]
     distortion = [k for columns in lenses for k in range(columns.start + 4, columns.stop)]
     is_distortion = np.linalg.norm(vectors[distortion], axis=0) ** 2 > 0.5
@@ -79,7 +79,7 @@ def analyse_observability(problem: Problem, state: State, hessian: Array, factor
         > UNOBSERVABLE_SIGMA
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(has_no_information) else float("inf")
-    return Observability(inverse, condition, directions, names, onto_held, length)
+    return Observability(inverse, condition, directions, names, onto_informative, length)
 
 
 def sparse_observability(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> Observability | None:
@@ -108,7 +108,8 @@ def _information_spectrum(problem: Problem, state: State, hessian: Array, least:
     prior_values = np.sum(scaled * (prior_equations(problem, state)[0] @ scaled), axis=0)
     return replace(
         decomposed,
-        held=decomposed.held | ((decomposed.values > least) & (prior_values > _PRIOR_SHARE * decomposed.values)),
+        is_informative=decomposed.is_informative
+        | ((decomposed.values > least) & (prior_values > _PRIOR_SHARE * decomposed.values)),
     )
 
 
@@ -161,11 +162,11 @@ def column_scales(problem: Problem, state: State, length: float) -> Array:
 
 def _length(problem: Problem, state: State) -> float:
     """Median distance of targets from cameras [m]; for points measured in 3-D, the reach of the arms."""
-    few = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]
+    thinned = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]
     distances = [
         np.full(len(g), g.reach_m)
         if isinstance(g.measurement, PointMeasurement)
         else np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1)
-        for g in few
+        for g in thinned
     ]
     return max(float(np.median(np.concatenate(distances))), 1e-3) if distances else 1.0
