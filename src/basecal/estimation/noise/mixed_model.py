@@ -274,16 +274,16 @@ def _sigma_indices(problem: Problem, layout: Layout, sigmas: SigmaPlaces) -> tup
     """Indices of the sigmas of columns and of errors in blocks; see `MixedModel`."""
     column = np.full(layout.width, -1, dtype=np.int64)
     error = np.full((layout.blocks, layout.rows), -1, dtype=np.int64)
-    first = {robot: place.start for robot, place in sigmas.stops.items()}
-    first_sigma = np.array([first.get(robot, -1) for robot in problem.stops.robot], dtype=np.int64)
+    sigma_of_robot = {robot: place.start for robot, place in sigmas.stops.items()}
+    first_sigma = np.array([sigma_of_robot.get(robot, -1) for robot in problem.stops.robot], dtype=np.int64)
     sigma_index, axes = first_sigma[:, None] + np.repeat([0, 1], 3), np.arange(6)
-    tied, hub = ((first_sigma >= 0) & (first >= 0) for first in (layout.block, layout.column))
+    tied, hub = ((first_sigma >= 0) & (place >= 0) for place in (layout.block, layout.column))
     error[layout.block[tied, None], layout.row[tied, None] + axes] = sigma_index[tied]
     column[layout.column[hub, None] + axes] = sigma_index[hub]
     for group, (block, row) in zip(problem.groups, layout.jitter_rows, strict=True):
         if group.camera in sigmas.jitter:
             error[block[block >= 0], row[block >= 0]] = sigmas.jitter[group.camera]
     for columns, places in zip(layout.shared, sigmas.shared, strict=True):
-        for robot, (first, errors) in columns.items():
-            column[first : first + len(errors.is_turn)] = places[robot].start + errors.is_turn
+        for robot, (column_start, errors) in columns.items():
+            column[column_start : column_start + len(errors.is_turn)] = places[robot].start + errors.is_turn
     return column, error
