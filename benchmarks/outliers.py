@@ -21,7 +21,7 @@ from tests.ends import with_eye, with_hand
 
 from basecal.cell import Cell
 from basecal.estimation.least_squares.normal_equations import linearise
-from basecal.estimation.least_squares.studentized_residuals import studentize_views
+from basecal.estimation.least_squares.studentized_residuals import view_misfits
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, inlier_problem
 from basecal.estimation.outliers.noise_and_outliers import solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
@@ -163,7 +163,7 @@ def reflected(problem: Problem, truth: State, rng: Rng) -> Spoilt:
 def _checked(found: Spoilt, truth: State) -> Spoilt:
     """The same without views that were spoilt and by chance are off by less than 8 sigma: neither clean nor gross."""
     group, views = found.problem.groups[0], found.clean.views[0]
-    squares = studentize_views(found.problem, truth)[0]
+    squares = view_misfits(found.problem, truth)[0]
     kept = np.flatnonzero(views | (squares.value >= GROSS**2))
     return Spoilt(
         found.problem.with_groups((group.take(kept),)), InlierMask((views[kept],), (found.clean.points[0][kept],))

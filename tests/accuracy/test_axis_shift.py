@@ -114,7 +114,7 @@ def test_without_a_task_stations_count_by_shift_over_depth():
     """The mean of all bases, weighted by the square of how far the light moved over how far it was."""
     simulated = made(stations=3)
     of = stations(simulated)
-    weights = [(s.length / np.linalg.norm(s.camera_from_light().translation)) ** 2 for s in of]
+    weights = [(s.rms_shift_m / np.linalg.norm(s.camera_from_light().translation)) ** 2 for s in of]
     wanted = fuse_bases([s.base() for s in of], weights)
     np.testing.assert_allclose(calibrated(simulated)[NAME].mean.matrix, wanted.matrix, atol=1e-12)
 

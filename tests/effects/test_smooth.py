@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from basecal.effects.smooth import LENGTH_M, Modes, kernel
-from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.noise.robot_noise import stop_poses
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3
 from basecal.geometry.rotation import rotation_log
@@ -18,7 +18,7 @@ def test_modes_make_the_kernel():
     """Products of modes are exp(-d^2 / 2 l^2) of the stops' distances d, to what the modes left out explain, 8 %."""
     s = simulate(Scenario(samples=30), 1)
     problem, _ = build_problem(s.cell, s.recording)
-    poses, seen = stands(problem, "hand")
+    poses, seen = stop_poses(problem, "hand")
     found = Modes.strongest(poses[seen], kernel).sizes(poses)
     turn = rotation_log(np.swapaxes(poses.rotation, -1, -2)[:, None] @ poses.rotation[None])
     shift = poses.translation[:, None] - poses.translation[None]
@@ -45,7 +45,7 @@ def test_modes_are_the_strongest_sixteen_that_matter(spread_rad, fewer):
     """As the kernel's eigenvectors: of arms that turn much all sixteen, else but for those below a hundredth."""
     made = simulate(Scenario(samples=40, spread_rad=spread_rad), 1)
     problem, _ = build_problem(made.cell, made.recording)
-    poses, seen = stands(problem, "hand")
+    poses, seen = stop_poses(problem, "hand")
     values, vectors = np.linalg.eigh(kernel(poses, poses))
     kept = np.flatnonzero(values > 1e-2 * values[-1])[-16:]
     found = Modes.strongest(poses[seen], kernel).sizes(poses)

@@ -154,7 +154,7 @@ def test_unstated_sigma_beside_stated_priors_is_estimated():
     """With priors and robot noise stated the pixel sigma still comes out, within 6 %."""
     s = simulate(Scenario(state_pixel_noise=False, target_mount="prior", robot_noise=(1e-4, 1e-4)), seed=4)
     solution = solve(s.cell, s.recording)
-    assert solution.noise.settled
+    assert solution.noise.converged
     assert solution.noise.noise.pixel_px == pytest.approx(0.2, rel=0.06)
 
 
@@ -267,7 +267,7 @@ def test_starts_that_end_apart_are_disputed(monkeypatch, costs, disputed):
     monkeypatch.setattr(module, "guessed_state", lambda *given: None)
     monkeypatch.setattr(module, "joint_state", lambda *given: None)
     monkeypatch.setattr(module, "_is_plausible", lambda problem, cost: False)
-    monkeypatch.setattr(module, "_settle_readings", lambda *given: next(ends))
+    monkeypatch.setattr(module, "_choose_readings", lambda *given: next(ends))
     assert module._start("problem", "cell", Settings()) == ("problem", min(costs), disputed)
 
 

@@ -43,10 +43,10 @@ def test_parts_of_a_stage_are_told():
     """Each with how many there are, and nothing outside a stage or without a timer."""
     told: list[str] = []
     settings = Settings(stages=Stages(told.append))
-    settings.part(1, 2)
+    settings.report_progress(1, 2)
     with settings.stage("conventions"):
-        settings.part(1, 2)
-    Settings().part(1, 2)
+        settings.report_progress(1, 2)
+    Settings().report_progress(1, 2)
     assert told == ["conventions", "conventions, 1 of 2"]
 
 

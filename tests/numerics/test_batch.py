@@ -1,4 +1,4 @@
-"""Batches of nouns taken apart and put together."""
+"""Batches of containers taken apart and put together."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.numerics.batch import SHARED, choose_entries, concatenate, stack, t
 
 
 @dataclass(frozen=True, eq=False)
-class Noun:
+class Container:
     """What a batch may hold."""
 
     poses: dict[str, SE3]
@@ -22,15 +22,15 @@ class Noun:
     nothing: None = None
 
 
-def noun(rng: np.random.Generator, count: int, table: Array) -> Noun:
+def container(rng: np.random.Generator, count: int, table: Array) -> Container:
     pose = SE3.exp(rng.standard_normal((count, 6)))
-    return Noun({"a": pose}, Camera("pinhole", [9.0, 9.0, 1.0, 1.0]), (rng.standard_normal((count, 2, 3)),), table)
+    return Container({"a": pose}, Camera("pinhole", [9.0, 9.0, 1.0, 1.0]), (rng.standard_normal((count, 2, 3)),), table)
 
 
 def test_take_and_concatenate_are_inverse(rng):
     """A batch taken apart row by row and put together again is the same, and what is shared is kept as it is."""
     table = np.arange(7.0)
-    whole = noun(rng, 5, table)
+    whole = container(rng, 5, table)
     again = concatenate([take(whole, np.array([row])) for row in range(5)])
     np.testing.assert_array_equal(again.poses["a"].matrix, whole.poses["a"].matrix)
     np.testing.assert_array_equal(again.parts[0], whole.parts[0])
@@ -38,9 +38,9 @@ def test_take_and_concatenate_are_inverse(rng):
     assert again.lens is whole.lens
 
 
-def test_stack_gives_single_nouns_an_axis(rng):
-    """Single nouns stacked and taken at a number are themselves, their lenses too."""
-    whole = noun(rng, 3, np.zeros(1))
+def test_stack_gives_single_containers_an_axis(rng):
+    """Single containers stacked and taken at a number are themselves, their lenses too."""
+    whole = container(rng, 3, np.zeros(1))
     singles = [take(whole, row) for row in range(3)]
     assert singles[0].poses["a"].shape == ()
     stacked = stack(singles)
@@ -51,7 +51,7 @@ def test_stack_gives_single_nouns_an_axis(rng):
 
 def test_where_chooses_row_by_row(rng):
     """Each row is that of the first where the mask holds, else that of the second."""
-    first, second = (noun(rng, 4, np.zeros(1)) for _ in range(2))
+    first, second = (container(rng, 4, np.zeros(1)) for _ in range(2))
     mask = np.array([True, False, False, True])
     mixed = choose_entries(mask, first, second)
     for row in range(4):

@@ -9,11 +9,12 @@ import pytest
 
 from basecal.geometry import Array
 from basecal.numerics.levenberg_marquardt import (
+    FIRST_DAMPING,
+    Criteria,
     Quadratic,
-    Stop,
     _accept_step,
+    _Active,
     _damped_step,
-    _Flight,
     _has_converged,
     _is_gauss_newton,
     _is_near,
@@ -70,7 +71,7 @@ def curves(noise: float = 0.0) -> Exponentials:
 
 def test_every_problem_of_a_batch_finds_its_own_optimum():
     """Exact curves from one rough start: each ends at its own parameters to 1e-9."""
-    optima = levenberg_marquardt(curves(), np.tile([1.0, 1.0], (4, 1)), Stop(iterations=200))
+    optima = levenberg_marquardt(curves(), np.tile([1.0, 1.0], (4, 1)), Criteria(iterations=200))
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state, TRUE, atol=1e-9)
     assert len(set(optima.iterations)) > 1
@@ -80,8 +81,8 @@ def test_every_problem_of_a_batch_finds_its_own_optimum():
 def test_a_batch_is_each_problem_by_itself(row):
     """Noisy curves: a problem takes the same steps to the same end alone and among others."""
     start = np.tile([1.0, 1.0], (4, 1))
-    together = levenberg_marquardt(curves(0.1), start, Stop(dof=18))
-    alone = levenberg_marquardt(curves(0.1).take([row]), start[[row]], Stop(dof=18))
+    together = levenberg_marquardt(curves(0.1), start, Criteria(dof=18))
+    alone = levenberg_marquardt(curves(0.1).take([row]), start[[row]], Criteria(dof=18))
     np.testing.assert_allclose(together.state[row], alone.state[0], atol=1e-12)
     assert together.iterations[row] == alone.iterations[0]
 
@@ -89,14 +90,14 @@ def test_a_batch_is_each_problem_by_itself(row):
 def test_no_step_goes_uphill():
     """Stopped after any number of steps, no cost is above that of fewer steps."""
     start = np.tile([1.0, 1.0], (4, 1))
-    costs = [levenberg_marquardt(curves(0.1), start, Stop(iterations=k)).cost for k in range(1, 40)]
+    costs = [levenberg_marquardt(curves(0.1), start, Criteria(iterations=k)).cost for k in range(1, 40)]
     assert np.all(np.diff(costs, axis=0) <= 1e-12)
     assert np.all(costs[-1] < 0.5 * curves(0.1).linearise(start).cost)
 
 
 def test_the_end_is_where_the_gradient_vanishes():
     """At the ends the gradient is zero to 1e-4 sigmas."""
-    optima = levenberg_marquardt(curves(0.1), np.tile([1.0, 1.0], (4, 1)), Stop(dof=18))
+    optima = levenberg_marquardt(curves(0.1), np.tile([1.0, 1.0], (4, 1)), Criteria(dof=18))
     about = curves(0.1).linearise(optima.state)
     left = np.einsum("bi,bi->b", about.gradient, np.linalg.solve(about.hessian, about.gradient[..., None])[..., 0])
     assert np.all(left <= 1e-8 * about.cost / 18)
@@ -105,14 +106,14 @@ def test_the_end_is_where_the_gradient_vanishes():
 def test_a_state_beyond_numbers_is_a_step_refused():
     """Where a problem cannot be linearised its step is refused, and the others of the batch go on."""
     system = replace(curves(), singular_above=5.5)
-    optima = levenberg_marquardt(system, np.tile([1.0, 1.0], (4, 1)), Stop(iterations=200))
+    optima = levenberg_marquardt(system, np.tile([1.0, 1.0], (4, 1)), Criteria(iterations=200))
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state, TRUE, atol=1e-9)
 
 
 def test_not_converged_is_said():
     """Two steps from a rough start are not enough, and that is what the result says."""
-    optima = levenberg_marquardt(curves(0.1), np.tile([1.0, 1.0], (4, 1)), Stop(iterations=2))
+    optima = levenberg_marquardt(curves(0.1), np.tile([1.0, 1.0], (4, 1)), Criteria(iterations=2))
     assert not optima.converged.any()
     assert np.all(optima.iterations == 2)
 
@@ -120,8 +121,8 @@ def test_not_converged_is_said():
 def test_looser_ends_come_sooner_and_stay_within_what_is_allowed():
     """A tenth of a sigma takes fewer steps than the default, and ends within two tenths of its optimum."""
     start = np.tile([1.0, 1.0], (4, 1))
-    tight = levenberg_marquardt(curves(0.1), start, Stop(dof=18))
-    loose = levenberg_marquardt(curves(0.1), start, Stop(dof=18, sigmas=0.1))
+    tight = levenberg_marquardt(curves(0.1), start, Criteria(dof=18))
+    loose = levenberg_marquardt(curves(0.1), start, Criteria(dof=18, tolerance=0.1))
     assert loose.converged.all()
     assert loose.iterations.sum() < tight.iterations.sum()
     off, hessian = loose.state - tight.state, curves(0.1).linearise(tight.state).hessian
@@ -152,7 +153,7 @@ def test_damping_follows_the_gain(steps, first):
     """As by hand where none counts as near its end, whether steps are taken or refused; most have not ended by then."""
     start = np.tile(first, (4, 1))
     with np.errstate(all="ignore"):
-        optima = levenberg_marquardt(curves(0.1), start, Stop(iterations=steps, sigmas=1e-12, dof=1e12))
+        optima = levenberg_marquardt(curves(0.1), start, Criteria(iterations=steps, tolerance=1e-12, dof=1e12))
         wanted = [by_hand(curves(0.1), row, start[row], steps) for row in range(4)]
     going = optima.iterations == steps
     np.testing.assert_allclose(optima.state[going], np.array(wanted)[going], rtol=1e-7)
@@ -198,7 +199,7 @@ class Bent:
 def test_residuals_that_bend_delay_no_end():
     """Where steps overshoot the optimum by up to 0.9 of their way, or fall short of it, ten find it to 1e-5 sigma."""
     system = Bent(np.array([-0.9, -0.5, 0.0, 0.4, 0.7]))
-    optima = levenberg_marquardt(system, np.full((5, 1), 0.01), Stop(iterations=10))
+    optima = levenberg_marquardt(system, np.full((5, 1), 0.01), Criteria(iterations=10))
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state[:, 0], 0.0, atol=1.5e-5)
 
@@ -225,7 +226,7 @@ class Shadowed:
 
 def test_nothing_ends_while_what_is_eliminated_still_moves():
     """From the best x, but a y far away: both are found, to what may be left to go."""
-    optima = levenberg_marquardt(Shadowed(), np.array([[1.0, 5.0], [-3.0, 1.0]]), Stop(dof=1e4, sigmas=1e-6))
+    optima = levenberg_marquardt(Shadowed(), np.array([[1.0, 5.0], [-3.0, 1.0]]), Criteria(dof=1e4, tolerance=1e-6))
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state, 1.0, atol=1e-3)
 
@@ -233,7 +234,7 @@ def test_nothing_ends_while_what_is_eliminated_still_moves():
 @pytest.mark.parametrize(("slope", "converged", "steps"), [(1.0, True, 8), (1e12, False, 10)])
 def test_where_no_step_is_any_good(slope, converged, steps):
     """Each is damped the more: one that is nothing to the data ends there, one beyond all damping is given up."""
-    optima = levenberg_marquardt(Misled(slope), np.array([[3.0], [5.0]]), Stop(iterations=50))
+    optima = levenberg_marquardt(Misled(slope), np.array([[3.0], [5.0]]), Criteria(iterations=50))
     np.testing.assert_array_equal(optima.state, [[3.0], [5.0]])
     np.testing.assert_array_equal(optima.cost, [13.0, 15.0])
     assert optima.converged.tolist() == [converged] * 2
@@ -251,7 +252,7 @@ def test_a_direction_that_nothing_holds_is_no_error():
             gradient = np.stack([state[:, 0] - 2.0, np.zeros(len(state))], 1)
             return About((state[:, 0] - 2.0) ** 2, gradient, np.tile(np.diag([1.0, 0.0]), (len(state), 1, 1)))
 
-    optima = levenberg_marquardt(Half(), np.array([[0.0, 7.0]]), Stop())
+    optima = levenberg_marquardt(Half(), np.array([[0.0, 7.0]]), Criteria())
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state, [[2.0, 7.0]], atol=1e-6)
 
@@ -261,10 +262,10 @@ def flight(cost=8.0, dof=2.0, damping=1e-9, growth=2.0, expected=0.0, eliminated
     hessian = np.eye(2) if hessian is None else np.array(hessian, dtype=float)
     about = Quadratic(np.array([cost]), np.array([gradient], dtype=float), hessian[None], np.array([eliminated]))
     numbers = (np.array([float(of)]) for of in (dof, damping, growth, expected))
-    return _Flight(np.array([0]), np.zeros((1, 2)), np.array([cost]), about, *numbers, np.zeros((1, 2, 2)))
+    return _Active(np.array([0]), np.zeros((1, 2)), np.array([cost]), about, *numbers, np.zeros((1, 2, 2)))
 
 
-LOOSE = Stop(sigmas=1e-2)  # of a scale of 4: at most 4e-4 may be left
+LOOSE = Criteria(tolerance=1e-2)  # of a scale of 4: at most 4e-4 may be left
 
 
 @pytest.mark.parametrize(("expected", "before", "damping", "settled"), [
@@ -314,7 +315,7 @@ def test_a_step_that_is_none_settles_where_nothing_else_moves(step, eliminated, 
 def test_promises_that_a_cost_cannot_show_settle_where_they_no_longer_fall(expected, before, cost, damping, settled):
     """Below 1e-12 of it: along directions known to degrees the gradient's rounding promises so much for ever."""
     of = flight(cost=cost, dof=1.0, damping=damping, expected=before)
-    found = _has_converged(of, np.array([[1e-3, 0.0]]), np.array([expected]), Stop(sigmas=1e-9))
+    found = _has_converged(of, np.array([[1e-3, 0.0]]), np.array([expected]), Criteria(tolerance=1e-9))
     assert found.tolist() == [settled]
 
 
@@ -333,22 +334,22 @@ def test_damping_hides_no_step_that_could_be_seen(damping, slope, undamped):
 def test_a_step_taken_eases_the_damping_by_what_it_gained(gain, factor):
     """Over what it promised, by Nielsen's cubic; the next refusal counts from two."""
     of = flight(cost=300.0, damping=0.5, growth=16.0, expected=7.0)
-    after = flight(cost=300.0 - 2 * gain).about
-    moved = _accept_step(of, np.ones((1, 2)), after, after.cost, YES, np.array([2.0]), None)
+    after = flight(cost=300.0 - 2 * gain).linearisation
+    moved = _accept_step(of, np.ones((1, 2)), after, after.cost, YES, np.array([2.0]), None, FIRST_DAMPING)
     assert moved.damping[0] == pytest.approx(0.5 * factor)
     assert (moved.growth[0], moved.expected[0], moved.cost[0]) == (2.0, 2.0, 300.0 - 2 * gain)
-    assert (moved.about is after, moved.state.tolist(), moved.bend) == (True, [[1.0, 1.0]], None)
+    assert (moved.linearisation is after, moved.state.tolist(), moved.residual_curvature) == (True, [[1.0, 1.0]], None)
 
 
 @pytest.mark.parametrize(("damping", "stiffened"), [(0.5, 8.0), (1e-9, 1.6e-2)])
 def test_a_step_refused_stiffens_the_damping_ever_faster(damping, stiffened):
     """From a thousandth on; all else stays as it was."""
     of = flight(damping=damping, growth=16.0, expected=7.0)
-    after = flight(cost=9.0).about
-    moved = _accept_step(of, np.ones((1, 2)), after, after.cost, ~YES, np.array([2.0]), None)
+    after = flight(cost=9.0).linearisation
+    moved = _accept_step(of, np.ones((1, 2)), after, after.cost, ~YES, np.array([2.0]), None, FIRST_DAMPING)
     assert moved.damping[0] == pytest.approx(stiffened)
     assert (moved.growth[0], moved.expected[0], moved.cost[0]) == (32.0, 7.0, 8.0)
-    assert (moved.about is of.about, moved.state.tolist()) == (True, [[0.0, 0.0]])
+    assert (moved.linearisation is of.linearisation, moved.state.tolist()) == (True, [[0.0, 0.0]])
 
 
 @pytest.mark.parametrize(("before", "after", "factor"), [
@@ -357,17 +358,19 @@ def test_a_step_refused_stiffens_the_damping_ever_faster(damping, stiffened):
 ])  # fmt: skip
 def test_what_costs_do_not_tell_says_nothing_of_the_damping(before, after, factor):
     """Infinite ones, or by rounding of a step that promises next to nothing: it counts as having gained that."""
-    about = flight(cost=after).about
+    about = flight(cost=after).linearisation
     of = flight(cost=before, damping=0.5)
     promised = 1e-14 if not before - after > 1e-12 else 8e-12
-    moved = _accept_step(of, np.ones((1, 2)), about, about.cost, YES, np.array([promised]), None)
+    moved = _accept_step(of, np.ones((1, 2)), about, about.cost, YES, np.array([promised]), None, FIRST_DAMPING)
     assert moved.damping[0] == pytest.approx(0.5 * factor, rel=1e-3)
 
 
 def test_damping_has_an_end_below():
     """At which a step is one of Gauss-Newton."""
-    about = flight(cost=6.0).about
-    moved = _accept_step(flight(damping=2e-9), np.ones((1, 2)), about, about.cost, YES, np.array([2.0]), None)
+    about = flight(cost=6.0).linearisation
+    moved = _accept_step(
+        flight(damping=2e-9), np.ones((1, 2)), about, about.cost, YES, np.array([2.0]), None, FIRST_DAMPING
+    )
     assert moved.damping[0] == 1e-9
 
 
@@ -382,13 +385,13 @@ def test_near_is_within_a_sigma_and_a_thousandth_of_the_cost(dof, limit):
 def test_the_next_step_goes_by_what_residuals_bend():
     """Where that leads downhill; else by the hessian alone. What is eliminated promises its own."""
     of = flight(gradient=(2.0, 1.0), hessian=np.diag([4.0, 1.0]), eliminated=0.25)
-    for bend, step in ((np.diag([0, 0.0]), (-0.5, -1.0)), (np.diag([4.0, 1.0]), (-0.25, -0.5))):
-        found, expected = _next_step(replace(of, bend=bend[None]))
+    for curvature, step in ((np.diag([0, 0.0]), (-0.5, -1.0)), (np.diag([4.0, 1.0]), (-0.25, -0.5))):
+        found, expected = _next_step(replace(of, residual_curvature=curvature[None]))
         np.testing.assert_allclose(found, [step], rtol=1e-6)
-        assert expected == pytest.approx(np.sum(np.square(step) * np.diag(np.diag([4.0, 1.0]) + bend)) + 0.25)
+        assert expected == pytest.approx(np.sum(np.square(step) * np.diag(np.diag([4.0, 1.0]) + curvature)) + 0.25)
     uphill = np.array([[0.0, 5.0], [5.0, 0.0]])  # its step promises less than nothing
     of = flight(gradient=(1.0, -1.0), hessian=np.diag([4.0, 1.0]), eliminated=0.25)
-    found, expected = _next_step(replace(of, bend=uphill[None]))
+    found, expected = _next_step(replace(of, residual_curvature=uphill[None]))
     np.testing.assert_allclose(found, [(-0.25, 1.0)], rtol=1e-6)
     assert expected == pytest.approx(1.5)
 
@@ -409,10 +412,10 @@ def test_ends_are_told_in_the_order_of_their_problems(ended):
     for rows, converged in zip(ended, (True, False), strict=True):
         cost = 10.0 * np.array(rows)
         about = Quadratic(*(np.array([cost]).T for _ in range(4)))
-        flight = _Flight(np.array(rows), cost, cost, about, cost, cost, cost, cost, None)
+        flight = _Active(np.array(rows), cost, cost, about, cost, cost, cost, cost, None)
         ends.append(flight.end(cost, cost, converged, 5 + converged))
     found = join_ends(ends)
-    assert found.cost.tolist() == found.state.tolist() == found.about.cost[:, 0].tolist() == [0.0, 10.0, 20.0]
+    assert found.cost.tolist() == found.state.tolist() == found.linearisation.cost[:, 0].tolist() == [0.0, 10.0, 20.0]
     assert found.converged.tolist() == [row in ended[0] for row in range(3)]
     assert found.iterations.tolist() == [6 if row in ended[0] else 5 for row in range(3)]
 
@@ -420,7 +423,9 @@ def test_ends_are_told_in_the_order_of_their_problems(ended):
 @pytest.mark.parametrize("iterations", [1, 3])
 def test_no_more_steps_are_tried_than_may_be(iterations):
     """Where none is left a problem ends where it is, not converged."""
-    found = levenberg_marquardt(curves(0.1), np.tile([1.0, 1.0], (4, 1)), Stop(iterations=iterations, sigmas=0.0))
+    found = levenberg_marquardt(
+        curves(0.1), np.tile([1.0, 1.0], (4, 1)), Criteria(iterations=iterations, tolerance=0.0)
+    )
     assert (found.iterations.tolist(), found.converged.any()) == ([iterations] * 4, False)
 
 
@@ -432,7 +437,7 @@ def test_one_that_goes_nowhere_leaves_the_others_going():
     system = replace(curves(), singular_above=3.0)
     starts = np.array([[1.0, 1.0], [1.0, 3.0 - 1e-9]])
     seen = np.stack([curves().seen[0], np.exp(-50 * Exponentials.times)])
-    optima = levenberg_marquardt(replace(system, seen=seen), starts, Stop(iterations=200))
+    optima = levenberg_marquardt(replace(system, seen=seen), starts, Criteria(iterations=200))
     assert optima.converged.tolist()[0]
     np.testing.assert_allclose(optima.state[0], TRUE[0], atol=1e-6)
     assert optima.state[1, 1] <= 3.0
@@ -455,8 +460,8 @@ class Straight:
 
 def test_the_cost_is_that_after_the_last_step():
     """Though nothing is computed there: by what the step has promised."""
-    loose = levenberg_marquardt(Straight(), np.array([[2.1], [1.8]]), Stop(sigmas=1.0))
+    loose = levenberg_marquardt(Straight(), np.array([[2.1], [1.8]]), Criteria(tolerance=1.0))
     assert (loose.iterations.tolist(), loose.converged.tolist()) == ([1, 1], [True, True])
     np.testing.assert_allclose(loose.state, 2.0, atol=1e-6)
     np.testing.assert_allclose(loose.cost, 0.3, atol=1e-8)
-    np.testing.assert_allclose(loose.about.cost, [0.34, 0.46])
+    np.testing.assert_allclose(loose.linearisation.cost, [0.34, 0.46])

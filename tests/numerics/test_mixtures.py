@@ -23,7 +23,7 @@ def test_a_mixture_has_the_moments_of_its_parts():
     means, roots = rng.standard_normal((5, 2, 6)), rng.standard_normal((5, 2, 6, 6))
     covariances = roots @ roots.mT
     found = mixture(shares, Gaussian(np.full((5, 2), 3.0), means, covariances))
-    np.testing.assert_allclose(found.evidence, 3.0)
+    np.testing.assert_allclose(found.two_log_evidence, 3.0)
     np.testing.assert_allclose(found.mean, 0.75 * means[:, 0] + 0.25 * means[:, 1])
     moments = covariances + means[..., :, None] * means[..., None, :]
     second = 0.75 * moments[:, 0] + 0.25 * moments[:, 1]
@@ -35,7 +35,7 @@ def test_parts_count_by_their_evidence():
     shares, evidence = np.array([0.75, 0.25]), np.array([[2 * np.log(1.0), 2 * np.log(9.0)], [-3000.0, -2000.0]])
     means, covariances = np.array([[[0.0], [4.0]]] * 2), np.ones((2, 2, 1, 1))
     found = mixture(shares, Gaussian(evidence, means, covariances))
-    np.testing.assert_allclose(found.evidence, [2 * np.log(3.0), -2000 + 2 * np.log(0.25)])
+    np.testing.assert_allclose(found.two_log_evidence, [2 * np.log(3.0), -2000 + 2 * np.log(0.25)])
     np.testing.assert_allclose(found.mean, [[3.0], [4.0]])
     np.testing.assert_allclose(found.covariance, [[[1 + 0.75 * 0.25 * 16]], [[1.0]]])
 
@@ -49,4 +49,4 @@ def test_a_single_mixture_and_a_grid_of_them_are_those_of_a_row():
     for of_grid, of_row, alone in zip(grid, row, single, strict=True):
         np.testing.assert_allclose(of_grid[1], of_row)
         np.testing.assert_allclose(of_row[0], alone)
-    np.testing.assert_allclose(single.evidence, 2 * np.log(np.exp(parts.evidence[1, 0] / 2) @ shares))
+    np.testing.assert_allclose(single.two_log_evidence, 2 * np.log(np.exp(parts.two_log_evidence[1, 0] / 2) @ shares))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array
 
-from basecal.numerics.levenberg_marquardt import Quadratic, Stop, _damped_step, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import Criteria, Quadratic, _damped_step, levenberg_marquardt
 from basecal.numerics.sparse_hessian import SparseHessian
 
 
@@ -78,7 +78,7 @@ class _Line:
 
 def test_descents_take_them(dense) -> None:
     """To the optimum, where every unknown is one."""
-    found = levenberg_marquardt(_Line(dense), np.zeros((1, 12)), Stop())
+    found = levenberg_marquardt(_Line(dense), np.zeros((1, 12)), Criteria())
     assert found.converged.all()
     np.testing.assert_allclose(found.state, 1.0, atol=1e-6)
 

@@ -157,10 +157,10 @@ def test_log_det_is_that_of_what_is_held():
 def test_above_counts_in_the_units_it_is_told():
     """Eigenvalues divide at `least` in stated units, whatever the diagonal, and never below rounding of the largest."""
     matrix = np.diag([0.3, 0.5, 2.0])
-    assert scaled_spectrum(matrix, 0.4).held.tolist() == [False, True, True]
+    assert scaled_spectrum(matrix, 0.4).is_informative.tolist() == [False, True, True]
     assert scaled_spectrum(matrix, 0.4, np.array([0.5, 1.0, 3.0])).rank == 2  # 1.2, 0.5, 0.222
-    assert scaled_spectrum(np.diag([1.0, 1e13]), 0.1).held.tolist() == [False, True]
-    assert scaled_spectrum(np.diag([20.0, 1e13]), 0.1).held.tolist() == [True, True]
+    assert scaled_spectrum(np.diag([1.0, 1e13]), 0.1).is_informative.tolist() == [False, True]
+    assert scaled_spectrum(np.diag([20.0, 1e13]), 0.1).is_informative.tolist() == [True, True]
     np.testing.assert_allclose(scaled_spectrum(matrix, 0.4).inverse, np.diag([0, 2.0, 0.5]))
     assert scaled_spectrum(np.zeros((2, 0, 0)), 0.1).rank.tolist() == [0, 0]
 
@@ -232,9 +232,9 @@ def test_a_ridge_fades_out_what_holds_next_to_nothing():
     of = Spectrum(np.array([1e-15, 1e-9, 1e-3, 1.0]), turn, np.ones(4), np.array([False, False, True, True]))
     ridged = of.add_ridge(1e-9)
     np.testing.assert_allclose(of.values / ridged.values, [1e-6, 0.5, 1.0, 1.0], atol=2e-6)
-    larger = Spectrum(100 * of.values, turn, np.ones(4), of.held)
+    larger = Spectrum(100 * of.values, turn, np.ones(4), of.is_informative)
     np.testing.assert_allclose(larger.add_ridge(1e-9).values, 100 * ridged.values)
-    nothing = Spectrum(np.array([-1e-20, 0.0, 0.0, 0.0]), turn, np.ones(4), of.held).add_ridge(1e-9)
+    nothing = Spectrum(np.array([-1e-20, 0.0, 0.0, 0.0]), turn, np.ones(4), of.is_informative).add_ridge(1e-9)
     assert np.all(nothing.values > 0)
     along = turn @ np.array([1e-9, 1e-5, 0.1, 2.0])
     assert ridged.squared_mahalanobis(along) == pytest.approx(1e-9 + 1e-10 / 2e-9 + 10.0 + 4.0, rel=1e-5)
@@ -321,7 +321,7 @@ def test_matrices_of_nothing_and_batches_of_none_are_taken_apart_all_the_same(sh
         scaled_spectrum(np.zeros(shape), 1.0),
         scaled_spectrum(np.zeros(shape), 1.0, np.ones(shape[:-1])),
     ):
-        assert of.values.shape == of.scale.shape == of.held.shape == shape[:-1]
+        assert of.values.shape == of.scale.shape == of.is_informative.shape == shape[:-1]
         assert of.inverse.shape == of.vectors.shape == shape
         assert of.rank.shape == shape[:-2]
         assert not of.rank.any()

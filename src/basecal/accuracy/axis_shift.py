@@ -78,7 +78,7 @@ def choose_base(stations: Sequence[Station], settings: Settings) -> tuple[SE3, A
     """The base for the task, and the weights of the stations in it, (n,)."""
     bases = [s.base() for s in stations]
     depth = np.array([np.linalg.norm(s.camera_from_light().translation) for s in stations])
-    weights = (np.array([s.length for s in stations]) / depth) ** 2
+    weights = (np.array([s.rms_shift_m for s in stations]) / depth) ** 2
     if settings.task_point is None:
         return fuse_bases(bases, list(weights)), weights / weights.sum()
     task = np.array(settings.task_point)

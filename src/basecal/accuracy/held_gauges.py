@@ -72,7 +72,7 @@ def _free_kinds(model: RobotModel) -> Iterator[_Kind]:
             units = np.diag(ROBOT_PARAMETERS[name].columns(model.chain, model.stated[name]).basis)
             found = basis / units[:, None]
             rest = scaled_spectrum(np.eye(len(units)) - found @ found.T, INDEPENDENT_SHARE)
-            held = rest.vectors[:, rest.held]
+            held = rest.vectors[:, rest.is_informative]
             yield _Kind(name, units, found, held, np.where(shared.is_turn, 1.0, _LEVER_M) / units)
 
 

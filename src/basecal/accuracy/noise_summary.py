@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell import Cell, PixelObservation, Recording
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.random_effects import shared_errors
-from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.noise.robot_noise import stop_poses
 from basecal.estimation.solve import Solution
 
 
@@ -49,7 +49,7 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
             effect, is_by_joints = RANDOM_EFFECTS[key], RANDOM_EFFECTS[key].by_joints is not None
             errors = shared_errors(effect, solution.problem, name)
             assert errors is not None
-            left = errors.remove_frames(stands(solution.problem, name)[0]) if is_by_joints else errors
+            left = errors.remove_frames(stop_poses(solution.problem, name)[0]) if is_by_joints else errors
             each = {} if effect.is_by_coordinate else {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])}
             used["robots"][name][key] = {"sigma": left.flange_sigmas(sigma).tolist(), **each, **effect.figures}
     return used

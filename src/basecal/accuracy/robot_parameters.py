@@ -92,4 +92,4 @@ def _touched_by_null_space(solution: Solution) -> BoolArray:
         return np.zeros(solution.problem.width, dtype=bool)
     hessian = linearise(solution.problem, solution.state).hessian
     of = spectrum(hessian)
-    return np.asarray(np.abs(of.vectors[:, ~of.held]).max(axis=1, initial=0.0) > TOUCHED_SHARE)
+    return np.asarray(np.abs(of.vectors[:, ~of.is_informative]).max(axis=1, initial=0.0) > TOUCHED_SHARE)

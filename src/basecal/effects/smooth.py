@@ -55,7 +55,7 @@ class Modes(NamedTuple):
         """
         few = stops[:: -(-len(stops) // places)]
         of = spectrum(kernel(few, few), least)
-        return cls(few, of.inverse_root[:, of.held][:, -count:], kernel)
+        return cls(few, of.inverse_root[:, of.is_informative][:, -count:], kernel)
 
     def sizes(self, places: SE3 | Array) -> Array:
         """Values of a unit error of each mode at poses or instants, (n,), equal in every coordinate, (n, k)."""

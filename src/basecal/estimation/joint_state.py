@@ -20,11 +20,11 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
 from basecal.numerics.batch import take
 
-_VIEWS, _POINTS = 100, 40  # most views and points per pair; assumed: bounds the time
+_MOST_VIEWS, _MOST_POINTS = 100, 40  # most views and points per pair; assumed: bounds the time
 # For the worst of twenty rings, one start in sixteen finds the optimum: all starts miss it in 0.2 % of cases.
-_STARTS = 100
+_START_COUNT = 100
 _SEED = 1  # any seed works
-_CONVERGED_SIGMAS = 0.1  # distance to the optimum, which is sought again from the best of the ends
+_CONVERGED_SIGMAS = 0.1  # convergence tolerance: a further descent starts from the best end
 
 
 def joint_state(problem: Problem, cell: Cell) -> State | None:
@@ -35,31 +35,33 @@ def joint_state(problem: Problem, cell: Cell) -> State | None:
         cell: The cell, with the stated lenses.
     """
     cameras = lenses(problem, cell)
-    shown = [group for group in problem.groups if group.measurement.equations().any()]
-    sights = [pair_views(group, cameras.get(group.camera), _VIEWS, _POINTS) for group in shown]
-    if len(sights) < 2 or any(sight.candidates is None for sight in sights):
+    groups = [group for group in problem.groups if group.measurement.equations().any()]
+    pairs = [pair_views(group, cameras.get(group.camera), _MOST_VIEWS, _MOST_POINTS) for group in groups]
+    if len(pairs) < 2 or any(pair.candidates is None for pair in pairs):
         return None
-    by_poses = _pose_problem(problem, sights)
-    known, count = known_transforms(problem), _STARTS
-    turns = np.random.default_rng(_SEED).normal(size=(len(problem.unknowns), count, 4))
-    turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
-    begun = {
-        name: known[name].repeat(count) if name in known else SE3.from_quaternion(turn, np.zeros((count, 3)))
-        for name, turn in zip(problem.unknowns, turns, strict=True)
+    pose_problem = _pose_problem(problem, pairs)
+    known, count = known_transforms(problem), _START_COUNT
+    quaternions = np.random.default_rng(_SEED).normal(size=(len(problem.unknowns), count, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    starts = {
+        name: known[name].repeat(count) if name in known else SE3.from_quaternion(quaternion, np.zeros((count, 3)))
+        for name, quaternion in zip(problem.unknowns, quaternions, strict=True)
     }
-    ends = bundle_adjust_batch(by_poses, State(begun, {}, np.zeros((count, 0, 6))), dof=1, sigmas=_CONVERGED_SIGMAS)
+    ends = bundle_adjust_batch(
+        pose_problem, State(starts, {}, np.zeros((count, 0, 6))), dof=1, tolerance=_CONVERGED_SIGMAS
+    )
     best = take(ends.state, int(np.nanargmin(ends.cost)))
     return State(dict(best.transforms), cameras, np.zeros((len(problem.stops), 6)))
 
 
-def _pose_problem(problem: Problem, sights: list[PairViews]) -> Problem:
+def _pose_problem(problem: Problem, pairs: list[PairViews]) -> Problem:
     """Make the problem whose measurements are the most likely poses of the views, with exact robots."""
     groups = []
-    for sight in sights:
-        assert sight.candidates is not None
-        weight = np.repeat(sight.weight[:, None], 6, axis=1)
-        measurement = PoseMeasurement(sight.candidates[:, 0], weight, weight)
-        groups.append(replace(sight.group.without_stops(), measurement=measurement, readings=()))
+    for pair in pairs:
+        assert pair.candidates is not None
+        weight = np.repeat(pair.weight[:, None], 6, axis=1)
+        measurement = PoseMeasurement(pair.candidates[:, 0], weight, weight)
+        groups.append(replace(pair.group.without_stops(), measurement=measurement, readings=()))
     columns = sequential_columns({n: problem.column_width(n) for n in problem.columns if n in problem.unknowns})
     return Problem(
         problem.reference, tuple(groups), problem.unknowns, problem.point_mounts, {}, Stops(np.zeros((0, 6))), columns

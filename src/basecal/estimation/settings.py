@@ -82,7 +82,7 @@ class Settings:
             check_type(name, getattr(self, name), bool)
         check_integer("iterations", self.iterations, 1)
         for name, count in (("task_point", 3), ("task_box", 6)):
-            object.__setattr__(self, name, _place(name, getattr(self, name), count))
+            object.__setattr__(self, name, _finite_numbers(name, getattr(self, name), count))
         if self.task_box is not None and self.task_point is None:
             raise InputError("task_box needs a task_point: give the middle of the box")
         if self.task_box is not None and any(a == b for a, b in zip(self.task_box[:3], self.task_box[3:], strict=True)):
@@ -102,14 +102,14 @@ class Settings:
         LOG.info("stage: %s", name)
         return nullcontext() if self.stages is None else self.stages.stage(name)
 
-    def part(self, done_count: int, total: int) -> None:
+    def report_progress(self, done_count: int, total: int) -> None:
         """Report how much of the present stage is done."""
         LOG.info("%d of %d", done_count, total)
         if self.stages is not None:
-            self.stages.part(done_count, total)
+            self.stages.report_progress(done_count, total)
 
 
-def _place(name: str, numbers: Any, count: int) -> tuple[float, ...] | None:
+def _finite_numbers(name: str, numbers: Any, count: int) -> tuple[float, ...] | None:
     """Convert to a tuple of `count` finite numbers [m]; None stays None."""
     if numbers is None:
         return None

@@ -34,8 +34,8 @@ from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.numerics.spectral import spectrum
 from basecal.numerics.threads import limit_threads
 
-_READING_ROUNDS = 6  # most rounds of choosing correspondences; assumed
-_LARGEST_FACTOR = 1e30  # keeps covariances finite where exact robots cannot explain the data at all
+_MOST_READING_ROUNDS = 6  # most rounds of choosing correspondences; assumed
+_LARGEST_FACTOR = 1e30  # keeps covariances finite if exact robots cannot explain the data at all
 # Residuals of measured poses and points [m, rad] beyond which another start is tried; assumed. Lower limits cost time,
 # higher limits hide wrong optima: `benchmarks.starts`.
 _PLAUSIBLE_M, _PLAUSIBLE_RAD = 0.02, 0.05
@@ -91,21 +91,21 @@ class Solution:
 
     def joint_transform_covariance(self, names: list[str]) -> Array:
         """Joint covariance of named transforms, (6 n, 6 n) [m, rad]; zero for fixed transforms."""
-        out = np.zeros((6 * len(names), 6 * len(names)))
-        rows, source = [], []
+        covariance = np.zeros((6 * len(names), 6 * len(names)))
+        rows, sources = [], []
         for i, name in enumerate(names):
-            where = self.problem.columns.get(name)
-            if where is not None:
-                rows += list(range(6 * i, 6 * i + where.stop - where.start))
-                source += list(range(where.start, where.stop))
-        out[np.ix_(rows, rows)] = self.covariance[np.ix_(source, source)]
-        return out
+            columns = self.problem.columns.get(name)
+            if columns is not None:
+                rows += list(range(6 * i, 6 * i + columns.stop - columns.start))
+                sources += list(range(columns.start, columns.stop))
+        covariance[np.ix_(rows, rows)] = self.covariance[np.ix_(sources, sources)]
+        return covariance
 
     def lens_covariance(self, camera: str) -> Array:
         """Covariance of a lens's parameters, (4 + k, 4 + k); zero if the lens is fixed."""
-        where = self.problem.columns.get(camera)
+        columns = self.problem.columns.get(camera)
         size = len(self.state.cameras[camera].parameters)
-        return np.zeros((size, size)) if where is None else self.covariance[where, where]
+        return np.zeros((size, size)) if columns is None else self.covariance[columns, columns]
 
 
 @limit_threads
@@ -147,9 +147,9 @@ def solve_from(
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """Same as `solve_problem`, from a given initial state."""
-    found = solve_at_mode(problem, start, settings, findings)
+    solution = solve_at_mode(problem, start, settings, findings)
     with settings.stage("noise"):
-        return integrate_solution(found)
+        return integrate_solution(solution)
 
 
 def integrate_solution(solution: Solution, is_quick: bool = False, guess: NoiseEstimate | None = None) -> Solution:
@@ -165,17 +165,17 @@ def integrate_solution(solution: Solution, is_quick: bool = False, guess: NoiseE
     noise = integrate_sigmas(solution.problem, solution.state, solution.noise, is_quick, guess)
     if noise.covariance is None:
         return solution
-    seen = solution.observability
+    observability = solution.observability
     at_mode = spectrum(linearise(solution.problem, solution.state).hessian).inverse
     # If only the noise model determines a direction, the data contain less information on it than the model assumes.
-    of_sigmas = seen.onto_held @ (noise.covariance - at_mode) @ seen.onto_held.T
-    return replace(solution, noise=noise, covariance=seen.inverse + of_sigmas)
+    sigma_covariance = observability.onto_informative @ (noise.covariance - at_mode) @ observability.onto_informative.T
+    return replace(solution, noise=noise, covariance=observability.inverse + sigma_covariance)
 
 
 def solve_at_mode(
     problem: Problem,
     start: State,
-    settings: Settings = STATED,
+    settings: Settings,
     findings: tuple[Finding, ...] = (),
     guess: NoiseEstimate | None = None,
 ) -> Solution:
@@ -191,20 +191,20 @@ def solve_at_mode(
     dof = degrees_of_freedom(problem)
     if settings.robot_noise == "estimated":
         with settings.stage("noise"):
-            problem, end, noise = estimate_jointly(problem, start, settings.iterations, guess, settings.part)
+            problem, end, noise = estimate_jointly(problem, start, settings.iterations, guess, settings.report_progress)
     else:
         with settings.stage("descent"):
             end = bundle_adjust(problem, start, dof, settings.iterations)
         with settings.stage("noise"):
             problem, end, noise = estimate_noise(problem, end, settings.iterations)
     with settings.stage("observability"):
-        seen = None
+        observability = None
         if end.sparse is not None:
-            seen = sparse_observability(problem, end.state, end.sparse, noise.factor)
-        if seen is None:
-            seen = analyse_observability(problem, end.state, end.normal.hessian, noise.factor)
-    covariance = seen.inverse * min(noise.factor, _LARGEST_FACTOR)
-    return Solution(problem, end.state, covariance, seen, noise, end.cost, dof, end.converged, findings)
+            observability = sparse_observability(problem, end.state, end.sparse, noise.factor)
+        if observability is None:
+            observability = analyse_observability(problem, end.state, end.normal.hessian, noise.factor)
+    covariance = observability.inverse * min(noise.factor, _LARGEST_FACTOR)
+    return Solution(problem, end.state, covariance, observability, noise, end.cost, dof, end.converged, findings)
 
 
 def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, State, bool]:
@@ -216,27 +216,27 @@ def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, S
         The problem with the chosen readings, the state of least cost, and whether the costs of the descents differ.
     """
     if settings.start == "guess":
-        guess = guessed_state(problem, cell)
-        if guess is None:
+        start = guessed_state(problem, cell)
+        if start is None:
             raise InputError("start 'guess' needs a guess, a prior or a value for every transform of the cell")
     elif settings.start == "axis-shift":
-        guess = shifted_state(problem, cell)
+        start = axis_shift_state(problem, cell)
     else:
-        guess = first_state(problem, cell, thorough=settings.start == "thorough")
-    first = _settle_readings(problem, guess, settings)
+        start = first_state(problem, cell, thorough=settings.start == "thorough")
+    first = _choose_readings(problem, start, settings)
     if settings.start != "closed" or _is_plausible(problem, first[2]):
         return *first[:2], False
     others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell), joint_state(problem, cell)]
-    ends = [first, *(_settle_readings(problem, state, settings) for state in others if state is not None)]
+    ends = [first, *(_choose_readings(problem, state, settings) for state in others if state is not None)]
     costs = [end[2] for end in ends]
     return *min(ends, key=lambda end: end[2])[:2], max(costs) > min(costs) * (1 + SAME_COST)
 
 
-def _settle_readings(problem: Problem, state: State, settings: Settings) -> tuple[Problem, State, float]:
+def _choose_readings(problem: Problem, state: State, settings: Settings) -> tuple[Problem, State, float]:
     """Alternate descent and choice of readings; return the problem with its readings, the optimum and its cost."""
     dof = degrees_of_freedom(problem)
     problem, _ = choose_correspondence(problem, state)
-    for _ in range(_READING_ROUNDS):
+    for _ in range(_MOST_READING_ROUNDS):
         end = bundle_adjust(problem, state, dof, settings.iterations)
         state = end.state
         problem, changed = choose_correspondence(problem, state)
@@ -245,7 +245,7 @@ def _settle_readings(problem: Problem, state: State, settings: Settings) -> tupl
     return problem, state, end.cost
 
 
-def shifted_state(problem: Problem, cell: Cell) -> State:
+def axis_shift_state(problem: Problem, cell: Cell) -> State:
     """State from the paper's closed form: known mounts, and the base as the mean of all stations.
 
     Raises:

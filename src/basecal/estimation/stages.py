@@ -50,7 +50,7 @@ class Stages:
         self._notify = notify
         self._running = ""
 
-    def part(self, done_count: int, total: int) -> None:
+    def report_progress(self, done_count: int, total: int) -> None:
         """Report how much of the present stage is done."""
         if self._notify is not None and self._running:
             self._notify(f"{self._running}, {done_count} of {total}")

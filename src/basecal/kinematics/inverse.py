@@ -10,7 +10,7 @@ from basecal.errors import InputError, NotConverged
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.kinematics.chain import SerialChain
-from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import Criteria, Quadratic, levenberg_marquardt
 
 _LARGEST_STEP = 1.0  # [rad]; with larger steps the linear model moves the arm through singular poses
 
@@ -41,7 +41,7 @@ def inverse(
     q = np.broadcast_to(start, (len(poses), chain.n)).clip(chain.lower, chain.upper)
     arm = _Arm(chain, poses)
     if np.abs(left := arm.remaining_tangent(q)).max(initial=0.0) > tolerance:
-        q = levenberg_marquardt(arm, q, Stop(iterations)).state
+        q = levenberg_marquardt(arm, q, Criteria(iterations)).state
         left = arm.remaining_tangent(q)
     if np.abs(left).max(initial=0.0) <= tolerance:
         return q.reshape(shape)

@@ -20,11 +20,11 @@ T = TypeVar("T")
 SHARED = {"shared": True}
 
 
-def take(noun: T, rows: Rows | BoolArray | int) -> T:
+def take(container: T, rows: Rows | BoolArray | int) -> T:
     """Select entries of a batch; without the batch axis if `rows` is a number."""
     if isinstance(rows, np.ndarray) and rows.dtype == np.bool_ and rows.all():
-        return noun
-    taken: T = _map_fields(lambda arrays: arrays[0][rows], [noun])
+        return container
+    taken: T = _map_fields(lambda arrays: arrays[0][rows], [container])
     return taken
 
 
@@ -44,44 +44,47 @@ def choose_entries(mask: BoolArray, first: T, second: T) -> T:
     return mixed
 
 
-def concatenate(nouns: Sequence[T]) -> T:
+def concatenate(containers: Sequence[T]) -> T:
     """Concatenate several batches."""
-    joined: T = nouns[0] if len(nouns) == 1 else _map_fields(np.concatenate, nouns)
+    joined: T = containers[0] if len(containers) == 1 else _map_fields(np.concatenate, containers)
     return joined
 
 
-def stack(nouns: Sequence[T]) -> T:
+def stack(containers: Sequence[T]) -> T:
     """Stack containers without a batch axis to a batch; shared values must be equal."""
-    stacked: T = _map_fields(np.stack, nouns, is_batch=False)
+    stacked: T = _map_fields(np.stack, containers, is_batch=False)
     return stacked
 
 
-def _map_fields(change: Callable[[Sequence[Array]], Array], nouns: Sequence[Any], is_batch: bool = True) -> Any:
-    first = nouns[0]
+def _map_fields(function: Callable[[Sequence[Array]], Array], containers: Sequence[Any], is_batch: bool = True) -> Any:
+    first = containers[0]
     if isinstance(first, np.ndarray):
-        return change(nouns)
+        return function(containers)
     if isinstance(first, SE3):
-        return SE3.adopt(change([n.rotation for n in nouns]), change([n.translation for n in nouns]))
+        return SE3.adopt(
+            function([container.rotation for container in containers]),
+            function([container.translation for container in containers]),
+        )
     if isinstance(first, Camera):
         shared = is_batch and first.parameters.ndim == 1
-        return first if shared else first.with_parameters(change([n.parameters for n in nouns]))
+        return first if shared else first.with_parameters(function([container.parameters for container in containers]))
     if is_dataclass(first) and not isinstance(first, type):
         # `dataclasses.replace` would take longer than the arrays do; batched dataclasses need no checks.
-        values = {name: getattr(first, name) for name in _names(type(first), True)}
-        for name in _names(type(first), False):
-            values[name] = _map_fields(change, [getattr(n, name) for n in nouns], is_batch)
-        made = object.__new__(type(first))
-        made.__dict__.update(values)
-        return made
+        values = {name: getattr(first, name) for name in _field_names(type(first), True)}
+        for name in _field_names(type(first), False):
+            values[name] = _map_fields(function, [getattr(container, name) for container in containers], is_batch)
+        batch = object.__new__(type(first))
+        batch.__dict__.update(values)
+        return batch
     if isinstance(first, Mapping):
-        return {key: _map_fields(change, [n[key] for n in nouns], is_batch) for key in first}
+        return {key: _map_fields(function, [container[key] for container in containers], is_batch) for key in first}
     if isinstance(first, tuple):
-        entries = [_map_fields(change, each, is_batch) for each in zip(*nouns, strict=True)]
+        entries = [_map_fields(function, each, is_batch) for each in zip(*containers, strict=True)]
         return type(first)(*entries) if hasattr(first, "_fields") else tuple(entries)
     return first
 
 
 @cache
-def _names(kind: type, is_shared: bool) -> tuple[str, ...]:
+def _field_names(kind: type, is_shared: bool) -> tuple[str, ...]:
     """Names of the shared fields of a dataclass, or of the other fields."""
     return tuple(f.name for f in fields(kind) if bool(f.metadata.get("shared")) == is_shared)

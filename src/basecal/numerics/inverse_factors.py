@@ -39,10 +39,10 @@ def inverse_factors(matrices: Array) -> InverseFactors:
     root, log_det = np.empty(flat.shape), np.empty(len(flat))
     size = max(1, _CHUNK_NUMBERS // max(1, q * q))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for at in range(0, len(flat), size):
-            here = slice(at, at + size)
-            inverse, log_det[here] = _invert_factors(flat[here].transpose(1, 2, 0).copy())
-            root[here] = inverse.transpose(2, 0, 1)
+        for first in range(0, len(flat), size):
+            chunk = slice(first, first + size)
+            inverse, log_det[chunk] = _invert_factors(flat[chunk].transpose(1, 2, 0).copy())
+            root[chunk] = inverse.transpose(2, 0, 1)
     if not np.isfinite(log_det).all() and np.isfinite(matrices).all():
         raise np.linalg.LinAlgError("a matrix is not positive definite")
     return InverseFactors(root.reshape(matrices.shape), log_det.reshape(batch))

@@ -20,10 +20,12 @@ from basecal.numerics.structured_secant import usable_curvature, with_secant
 
 CONVERGED_SIGMAS = 1e-5  # distance to the optimum at convergence, in sigmas of the unknowns: negligible in any result
 _SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses at a distance of a metre
-# Relative to the decrease predicted for the previous step: eliminated unknowns move less each time, until rounding.
-_LEAST_PROMISE = 0.5
+# Predicted decrease, relative to that of the previous step, above which steps no longer shrink: they are rounding.
+_ROUNDING_RATIO = 0.5
 FIRST_DAMPING = 1e-9  # relative to the scaled diagonal: Gauss-Newton, but regular if a direction is unobservable
-PRIOR_DAMPING = 1e-13  # for problems that priors make regular: more would hide a prior of degrees beside micrometres
+PRIOR_DAMPING = (
+    1e-13  # for problems that priors make regular: more would dominate a prior of degrees beside micrometres
+)
 # Predicted decrease relative to the cost, below which the secant of a step describes the curvature at the optimum. It
 # is needed for starts whose residuals do not determine sigmas.
 _NEAR_SHARE = 1e-3
@@ -84,19 +86,19 @@ class System(Protocol[S, L]):
 
 
 @dataclass(frozen=True)
-class Stop:
+class Criteria:
     """Convergence criteria of a problem.
 
     Attributes:
         iterations: Most steps.
         dof: Degrees of freedom, residuals minus unknowns, a number or (b,); cost / dof scales the squared sigmas.
-        sigmas: Largest distance to the optimum in sigmas; if `dof` is 1, its square is relative to the cost.
+        tolerance: Largest distance to the optimum in sigmas; if `dof` is 1, its square is relative to the cost.
         damping: Least damping, relative to the scaled diagonal.
     """
 
     iterations: int = 100
     dof: float | Array = 1.0
-    sigmas: float = CONVERGED_SIGMAS
+    tolerance: float = CONVERGED_SIGMAS
     damping: float = FIRST_DAMPING
 
 
@@ -107,41 +109,41 @@ class Optima(Generic[S, L]):
     Attributes:
         state: Final states.
         cost: (b,) costs after the last step.
-        about: Linearised problems before their last step.
+        linearisation: Linearised problems before their last step.
         converged: (b,) whether each state is an optimum.
         iterations: (b,) number of steps tried.
     """
 
     state: S
     cost: Array
-    about: L
+    linearisation: L
     converged: BoolArray
     iterations: IntArray
 
 
 @dataclass(frozen=True, eq=False)
-class _Flight(Generic[S, L]):
+class _Active(Generic[S, L]):
     """Problems that have not ended yet; `row` is their index in the original batch."""
 
     row: IntArray
     state: S
     cost: Array
-    about: L
+    linearisation: L
     dof: Array
     damping: Array
     growth: Array
     expected: Array  # predicted decrease of the cost for the last accepted step; 0 before the first
-    bend: Array | None  # (b, p, p) second-order curvature of the residuals; None if the Hessian is sparse
+    residual_curvature: Array | None  # (b, p, p) second-order curvature of the residuals; None if the Hessian is sparse
 
     def end(self, state: S, cost: Array, has_converged: bool, iterations: int) -> tuple[IntArray, Optima[S, L]]:
         """Make the optima of all these problems, which ended in the same way."""
         count = len(self.row)
         converged, steps = np.full(count, has_converged), np.full(count, iterations, dtype=np.int64)
-        return self.row, Optima(state, cost, self.about, converged, steps)
+        return self.row, Optima(state, cost, self.linearisation, converged, steps)
 
 
 @np.errstate(all="ignore")  # steps to states that are not finite are rejected
-def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S, L]:
+def levenberg_marquardt(system: System[S, L], state: S, criteria: Criteria) -> Optima[S, L]:
     """Minimise a batch of problems from initial states.
 
     A problem has converged in two cases. In the first, the remaining error after a step is a small share of the sigmas
@@ -151,29 +153,29 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
     Args:
         system: The problems.
         state: Initial states.
-        stop: Convergence criteria.
+        criteria: Convergence criteria.
     """
-    about = system.linearise(state)
-    count = len(about.cost)
-    flight = _Flight(
+    linearisation = system.linearise(state)
+    count = len(linearisation.cost)
+    active = _Active(
         np.arange(count),
         state,
-        about.cost,
-        about,
-        np.broadcast_to(np.maximum(np.asarray(stop.dof, dtype=np.float64), 1.0), (count,)),
-        np.full(count, stop.damping),
+        linearisation.cost,
+        linearisation,
+        np.broadcast_to(np.maximum(np.asarray(criteria.dof, dtype=np.float64), 1.0), (count,)),
+        np.full(count, criteria.damping),
         np.full(count, 2.0),
         np.zeros(count),
-        None if isinstance(about.hessian, SparseHessian) else np.zeros_like(about.hessian),
+        None if isinstance(linearisation.hessian, SparseHessian) else np.zeros_like(linearisation.hessian),
     )
     ends: list[tuple[IntArray, Optima[S, L]]] = []
-    for k in range(stop.iterations):
-        left = _iterate(flight, system, ends, k + 1, stop)
-        if left is None:
+    for k in range(criteria.iterations):
+        remaining = _iterate(active, system, ends, k + 1, criteria)
+        if remaining is None:
             break
-        flight, system = left
+        active, system = remaining
     else:
-        ends.append(flight.end(flight.state, flight.cost, False, stop.iterations))
+        ends.append(active.end(active.state, active.cost, False, criteria.iterations))
     return join_ends(ends)
 
 
@@ -184,138 +186,142 @@ def join_ends(ends: Sequence[tuple[IntArray, Optima[S, L]]]) -> Optima[S, L]:
 
 
 def _iterate(
-    flight: _Flight[S, L], system: System[S, L], ends: list[tuple[IntArray, Optima[S, L]]], number: int, stop: Stop
-) -> tuple[_Flight[S, L], System[S, L]] | None:
+    active: _Active[S, L],
+    system: System[S, L],
+    ends: list[tuple[IntArray, Optima[S, L]]],
+    number: int,
+    criteria: Criteria,
+) -> tuple[_Active[S, L], System[S, L]] | None:
     """Try one step of every problem; append ended problems to `ends`, and return the others, or None if all ended."""
-    about = flight.about
-    step, expected = _next_step(flight)
-    settled = _has_converged(flight, step, expected, stop)
-    candidate = system.retract(flight.state, about, step)
-    done = settled & _is_gauss_newton(flight, stop)
-    if done.any():
-        cost = np.maximum(flight.cost[done] - expected[done], 0.0)
-        ends.append(take(flight, done).end(take(candidate, done), cost, True, number))
-        if done.all():
+    step, expected = _next_step(active)
+    settled = _has_converged(active, step, expected, criteria)
+    candidate = system.retract(active.state, active.linearisation, step)
+    is_done = settled & _is_gauss_newton(active, criteria)
+    if is_done.any():
+        cost = np.maximum(active.cost[is_done] - expected[is_done], 0.0)
+        ends.append(take(active, is_done).end(take(candidate, is_done), cost, True, number))
+        if is_done.all():
             return None
-        kept = np.flatnonzero(~done)
-        flight, candidate, system = take(flight, kept), take(candidate, kept), system.take(kept)
+        kept = np.flatnonzero(~is_done)
+        active, candidate, system = take(active, kept), take(candidate, kept), system.take(kept)
         step, expected, settled = step[kept], expected[kept], settled[kept]
-    after, cost = _linearise(system, candidate, flight.about)
-    better = cost <= flight.cost * (1 + _COST_ROUNDING)
-    bend = _curvature(flight, after, step, better & _is_near(flight, expected))
-    flight = _accept_step(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend, stop.damping)
-    stuck, lost = ~better & settled, ~better & (flight.damping > _LARGEST_DAMPING)
-    for ended, converged in ((stuck, True), (lost & ~stuck, False)):
+    linearisation, cost = _linearise(system, candidate, active.linearisation)
+    better = cost <= active.cost * (1 + _COST_ROUNDING)
+    curvature = _updated_curvature(active, linearisation, step, better & _is_near(active, expected))
+    expected = np.maximum(expected, 1e-300)
+    active = _accept_step(active, candidate, linearisation, cost, better, expected, curvature, criteria.damping)
+    is_stuck, is_lost = ~better & settled, ~better & (active.damping > _LARGEST_DAMPING)
+    for ended, converged in ((is_stuck, True), (is_lost & ~is_stuck, False)):
         if ended.any():
-            left = take(flight, ended)
-            ends.append(left.end(left.state, left.cost, converged, number))
-    going = np.flatnonzero(~(stuck | lost))
-    if len(going) == len(stuck):
-        return flight, system
-    return (take(flight, going), system.take(going)) if len(going) else None
+            finished = take(active, ended)
+            ends.append(finished.end(finished.state, finished.cost, converged, number))
+    going = np.flatnonzero(~(is_stuck | is_lost))
+    if len(going) == len(is_stuck):
+        return active, system
+    return (take(active, going), system.take(going)) if len(going) else None
 
 
-def _is_gauss_newton(flight: _Flight[S, L], stop: Stop) -> BoolArray:
+def _is_gauss_newton(active: _Active[S, L], criteria: Criteria) -> BoolArray:
     """Whether a step is a Gauss-Newton step, or the Gauss-Newton step without damping would be insignificant, (b,)."""
-    undamped = flight.damping <= _GAUSS_NEWTON_DAMPING
+    undamped = active.damping <= _GAUSS_NEWTON_DAMPING
     if undamped.all():
         return undamped
-    step = _damped_step(flight.about, np.full(len(undamped), stop.damping))
-    decrement = _quadratic(flight.about, step)
-    straight: BoolArray = undamped | (decrement <= stop.sigmas**2 * _scale(flight))
-    return straight
+    step = _damped_step(active.linearisation, np.full(len(undamped), criteria.damping))
+    decrement = _quadratic(active.linearisation, step)
+    is_gauss_newton: BoolArray = undamped | (decrement <= criteria.tolerance**2 * _scale(active))
+    return is_gauss_newton
 
 
-def _scale(flight: _Flight[S, L]) -> Array:
+def _scale(active: _Active[S, L]) -> Array:
     """Variance factor of the residuals, cost / dof, (b,)."""
-    return np.where(np.isfinite(flight.cost), flight.cost / flight.dof, 1.0)
+    return np.where(np.isfinite(active.cost), active.cost / active.dof, 1.0)
 
 
-def _has_converged(flight: _Flight[S, L], step: Array, expected_decrease: Array, stop: Stop) -> BoolArray:
+def _has_converged(active: _Active[S, L], step: Array, expected_decrease: Array, criteria: Criteria) -> BoolArray:
     """Whether the remaining error after a step is insignificant relative to the sigmas, or rounding, (b,)."""
-    limit = stop.sigmas**2 * _scale(flight)
-    shrinks = (flight.expected > 0) & (flight.damping <= _GAUSS_NEWTON_DAMPING)
-    before = np.where(shrinks, flight.expected, 1.0)
-    rate = np.where(shrinks, np.minimum(before, expected_decrease) / before, 1.0)
+    limit = criteria.tolerance**2 * _scale(active)
+    is_shrinking = (active.expected > 0) & (active.damping <= _GAUSS_NEWTON_DAMPING)
+    previous = np.where(is_shrinking, active.expected, 1.0)
+    rate = np.where(is_shrinking, np.minimum(previous, expected_decrease) / previous, 1.0)
     # A rejected step is rounding, and so is one whose predicted decrease no longer shrinks.
-    is_rounding = (flight.damping > _GAUSS_NEWTON_DAMPING) | (
-        (flight.expected > 0) & (expected_decrease > _LEAST_PROMISE * flight.expected)
+    is_rounding = (active.damping > _GAUSS_NEWTON_DAMPING) | (
+        (active.expected > 0) & (expected_decrease > _ROUNDING_RATIO * active.expected)
     )
-    still = (np.abs(step).max(axis=1, initial=0.0) < _SMALLEST_STEP) & (
-        (flight.about.eliminated_cost <= limit) | is_rounding
+    is_tiny = (np.abs(step).max(axis=1, initial=0.0) < _SMALLEST_STEP) & (
+        (active.linearisation.eliminated_cost <= limit) | is_rounding
     )
-    unseen = _COST_ROUNDING * np.where(np.isfinite(flight.cost), flight.cost, 0.0)
-    settled: BoolArray = (expected_decrease * rate <= limit) | still | (is_rounding & (expected_decrease <= unseen))
+    cost_rounding = _COST_ROUNDING * np.where(np.isfinite(active.cost), active.cost, 0.0)
+    is_invisible = is_rounding & (expected_decrease <= cost_rounding)
+    settled: BoolArray = (expected_decrease * rate <= limit) | is_tiny | is_invisible
     return settled
 
 
 def _accept_step(
-    flight: _Flight[S, L],
+    active: _Active[S, L],
     candidate: S,
     linearisation: L,
     cost: Array,
     is_better: BoolArray,
     expected_decrease: Array,
-    bend: Array | None,
-    least_damping: float = FIRST_DAMPING,
-) -> _Flight[S, L]:
+    residual_curvature: Array | None,
+    least_damping: float,
+) -> _Active[S, L]:
     """Accept the step of each problem for which it `is_better`; increase the damping of the others."""
     with np.errstate(invalid="ignore"):
-        drop = flight.cost - cost
+        drop = active.cost - cost
         # A step from an infinite cost to another is accepted. If the decrease of the cost differs from its prediction
         # by rounding only, it contains no information on the damping.
-        tells = np.isfinite(drop) & (np.abs(drop - expected_decrease) > _COST_ROUNDING * cost)
-    drop = np.where(tells, drop, expected_decrease)
+        is_informative = np.isfinite(drop) & (np.abs(drop - expected_decrease) > _COST_ROUNDING * cost)
+    drop = np.where(is_informative, drop, expected_decrease)
     gain = np.clip(drop / expected_decrease, -_LARGEST_GAIN, _LARGEST_GAIN)
-    eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), least_damping)
-    stiffened = (
-        np.maximum(flight.damping, _GAUSS_NEWTON_DAMPING) * flight.growth
-    )  # a smaller damping would try nearly the same step again
-    return _Flight(
-        flight.row,
-        choose_entries(is_better, candidate, flight.state),
-        np.where(is_better, cost, flight.cost),
-        choose_entries(is_better, linearisation, flight.about),
-        flight.dof,
-        np.where(is_better, eased, stiffened),
-        np.where(is_better, 2.0, flight.growth * 2),
-        np.where(is_better, expected_decrease, flight.expected),
-        bend,
+    decreased_damping = np.maximum(active.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), least_damping)
+    # With less damping than that of Gauss-Newton steps, nearly the same step would be tried again.
+    increased_damping = np.maximum(active.damping, _GAUSS_NEWTON_DAMPING) * active.growth
+    return _Active(
+        active.row,
+        choose_entries(is_better, candidate, active.state),
+        np.where(is_better, cost, active.cost),
+        choose_entries(is_better, linearisation, active.linearisation),
+        active.dof,
+        np.where(is_better, decreased_damping, increased_damping),
+        np.where(is_better, 2.0, active.growth * 2),
+        np.where(is_better, expected_decrease, active.expected),
+        residual_curvature,
     )
 
 
-def _is_near(flight: _Flight[S, L], expected_decrease: Array) -> BoolArray:
+def _is_near(active: _Active[S, L], expected_decrease: Array) -> BoolArray:
     """Whether a step is so near an optimum that its secant describes the curvature there, (b,): at most one sigma."""
-    near: BoolArray = expected_decrease <= np.minimum(_scale(flight), _NEAR_SHARE * flight.cost)
+    near: BoolArray = expected_decrease <= np.minimum(_scale(active), _NEAR_SHARE * active.cost)
     return near
 
 
-def _curvature(flight: _Flight[S, L], linearisation: L, step: Array, is_near: BoolArray) -> Array | None:
+def _updated_curvature(active: _Active[S, L], linearisation: L, step: Array, is_near: BoolArray) -> Array | None:
     """Second-order curvature of the residuals after a step, (b, p, p); None if the Hessian is sparse."""
     if isinstance(linearisation.hessian, SparseHessian):
         return None
-    assert flight.bend is not None
-    change = linearisation.gradient - flight.about.gradient
-    return with_secant(
-        flight.bend, linearisation.hessian, change, step, is_near & (flight.damping <= _GAUSS_NEWTON_DAMPING)
-    )
+    assert active.residual_curvature is not None
+    change = linearisation.gradient - active.linearisation.gradient
+    is_near = is_near & (active.damping <= _GAUSS_NEWTON_DAMPING)
+    return with_secant(active.residual_curvature, linearisation.hessian, change, step, is_near)
 
 
-def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
+def _next_step(active: _Active[S, L]) -> tuple[Array, Array]:
     """Damped step (b, p) and its predicted decrease of the cost, (b,)."""
-    about = flight.about
-    if flight.bend is None or isinstance(about.hessian, SparseHessian) or not flight.bend.any():
-        step = _damped_step(about, flight.damping)
-        return step, _quadratic(about, step) + about.eliminated_cost
-    bent = Quadratic(about.cost, about.gradient, about.hessian + usable_curvature(flight.bend, about.hessian))
-    step = _damped_step(bent, flight.damping)
-    expected = _quadratic(bent, step)
+    linearisation, curvature = active.linearisation, active.residual_curvature
+    if curvature is None or isinstance(linearisation.hessian, SparseHessian) or not curvature.any():
+        step = _damped_step(linearisation, active.damping)
+        return step, _quadratic(linearisation, step) + linearisation.eliminated_cost
+    hessian = linearisation.hessian + usable_curvature(curvature, linearisation.hessian)
+    curved = Quadratic(linearisation.cost, linearisation.gradient, hessian)
+    step = _damped_step(curved, active.damping)
+    expected = _quadratic(curved, step)
     downhill = expected > 0
     if not downhill.all():
-        plain = _damped_step(about, flight.damping)
+        plain = _damped_step(linearisation, active.damping)
         step = np.where(downhill[:, None], step, plain)
-        expected = np.where(downhill, expected, _quadratic(about, plain))
-    return step, expected + about.eliminated_cost
+        expected = np.where(downhill, expected, _quadratic(linearisation, plain))
+    return step, expected + linearisation.eliminated_cost
 
 
 def _quadratic(model: Linearised, step: Array) -> Array:
@@ -340,16 +346,16 @@ def _damped_step(model: Linearised, damping: Array) -> Array:
 def _linearise(system: System[S, L], state: S, previous: L) -> tuple[L, Array]:
     """Linearise the problems at their states; the cost is infinite for a problem that cannot be linearised."""
     try:
-        after = system.linearise(state)
+        linearisation = system.linearise(state)
     except np.linalg.LinAlgError:
-        alone: list[L] = []
+        singles: list[L] = []
         cost = np.full(len(previous.cost), np.inf)
         for row in range(len(cost)):
-            one = np.array([row])
+            rows = np.array([row])
             try:
-                alone.append(system.take(one).linearise(take(state, one)))
-                cost[row] = alone[row].cost[0]
+                singles.append(system.take(rows).linearise(take(state, rows)))
+                cost[row] = singles[row].cost[0]
             except np.linalg.LinAlgError:
-                alone.append(take(previous, one))
-        return concatenate(alone), cost
-    return after, after.cost
+                singles.append(take(previous, rows))
+        return concatenate(singles), cost
+    return linearisation, linearisation.cost

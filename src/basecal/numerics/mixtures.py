@@ -15,24 +15,24 @@ from basecal.geometry import Array
 class Gaussian(NamedTuple):
     """Normal distributions: twice the log evidence, (...), mean, (..., q), and covariance, (..., q, q)."""
 
-    evidence: Array
+    two_log_evidence: Array
     mean: Array
     covariance: Array
 
 
 def mixture(prior: Array, parts: Gaussian) -> Gaussian:
     """Moments and evidence of mixtures of m normal distributions, (..., m), with prior probabilities (m,)."""
-    evidence = parts.evidence
-    shares = probabilities(prior, evidence)
-    mean = (shares[..., None, :] @ parts.mean)[..., 0, :]
-    off = parts.mean - mean[..., None, :]
-    spread = parts.covariance + off[..., None] * off[..., None, :]
-    most = evidence.max(-1)
-    total = most + 2 * np.log(np.exp(0.5 * (evidence - most[..., None])) @ prior)
-    return Gaussian(total, mean, np.einsum("...m,...mij->...ij", shares, spread))
+    two_log_evidence = parts.two_log_evidence
+    weights = probabilities(prior, two_log_evidence)
+    mean = (weights[..., None, :] @ parts.mean)[..., 0, :]
+    deviation = parts.mean - mean[..., None, :]
+    spread = parts.covariance + deviation[..., None] * deviation[..., None, :]
+    largest = two_log_evidence.max(-1)
+    total = largest + 2 * np.log(np.exp(0.5 * (two_log_evidence - largest[..., None])) @ prior)
+    return Gaussian(total, mean, np.einsum("...m,...mij->...ij", weights, spread))
 
 
-def probabilities(prior: Array, evidence: Array) -> Array:
+def probabilities(prior: Array, two_log_evidence: Array) -> Array:
     """Posterior probabilities, (..., m), from prior probabilities, (m,), and twice the log evidences, (..., m)."""
-    shares = prior * np.exp(0.5 * (evidence - evidence.max(-1, keepdims=True)))
+    shares = prior * np.exp(0.5 * (two_log_evidence - two_log_evidence.max(-1, keepdims=True)))
     return np.asarray(shares / shares.sum(-1, keepdims=True))

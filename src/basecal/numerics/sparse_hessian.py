@@ -13,7 +13,7 @@ from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import ROUNDING
 
 _LEAST_DIAGONAL = 1e-12  # relative to the largest entry: limits the scale of columns without information
-_TOLERANCE = 1e-3  # relative tolerance of eigenvalues, which are compared with limits of one digit
+_EIGENVALUE_TOLERANCE = 1e-3  # relative tolerance of eigenvalues, which are compared with limits of one digit
 _CHUNK_COLUMNS = 512  # right-hand sides per solve: some tens of megabytes for ten thousand unknowns
 
 
@@ -48,8 +48,8 @@ class SparseHessian:
 
     @cached_property
     def _scaled_matrix(self) -> scipy.sparse.csc_array:
-        by = scipy.sparse.diags_array(self._scale, format="csc")
-        return scipy.sparse.csc_array(by @ self.matrix @ by)
+        scaling = scipy.sparse.diags_array(self._scale, format="csc")
+        return scipy.sparse.csc_array(scaling @ self.matrix @ scaling)
 
     @cached_property
     def factor(self) -> scipy.sparse.linalg.SuperLU:
@@ -74,26 +74,26 @@ class SparseHessian:
 
     def rescale(self, scale: Array) -> SparseHessian:
         """Return the Hessian in new units of the unknowns, with `scale` (p,) old units per new unit."""
-        by = scipy.sparse.diags_array(scale, format="csc")
-        return SparseHessian(scipy.sparse.csc_array(by @ self.matrix @ by))
+        scaling = scipy.sparse.diags_array(scale, format="csc")
+        return SparseHessian(scipy.sparse.csc_array(scaling @ self.matrix @ scaling))
 
     def inverse_columns(self, columns: IntArray) -> Array:
         """Columns of the inverse, (p, c)."""
-        out = np.empty((len(self._scale), len(columns)))
-        for at in range(0, len(columns), _CHUNK_COLUMNS):
-            some = columns[at : at + _CHUNK_COLUMNS]
-            right = np.zeros((len(self._scale), len(some)))
-            right[some, np.arange(len(some))] = self._scale[some]
-            out[:, at : at + len(some)] = self._scale[:, None] * self.factor.solve(right)
-        return out
+        inverse = np.empty((len(self._scale), len(columns)))
+        for first in range(0, len(columns), _CHUNK_COLUMNS):
+            chunk = columns[first : first + _CHUNK_COLUMNS]
+            right = np.zeros((len(self._scale), len(chunk)))
+            right[chunk, np.arange(len(chunk))] = self._scale[chunk]
+            inverse[:, first : first + len(chunk)] = self._scale[:, None] * self.factor.solve(right)
+        return inverse
 
     def inverse_block(self, columns: IntArray) -> Array:
         """Symmetric block of the inverse at rows and columns (c,), (c, c)."""
-        found = np.empty((len(columns), len(columns)))
-        for at in range(0, len(columns), _CHUNK_COLUMNS):
-            some = columns[at : at + _CHUNK_COLUMNS]
-            found[:, at : at + len(some)] = self.inverse_columns(some)[columns]
-        return 0.5 * (found + found.T)
+        block = np.empty((len(columns), len(columns)))
+        for first in range(0, len(columns), _CHUNK_COLUMNS):
+            chunk = columns[first : first + _CHUNK_COLUMNS]
+            block[:, first : first + len(chunk)] = self.inverse_columns(chunk)[columns]
+        return 0.5 * (block + block.T)
 
 
 def _factorise(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
@@ -113,5 +113,7 @@ def _largest_eigenvalue(size: int, apply: Callable[[Array], Array]) -> float:
     operator = scipy.sparse.linalg.LinearOperator((size, size), matvec=apply, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(size)  # the same in every run
     return float(
-        scipy.sparse.linalg.eigsh(operator, k=1, which="LA", v0=start, tol=_TOLERANCE, return_eigenvectors=False)[0]
+        scipy.sparse.linalg.eigsh(
+            operator, k=1, which="LA", v0=start, tol=_EIGENVALUE_TOLERANCE, return_eigenvectors=False
+        )[0]
     )

@@ -38,23 +38,23 @@ class Spectrum:
         values: (..., k) eigenvalues after scaling, increasing.
         vectors: (..., k, k) eigenvectors as columns.
         scale: (..., k) factor of each row and column.
-        held: (..., k) whether each eigenvalue is information, not rounding.
+        is_informative: (..., k) whether each eigenvalue is information, not rounding.
     """
 
     values: Array
     vectors: Array
     scale: Array
-    held: BoolArray
+    is_informative: BoolArray
 
     @property
     def rank(self) -> IntArray:
         """Number of directions with information, (...,)."""
-        return np.asarray(np.count_nonzero(self.held, axis=-1), dtype=np.int64)
+        return np.asarray(np.count_nonzero(self.is_informative, axis=-1), dtype=np.int64)
 
     @cached_property
     def root(self) -> Array:
         """Factor R, (..., k, k), with `R @ R'` the matrix; zero columns for directions without information."""
-        size = np.where(self.held, np.sqrt(np.maximum(self.values, 0.0)), 0.0)
+        size = np.where(self.is_informative, np.sqrt(np.maximum(self.values, 0.0)), 0.0)
         return np.asarray(self.vectors * self.scale[..., :, None] * size[..., None, :])
 
     @cached_property
@@ -63,7 +63,7 @@ class Spectrum:
 
         Columns of directions without information are zero.
         """
-        size = np.where(self.held, 1 / np.sqrt(np.where(self.held, self.values, 1.0)), 0.0)
+        size = np.where(self.is_informative, 1 / np.sqrt(np.where(self.is_informative, self.values, 1.0)), 0.0)
         return np.asarray(self.vectors / self.scale[..., :, None] * size[..., None, :])
 
     @property
@@ -81,13 +81,13 @@ class Spectrum:
         if not root.size:
             return root
         values, vectors = np.linalg.eigh(ridge * (root.mT @ root))
-        along = root @ vectors
-        return np.asarray((along / (1 + np.maximum(values, 0.0))[..., None, :]) @ along.mT)
+        directions = root @ vectors
+        return np.asarray((directions / (1 + np.maximum(values, 0.0))[..., None, :]) @ directions.mT)
 
     @property
     def log_det(self) -> Array:
         """Log pseudo-determinant, (...,): over the directions with information."""
-        logs = np.log(np.where(self.held, self.values, 1.0)).sum(-1)
+        logs = np.log(np.where(self.is_informative, self.values, 1.0)).sum(-1)
         return np.asarray(logs + 2 * np.log(self.scale).sum(-1))
 
     def add_ridge(self, share: float) -> Spectrum:
@@ -97,13 +97,15 @@ class Spectrum:
         ridge, each direction has the weight old / new eigenvalue, which changes smoothly.
         """
         values = np.maximum(self.values, 0.0)
-        raised = values + share * np.maximum(values[..., -1:], _SMALLEST_DIVISOR)
-        return replace(self, values=raised, held=np.ones(self.held.shape, dtype=bool))
+        values_with_ridge = values + share * np.maximum(values[..., -1:], _SMALLEST_DIVISOR)
+        return replace(self, values=values_with_ridge, is_informative=np.ones(self.is_informative.shape, dtype=bool))
 
     def squared_mahalanobis(self, vector: Array) -> Array:
         """Squared Mahalanobis norms `v' M^+ v` of vectors (..., k), (...,)."""
         along = (self.vectors.mT @ (vector / self.scale)[..., None])[..., 0]
-        return np.asarray(np.sum(np.where(self.held, along**2 / np.where(self.held, self.values, 1.0), 0.0), -1))
+        return np.asarray(
+            np.sum(np.where(self.is_informative, along**2 / np.where(self.is_informative, self.values, 1.0), 0.0), -1)
+        )
 
 
 def spectrum(information: Array, rounding: float = ROUNDING) -> Spectrum:
@@ -141,8 +143,12 @@ def scaled_spectrum(matrix: Array, least: float | Array, scale: Array | None = N
 
 def floored_spectrum(matrix: Array, least: float | Array) -> Spectrum:
     """Decompose symmetric matrices (..., k, k), with eigenvalues below `least` raised to `least`: always regular."""
-    of = scaled_spectrum(matrix, least)
-    return replace(of, values=np.maximum(of.values, least), held=np.ones(of.held.shape, dtype=bool))
+    decomposed = scaled_spectrum(matrix, least)
+    return replace(
+        decomposed,
+        values=np.maximum(decomposed.values, least),
+        is_informative=np.ones(decomposed.is_informative.shape, dtype=bool),
+    )
 
 
 def floored_inverse(matrix: Array, least: float) -> Array:
@@ -216,19 +222,19 @@ def null_vector(squares: Array, size: float) -> NullVector:
 
 
 @dataclass(frozen=True, eq=False)
-class Turned:
+class RotatedBasis:
     """Rotated basis (p, k), with columns sorted by the norm of their part in some rows, and this norm, (k,)."""
 
     basis: Array
     share: Array
 
 
-def sort_by_share(basis: Array, rows: IntArray) -> Turned:
+def sort_by_share(basis: Array, rows: IntArray) -> RotatedBasis:
     """Rotate a basis, (p, k), so that its columns are orthogonal in some rows, sorted by their norm there."""
     if not len(rows) or not basis.shape[1]:
-        return Turned(basis, np.zeros(basis.shape[1]))
+        return RotatedBasis(basis, np.zeros(basis.shape[1]))
     _, values, mix = np.linalg.svd(basis[rows], full_matrices=len(rows) < basis.shape[1])
-    return Turned(basis @ mix.T, np.pad(values, (0, basis.shape[1] - len(values))))
+    return RotatedBasis(basis @ mix.T, np.pad(values, (0, basis.shape[1] - len(values))))
 
 
 @dataclass(frozen=True, eq=False)

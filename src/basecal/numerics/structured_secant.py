@@ -20,34 +20,34 @@ _LARGEST_CHANGE = 1.0
 _LEAST_DIAGONAL_SHARE = 0.1
 
 
-def with_secant(bend: Array, hessian: Array, change: Array, step: Array, is_near: BoolArray) -> Array:
+def with_secant(residual_curvature: Array, hessian: Array, change: Array, step: Array, is_near: BoolArray) -> Array:
     """Update the second-order curvature of residuals after a step, (b, p, p); zero if the step is not near an optimum.
 
     Args:
-        bend: Previous curvature, (b, p, p).
+        residual_curvature: Previous curvature, (b, p, p).
         hessian: J'J after the step, (b, p, p).
         change: Change of the gradient over the step, (b, p).
         step: The step, (b, p).
         is_near: (b,) whether the step was accepted and is near enough to an optimum.
     """
-    kept = np.where(is_near[:, None, None], bend, 0.0)
+    updated = np.where(is_near[:, None, None], residual_curvature, 0.0)
     if not is_near.any():
-        return kept
+        return updated
     with np.errstate(all="ignore"):
         by_hessian = (hessian @ step[..., None])[..., 0]
-        missed = change - by_hessian - (kept @ step[..., None])[..., 0]
-        along, curvature = np.einsum("bi,bi->b", missed, step), np.einsum("bi,bi->b", by_hessian, step)
+        missing = change - by_hessian - (updated @ step[..., None])[..., 0]
+        along, curvature = np.einsum("bi,bi->b", missing, step), np.einsum("bi,bi->b", by_hessian, step)
         diagonal = np.maximum(np.diagonal(hessian, axis1=1, axis2=2), np.finfo(np.float64).tiny)
-        tells = is_near & np.isfinite(along) & (np.abs(along) > _LEAST_SHARE * curvature) & (curvature > 0)
-        tells &= (missed**2 / diagonal).sum(axis=1) <= _LARGEST_CHANGE * np.abs(along)
-    rows = np.flatnonzero(tells)
-    told = missed[rows]
-    kept[rows] += told[:, :, None] * told[:, None, :] / along[rows, None, None]
-    return kept
+        is_used = is_near & np.isfinite(along) & (np.abs(along) > _LEAST_SHARE * curvature) & (curvature > 0)
+        is_used &= (missing**2 / diagonal).sum(axis=1) <= _LARGEST_CHANGE * np.abs(along)
+    rows = np.flatnonzero(is_used)
+    corrections = missing[rows]
+    updated[rows] += corrections[:, :, None] * corrections[:, None, :] / along[rows, None, None]
+    return updated
 
 
-def usable_curvature(bend: Array, hessian: Array) -> Array:
+def usable_curvature(residual_curvature: Array, hessian: Array) -> Array:
     """Second-order curvature if the Hessian's diagonal stays sufficiently positive with it, else zero, (b, p, p)."""
-    diagonal, change = (np.diagonal(of, axis1=1, axis2=2) for of in (hessian, bend))
-    leaves = np.all(diagonal + change >= _LEAST_DIAGONAL_SHARE * diagonal, axis=1)
-    return np.where(leaves[:, None, None], bend, 0.0)
+    diagonal, change = (np.diagonal(matrix, axis1=1, axis2=2) for matrix in (hessian, residual_curvature))
+    is_usable = np.all(diagonal + change >= _LEAST_DIAGONAL_SHARE * diagonal, axis=1)
+    return np.where(is_usable[:, None, None], residual_curvature, 0.0)

@@ -9,7 +9,7 @@ from typing import ParamSpec, TypeVar
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
-_STATED = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BLIS_NUM_THREADS")
+_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BLIS_NUM_THREADS")
 
 
 def limit_threads(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
@@ -21,7 +21,7 @@ def limit_threads(function: Callable[_Parameters, _Result]) -> Callable[_Paramet
     @wraps(function)
     def run(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
         """Call the function."""
-        if any(name in os.environ for name in _STATED):
+        if any(name in os.environ for name in _THREAD_VARIABLES):
             return function(*args, **kwargs)
         from threadpoolctl import threadpool_limits
 

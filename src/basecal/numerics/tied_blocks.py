@@ -36,8 +36,8 @@ def tied_blocks(pairs: IntArray, count: int, block_size: int, known_hubs: Sequen
     """
     pairs = pairs[~np.isin(pairs, known_hubs).any(axis=1)]
     label = components(pairs, count)
-    found = _separator_nodes(pairs[np.bincount(label)[label[pairs[:, 0]]] > block_size], block_size)
-    hubs = sorted({*map(int, known_hubs), *found})
+    separators = _separator_nodes(pairs[np.bincount(label)[label[pairs[:, 0]]] > block_size], block_size)
+    hubs = sorted({*map(int, known_hubs), *separators})
     if hubs:
         label = components(pairs[~np.isin(pairs, hubs).any(axis=1)], count)
     others = np.setdiff1d(np.arange(count), hubs)

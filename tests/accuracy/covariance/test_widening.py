@@ -153,7 +153,7 @@ def test_an_arc_has_the_second_moments_of_its_products(monkeypatch) -> None:
         return SimpleNamespace(transforms={"base": at @ SE3.exp(np.pad(off, ((0, 0), (0, 3))))})
 
     directions = widening._Directions(np.zeros((4, 3)), np.array([0, 2]), np.array([[0], [1]]))
-    monkeypatch.setattr(widening, "goes_by_neighbourhoods", lambda problem: False)
+    monkeypatch.setattr(widening, "uses_neighbourhoods", lambda problem: False)
     monkeypatch.setattr(widening, "_directions", lambda solution, order: directions)
     monkeypatch.setattr(widening, "_best_states", states)
     solution = SimpleNamespace(problem=None, state=SimpleNamespace(transforms={"base": at}))
@@ -168,7 +168,7 @@ def test_an_arc_has_the_second_moments_of_its_products(monkeypatch) -> None:
         widening, "_directions", lambda solution, order: directions._replace(wide=np.zeros(0, dtype=int))
     )
     np.testing.assert_array_equal(curved_covariance(solution, ["base", "base"]), np.zeros((12, 12)))
-    monkeypatch.setattr(widening, "goes_by_neighbourhoods", lambda problem: True)
+    monkeypatch.setattr(widening, "uses_neighbourhoods", lambda problem: True)
     np.testing.assert_array_equal(curved_covariance(solution, []), np.zeros((0, 0)))
 
 

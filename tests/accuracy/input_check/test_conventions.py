@@ -334,7 +334,7 @@ def test_cells_of_many_robots_are_checked_pair_by_pair(monkeypatch):
     monkeypatch.setattr(conventions, "as_recorded", lambda *given: "whole")
     monkeypatch.setattr(conventions, "_check_reading", checked)
     monkeypatch.setattr(conventions, "_run_checks", lambda checks: steps.append(len(checks)) or in_step(checks))
-    settings = SimpleNamespace(part=lambda at, count: parts.append((at, count)))
+    settings = SimpleNamespace(report_progress=lambda at, count: parts.append((at, count)))
     given = (BOARD.cell, BOARD.recording, None, SimpleNamespace(state=None), settings)
     assert conventions.check_conventions(*given) == [(k,) for k in range(17)]
     assert told == [(f"reading {k}", False) for k in range(17)]

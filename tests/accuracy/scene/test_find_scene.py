@@ -107,7 +107,7 @@ def test_each_camera_is_solved_with_the_noise_of_its_arm(monkeypatch: pytest.Mon
     monkeypatch.setattr(room, "solve_camera", lambda images, camera, noise: (camera, noise))
     views = SimpleNamespace(camera=np.array([1, 0, 0, 1]), robot=np.array([0, 1, 1, 0]), cameras=("a", "b"))
     told: list[tuple[int, int]] = []
-    settings = SimpleNamespace(part=lambda *given: told.append(given))
+    settings = SimpleNamespace(report_progress=lambda *given: told.append(given))
     found = [room._solve_one(SimpleNamespace(views=views), k, ("first", "second"), settings) for k in range(2)]
     assert found == [(0, "second"), (1, "first")]
     assert told == [(1, 2), (2, 2)]

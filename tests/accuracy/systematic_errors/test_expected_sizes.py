@@ -278,12 +278,12 @@ def test_levels_are_all_combinations_at_once(widths):
     weights = probabilities(shares, evidences)
     mean = weights @ means
     off = means - mean
-    np.testing.assert_allclose(found.evidence, 2 * np.log(shares @ np.exp(0.5 * evidences)))
+    np.testing.assert_allclose(found.two_log_evidence, 2 * np.log(shares @ np.exp(0.5 * evidences)))
     np.testing.assert_allclose(found.mean, mean, atol=1e-12)
     spread = np.einsum("m,mij->ij", weights, covariances + off[:, :, None] * off[:, None])
     np.testing.assert_allclose(found.covariance, spread, atol=1e-12)
     of_first = weights.reshape(len(priors[0].shares), -1).sum(1)
-    np.testing.assert_allclose(probabilities(priors[0].shares, given.evidence), of_first)
+    np.testing.assert_allclose(probabilities(priors[0].shares, given.two_log_evidence), of_first)
 
 
 @pytest.mark.parametrize("sigmas", [None, [], [0.1, 0.2]])

@@ -29,7 +29,7 @@ from basecal.effects.faces.shared_errors import SharedTerm
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.joint_estimate import model_sigmas
 from basecal.estimation.noise.random_effects import shared_errors
-from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.noise.robot_noise import stop_poses
 from basecal.estimation.problem.problem import Stops
 from basecal.estimation.problem.robot_parameters import apply_step
 from basecal.estimation.settings import Settings
@@ -278,7 +278,7 @@ def solved_of_pose_errors():
 def test_at_recorded_poses_they_are_those_of_stops(solved_of_pose_errors, name):
     """In the axes of the base, to what the modes left out explain; three metres away no recorded pose says anything."""
     problem = solved_of_pose_errors[1].problem
-    poses, seen = stands(problem, "hand")
+    poses, seen = stop_poses(problem, "hand")
     at_stops = shared_errors(RANDOM_EFFECTS[name], problem, "hand").by_stop[seen]
     places = poses[np.flatnonzero(seen)].translation
     found = moved_by_pose_errors(problem, "hand", places, name)

@@ -45,7 +45,7 @@ def test_each_place_of_the_camera_is_a_station():
     assert [sorted(s.samples.tolist()) for s in found] == [list(range(7)), list(range(7, 14))]
     for station, eye in zip(found, (EYE[0], EYE[1]), strict=True):
         np.testing.assert_allclose(station.shifts_in_light[0], 0.0)
-        np.testing.assert_allclose(station.length, 1e-3)
+        np.testing.assert_allclose(station.rms_shift_m, 1e-3)
         np.testing.assert_allclose(station.eye_base_from_camera.matrix, eye.matrix, atol=1e-12)
         off = (BASE.inverse() @ station.base()).log()
         assert np.abs(off).max() < 2e-3
@@ -135,7 +135,7 @@ def test_a_station_predicts_what_it_would_see():
     at = SHIFTS @ matrix[:3, :3].T + matrix[:3, 3]
     found = station_of(np.zeros((4, 2)))
     np.testing.assert_allclose(found.predicted_px(BASE), np.stack([800 * at[:, 0], 400 * at[:, 1]], 1) / at[:, 2:])
-    assert found.length == pytest.approx(np.sqrt((0.02**2 + 0.03**2 + 0.06**2) / 3))
+    assert found.rms_shift_m == pytest.approx(np.sqrt((0.02**2 + 0.03**2 + 0.06**2) / 3))
 
 
 def test_the_closed_form_is_of_how_the_image_shifts():

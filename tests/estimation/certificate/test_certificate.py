@@ -14,9 +14,9 @@ from basecal.accuracy.stages.judging import prove_solution
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
 from basecal.estimation.certificate import certificate as module
-from basecal.estimation.certificate.certificate import _turned_states, certify, proven_loops
+from basecal.estimation.certificate.certificate import _perturbed_states, certify, proven_loops
 from basecal.estimation.certificate.relaxation import kronecker_product
-from basecal.estimation.certificate.rotation_cost import loop_form, present, rotation_factors
+from basecal.estimation.certificate.rotation_cost import loop_form, rotation_factors, state_rotations
 from basecal.estimation.certificate.view_rotation import view_costs
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.problem import State
@@ -135,7 +135,7 @@ def test_no_state_costs_less_than_the_bound_of_its_rotations(name):
             state = shifted(solution, rng, size)
             least = sum(v.constant.sum() for v in views)
             for group, made in zip(problem.groups, forms, strict=True):
-                v = kronecker_product(rotation_factors(made.loop, present(problem, state, group, made.merged)))
+                v = kronecker_product(rotation_factors(made.loop, state_rotations(state, group, made.merged)))
                 least += made.weight * (v @ made.form @ v)
             assert linearise(problem, state).cost >= least * (1 - 1e-9)
 
@@ -265,7 +265,7 @@ def test_other_starts_are_turned_by_what_is_asked(target):
     """All rotations together by 0.5 rad; a light, which has none, and what is fixed stay."""
     solution = solved(Scenario(target=target, samples=8))
     moves = [name for name in solution.problem.columns if name not in solution.problem.point_mounts]
-    for state in _turned_states(solution, 0.5):
+    for state in _perturbed_states(solution, 0.5):
         off = {n: (t.inverse() @ state.transforms[n]).log() for n, t in solution.state.transforms.items()}
         assert np.linalg.norm([off[n][3:] for n in moves]) == pytest.approx(0.5)
         assert not any(off[n].any() for n in off if n not in moves)
@@ -321,7 +321,7 @@ def test_views_of_four_points_have_a_pose(corners, told):
     """Those of three do not, as is said."""
     square = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]])[:corners]
     certificate = certify(solved(Scenario(target="points", samples=10, board=points_target(square)))).certificate
-    reason = "no pose from a single view: less than four points are seen"
+    reason = "no pose from a single view: fewer than four points are seen"
     assert (certificate.reason == reason) != told
     assert (certificate.gap is None) != told
 
@@ -337,7 +337,7 @@ def test_other_optima_have_another_cost_and_place(monkeypatch, cost, off, is_glo
     other = replace(state, transforms={n: t @ SE3.exp([off, 0, 0, 0, 0, 0]) for n, t in state.transforms.items()})
     ends = iter([SimpleNamespace(cost=1.0, state=state), SimpleNamespace(cost=cost, state=other)])
     monkeypatch.setattr(module, "bundle_adjust", lambda *_: next(ends))
-    monkeypatch.setattr(module, "_turned_states", lambda solution, angle: [state])
+    monkeypatch.setattr(module, "_perturbed_states", lambda solution, angle: [state])
     monkeypatch.setattr(module, "_better_state", lambda solution, found: found)
     certificate, better = module._explore_surroundings(solution, 0.01, 1e-9)
     assert (certificate.is_global, certificate.gap) == (is_global, 1e-9)

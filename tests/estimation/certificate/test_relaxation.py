@@ -208,7 +208,7 @@ def test_a_form_is_cleared_of_its_first_row(count, rng):
 @pytest.mark.parametrize("count", [2, 3])
 def test_what_vanishes_on_products_is_what_is_left_of_class_means(count, rng):
     """Projected twice as once, and at right angles to what is taken away."""
-    project, size = relaxation._vanishing(count), 4**count - 1
+    project, size = relaxation._vanishing_projection(count), 4**count - 1
     root = rng.standard_normal((size, size))
     matrix = root + root.T
     found = project(matrix)
@@ -225,8 +225,8 @@ def test_what_vanishes_on_products_is_what_is_left_of_class_means(count, rng):
 
 def test_newtons_step_is_stationary(rng, monkeypatch):
     """Of what the barrier is to second order: in every direction that vanishes on products, and in the level."""
-    monkeypatch.setattr(relaxation, "_GRADIENT_TOLERANCE", 1e-12)
-    project, size = relaxation._vanishing(2), 15
+    monkeypatch.setattr(relaxation, "_CG_TOLERANCE", 1e-12)
+    project, size = relaxation._vanishing_projection(2), 15
     root = rng.standard_normal((size, 40))
     inverse, pull = np.linalg.inv(root @ root.T / 40), 50.0
     step, rise = relaxation._newton(inverse, pull, project)
@@ -254,10 +254,10 @@ def test_gradients_end_where_a_hundredth_is_left(rng, monkeypatch):
     found, steps = relaxation._solve_conjugate_gradients(operator, right), len(asked)
     assert 2 < steps < 12
     assert left(found) <= 1e-2
-    monkeypatch.setattr(relaxation, "_MOST_GRADIENTS", steps - 1)
+    monkeypatch.setattr(relaxation, "_MOST_CG_STEPS", steps - 1)
     assert left(relaxation._solve_conjugate_gradients(operator, right)) > 1e-2
-    monkeypatch.setattr(relaxation, "_GRADIENT_TOLERANCE", 1e-9)
-    monkeypatch.setattr(relaxation, "_MOST_GRADIENTS", 50)
+    monkeypatch.setattr(relaxation, "_CG_TOLERANCE", 1e-9)
+    monkeypatch.setattr(relaxation, "_MOST_CG_STEPS", 50)
     np.testing.assert_allclose(
         relaxation._solve_conjugate_gradients(operator, right), np.linalg.solve(matrix, right), rtol=1e-6
     )
@@ -309,7 +309,7 @@ def test_sweeps_end_where_nothing_is_gained(rng, monkeypatch):
 def test_raising_reaches_what_is_there_to_reach():
     """A form lowered by what vanishes on products is raised back, to a tenth; one factor leaves nothing to add."""
     rng = np.random.default_rng(5)
-    project = relaxation._vanishing(2)
+    project = relaxation._vanishing_projection(2)
     root = rng.standard_normal((15, 15))
     flat, lowering = np.diag(np.linspace(1.0, 2.0, 15)), project(root + root.T)
     form = flat - 3.0 * lowering / np.abs(np.linalg.eigvalsh(lowering)).max()

@@ -12,9 +12,9 @@ from tests.ends import with_eye, with_hand
 from basecal.cell import Unknown
 from basecal.estimation.certificate.rotation_cost import (
     loop_form,
-    present,
     rotation_factors,
     rotations_from_factors,
+    state_rotations,
 )
 from basecal.estimation.certificate.view_rotation import ViewCosts
 from basecal.estimation.problem.problem import Problem, State, Stops
@@ -89,7 +89,7 @@ def test_a_lacking_arm_merges_two_unknowns(rng, eye, hand, merged):
     found = loop_form(problem, state, group, costs)
     assert found.merged == merged
     assert len(found.loop.unknown) == (3 if merged == "" else 2)
-    x, y, z, _ = present(problem, state, group, merged)
+    x, y, z, _ = state_rotations(state, group, merged)
     whole = [state.transforms[name].rotation for name in (X, Y, Z)]
     expected = half_sines(group, costs, *whole)
     np.testing.assert_allclose(half_sines(group, costs, x, y, z), expected, atol=1e-12)

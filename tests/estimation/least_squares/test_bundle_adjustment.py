@@ -73,7 +73,7 @@ def test_a_rough_end_is_near_and_sooner(seed):
     scenario = Scenario(layout="eye_to_hand", target="pose", spread_rad=0.6, pose_noise=noise, robot_noise=noise)
     problem, start = problem_and_start(scenario, 0.02, seed)
     end = bundle_adjust(problem, start, 100)
-    rough = bundle_adjust(problem, start, 100, sigmas=ROUGH_SIGMAS)
+    rough = bundle_adjust(problem, start, 100, tolerance=ROUGH_SIGMAS)
     assert rough.converged
     assert rough.iterations < end.iterations
     assert np.sqrt(linearise(problem, rough.state).cost - end.cost) < ROUGH_SIGMAS * np.sqrt(end.cost / 100)

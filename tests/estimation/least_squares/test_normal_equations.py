@@ -304,7 +304,7 @@ def test_weights_scale_what_views_say_and_none_silences_them(rng, batch):
     promised = rng.uniform(1, 2, (*batch, 3))
     views = LinearisedViews(gradient, root @ root.mT, promised, np.zeros((*batch, 3, 6, 0)), np.zeros(0, int), (), ())
     weight = np.broadcast_to([0.5, 1.0, 3.0], (*batch, 3))
-    names = ("gradient", "information", "promised")
+    names = ("gradient", "information", "eliminated_cost")
     for name in names:
         plain, found = getattr(views, name), getattr(views.weigh(weight), name)
         np.testing.assert_allclose(

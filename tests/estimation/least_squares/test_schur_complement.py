@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.estimation.least_squares import schur_complement
-from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SharedView
+from basecal.estimation.least_squares.schur_complement import SchurAccumulator, StopViews
 
 STOPS, VIEWS, WIDTH = 4, 7, 5
 EYE = np.array([0, 0, 1, 1, 1, 0, 1])
@@ -30,7 +30,7 @@ def eliminated(values, robots):
     errors, gradient, information, by_unknowns, by_error = values
     sums = SchurAccumulator(errors, WIDTH)
     rows = np.arange(VIEWS)
-    shared = [SharedView(rows, {0: EYE, 1: HAND}[r], by_error[r]) for r in robots]
+    shared = [StopViews(rows, {0: EYE, 1: HAND}[r], by_error[r]) for r in robots]
     sums.add(shared, gradient, information, by_unknowns, np.array([0, 2, 3, 4]))
     return sums.solve()
 
@@ -124,7 +124,7 @@ def test_views_that_share_no_stop_change_nothing(rng):
     values = drawn(rng)
     sums = SchurAccumulator(values[0], WIDTH)
     none = np.zeros(0, dtype=np.int64)
-    sums.add([SharedView(none, none, np.zeros((0, 6, 6)))] * 2, *values[1:4], np.arange(WIDTH - 1))
+    sums.add([StopViews(none, none, np.zeros((0, 6, 6)))] * 2, *values[1:4], np.arange(WIDTH - 1))
     ours = sums.solve()
     assert ours.log_det == 0.0
     np.testing.assert_array_equal(ours.step(np.ones(WIDTH)), -values[0])
@@ -146,8 +146,8 @@ def test_views_added_one_by_one_are_those_added_together(rng, robots):
     sums, columns = SchurAccumulator(errors, WIDTH), np.array([0, 2, 3, 4])
     for row in range(VIEWS):
         of, first = slice(row, row + 1), np.zeros(1, dtype=np.int64)
-        shared = [SharedView(first, {0: EYE, 1: HAND}[r][of], by_error[r][of]) for r in robots]
+        shared = [StopViews(first, {0: EYE, 1: HAND}[r][of], by_error[r][of]) for r in robots]
         sums.add(shared, gradient[of], information[of], by_unknowns[of], columns)
     ours, together = sums.solve(), eliminated((errors, gradient, information, by_unknowns, by_error), robots)
-    for name in ("by_unknowns", "solution", "promised", "log_det", "precision"):
+    for name in ("by_unknowns", "solution", "eliminated_cost", "log_det", "precision"):
         np.testing.assert_allclose(getattr(ours, name), getattr(together, name), rtol=1e-9, atol=1e-9)

@@ -16,10 +16,10 @@ from basecal.estimation.least_squares.studentized_residuals import (
     _studentize,
     judged_by_view,
     leave_one_out,
-    studentize_views,
     studentized_points,
     studentized_stops,
     studentized_views,
+    view_misfits,
 )
 from basecal.estimation.outliers.inlier_mask import all_inliers, without_unseen_stops
 from basecal.estimation.problem.build import build_problem
@@ -276,7 +276,7 @@ def test_a_view_is_off_from_a_state_by_its_own_sigmas(batch):
     problem, state = pose_problem(errors, sigma)
     problem.groups[0].measurement.weight[2] = np.inf
     with np.errstate(invalid="ignore"):
-        (found,) = studentize_views(problem, state.spread(problem, 2) if batch else state)
+        (found,) = view_misfits(problem, state.spread(problem, 2) if batch else state)
     np.testing.assert_allclose(found.value, np.broadcast_to([14.0, 2.0, np.inf], (*batch, 3)), rtol=1e-5)
     np.testing.assert_array_equal(found.freedoms, np.full((*batch, 3), 6))
 
@@ -301,7 +301,7 @@ def lights(points, free_lens=False):
 def test_a_view_of_a_light_is_off_by_its_pixels_and_infinitely_far_behind_the_camera():
     """From the camera's own place on; as many freedoms are counted as it has equations."""
     problem, state = lights(np.array([[0.0, 0.0, 0.0]]))
-    (found,) = studentize_views(problem, state)
+    (found,) = view_misfits(problem, state)
     np.testing.assert_allclose(found.value, [25 / 4, 25 / 4, np.inf, np.inf], rtol=1e-9)
     assert found.freedoms.tolist() == [2, 2, 2, 2]
 

@@ -56,7 +56,7 @@ def test_unstated_sigmas_are_those_of_the_residuals(rng):
     off = errors - errors.mean(0)
     for part, sigma in ((slice(0, 3), noise.noise.pose_m), (slice(3, 6), noise.noise.pose_rad)):
         assert sigma == pytest.approx(np.sqrt(np.sum(off[:, part] ** 2) / 57), rel=2e-3)
-    assert noise.settled
+    assert noise.converged
     assert noise.estimated == ("pose_m", "pose_rad")
 
 
@@ -87,7 +87,7 @@ def test_stated_poses_hold_the_mount_for_those_that_state_none(rng):
     problem = problem.with_groups([replace(group, measurement=silent)])
     end = bundle_adjust(problem, state, 1, 30)
     problem, end, noise = estimate_noise(problem, end, 30)
-    assert (noise.settled, noise.factor, noise.estimated) == (True, 1.0, ("pose_m", "pose_rad"))
+    assert (noise.converged, noise.factor, noise.estimated) == (True, 1.0, ("pose_m", "pose_rad"))
     for name, part in (("pose_m", slice(0, 3)), ("pose_rad", slice(3, 6))):
         variance = getattr(noise.noise, name) ** 2
         weights = np.where(stated, 1e6, 1 / variance)
@@ -137,7 +137,7 @@ def test_each_column_of_an_arm_under_a_prior_is_a_residual(links, more):
 def ratio(problem, state, noise, name="pose_m"):
     """New over old variance of one field at a state."""
     problem = problem.with_noise(noise)
-    return module._ratio(
+    return module._variance_ratio(
         problem, SimpleNamespace(state=state, normal=linearise(problem, state)), noise, name, 3 * len(problem.groups[0])
     )
 
@@ -165,14 +165,14 @@ def test_what_fits_to_the_last_bit_is_off_by_a_nanometre():
     _, _, noise = estimated(np.zeros((4, 6)))
     assert noise.noise.pose_m == pytest.approx(1e-9, rel=1e-3)
     assert noise.noise.pose_rad == pytest.approx(1e-9, rel=1e-3)
-    assert noise.settled
+    assert noise.converged
 
 
 def test_an_estimate_that_did_not_come_to_rest_says_so(rng, monkeypatch):
     """After one round of what takes several."""
     monkeypatch.setattr(module, "_FIXED_POINT_ROUNDS", 1)
     _, _, noise = estimated(0.1 * rng.standard_normal((4, 6)))
-    assert (noise.settled, noise.factor, noise.estimated) == (False, 1.0, ("pose_m", "pose_rad"))
+    assert (noise.converged, noise.factor, noise.estimated) == (False, 1.0, ("pose_m", "pose_rad"))
 
 
 def test_a_factor_of_fewest_freedoms():
@@ -188,7 +188,7 @@ def test_a_factor_of_fewest_freedoms():
         for cost, factor in ((5.0, 5.0 / freedoms), (-1e-9, 0.0)):
             _, _, noise = estimate_noise(few, replace(end, cost=cost), 2)
             assert noise.factor == pytest.approx(factor)
-            assert (noise.settled, noise.estimated) == (True, ("pixel_px",))
+            assert (noise.converged, noise.estimated) == (True, ("pixel_px",))
 
 
 def test_what_is_held_or_stated_needs_no_estimate(rng):
@@ -197,7 +197,7 @@ def test_what_is_held_or_stated_needs_no_estimate(rng):
     end = bundle_adjust(problem, state, 1, 2)
     for given in (problem, replace(problem, held=True)):
         same, again, noise = estimate_noise(given, end, 2)
-        assert (same is given, again is end, noise.settled, noise.factor) == (True, True, True, 1.0)
+        assert (same is given, again is end, noise.converged, noise.factor) == (True, True, True, 1.0)
         assert (noise.minus_2_log_evidence, noise.plain_minus_2_log_evidence) == (0.0, 0.0)
 
 

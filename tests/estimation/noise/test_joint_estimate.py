@@ -186,14 +186,14 @@ def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(mo
     state = State(s.truth, s.cameras, np.zeros((len(problem.stops), 6)))
     monkeypatch.setattr(joint_estimate, "MANY_VIEWS", 8)
     if not settled:
-        monkeypatch.setattr(joint_estimate, "_ALTERNATIONS", 0)
+        monkeypatch.setattr(joint_estimate, "_MOST_ALTERNATIONS", 0)
     asked, of_all = [], joint_estimate._extend_estimate
     monkeypatch.setattr(
         joint_estimate, "_extend_estimate", lambda *given: asked.append(len(given[0].groups[0])) or of_all(*given)
     )
     _, _, noise = estimate_jointly(problem, state, 50)
     assert asked == ([12] if settled else [])
-    assert noise.settled == settled
+    assert noise.converged == settled
 
 
 @pytest.mark.parametrize(
@@ -267,18 +267,18 @@ def test_shapes_add_to_those_that_the_problem_has(rng):
     for limit in (1.01 * largest, 0.99 * largest):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(joint_estimate, "_SETTLED_CHANGE", limit)
-            assert joint_estimate._has_settled(of, of.logs) == (limit > largest)
+            assert joint_estimate._has_converged(of, of.logs) == (limit > largest)
     without = sigmas_found(rng)
     for step, expected in ((0.0, True), (0.019, True), (0.021, False)):
         off = without.logs + step * np.eye(len(without.logs))[0]
-        assert joint_estimate._has_settled(without, off) == expected
+        assert joint_estimate._has_converged(without, off) == expected
 
 
 def test_an_estimate_holds_what_was_found(rng):
     """Sigmas by their names; of robots also the mean of their squares, of what is log-normal by twice its variance."""
     of = sigmas_found(rng)
     found = joint_estimate._final_estimate(of, SimpleNamespace(shapes={}), False)
-    assert (found.factor, found.settled, found.minus_2_log_evidence, found.plain_minus_2_log_evidence) == (
+    assert (found.factor, found.converged, found.minus_2_log_evidence, found.plain_minus_2_log_evidence) == (
         1.0,
         False,
         12.5,

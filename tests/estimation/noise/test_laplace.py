@@ -249,7 +249,7 @@ def test_how_sigmas_are_integrated(of_numbers, sigma, blocks, nodes):
     variances[3] = sigma**2
     layout = replace(of_numbers.model.layout, sizes=np.full(blocks, 7))
     of = replace(of_numbers, covariance=np.diag(variances), model=replace(of_numbers.model, layout=layout))
-    found, logs, _ = laplace._weighed_nodes(of, np.arange(3))
+    found, logs, _ = laplace._weighted_nodes(of, np.arange(3))
     assert 1 <= len(found) <= nodes
     assert (len(found) == 1) == (nodes == 1)
     assert found.sum() == pytest.approx(1.0)

@@ -64,6 +64,6 @@ def test_blocks_of_a_size_are_processed_together(monkeypatch):
     for little, expected in ((added, [(0, 6, 12)]), (added - 1, [(0, 5, 6), (5, 6, 12)])):
         monkeypatch.setattr("basecal.estimation.noise.layout._MOST_PADDING", little)
         assert [(blocks.start, blocks.stop, rows.stop) for blocks, rows in layout.chunks(7)] == expected
-    monkeypatch.setattr("basecal.estimation.noise.layout._AT_ONCE", 2 * 6 * 7)
+    monkeypatch.setattr("basecal.estimation.noise.layout._CHUNK_NUMBERS", 2 * 6 * 7)
     assert [(blocks.start, blocks.stop) for blocks, _ in layout.chunks(7)] == [(0, 2), (2, 4), (4, 5), (5, 6)]
     assert list(replace(layout, sizes=layout.sizes[:0]).chunks(7)) == []

@@ -236,7 +236,7 @@ def test_views_that_hang_on_the_same_block_add_up(monkeypatch):
     """Views taken one by one, or all of a chunk at once, add up to the same; a block may have several."""
     problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((4, 6)), *CHAINED)
     together = mixed_model(problem, state, ROBOTS).parts["camera", "pose_m"]
-    monkeypatch.setattr("basecal.estimation.noise.layout._AT_ONCE", 1)
+    monkeypatch.setattr("basecal.estimation.noise.layout._CHUNK_NUMBERS", 1)
     apart = mixed_model(problem, state, ROBOTS).parts["camera", "pose_m"]
     for name in ("errors", "errors_fixed", "errors_errors"):
         np.testing.assert_allclose(getattr(apart, name), getattr(together, name), rtol=1e-12, atol=1e-15)

@@ -14,9 +14,9 @@ from basecal.estimation.noise import neighbourhoods as module
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.neighbourhoods import (
     Neighbourhood,
-    goes_by_neighbourhoods,
     merge_estimates,
     neighbourhoods,
+    uses_neighbourhoods,
 )
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -79,7 +79,7 @@ def _needed(part):
 
 def test_few_unknowns_are_estimated_together(problem):
     """A ring of four has too few to go by neighbourhoods."""
-    assert not goes_by_neighbourhoods(problem)
+    assert not uses_neighbourhoods(problem)
 
 
 @pytest.mark.slow
@@ -105,10 +105,10 @@ def test_a_robot_alone_has_no_neighbours(problem, monkeypatch):
     alone = simulate(Scenario(layout="eye_in_hand", samples=6), 0)
     alone = build_problem(alone.cell, alone.recording)[0]
     monkeypatch.setattr(module, "MANY_COLUMNS", 2)
-    assert goes_by_neighbourhoods(problem)
-    assert not goes_by_neighbourhoods(alone)
+    assert uses_neighbourhoods(problem)
+    assert not uses_neighbourhoods(alone)
     monkeypatch.setattr(module, "MANY_COLUMNS", problem.width + 1)
-    assert not goes_by_neighbourhoods(problem)
+    assert not uses_neighbourhoods(problem)
 
 
 def test_each_sigma_is_that_of_where_it_is_told():
@@ -138,13 +138,13 @@ def test_each_sigma_is_that_of_where_it_is_told():
     assert of.shapes == {"t": shape, "u": shape}
     np.testing.assert_allclose(of.robots["r1"], 2e-3)
     np.testing.assert_allclose(of.robots["r2"], 3e-3)
-    assert (of.estimated, of.settled, of.minus_2_log_evidence, of.plain_minus_2_log_evidence) == (
+    assert (of.estimated, of.converged, of.minus_2_log_evidence, of.plain_minus_2_log_evidence) == (
         ("pixel_px",),
         False,
         7.0,
         70.0,
     )
-    assert merge_estimates({**found, "r2": found["r1"]}, parts).settled
+    assert merge_estimates({**found, "r2": found["r1"]}, parts).converged
     assert of.factor == 1.0
     assert of.noise == of.cameras["a"]
 
@@ -153,10 +153,10 @@ def test_two_robots_are_each_others_neighbours(monkeypatch):
     """One alone has none, nor have such whose own kinematics are estimated."""
     monkeypatch.setattr(module, "MANY_COLUMNS", 6)
     problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 2], [3, 4, 5])
-    assert goes_by_neighbourhoods(problem)
-    assert not goes_by_neighbourhoods(replace(problem, models={"eye": None}))
-    assert not goes_by_neighbourhoods(pose_problem(np.zeros((3, 6)), None)[0])
-    assert not goes_by_neighbourhoods(replace(problem, columns={}))
+    assert uses_neighbourhoods(problem)
+    assert not uses_neighbourhoods(replace(problem, models={"eye": None}))
+    assert not uses_neighbourhoods(pose_problem(np.zeros((3, 6)), None)[0])
+    assert not uses_neighbourhoods(replace(problem, columns={}))
     of_eye, of_hand = neighbourhoods(problem, state)
     assert (of_eye.robot, of_eye.cameras, of_eye.targets) == ("eye", {"camera"}, set())
     assert (of_hand.robot, of_hand.cameras, of_hand.targets) == ("hand", set(), {"target"})

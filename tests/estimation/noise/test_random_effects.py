@@ -10,14 +10,14 @@ import pytest
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.effects.smooth_in_time import errors
 from basecal.estimation.noise.random_effects import (
-    held_errors,
     is_shared_error,
     passed_times,
     posture_at_stops,
+    scaled_shared_errors,
     shared_errors,
     shared_term,
 )
-from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.noise.robot_noise import stop_poses
 from basecal.simulation import Scenario
 from simulated_problem import simulated_problem
 
@@ -27,7 +27,7 @@ SCENARIO = Scenario(samples=8, joints=True)
 def test_the_chain_stands_where_the_stops_are():
     """At each stop that was seen; at others at the mean of the joints."""
     problem = simulated_problem(SCENARIO)
-    poses, _ = stands(problem, "hand")
+    poses, _ = stop_poses(problem, "hand")
     at = posture_at_stops(problem, "hand")
     np.testing.assert_allclose(at.chain.forward(at.recorded).matrix, poses.matrix, atol=1e-12)
     (group,) = problem.groups
@@ -58,7 +58,7 @@ def test_errors_are_of_the_stops(name):
     """Six rows for each stop of a robot, a column for each error; a unit of all turns the flange by a unit or a few."""
     problem = problem_with(name, 12)
     errors = shared_errors(RANDOM_EFFECTS[name], problem, "hand")
-    assert errors.by_stop.shape == (len(stands(problem, "hand")[0]), 6, len(errors.is_turn))
+    assert errors.by_stop.shape == (len(stop_poses(problem, "hand")[0]), 6, len(errors.is_turn))
     turned = errors.flange_sigmas(np.ones(2))[3:]
     assert np.all((turned > 0.1) & (turned < 4))
 
@@ -104,9 +104,11 @@ def test_errors_that_last_are_seen_and_independent_ones_are_not():
 def test_errors_of_known_sigmas_are_in_these():
     """Of each robot, those of all effects beside one another."""
     problem, sigmas = problem_with("smooth_in_time", 8), np.array([2e-4, 3e-4])
-    held = held_errors(problem, {"smooth_in_time": {"eye": sigmas}, "smooth": {"eye": sigmas, "hand": 2 * sigmas}})
+    held = scaled_shared_errors(
+        problem, {"smooth_in_time": {"eye": sigmas}, "smooth": {"eye": sigmas, "hand": 2 * sigmas}}
+    )
     of = {name: shared_errors(RANDOM_EFFECTS[name], problem, "eye") for name in ("smooth_in_time", "smooth")}
     variances = [np.sum((held["eye"]) ** 2, -1), sum(np.sum(each.by_stop**2, -1) for each in of.values())]
     np.testing.assert_allclose(variances[0], variances[1] * np.repeat(sigmas, 3) ** 2)
     assert set(held) == {"eye", "hand"}
-    assert held_errors(problem, {}) == {}
+    assert scaled_shared_errors(problem, {}) == {}

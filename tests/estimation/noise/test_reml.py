@@ -114,7 +114,7 @@ def test_slope_is_the_derivative(arms, smooth):
     np.testing.assert_allclose(posterior(model, logs).slope(), differences, rtol=1e-3, atol=1e-3)
 
 
-@pytest.mark.parametrize("constant", ["_AT_ONCE", "_MOST_PADDING"])
+@pytest.mark.parametrize("constant", ["_CHUNK_NUMBERS", "_MOST_PADDING"])
 def test_blocks_at_a_time_change_nothing(monkeypatch, constant):
     """Taken one by one, or without padding, blocks give what they give together: value, slope, means and covariance."""
     problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((6, 6)), *STAR)
@@ -147,7 +147,7 @@ def test_columns_alone_are_those_of_the_whole(arms):
 @pytest.mark.parametrize("at_once", [1, 1_000_000])
 def test_nodes_together_are_those_one_by_one(monkeypatch, rng, at_once):
     """However many are taken at a time, with one part and with several, of some columns in any order."""
-    monkeypatch.setattr("basecal.estimation.noise.reml._NODES_AT_ONCE", at_once)
+    monkeypatch.setattr("basecal.estimation.noise.reml._CHUNK_NUMBERS", at_once)
     model, _ = made_up(rng)
     nodes, columns = rng.standard_normal((7, 11)), np.array([4, 0, 3])
     together = solve_columns(node_equations(model, nodes), columns)

@@ -15,7 +15,7 @@ from basecal.estimation.noise.robot_noise import (
     count_stops,
     recorded_subset,
     some_views,
-    stands,
+    stop_poses,
     with_robot_noise,
     without_errors,
 )
@@ -85,7 +85,7 @@ def test_a_robot_that_is_nowhere_made_no_stop():
     """It has no pose, and no error."""
     problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 1], [2, 2, 3])
     assert [count_stops(problem, robot) for robot in ("eye", "hand", "another")] == [2, 2, 0]
-    poses, seen = stands(problem, "another")
+    poses, seen = stop_poses(problem, "another")
     assert (poses.shape, seen.shape) == ((0,), (0,))
     given = with_robot_noise(problem, {"another": SIGMA})
     assert given.stops.robot == problem.stops.robot
@@ -101,7 +101,7 @@ def test_poses_of_stops_are_those_recorded_there(made, count):
     first = with_hand(group, base_from_flange=poses[:2], stand=np.array([3, 1]))
     second = with_hand(with_eye(group, robot="hand", base_from_flange=poses[2:3], stand=np.array([0])), robot=None)
     two = replace(problem.with_groups([first, second.take(np.array([0]))]), stands={"hand": made, "eye": 9})
-    found, seen = stands(two, "hand")
+    found, seen = stop_poses(two, "hand")
     assert seen.tolist() == [True, True, False, True, False][:count]
     for stand, pose in ((3, poses[0]), (1, poses[1]), (0, poses[2])):
         np.testing.assert_array_equal(found[stand].matrix, pose.matrix)

@@ -28,7 +28,7 @@ from basecal.cell import Unknown
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.motions import (
     STILL_RAD,
-    _indistinct,
+    _indistinct_twists,
     _least_motion,
     gauge_partners,
     motions,
@@ -223,7 +223,7 @@ def test_orientations_are_counted_to_three(about_z, count):
 def test_twists_differ_by_more_than_noise(over, alike):
     """Shifted to and fro by d a turn carries 2 d per radian at half a metre: six twists stay where that is noise."""
     poses = SE3.from_rotvec(np.zeros((6, 3)), np.outer([1, -1] * 3, [0.01, 0, 0]))
-    at_base, at_flange = _indistinct(poses, over * 0.01 / MOVE_SCALE[0])
+    at_base, at_flange = _indistinct_twists(poses, over * 0.01 / MOVE_SCALE[0])
     assert len(at_base) == len(at_flange) == max(alike, 4)
     np.testing.assert_allclose(at_flange, at_base, atol=1e-12)
 

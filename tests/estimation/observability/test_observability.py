@@ -170,7 +170,7 @@ def test_a_problem_without_unknowns_is_seen():
     """It has no direction that could be open."""
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
     found = analyse_observability(replace(problem, columns={}), state, np.zeros((0, 0)), 1.0)
-    assert (found.inverse.shape, found.onto_held.shape, found.condition) == ((0, 0), (0, 0), 1.0)
+    assert (found.inverse.shape, found.onto_informative.shape, found.condition) == ((0, 0), (0, 0), 1.0)
     assert (found.null_space, found.unobservable) == ((), frozenset())
 
 
@@ -240,7 +240,7 @@ def test_what_motions_leave_open_is_not_seen_however_sure_it_looks(moves):
     if moves:
         np.testing.assert_array_equal(left, sure)
         np.testing.assert_allclose(found.inverse, 1e-6 * np.eye(12))
-        np.testing.assert_array_equal(found.onto_held, np.eye(12))
+        np.testing.assert_array_equal(found.onto_informative, np.eye(12))
         return
     hessian = linearise(problem, state).hessian
     loose = null_directions(problem, state)

@@ -164,7 +164,7 @@ def test_views_that_nothing_checks_do_not_count(monkeypatch):
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
     value, freedoms = np.array([3.0, 7.0, np.inf, 0.2]), np.array([1, 0, 2, 1])
     told = MahalanobisSquared(value, freedoms)
-    monkeypatch.setattr(subset_starts, "studentize_views", lambda *of: (told,))
+    monkeypatch.setattr(subset_starts, "view_misfits", lambda *of: (told,))
     ratio, half = np.array([3.0, 0.5e30, 0.2]), np.array([0.5, 1.0, 0.5])
     scales = np.maximum(np.quantile(ratio, np.linspace(0.1, 0.9, 17)), 1.0)
     wanted = min(float(np.sum(half * np.log(s) + (half + 0.5) * np.log1p(2 * half * ratio / s))) for s in scales)
@@ -194,7 +194,7 @@ def test_states_are_drawn_on_to_the_better_half(monkeypatch):
         given.append((dof, steps, [of.tolist() for of in weights]))
         return SimpleNamespace(state=drawn)
 
-    monkeypatch.setattr(subset_starts, "studentize_views", lambda *of: told)
+    monkeypatch.setattr(subset_starts, "view_misfits", lambda *of: told)
     monkeypatch.setattr(subset_starts, "bundle_adjust_batch", adjusted)
     found = subset_starts._concentrate(problem, [state, state])
     assert len(found) == 2

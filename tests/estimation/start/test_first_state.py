@@ -418,7 +418,7 @@ def test_a_few_steps_without_weights_are_followed_by_one_of_each_weights(monkeyp
 
     monkeypatch.setattr(module, "bundle_adjust_batch", adjusted)
     squares = [MahalanobisSquared(*each) for each in zip(values, freedoms, strict=True)]
-    monkeypatch.setattr(module, "studentize_views", lambda problem, states: squares)
+    monkeypatch.setattr(module, "view_misfits", lambda problem, states: squares)
     assert cauchy_irls(None, 0) == len(steps) == (fails_at or 25)
     assert [iterations for iterations, _ in steps] == [3, *[1] * (len(steps) - 1)]
     assert steps[0][1] is None

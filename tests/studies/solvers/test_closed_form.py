@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.solve import shifted_state
+from basecal.estimation.solve import axis_shift_state
 from basecal.studies.draws import draw, draw_cell
 from basecal.studies.solvers.closed_form import solve
 from study_example import study
@@ -19,7 +19,7 @@ def test_as_the_estimators_own() -> None:
     cell = draw_cell(settings, 0, 0, None)
     found = solve(draw(cell, settings, (0, 0, 0), 2))
     problem, _ = build_problem(cell.made.cell, cell.made.recording)
-    own = shifted_state(problem, cell.made.cell).transforms["eye_base_from_hand_base"]
+    own = axis_shift_state(problem, cell.made.cell).transforms["eye_base_from_hand_base"]
     np.testing.assert_allclose(found.transform[0].matrix, own.matrix, atol=1e-9)
     assert found.covariance is None
     assert found.solved.all()

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.estimation.least_squares.normal_equations import linearise, retract
-from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods
+from basecal.estimation.noise.neighbourhoods import uses_neighbourhoods
 from basecal.estimation.observability.observability import column_scales
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution
@@ -76,7 +76,7 @@ def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
     the sigmas across it. At z_i sigmas along the directions of largest sigma, the best state deviates from their
     tangents by the sum of q_ij z_i z_j. The second moments of this sum are returned. Source: docs/mathematics.md (7.1).
     """
-    directions = None if goes_by_neighbourhoods(solution.problem) else _directions(solution, order)
+    directions = None if uses_neighbourhoods(solution.problem) else _directions(solution, order)
     if directions is None or not len(directions.wide):
         return np.zeros((6 * len(order), 6 * len(order)))
     count = len(directions.wide)
@@ -110,11 +110,13 @@ def _directions(solution: Solution, order: Sequence[str]) -> _Directions:
     covariance = solution.noise.factor * spectrum(equations.hessian).inverse
     of = scaled_spectrum(covariance, 0.0, scale)
     blocks = [scaled_spectrum(covariance[at, at], 0.0, scale[at]) for at in columns]
-    least = min((float(np.sqrt(block.values[block.held].min(initial=np.inf))) for block in blocks), default=np.inf)
-    sigmas = np.sqrt(of.values[of.held])
+    least = min(
+        (float(np.sqrt(block.values[block.is_informative].min(initial=np.inf))) for block in blocks), default=np.inf
+    )
+    sigmas = np.sqrt(of.values[of.is_informative])
     wide = np.flatnonzero(sigmas * sigmas.max(initial=0.0) > _LEAST_SHARE * least)[-_MOST_DIRECTIONS:]
     together = np.triu(np.outer(sigmas[wide], sigmas[wide]) > _LEAST_SHARE * least, 1)
-    return _Directions(of.root[:, of.held], wide, np.array(np.nonzero(together)))
+    return _Directions(of.root[:, of.is_informative], wide, np.array(np.nonzero(together)))
 
 
 def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State | None:

@@ -94,7 +94,7 @@ def _sparsely(
     problem: Problem, state: State, dof: float, iterations: int, weights: Sequence[Array]
 ) -> tuple[OptimumBatch, SparseHessian | None]:
     """Fit one fold of a problem with many unknowns; a batch would need dense matrices."""
-    end = bundle_adjust(problem, state, dof, iterations, weights, sigmas=_CONVERGED_SIGMAS)
+    end = bundle_adjust(problem, state, dof, iterations, weights, tolerance=_CONVERGED_SIGMAS)
     hessian = end.normal.hessian if end.sparse is None else end.sparse.matrix.toarray()
     numbers = (np.array(value) for value in (end.cost, hessian, end.converged, end.iterations))
     return OptimumBatch(end.state, *numbers), end.sparse

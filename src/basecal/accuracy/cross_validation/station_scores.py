@@ -112,7 +112,9 @@ def predict_views(problem: Problem, group: ViewGroup, state: State) -> ViewPredi
     of = spectrum(information, VIEW_ROUNDING)
     step = (of.inverse @ gradient[..., None])[..., 0]
     alone = view.cost - np.einsum("ni,ni->n", gradient, step)
-    is_placed = of.held.all(axis=1) | (~information[:, 3:].any(axis=(1, 2)) & (of.rank == 3))  # a pose, or a point
+    is_placed = of.is_informative.all(axis=1) | (
+        ~information[:, 3:].any(axis=(1, 2)) & (of.rank == 3)
+    )  # a pose, or a point
     off_m = np.where(is_placed, np.linalg.norm(step[:, :3], axis=1), np.nan)
     return ViewPredictions(cost, np.maximum(cost - alone, 0.0), of.rank.astype(np.float64), off_m)
 

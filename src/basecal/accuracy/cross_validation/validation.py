@@ -301,7 +301,7 @@ def _whitening(fold: Array, full: Array) -> Array:
     """
     unit = spectrum(full).inverse_root.T
     gain = scaled_spectrum(unit @ (fold - full) @ unit.T, _LEAST_GAIN)
-    seen = gain.held & (gain.values < _MOST_GAIN)
+    seen = gain.is_informative & (gain.values < _MOST_GAIN)
     return gain.inverse_root[:, seen].T @ unit
 
 

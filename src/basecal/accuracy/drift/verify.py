@@ -170,7 +170,7 @@ def _camera_covariance(innovations: Innovations, place_jacobian: Array, residual
     of_all = spectrum(expected, _HIDDEN_SHARE)
     by_chance = (1 + np.sqrt(place_jacobian.shape[1] / len(rows))) ** 2
     scatter = scaled_spectrum(of_all.inverse_root.T @ (said.T @ said) @ of_all.inverse_root, by_chance)
-    beyond = np.where(scatter.held, scatter.values - 1, 0.0)
+    beyond = np.where(scatter.is_informative, scatter.values - 1, 0.0)
     moved = place_jacobian @ (of_all.inverse_root @ scatter.vectors * np.sqrt(beyond))
     together = moved @ moved.T
     for at in rows:

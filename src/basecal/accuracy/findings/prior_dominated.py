@@ -49,7 +49,7 @@ def _dominated_findings(solution: Solution, name: str, resting: Sequence[str]) -
     width = where.stop - where.start
     sigma = np.asarray(problem.unknowns[name].sigma)[:width]
     shares = scaled_spectrum(solution.observability.inverse[where, where], _DOMINATED_RATIO**2, sigma)
-    dominated = shares.vectors[:, shares.held]
+    dominated = shares.vectors[:, shares.is_informative]
     if not dominated.shape[1]:
         return []
     vectors, scale = np.zeros((problem.width, dominated.shape[1])), np.ones(problem.width)

@@ -10,7 +10,7 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
-from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.noise.robot_noise import stop_poses
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import Array
 
@@ -82,7 +82,7 @@ def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
     if len(recorded) == len(joints) > 0:
         yield from _angle_roundings("joints", [np.concatenate(recorded)], noise_rad)
         return
-    poses, seen = stands(problem, robot)
+    poses, seen = stop_poses(problem, robot)
     poses = poses[np.flatnonzero(seen)]
     step = _step(poses.translation)
     if step is not None:

@@ -105,7 +105,7 @@ def check_conventions(
     pairs = solve_single_pairs(declared, solution.state)
     found: list[tuple[Finding, ...]] = []
     for at in range(0, len(pairs), _IN_STEP):
-        settings.part(at, len(pairs))
+        settings.report_progress(at, len(pairs))
         found += _run_checks(
             [_check_reading(p.reading, p.state, settings, is_explained) for p in pairs[at : at + _IN_STEP]]
         )

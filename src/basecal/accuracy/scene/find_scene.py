@@ -68,7 +68,7 @@ def find_scene(
 
 
 def _solve_one(images: Images, camera: int, robot_noise: Sequence[Array | None], settings: Settings) -> OneCamera:
-    settings.part(camera + 1, len(images.views.cameras))
+    settings.report_progress(camera + 1, len(images.views.cameras))
     return solve_camera(images, camera, robot_noise[_carrier(images, camera)])
 
 

@@ -82,7 +82,7 @@ def read_images(cell: Cell, recording: Recording, settings: Settings = DEFAULT) 
     taken += [(name, own[0]) for name in fixed if (own := [s for s in recording.samples if _has_pose(cell, name, s)])]
     read = []
     for number, (name, sample) in enumerate(taken, 1):
-        settings.part(number, len(taken))
+        settings.report_progress(number, len(taken))
         read.append((name, sample, read_features(cell, name, sample, recording.folder)))
     seen = [(name, sample, *found) for name, sample, found in read if not isinstance(found, str)]
     lost = [_loss(name, sample, found) for name, sample, found in read if isinstance(found, str)]

@@ -141,7 +141,7 @@ def size_posterior(
         covariance + np.outer(mean - contained, mean - contained),
         -situation.null.inverse @ known.across[0].T,
         list(zip([*fields, *axes], places[:before] + places[after:], strict=True)),
-        float(probabilities(priors[0].shares, given.evidence) @ priors[0].sigmas[:, 0] ** 2) if fields else 0.0,
+        float(probabilities(priors[0].shares, given.two_log_evidence) @ priors[0].sigmas[:, 0] ** 2) if fields else 0.0,
     )
 
 
@@ -240,4 +240,4 @@ def posteriors_by_sigma(gradient: Array, information: Array, priors: Sequence[Si
     covariance[..., :count, :count] += spread
     means = (both @ rest.mean[..., None])[..., 0]
     means[..., :count] += mean[..., 0]
-    return Gaussian(rest.evidence + evidence, means, covariance)
+    return Gaussian(rest.two_log_evidence + evidence, means, covariance)

@@ -22,7 +22,7 @@ from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.smooth import Modes
 from basecal.effects.smooth_by_place import kernel
 from basecal.estimation.noise.random_effects import FEWEST_STOPS
-from basecal.estimation.noise.robot_noise import count_stops, stands
+from basecal.estimation.noise.robot_noise import count_stops, stop_poses
 from basecal.estimation.problem.gauges import LENGTH_M
 from basecal.geometry import SE3, Array
 
@@ -83,7 +83,7 @@ def pose_field(situation: Situation, robot: str) -> PoseField | None:
     has_joints = any(end.joints is not None for end in problem.robot_ends(robot))
     if has_joints or count_stops(problem, robot) < FEWEST_STOPS or any(robot in of for of in common.values()):
         return None
-    poses, seen = stands(problem, robot)
+    poses, seen = stop_poses(problem, robot)
     return PoseField(robot, Modes.strongest(poses[np.flatnonzero(seen)], kernel))
 
 

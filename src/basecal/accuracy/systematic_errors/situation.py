@@ -13,7 +13,7 @@ from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise
 from basecal.effects.faces.candidates import Group, Moves
 from basecal.effects.registry import CHANGES_IN_TIME, RANDOM_EFFECTS
 from basecal.estimation.noise.estimate import NoiseEstimate
-from basecal.estimation.noise.random_effects import held_errors
+from basecal.estimation.noise.random_effects import scaled_shared_errors
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.gauges import LENGTH_M
 from basecal.estimation.problem.problem import Chain, Problem, State, chain
@@ -311,7 +311,7 @@ def _effect_moves(
     problem: Problem, common: Mapping[str, Mapping[str, Array]], flange_jacobian: Callable[[int, str], Array]
 ) -> Moves:
     """Right tangents of each group's views for one sigma of each error that stops share, (n, 6, r)."""
-    units, moves = held_errors(problem, common), []
+    units, moves = scaled_shared_errors(problem, common), []
     for k, group in enumerate(problem.groups):
         parts = []
         for robot, unit in units.items():
@@ -329,4 +329,4 @@ def _independent_moves(model: Linearised, moves: Moves) -> Moves:
         return moves
     information = sum(np.tensordot(m, h @ m, ((0, 1), (0, 1))) for h, m in pairs)
     of = scaled_spectrum(np.asarray(information), _LEAST_SEEN)
-    return tuple(None if m is None else m @ of.vectors[:, of.held] for m in moves)
+    return tuple(None if m is None else m @ of.vectors[:, of.is_informative] for m in moves)

@@ -18,7 +18,7 @@ from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.errors import NotConverged
 from basecal.estimation.noise.random_effects import posture_at_stops
-from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.noise.robot_noise import stop_poses
 from basecal.estimation.problem.build import recorded_joints
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import Kinematics, column_derivative
@@ -148,7 +148,7 @@ def reach_points(problem: Problem, state: State, robot: str, points_in_base_m: A
 
 def nearest_poses(problem: Problem, robot: str, points_in_base_m: Array) -> SE3:
     """Poses of a flange at points, (n, 3) [m], each with the rotation of the nearest recorded pose."""
-    poses, seen = stands(problem, robot)
+    poses, seen = stop_poses(problem, robot)
     return move_nearest(poses[np.flatnonzero(seen)], points_in_base_m)
 
 

@@ -27,7 +27,7 @@ from basecal.estimation.noise.joint_estimate import (
     open_robots,
 )
 from basecal.estimation.noise.laplace import SigmaPosterior, moments
-from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.noise.robot_noise import stop_poses
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3, Array
@@ -201,7 +201,7 @@ def unseen_share(problem: Problem, robot: str, points_in_base_m: Array, name: st
 def _errors_by_modes(problem: Problem, robot: str, poses: SE3, name: str) -> SharedErrors:
     by_poses = RANDOM_EFFECTS[name].by_poses
     assert by_poses is not None
-    recorded, seen = stands(problem, robot)
+    recorded, seen = stop_poses(problem, robot)
     errors = by_poses(recorded[np.flatnonzero(seen)], poses)
     assert errors is not None
     return errors

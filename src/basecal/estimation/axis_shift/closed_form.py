@@ -20,10 +20,10 @@ from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import cross_matrix, nearest_rotation
 from basecal.numerics.spectral import principal_axes, pseudo_inverse
 
-_FLAT_SHIFTS = 1e-3  # third singular value of the shifts over the first: below, they lie in a plane
-_NEARLY_PARALLEL = 1e-4  # [rad] between two rows: below, their plane is accurate to fewer than twelve digits
+_FLAT_SHARE = 1e-3  # third singular value of the shifts over the first: below, they lie in a plane
+_NEARLY_PARALLEL_RAD = 1e-4  # [rad] between two rows: below, their plane is accurate to fewer than twelve digits
 _NEWTON_STEPS = 100  # most Newton steps
-_NEWTON_SETTLED = 1e-14  # rounding of a rotation
+_NEWTON_TOLERANCE = 1e-14  # rounding of a rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ def image_gradient(image_shifts: Array, shifts_in_light: Array) -> Array:
     Raises:
         NotObservable: if the shifts lie in a plane.
     """
-    if principal_axes(shifts_in_light, _FLAT_SHIFTS).dimension < 3:
+    if principal_axes(shifts_in_light, _FLAT_SHARE).dimension < 3:
         raise NotObservable("the shifts of the LED lie in one plane: add a shift out of this plane")
     return np.asarray(np.swapaxes(pseudo_inverse(shifts_in_light) @ image_shifts, -1, -2))
 
@@ -81,11 +81,11 @@ def _nearest_rotations(raw: Array) -> Array:
     parallel, the result is determined by rounding.
     """
     k1, k2 = raw[..., 0, :], raw[..., 1, :]
-    total, apart = k1 + k2, k1 - k2
-    lengths = [np.linalg.norm(each, axis=-1, keepdims=True) for each in (total, apart)]
-    if min(float(each.min(initial=1.0)) for each in lengths) < _NEARLY_PARALLEL:
+    sums, differences = k1 + k2, k1 - k2
+    lengths = [np.linalg.norm(each, axis=-1, keepdims=True) for each in (sums, differences)]
+    if min(float(each.min(initial=1.0)) for each in lengths) < _NEARLY_PARALLEL_RAD:
         return nearest_rotation(raw)
-    a, b = (np.sqrt(0.5) * each / length for each, length in zip((total, apart), lengths, strict=True))
+    a, b = (np.sqrt(0.5) * each / length for each, length in zip((sums, differences), lengths, strict=True))
     return np.stack([a + b, a - b, np.cross(a + b, a - b)], axis=-2)
 
 
@@ -111,7 +111,7 @@ def orthonormalise(rows: Array) -> Array:
     for _ in range(_NEWTON_STEPS):
         step = np.linalg.solve(_newton_matrix(x, rows), -_stationarity(x, rows))
         x = x + step
-        if np.abs(step).max() < _NEWTON_SETTLED:
+        if np.abs(step).max() < _NEWTON_TOLERANCE:
             return np.stack([x[:3], x[3:6], np.cross(x[:3], x[3:6])])
     raise NotConverged("the orthonormalisation of eq. (16) did not converge", state=x)
 
@@ -126,23 +126,23 @@ def _gram_schmidt(rows: Array) -> Array:
 def _stationarity(x: Array, rows: Array) -> Array:
     """Residuals of the nine equations (16) at x = (r1, r2, lambda1, lambda2, lambda3), (9,)."""
     r1, r2, (m1, m2, m3) = x[:3], x[3:6], x[6:]
-    off = np.cross(r1, r2) - rows[2]
-    first = r1 - rows[0] + cross_matrix(r2) @ off + 0.5 * m1 * r2 + m2 * r1
-    second = r2 - rows[1] - cross_matrix(r1) @ off + 0.5 * m1 * r1 + m3 * r2
+    deviation = np.cross(r1, r2) - rows[2]
+    first = r1 - rows[0] + cross_matrix(r2) @ deviation + 0.5 * m1 * r2 + m2 * r1
+    second = r2 - rows[1] - cross_matrix(r1) @ deviation + 0.5 * m1 * r1 + m3 * r2
     return np.concatenate([first, second, [r1 @ r2, r1 @ r1 - 1, r2 @ r2 - 1]])
 
 
 def _newton_matrix(x: Array, rows: Array) -> Array:
     """Derivative of `_stationarity`, (9, 9)."""
     r1, r2, (m1, m2, m3) = x[:3], x[3:6], x[6:]
-    off = np.cross(r1, r2) - rows[2]
+    deviation = np.cross(r1, r2) - rows[2]
     h1, h2, eye = cross_matrix(r1), cross_matrix(r2), np.eye(3)
-    out = np.zeros((9, 9))
-    out[:3, :3] = (1 + m2) * eye - h2 @ h2
-    out[:3, 3:6] = h2 @ h1 - cross_matrix(off) + 0.5 * m1 * eye
-    out[3:6, :3] = h1 @ h2 + cross_matrix(off) + 0.5 * m1 * eye
-    out[3:6, 3:6] = (1 + m3) * eye - h1 @ h1
-    out[:3, 6:] = np.stack([0.5 * r2, r1, np.zeros(3)], -1)
-    out[3:6, 6:] = np.stack([0.5 * r1, np.zeros(3), r2], -1)
-    out[6, :3], out[6, 3:6], out[7, :3], out[8, 3:6] = r2, r1, 2 * r1, 2 * r2
-    return out
+    matrix = np.zeros((9, 9))
+    matrix[:3, :3] = (1 + m2) * eye - h2 @ h2
+    matrix[:3, 3:6] = h2 @ h1 - cross_matrix(deviation) + 0.5 * m1 * eye
+    matrix[3:6, :3] = h1 @ h2 + cross_matrix(deviation) + 0.5 * m1 * eye
+    matrix[3:6, 3:6] = (1 + m3) * eye - h1 @ h1
+    matrix[:3, 6:] = np.stack([0.5 * r2, r1, np.zeros(3)], -1)
+    matrix[3:6, 6:] = np.stack([0.5 * r1, np.zeros(3), r2], -1)
+    matrix[6, :3], matrix[6, 3:6], matrix[7, :3], matrix[8, 3:6] = r2, r1, 2 * r1, 2 * r2
+    return matrix

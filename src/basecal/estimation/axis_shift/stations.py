@@ -65,11 +65,11 @@ class Station:
         """Predicted image coordinates of the LED, (n, 2) [px], by exact projection instead of the closed form."""
         eye_base_from_light = eye_base_from_hand_base @ self.hand_base_from_light
         camera_from_light = self.eye_base_from_camera.inverse() @ eye_base_from_light
-        at = camera_from_light @ self.shifts_in_light
-        return self.focal_px * at[..., :2] / at[..., 2:]
+        light_in_camera = camera_from_light @ self.shifts_in_light
+        return self.focal_px * light_in_camera[..., :2] / light_in_camera[..., 2:]
 
     @property
-    def length(self) -> float:
+    def rms_shift_m(self) -> float:
         """Root mean square of the shifts [m]."""
         return float(np.sqrt(np.mean(np.sum(self.shifts_in_light[1:] ** 2, -1))))
 
@@ -84,7 +84,7 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
     Raises:
         NotObservable: if a mount is not known, or no camera was at rest while an LED was shifted in three directions.
     """
-    found = []
+    candidates = []
     for group in problem.groups:
         measurement = group.measurement
         if not isinstance(measurement, PixelMeasurement) or len(measurement.points_in_target) != 1:
@@ -99,8 +99,10 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
             eye_base_from_eye_flange, hand_base_from_hand_flange = (end.base_from_flange[views] for end in group.ends)
             eye_base_from_camera = eye_base_from_eye_flange @ eye_flange_from_camera
             hand_base_from_light = hand_base_from_hand_flange @ hand_flange_from_light
-            found.append(_station(group, views, px[views], eye_base_from_camera, hand_base_from_light, camera.focal))
-    stations = [station for station in found if station is not None]
+            candidates.append(
+                _station(group, views, px[views], eye_base_from_camera, hand_base_from_light, camera.focal)
+            )
+    stations = [station for station in candidates if station is not None]
     if not stations:
         raise NotObservable(
             "no station found: the axis-shift method needs stations with a single LED. At a station the camera is at "
@@ -110,10 +112,10 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
 
 
 def fuse_bases(bases: Sequence[SE3], weights: Sequence[float]) -> SE3:
-    """Weighted mean of transforms: least squares of the rotation matrices and of the translations."""
-    share = np.array(weights) / np.sum(weights)
-    rotation = nearest_rotation(np.einsum("n,nij->ij", share, np.stack([b.rotation for b in bases])))
-    return SE3(rotation, np.einsum("n,ni->i", share, np.stack([b.translation for b in bases])))
+    """Weighted mean of estimates of a base: least squares of the rotation matrices and of the translations."""
+    shares = np.array(weights) / np.sum(weights)
+    rotation = nearest_rotation(np.einsum("n,nij->ij", shares, np.stack([b.rotation for b in bases])))
+    return SE3(rotation, np.einsum("n,ni->i", shares, np.stack([b.translation for b in bases])))
 
 
 def base_for_task(stations: Sequence[Station], task_in_eye_base: Array, is_nearest: bool) -> SE3:
@@ -137,11 +139,11 @@ def _known_transform(problem: Problem, name: str) -> SE3:
 
 def _runs(group: ViewGroup) -> Iterator[IntArray]:
     """Yield runs of consecutive views in which the camera was at rest and the LED did not rotate."""
-    eye, hand = group.eye.base_from_flange, group.hand.base_from_flange
+    eye, hand = (end.base_from_flange for end in group.ends)
     start = 0
     for i in range(1, len(group)):
-        shift = float(np.linalg.norm(eye[start].translation - eye[i].translation))
-        if shift > _STILL_M or _has_rotated(eye[start], eye[i]) or _has_rotated(hand[start], hand[i]):
+        travel = float(np.linalg.norm(eye[start].translation - eye[i].translation))
+        if travel > _STILL_M or _has_rotated(eye[start], eye[i]) or _has_rotated(hand[start], hand[i]):
             yield np.arange(start, i)
             start = i
     yield np.arange(start, len(group))
@@ -156,14 +158,14 @@ def _station(
 ) -> Station | None:
     if len(views) < _FEWEST_VIEWS:
         return None
-    at = hand_base_from_light.translation
-    first = int(np.argmin(np.linalg.norm(at - at.mean(0), axis=-1)))
+    positions = hand_base_from_light.translation
+    first = int(np.argmin(np.linalg.norm(positions - positions.mean(0), axis=-1)))
     order = np.concatenate([[first], np.delete(np.arange(len(views)), first)])
-    shifts = (at[order] - at[first]) @ hand_base_from_light.rotation[first]
+    shifts = (positions[order] - positions[first]) @ hand_base_from_light.rotation[first]
     if principal_axes(shifts, _LEAST_EXTENT_SHARE).dimension < 3:
         return None
     samples = group.sample[views][order]
-    camera_at = eye_base_from_camera[first]
+    camera_pose = eye_base_from_camera[first]
     return Station(
-        group.camera, group.target, samples, focal, px[order], shifts, camera_at, hand_base_from_light[first]
+        group.camera, group.target, samples, focal, px[order], shifts, camera_pose, hand_base_from_light[first]
     )

@@ -21,9 +21,9 @@ from basecal.estimation.certificate.relaxation import Bound, Factors, local_mini
 from basecal.estimation.certificate.rotation_cost import (
     LoopForm,
     loop_form,
-    present,
     rotation_factors,
     rotations_from_factors,
+    state_rotations,
 )
 from basecal.estimation.certificate.view_rotation import view_costs
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
@@ -82,13 +82,13 @@ def certify(solution: Solution) -> Certified:
     if reason:
         return _undecided_certificate(reason)
     loops, constant = proven_loops(solution)
-    known = [loop for loop in loops if loop is not None]
-    if len(known) < len(loops):
-        of = solution.problem.groups[loops.index(None)]
-        views = f"fewer than {_FEWEST_VIEWS} views of {of.target} by {of.camera}"
+    proven = [loop for loop in loops if loop is not None]
+    if len(proven) < len(loops):
+        group = solution.problem.groups[loops.index(None)]
+        views = f"fewer than {_FEWEST_VIEWS} views of {group.target} by {group.camera}"
         return _undecided_certificate(f"no pose from a single view: {views} have an unambiguous pose")
-    gap = max(loop.gap for loop in known)
-    better = _from_proven(solution, known)
+    gap = max(loop.gap for loop in proven)
+    better = _descend_from_proven(solution, proven)
     if better is not None:
         return Certified(Certificate(gap, None, "the proven rotations lead to a better fit"), better)
     if not solution.converged:
@@ -97,13 +97,13 @@ def certify(solution: Solution) -> Certified:
         return _undecided_certificate(
             "the relaxation is not tight: other rotations could cost less than those found", gap
         )
-    floor = constant + sum(loop.form.weight * loop.bound.lower for loop in known)
-    share = max(_share(loop, solution.cost - floor) for loop in known)
-    if not share <= _WIDEST_SINE2:
+    floor = constant + sum(loop.form.weight * loop.bound.lower for loop in proven)
+    sine2 = max(_largest_sine2(loop, solution.cost - floor) for loop in proven)
+    if not sine2 <= _WIDEST_SINE2:
         return _undecided_certificate(
             "the noise is too large for how far the arms turn: a better fit could be far away", gap
         )
-    return _explore_surroundings(solution, share, gap)
+    return _explore_surroundings(solution, sine2, gap)
 
 
 def proven_loops(solution: Solution) -> tuple[list[ProvenLoop | None], float]:
@@ -112,13 +112,13 @@ def proven_loops(solution: Solution) -> tuple[list[ProvenLoop | None], float]:
     views = [view_costs(problem, state, group) for group in problem.groups]
     constant = float(sum(v.constant.sum() for v in views))
     loops: list[ProvenLoop | None] = []
-    for group, of in zip(problem.groups, views, strict=True):
-        certain = of.without_doubtful(solution.cost - constant)
+    for group, costs in zip(problem.groups, views, strict=True):
+        certain = costs.without_doubtful(solution.cost - constant)
         if np.count_nonzero(certain.weight) < _FEWEST_VIEWS:
             loops.append(None)
             continue
         form = loop_form(problem, state, group, certain)
-        loops.append(ProvenLoop(form, _least_bound(form, present(problem, state, group, form.merged))))
+        loops.append(ProvenLoop(form, _least_bound(form, state_rotations(state, group, form.merged))))
     return loops, constant
 
 
@@ -141,7 +141,7 @@ def _scope_reason(solution: Solution) -> str:
     if any(len(group.readings) > 1 for group in problem.groups):
         return "views can be read in several ways"
     if any(isinstance(g.measurement, PixelMeasurement) and g.measurement.weight.shape[1] < 4 for g in problem.groups):
-        return "no pose from a single view: less than four points are seen"
+        return "no pose from a single view: fewer than four points are seen"
     return ""
 
 
@@ -151,11 +151,11 @@ def _least_bound(form: LoopForm, own: Rotations) -> Bound:
     if not loop.unknown:
         return Bound((), float(form.form[0, 0]), float(form.form[0, 0]), np.inf)
     first = _lowest_minimum(form, [own, solve_rotations(loop)])
-    found = lower_bound(form.form, first[0])
-    if ProvenLoop(form, found).gap <= _TIGHT_GAP:
-        return found
+    bound = lower_bound(form.form, first[0])
+    if ProvenLoop(form, bound).gap <= _TIGHT_GAP:
+        return bound
     second = _lowest_minimum(form, pose_starts([loop], _SEARCH_STARTS)[0])
-    return lower_bound(form.form, second[0]) if second[1] < first[1] * (1 - SAME_COST) else found
+    return lower_bound(form.form, second[0]) if second[1] < first[1] * (1 - SAME_COST) else bound
 
 
 def _lowest_minimum(form: LoopForm, starts: list[Rotations]) -> tuple[Factors, float]:
@@ -164,22 +164,22 @@ def _lowest_minimum(form: LoopForm, starts: list[Rotations]) -> tuple[Factors, f
     return local_minimum(form.form, min(ends, key=lambda end: end[1])[0])
 
 
-def _share(loop: ProvenLoop, slack: float) -> float:
-    """Largest distance from the proven rotations at no higher cost, as 1 minus the squared product of cosines.
+def _largest_sine2(loop: ProvenLoop, slack: float) -> float:
+    """Largest deviation from the proven rotations at a cost of at most `slack` above the bound, as a sin^2.
 
-    The cosines are those of half the angles between the rotations.
+    The sin^2 is 1 minus the squared product of the cosines of half the angles between the rotations.
     """
     if not loop.form.loop.unknown:
         return 0.0
     return max(slack, 0.0) / max(loop.form.weight * loop.bound.growth, 1e-300)
 
 
-def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
+def _descend_from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
     """State better than the solution, from a descent that starts at the proven rotations; None if there is none."""
     if len(loops) != 1 or loops[0].form.merged or not loops[0].form.loop.unknown:
         return None
-    loop, found = loops[0].form.loop, rotations_from_factors(loops[0].form.loop, loops[0].bound.factors)
-    x, y, z = solve_translations(loop, found)
+    loop, rotations = loops[0].form.loop, rotations_from_factors(loops[0].form.loop, loops[0].bound.factors)
+    x, y, z = solve_translations(loop, rotations)
     group, columns, transforms = solution.problem.groups[0], solution.problem.columns, dict(solution.state.transforms)
     placed = {group.eye.mount: x, group.hand.mount: z} | group.placed_base(y, transforms, columns)
     transforms |= {name: value for name, value in placed.items() if name in columns}
@@ -190,11 +190,11 @@ def _better_state(solution: Solution, start: State) -> State | None:
     """Final state of a descent on all unknowns if its cost is lower than the solution's; else None."""
     dof = degrees_of_freedom(solution.problem)
     end = bundle_adjust(solution.problem, without_errors(solution.problem, start), dof, 2 * _DESCENT_STEPS)
-    lower = end.cost < solution.cost * (1 - SAME_COST) - SAME_COST
-    return end.state if lower and not _same_place(end.state, solution.state) else None
+    is_lower = end.cost < solution.cost * (1 - SAME_COST) - SAME_COST
+    return end.state if is_lower and not _has_equal_transforms(end.state, solution.state) else None
 
 
-def _explore_surroundings(solution: Solution, share: float, gap: float) -> Certified:
+def _explore_surroundings(solution: Solution, sine2: float, gap: float) -> Certified:
     """Certify by descents from random states, at the largest angle at which a better state may be."""
     few = solution.problem.with_groups(
         g if len(g) <= _MOST_VIEWS else g.take(np.linspace(0, len(g) - 1, _MOST_VIEWS).round().astype(np.int64))
@@ -202,35 +202,35 @@ def _explore_surroundings(solution: Solution, share: float, gap: float) -> Certi
     )
     dof = degrees_of_freedom(few)
     reference = bundle_adjust(few, without_errors(few, solution.state), dof, _DESCENT_STEPS)
-    angle = 2 * float(np.arcsin(np.sqrt(share)))
-    for start in _turned_states(solution, angle):
+    angle = 2 * float(np.arcsin(np.sqrt(sine2)))
+    for start in _perturbed_states(solution, angle):
         end = bundle_adjust(few, start, dof, _DESCENT_STEPS)
-        other_cost = abs(end.cost - reference.cost) > SAME_COST * reference.cost
-        if other_cost and not _same_place(end.state, reference.state):
+        has_other_cost = abs(end.cost - reference.cost) > SAME_COST * reference.cost
+        if has_other_cost and not _has_equal_transforms(end.state, reference.state):
             better = _better_state(solution, end.state) if end.cost < reference.cost else None
             reason = f"within the {np.degrees(angle):.2g} deg in which a better fit could be there are several optima"
             return Certified(Certificate(gap, None, reason), better)
     return Certified(Certificate(gap, True), None)
 
 
-def _same_place(first: State, second: State) -> bool:
+def _has_equal_transforms(first: State, second: State) -> bool:
     """Whether all transforms of two states are equal; for tiny sigmas, rounding alone changes the cost."""
-    ours, theirs = first.transforms, second.transforms
-    return all(float(np.abs((ours[n].inverse() @ theirs[n]).log()).max()) < _SAME_M_RAD for n in ours)
+    transforms, others = first.transforms, second.transforms
+    return all(float(np.abs((transforms[n].inverse() @ others[n]).log()).max()) < _SAME_M_RAD for n in transforms)
 
 
-def _turned_states(solution: Solution, angle: float) -> list[State]:
+def _perturbed_states(solution: Solution, angle: float) -> list[State]:
     """States with randomly perturbed unknown rotations; the root of the sum of squared angles is `angle` [rad]."""
     problem, state = solution.problem, solution.state
-    turning = [n for n in problem.columns if n in state.transforms and n not in problem.point_mounts]
+    names = [n for n in problem.columns if n in state.transforms and n not in problem.point_mounts]
     rng = np.random.default_rng(_SEED)
-    out = []
+    states = []
     for _ in range(_DESCENTS):
-        turns = rng.standard_normal((len(turning), 3))
-        turns *= angle / max(float(np.linalg.norm(turns)), 1e-300)
-        turned = {
-            name: state.transforms[name] @ SE3.exp(np.concatenate([np.zeros(3), turn]))
-            for name, turn in zip(turning, turns, strict=True)
+        rotvecs = rng.standard_normal((len(names), 3))
+        rotvecs *= angle / max(float(np.linalg.norm(rotvecs)), 1e-300)
+        perturbed = {
+            name: state.transforms[name] @ SE3.exp(np.concatenate([np.zeros(3), rotvec]))
+            for name, rotvec in zip(names, rotvecs, strict=True)
         }
-        out.append(without_errors(problem, replace(state, transforms={**state.transforms, **turned})))
-    return out
+        states.append(without_errors(problem, replace(state, transforms={**state.transforms, **perturbed})))
+    return states

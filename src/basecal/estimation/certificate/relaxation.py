@@ -26,14 +26,14 @@ Factors = tuple[Array, ...]
 Operator = Callable[[Array], Array]
 
 _MOST_SWEEPS = 300  # most alternations: each decreases the form, and most converge after tens
-_STANDSTILL = 1e-15  # change of a form of unit scale that is rounding
+_VALUE_ROUNDING = 1e-15  # change of a form of unit scale that is rounding
 _DUAL_STEPS = 25  # most Newton steps of the dual; if the relaxation is tight they converge quadratically
 _BARRIER_GAPS = 4.0  # barrier weight relative to the inverse gap: the bound rises fast and stays feasible
 _STOP_GAP = 0.1  # relative gap at which the dual may stop
 _SMALLEST_GAP = 1e-9  # gap of a form of unit scale: smaller gaps are rounding
 _STEP_SHARE = 0.9  # share of the step to the boundary of the positive definite cone: a margin for rounding
-_MOST_GRADIENTS = 150  # most steps of conjugate gradients
-_GRADIENT_TOLERANCE = 1e-2  # relative to the first residual: an inexact Newton step is sufficient
+_MOST_CG_STEPS = 150  # most steps of conjugate gradients
+_CG_TOLERANCE = 1e-2  # relative to the first residual: an inexact Newton step is sufficient
 
 
 class Bound(NamedTuple):
@@ -54,10 +54,10 @@ class Bound(NamedTuple):
 
 def kronecker_product(factors: Sequence[Array]) -> Array:
     """Kronecker product of vectors; (1,) with the number one if there are none."""
-    whole = np.ones(1)
+    product = np.ones(1)
     for factor in factors:
-        whole = np.outer(whole, factor).ravel()
-    return whole
+        product = np.outer(product, factor).ravel()
+    return product
 
 
 def local_minimum(form: Array, factors: Factors, sweeps: int = _MOST_SWEEPS) -> tuple[Factors, float]:
@@ -68,17 +68,17 @@ def local_minimum(form: Array, factors: Factors, sweeps: int = _MOST_SWEEPS) -> 
         factors: k unit vectors (4,).
         sweeps: Most sweeps over all factors.
     """
-    found, value = list(factors), np.inf
-    left = [_unfold_factor(form, j, len(found)) for j in range(len(found))]
+    current, value = list(factors), np.inf
+    unfolded = [_unfold_factor(form, j, len(current)) for j in range(len(current))]
     for _ in range(sweeps):
-        before = value
-        for j in range(len(found)):
-            others = kronecker_product([f for i, f in enumerate(found) if i != j])
-            values, vectors = np.linalg.eigh((left[j] @ np.outer(others, others).ravel()).reshape(4, 4))
-            found[j], value = vectors[:, 0], float(values[0])
-        if before - value <= _STANDSTILL:
+        previous = value
+        for j in range(len(current)):
+            others = kronecker_product([f for i, f in enumerate(current) if i != j])
+            values, vectors = np.linalg.eigh((unfolded[j] @ np.outer(others, others).ravel()).reshape(4, 4))
+            current[j], value = vectors[:, 0], float(values[0])
+        if previous - value <= _VALUE_ROUNDING:
             break
-    return tuple(found), value
+    return tuple(current), value
 
 
 def _unfold_factor(form: Array, factor: int, count: int) -> Array:
@@ -97,18 +97,18 @@ def lower_bound(form: Array, factors: Factors) -> Bound:
     """
     axes = np.ones((1, 1))
     for factor in factors:
-        axes = kron(axes, _with_first(factor))
-    turned = axes.T @ form @ axes
-    value = float(turned[0, 0])
-    lifted = _clear_first_row(turned, len(factors))
-    rest = lifted[1:, 1:] - value * np.eye(len(turned) - 1)
-    lifted[1:, 1:] = _maximise_dual(rest, len(factors)) + value * np.eye(len(turned) - 1)
+        axes = kron(axes, _complete_basis(factor))
+    rotated_form = axes.T @ form @ axes
+    value = float(rotated_form[0, 0])
+    lifted = _clear_first_row(rotated_form, len(factors))
+    inner = lifted[1:, 1:] - value * np.eye(len(rotated_form) - 1)
+    lifted[1:, 1:] = _maximise_dual(inner, len(factors)) + value * np.eye(len(rotated_form) - 1)
     values = np.linalg.eigvalsh(lifted)
-    leak = float(np.linalg.norm(_exchange_mean(lifted - turned, len(factors)), 2))
+    leak = float(np.linalg.norm(_exchange_mean(lifted - rotated_form, len(factors)), 2))
     return Bound(factors, value, float(values[0]) - leak, float(values[1] - values[0]))
 
 
-def _with_first(unit: Array) -> Array:
+def _complete_basis(unit: Array) -> Array:
     """An orthogonal matrix (4, 4) whose first column is `unit`."""
     a, b, c, d = unit
     return np.array([[a, -b, -c, -d], [b, a, -d, c], [c, d, a, -b], [d, -c, b, a]])
@@ -149,7 +149,7 @@ def _clear_first_row(form: Array, count: int) -> Array:
     return cleared
 
 
-def _vanishing(count: int) -> Operator:
+def _vanishing_projection(count: int) -> Operator:
     """Projection onto the matrices that vanish on products, without the first row and column."""
     inner = _classes(count)[1:, 1:]
     return lambda matrix: matrix - _class_means(matrix, inner)
@@ -162,9 +162,9 @@ def _maximise_dual(form: Array, count: int) -> Array:
     """
     if count == 1:
         return form
-    project, size = _vanishing(count), len(form)
+    project, size = _vanishing_projection(count), len(form)
     values = np.linalg.eigvalsh(form)
-    level, pull = float(values[0] - 0.1 * (values[-1] - values[0])), 0.0
+    level, weight = float(values[0] - 0.1 * (values[-1] - values[0])), 0.0
     best, best_least = form, float(values[0])
     for _ in range(_DUAL_STEPS):
         try:
@@ -172,10 +172,12 @@ def _maximise_dual(form: Array, count: int) -> Array:
         except np.linalg.LinAlgError:
             break
         inverse = root.T @ root
-        pull = max(pull, _BARRIER_GAPS * float(np.trace(inverse)))
-        step, rise = _newton(inverse, pull, project)
-        moved = root @ (step - rise * np.eye(size)) @ root.T
-        length = min(1.0, _STEP_SHARE / max(-float(np.linalg.eigvalsh(0.5 * (moved + moved.T))[0]), 1e-12))
+        weight = max(weight, _BARRIER_GAPS * float(np.trace(inverse)))
+        step, rise = _newton(inverse, weight, project)
+        whitened_step = root @ (step - rise * np.eye(size)) @ root.T
+        length = min(
+            1.0, _STEP_SHARE / max(-float(np.linalg.eigvalsh(0.5 * (whitened_step + whitened_step.T))[0]), 1e-12)
+        )
         form, level = form + length * step, level + length * rise
         least = float(np.linalg.eigvalsh(form)[0])
         if least > best_least:
@@ -185,11 +187,11 @@ def _maximise_dual(form: Array, count: int) -> Array:
     return best
 
 
-def _newton(inverse: Array, pull: float, project: Operator) -> tuple[Array, float]:
+def _newton(inverse: Array, weight: float, project: Operator) -> tuple[Array, float]:
     """Newton step of E and of the level."""
     squared = inverse @ inverse
     curvature, across = float(np.trace(squared)), -project(squared)
-    force = float(np.trace(inverse)) - pull
+    force = float(np.trace(inverse)) - weight
 
     def hessian(step: Array) -> Array:
         """Product of the barrier's Hessian and a step."""
@@ -204,6 +206,6 @@ def _solve_conjugate_gradients(operator: Operator, right: Array) -> Array:
     flat = scipy.sparse.linalg.LinearOperator(
         (right.size, right.size), lambda step: operator(step.reshape(right.shape)).ravel(), dtype=right.dtype
     )
-    solve, limits = scipy.sparse.linalg.cg, {"rtol": _GRADIENT_TOLERANCE, "maxiter": _MOST_GRADIENTS}
-    found: Array = solve(flat, right.ravel(), **limits)[0]
-    return found.reshape(right.shape)
+    solve, limits = scipy.sparse.linalg.cg, {"rtol": _CG_TOLERANCE, "maxiter": _MOST_CG_STEPS}
+    solution: Array = solve(flat, right.ravel(), **limits)[0]
+    return solution.reshape(right.shape)

@@ -65,8 +65,9 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
         views: Lower bounds of the cost of their rotations.
     """
     loop, merged = _loop(problem, state, group, views)
-    # Weights of whole loops: a view's angle and its robots' errors can share the loop's angle between them. From sin(a
-    # + b) <= sin(a) + sin(b) and Cauchy's inequality; a stop's error counts for all of its views.
+    # Weights of whole loops: the loop's angle is at most the sum of the view's angle and those of its robots' errors.
+    # The weights follow from sin(a + b) <= sin(a) + sin(b) and Cauchy's inequality. A stop's error affects all of its
+    # views.
     with np.errstate(divide="ignore"):
         slack = 1 / views.weight
     weight = 1 / (slack + sum(_robot_slack(problem, end.stop) for end in group.ends))
@@ -74,8 +75,9 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
     total = float(weight.sum())
     size = 4 ** len(loop.unknown)
     form = np.zeros((size, size))
-    for at in range(0, len(weight), _CHUNK_VIEWS):
-        rows = _rows(loop, slice(at, at + _CHUNK_VIEWS)) * np.sqrt(weight[at : at + _CHUNK_VIEWS, None, None])
+    for first in range(0, len(weight), _CHUNK_VIEWS):
+        chunk = slice(first, first + _CHUNK_VIEWS)
+        rows = _rows(loop, chunk) * np.sqrt(weight[chunk, None, None])
         flat = rows.reshape(-1, size)
         form += flat.T @ flat
     return LoopForm(loop, form / max(total, 1e-300), total, merged)
@@ -83,31 +85,31 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
 
 def rotation_factors(loop: Loop, rotations: Rotations) -> Factors:
     """Unit quaternions of the unknown rotations: of X, and of the inverses of Y and Z."""
-    of = {"x": quaternion_from_rotation(rotations.x), "y": _inverse(rotations.y), "z": _inverse(rotations.z)}
-    return tuple(of[name] for name in loop.unknown)
+    factors = {"x": quaternion_from_rotation(rotations.x), "y": _inverse(rotations.y), "z": _inverse(rotations.z)}
+    return tuple(factors[name] for name in loop.unknown)
 
 
 def rotations_from_factors(loop: Loop, factors: Factors) -> Rotations:
     """Rotations X, Y and Z from the factors of unknown rotations and the known rotations."""
-    found = dict(zip(loop.unknown, factors, strict=True))
+    factor_of = dict(zip(loop.unknown, factors, strict=True))
 
     def rotation(name: str) -> Array:
         """Known rotation, or rotation of its factor, (3, 3)."""
         known: SE3 | None = getattr(loop, name)
         if known is not None:
             return known.rotation
-        return rotation_from_quaternion(found[name] if name == "x" else _CONJUGATE * found[name])
+        return rotation_from_quaternion(factor_of[name] if name == "x" else _CONJUGATE * factor_of[name])
 
     return Rotations(rotation("x"), rotation("y"), rotation("z"))
 
 
-def present(problem: Problem, state: State, group: ViewGroup, letters: str) -> Rotations:
-    """Rotations of X, Y and Z of a state, merged as in a `LoopForm`."""
+def state_rotations(state: State, group: ViewGroup, merged_factor: str) -> Rotations:
+    """Rotations of X, Y and Z of a state, merged as in a `LoopForm` with `merged_factor` as its `merged`."""
     x, z = state.transforms[group.eye.mount].rotation, state.transforms[group.hand.mount].rotation
     y = group.eye_base_from_hand_base(state.transforms).rotation
-    if letters == "x":
+    if merged_factor == "x":
         return Rotations(y.T @ x, np.eye(3), z)
-    return Rotations(x, np.eye(3), y @ z) if letters == "z" else Rotations(x, y, z)
+    return Rotations(x, np.eye(3), y @ z) if merged_factor == "z" else Rotations(x, y, z)
 
 
 def _inverse(rotation: Array) -> Array:
@@ -117,8 +119,8 @@ def _inverse(rotation: Array) -> Array:
 def _loop(problem: Problem, state: State, group: ViewGroup, views: ViewCosts) -> tuple[Loop, str]:
     fixed = {n for n, unknown in problem.unknowns.items() if unknown.status == "fixed"}
     x, z = (state.transforms[end.mount] if end.mount in fixed else None for end in group.ends)
-    is_placed = all(end.base is None or end.base in fixed for end in group.ends)
-    y = group.eye_base_from_hand_base(state.transforms) if is_placed else None
+    is_base_fixed = all(end.base is None or end.base in fixed for end in group.ends)
+    y = group.eye_base_from_hand_base(state.transforms) if is_base_fixed else None
     merged = ""
     if y is None and group.eye.robot is None:
         x, y, merged = None, SE3.identity(), "x"
@@ -144,15 +146,15 @@ def _rows(loop: Loop, views: slice) -> Array:
     c = _inverse(loop.c.rotation[views])
     around_x = np.einsum("krj,nr,jis,ns->nki", _PRODUCT, a, _PRODUCT, b, optimize=True)
     behind_y = np.einsum("mrl,nr,lyk->nmyk", _PRODUCT, c, _PRODUCT, optimize=True)
-    whole = np.einsum("rzm,nmyk,nkx->nrxyz", _PRODUCT[:3], behind_y, around_x, optimize=True)
+    tensor = np.einsum("rzm,nmyk,nkx->nrxyz", _PRODUCT[:3], behind_y, around_x, optimize=True)
     x = _columns(loop.x, False)
     y, z = _columns(loop.y, True), _columns(loop.z, True)
-    rows: Array = np.einsum("nrxyz,xi,yj,zk->nrijk", whole, x, y, z, optimize=True)
+    rows: Array = np.einsum("nrxyz,xi,yj,zk->nrijk", tensor, x, y, z, optimize=True)
     return rows.reshape(*rows.shape[:2], -1)
 
 
-def _columns(rotation: SE3 | None, inverse: bool) -> Array:
+def _columns(rotation: SE3 | None, is_inverse: bool) -> Array:
     """Columns of a factor: the identity (4, 4) if it is unknown, else its value (4, 1)."""
     if rotation is None:
         return np.eye(4)
-    return (_inverse(rotation.rotation) if inverse else quaternion_from_rotation(rotation.rotation))[:, None]
+    return (_inverse(rotation.rotation) if is_inverse else quaternion_from_rotation(rotation.rotation))[:, None]

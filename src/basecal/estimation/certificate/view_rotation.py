@@ -109,18 +109,18 @@ def _pixel_costs(measurement: PixelMeasurement, camera_from_target: SE3, camera:
     rotation = np.stack([end.camera_from_target.rotation for end in ends])
     translation = np.stack([end.camera_from_target.translation for end in ends])
     information = np.stack([end.information for end in ends])[best, rows]
-    turned = np.linalg.norm(rotation_log(rotation[best, rows].mT @ rotation), axis=-1)
-    second = np.where(turned > _SAME_RAD, costs, np.inf).min(0)
-    found = poses.has_pose & np.isfinite(costs[best, rows])
-    weight = np.where(found, 4 * _CURVATURE_SHARE * _rotation_curvature(information), 0.0)
+    angles = np.linalg.norm(rotation_log(rotation[best, rows].mT @ rotation), axis=-1)
+    second = np.where(angles > _SAME_RAD, costs, np.inf).min(0)
+    has_optimum = poses.has_pose & np.isfinite(costs[best, rows])
+    weight = np.where(has_optimum, 4 * _CURVATURE_SHARE * _rotation_curvature(information), 0.0)
     pose = SE3(rotation[best, rows], translation[best, rows])
-    return ViewCosts(pose, np.where(found, costs[best, rows], 0.0), weight, second)
+    return ViewCosts(pose, np.where(has_optimum, costs[best, rows], 0.0), weight, second)
 
 
 def _rotation_curvature(information: Array) -> Array:
     """Least curvature of the cost over rotations, with optimal translation, (n,)."""
     across = information[:, :3, 3:]
-    by_translation = spectrum(information[:, :3, :3], VIEW_ROUNDING).inverse
-    left: Array = information[:, 3:, 3:] - across.mT @ by_translation @ across
-    least: Array = np.maximum(np.linalg.eigvalsh(left)[:, 0], 0.0)
+    translation_covariance = spectrum(information[:, :3, :3], VIEW_ROUNDING).inverse
+    reduced: Array = information[:, 3:, 3:] - across.mT @ translation_covariance @ across
+    least: Array = np.maximum(np.linalg.eigvalsh(reduced)[:, 0], 0.0)
     return least

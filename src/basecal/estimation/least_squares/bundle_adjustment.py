@@ -18,8 +18,8 @@ from basecal.numerics.levenberg_marquardt import (
     CONVERGED_SIGMAS,
     FIRST_DAMPING,
     PRIOR_DAMPING,
+    Criteria,
     Optima,
-    Stop,
     levenberg_marquardt,
 )
 from basecal.numerics.sparse_hessian import SparseHessian
@@ -36,7 +36,7 @@ class Optimum:
         cost: Cost of the final state.
         converged: Whether the state is an optimum.
         iterations: Number of attempted steps.
-        found: Normal equations, or a function that computes them; see `normal`.
+        normal_source: Normal equations, or a function that computes them; see `normal`.
         sparse: Hessian before the last step, for many unknowns; else None.
     """
 
@@ -44,13 +44,13 @@ class Optimum:
     cost: float
     converged: bool
     iterations: int
-    found: NormalEquations | Callable[[], NormalEquations]
+    normal_source: NormalEquations | Callable[[], NormalEquations]
     sparse: SparseHessian | None = None
 
     @cached_property
     def normal(self) -> NormalEquations:
         """Normal equations before the last step, with the final cost; at the final state for many unknowns."""
-        return self.found() if callable(self.found) else self.found
+        return self.normal_source() if callable(self.normal_source) else self.normal_source
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ def bundle_adjust(
     dof: float,
     iterations: int = MOST_STEPS,
     weights: Sequence[Array] | None = None,
-    sigmas: float = CONVERGED_SIGMAS,
+    tolerance: float = CONVERGED_SIGMAS,
 ) -> Optimum:
     """Minimise the cost from a start; see `numerics.levenberg_marquardt`.
 
@@ -101,14 +101,14 @@ def bundle_adjust(
         dof: Residuals minus unknowns, which scales the sigmas.
         iterations: Maximum number of steps.
         weights: Weights of views, (n,) by group; all 1 if None.
-        sigmas: Convergence tolerance, in sigmas of the unknowns.
+        tolerance: Largest distance to the optimum at convergence, in sigmas of the unknowns.
     """
-    stop = Stop(iterations, dof, sigmas, _least_damping(problem))
+    criteria = Criteria(iterations, dof, tolerance, _least_damping(problem))
     if not is_sparse(problem):
-        only = take(_optimise(problem, state.spread(problem, 1), weights, stop), 0)
-        normal = replace(only.about, cost=only.cost)
-        return Optimum(only.state, float(only.cost), bool(only.converged), int(only.iterations), normal)
-    optima = sparse_adjust(problem, state, stop, weights)
+        single = take(_optimise(problem, state.spread(problem, 1), weights, criteria), 0)
+        normal = replace(single.linearisation, cost=single.cost)
+        return Optimum(single.state, float(single.cost), bool(single.converged), int(single.iterations), normal)
+    optima = sparse_adjust(problem, state, criteria, weights)
     end, cost = take(optima.state, 0), float(optima.cost[0])
 
     def dense_equations() -> NormalEquations:
@@ -116,7 +116,7 @@ def bundle_adjust(
         return replace(linearise(problem, end, weights), cost=np.array(cost))
 
     return Optimum(
-        end, cost, bool(optima.converged[0]), int(optima.iterations[0]), dense_equations, optima.about.hessian
+        end, cost, bool(optima.converged[0]), int(optima.iterations[0]), dense_equations, optima.linearisation.hessian
     )
 
 
@@ -132,7 +132,7 @@ def bundle_adjust_batch(
     dof: float | Array,
     iterations: int = MOST_STEPS,
     weights: Sequence[Array] | None = None,
-    sigmas: float = CONVERGED_SIGMAS,
+    tolerance: float = CONVERGED_SIGMAS,
 ) -> OptimumBatch:
     """Minimise the cost from each state of a batch (b,), independently.
 
@@ -142,10 +142,10 @@ def bundle_adjust_batch(
         dof: Residuals minus unknowns, a number or (b,).
         iterations: Maximum number of steps.
         weights: Weights of views, (n,) or (b, n) by group; all 1 if None.
-        sigmas: Largest distance to the optimum at convergence, in sigmas of the unknowns.
+        tolerance: Largest distance to the optimum at convergence, in sigmas of the unknowns.
     """
-    optima = _optimise(problem, states, weights, Stop(iterations, dof, sigmas, _least_damping(problem)))
-    return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
+    optima = _optimise(problem, states, weights, Criteria(iterations, dof, tolerance, _least_damping(problem)))
+    return OptimumBatch(optima.state, optima.cost, optima.linearisation.hessian, optima.converged, optima.iterations)
 
 
 def batch_states(problem: Problem, states: Sequence[State]) -> State:
@@ -154,6 +154,6 @@ def batch_states(problem: Problem, states: Sequence[State]) -> State:
 
 
 def _optimise(
-    problem: Problem, states: State, weights: Sequence[Array] | None, stop: Stop
+    problem: Problem, states: State, weights: Sequence[Array] | None, criteria: Criteria
 ) -> Optima[State, NormalEquations]:
-    return levenberg_marquardt(_Bundle(problem, weights), states, stop)
+    return levenberg_marquardt(_Bundle(problem, weights), states, criteria)

@@ -32,30 +32,30 @@ def unknown_jacobian(
         The derivative, (..., n, rows, m), and its columns in the problem, (m,).
     """
     parts = links.frames(group)
-    present = [(name, sign, link) for name, sign, link in parts if name in problem.columns]
+    free = [(name, sign, link) for name, sign, link in parts if name in problem.columns]
     lens = problem.columns.get(group.camera) if rows > 6 else None
-    places = [problem.columns[name] for name, _, _ in present] + ([lens] if lens else [])
-    columns = [np.r_[where] for where in places]
-    out = np.zeros((*links.target_from_camera.shape, rows, sum(map(len, columns))))
-    at = 0
-    for (name, sign, link), where in zip(present, columns, strict=False):
-        block = out[..., :6, at : at + len(where)]
+    places = [problem.columns[name] for name, _, _ in free] + ([lens] if lens else [])
+    columns = [np.r_[place] for place in places]
+    jacobian = np.zeros((*links.target_from_camera.shape, rows, sum(map(len, columns))))
+    first = 0
+    for (name, sign, link), own in zip(free, columns, strict=False):
+        block = jacobian[..., :6, first : first + len(own)]
         if link is None:
-            block[...] = sign * np.eye(6, len(where))
-        elif len(where) == 3:  # a tip, which has no rotation
+            block[...] = sign * np.eye(6, len(own))
+        elif len(own) == 3:  # a tip, which has no rotation
             block[..., :3, :] = sign * link.rotation
         else:
             link.put_adjoint(block, sign)
         if name in problem.gauges:
             block[..., problem.gauges[name] > 0] = 0.0
-        at += len(where)
+        first += len(own)
     if lens:
-        out[..., 6:, at:] = np.eye(rows - 6)
-    known = np.concatenate([np.zeros(0, dtype=np.int64), *columns])
+        jacobian[..., 6:, first:] = np.eye(rows - 6)
+    all_columns = np.concatenate([np.zeros(0, dtype=np.int64), *columns])
     if not problem.models:
-        return out, known
-    of_robots, more = robot_model_jacobian(problem, group, links, state, rows)
-    return np.concatenate([out, of_robots], -1), np.concatenate([known, more])
+        return jacobian, all_columns
+    robot_jacobian, robot_columns = robot_model_jacobian(problem, group, links, state, rows)
+    return np.concatenate([jacobian, robot_jacobian], -1), np.concatenate([all_columns, robot_columns])
 
 
 def robot_model_jacobian(
@@ -75,9 +75,9 @@ def robot_model_jacobian(
         flange = link.target_from_flange
         if end.has_noise:  # the modelled flange pose, without the error of its stop
             flange = flange @ SE3.exp(-state.stop_errors[..., end.stop, :] * problem.stops.sigma[end.stop])
-        moved = link.sign * flange.adjoint() @ column_derivative(model, state.kinematics(model), end.joints)
-        block = np.zeros((*shape, rows, moved.shape[-1]))
-        block[..., :6, :] = moved
+        jacobian = link.sign * flange.adjoint() @ column_derivative(model, state.kinematics(model), end.joints)
+        block = np.zeros((*shape, rows, jacobian.shape[-1]))
+        block[..., :6, :] = jacobian
         blocks.append(block)
         columns += [np.r_[problem.columns[name]] for name in model.widths]
     return np.concatenate(blocks, -1), np.concatenate(columns)
@@ -95,12 +95,12 @@ def stop_error_jacobians(
     if not noisy:
         return []
     tangents, n = stop_tangents(group, state, stops), len(group)
-    moved = right_jacobian(tangents) * stops.sigma[np.concatenate([stop for stop, _ in noisy])][:, None, :]
+    error_jacobian = right_jacobian(tangents) * stops.sigma[np.concatenate([stop for stop, _ in noisy])][:, None, :]
     parts = []
     for k, (stop, link) in enumerate(noisy):
         adjoint = np.zeros((*link.target_from_flange.shape, 6, 6))
         link.target_from_flange.put_adjoint(adjoint, link.sign)
-        by_error = adjoint @ moved[..., k * n : (k + 1) * n, :, :]
+        by_error = adjoint @ error_jacobian[..., k * n : (k + 1) * n, :, :]
         if rows > 6:
             by_error = np.concatenate([by_error, np.zeros((*by_error.shape[:-2], rows - 6, 6))], -2)
         parts.append((stop, by_error))

@@ -17,7 +17,7 @@ import numpy as np
 
 from basecal.cell import Unknown
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
-from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, SharedView
+from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, StopViews
 from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.robot_parameters import apply_step, column_values
@@ -42,7 +42,7 @@ class LinearisedViews:
     Attributes:
         gradient: (..., n, q).
         information: (..., n, q, q).
-        promised: (..., n) decrease of the cost by the optimal step of the private stops' errors alone.
+        eliminated_cost: (..., n) decrease of the cost by the optimal step of the private stops' errors alone.
         by_unknowns: (..., n, q, m) derivative of the views with respect to the unknowns.
         columns: (m,) columns of these unknowns in the problem.
         private: Views at stops of a single view.
@@ -51,22 +51,22 @@ class LinearisedViews:
 
     gradient: Array
     information: Array
-    promised: Array
+    eliminated_cost: Array
     by_unknowns: Array
     columns: IntArray = field(metadata=SHARED)
-    private: tuple[SharedView, ...]
-    shared: tuple[SharedView, ...]
+    private: tuple[StopViews, ...]
+    shared: tuple[StopViews, ...]
 
     def weigh(self, weight: Array) -> LinearisedViews:
         """Scale the information of each view by its weight, (..., n); views of weight zero may be non-finite."""
         gradient, information = self.gradient * weight[..., None], self.information * weight[..., None, None]
-        promised = self.promised * weight
+        eliminated_cost = self.eliminated_cost * weight
         if not weight.all():
             seen = weight > 0
             gradient = np.where(seen[..., None], gradient, 0.0)
             information = np.where(seen[..., None, None], information, 0.0)
-            promised = np.where(seen, promised, 0.0)
-        return replace(self, gradient=gradient, information=information, promised=promised)
+            eliminated_cost = np.where(seen, eliminated_cost, 0.0)
+        return replace(self, gradient=gradient, information=information, eliminated_cost=eliminated_cost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,22 +102,22 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
     """
     hessian, gradient, cost = prior_equations(problem, state)
     cost += np.sum(state.stop_errors**2, axis=(-1, -2))
-    eliminated, log_det, views, counted = np.zeros(state.batch), np.zeros(state.batch), [], []
+    eliminated, log_det, views, weighted = np.zeros(state.batch), np.zeros(state.batch), [], []
     for number, group in enumerate(problem.groups):
-        view_costs, lost, of = _linearise_group(problem, group, state, problem.shared_stops)
-        log_det += lost
-        views.append(of)
+        view_costs, group_log_det, linearised = _linearise_group(problem, group, state)
+        log_det += group_log_det
+        views.append(linearised)
         if weights is not None:
-            cost += _private_cost(of, state, weights[number])
+            cost += _private_cost(linearised, state, weights[number])
             view_costs = np.where(weights[number] > 0, view_costs, 0.0) * weights[number]
-            of = of.weigh(weights[number])
+            linearised = linearised.weigh(weights[number])
         cost += view_costs.sum(-1)
-        eliminated += of.promised.sum(-1)
-        counted.append(of)
-    of_scene, hessian, gradient, system = sum_views(problem, state, counted, hessian, gradient)
-    cost += of_scene
+        eliminated += linearised.eliminated_cost.sum(-1)
+        weighted.append(linearised)
+    scene_cost, hessian, gradient, system = sum_views(problem, state, weighted, hessian, gradient)
+    cost += scene_cost
     if system is not None:
-        eliminated += system.promised
+        eliminated += system.eliminated_cost
         log_det += system.log_det
     return NormalEquations(cost, gradient, hessian, eliminated, log_det, tuple(views), system)
 
@@ -141,19 +141,19 @@ def sum_views(
     cost: Array | float = 0.0
     shared = problem.shared_stops >= 0
     sums = SchurAccumulator(state.stop_errors[..., shared, :], hessian.shape[-1]) if np.any(shared) else None
-    for of in views:
+    for part in views:
         if sums is not None:
-            sums.add(of.shared, of.gradient, of.information, of.by_unknowns, of.columns)
-        *batch, count, rows, width = of.by_unknowns.shape
-        flat = of.by_unknowns.reshape(*batch, count * rows, width)
-        weighted = (of.information @ of.by_unknowns).reshape(flat.shape)
-        transposed = flat.mT
-        hessian[..., of.columns[:, None], of.columns] += transposed @ weighted
-        gradient[..., of.columns] += (transposed @ of.gradient.reshape(*flat.shape[:-1], 1))[..., 0]
+            sums.add(part.shared, part.gradient, part.information, part.by_unknowns, part.columns)
+        *batch, count, rows, width = part.by_unknowns.shape
+        flat = part.by_unknowns.reshape(*batch, count * rows, width)
+        weighted = (part.information @ part.by_unknowns).reshape(flat.shape)
+        derivative_t = flat.mT
+        hessian[..., part.columns[:, None], part.columns] += derivative_t @ weighted
+        gradient[..., part.columns] += (derivative_t @ part.gradient.reshape(*flat.shape[:-1], 1))[..., 0]
     if problem.tied is not None:
-        tied = linearise_scene(problem, problem.tied, state)
-        cost = tied.cost
-        tied.add(hessian, gradient, problem, sums)
+        scene_equations = linearise_scene(problem, problem.tied, state)
+        cost = scene_equations.cost
+        scene_equations.add(hessian, gradient, problem, sums)
     system = None if sums is None else sums.solve()
     if system is not None:
         hessian, gradient = system.reduce(hessian, gradient)
@@ -167,8 +167,8 @@ def retract(problem: Problem, state: State, normal: NormalEquations, step: Array
     tangents = np.zeros((len(names), *state.batch, 6))
     for k, name in enumerate(names):
         tangents[k, ..., : problem.column_width(name)] = step[..., columns[name]]
-    after = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents) if names else SE3.identity((0,))
-    transforms = {**state.transforms, **{name: after[k] for k, name in enumerate(names)}}
+    updated = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents) if names else SE3.identity((0,))
+    transforms = {**state.transforms, **{name: updated[k] for k, name in enumerate(names)}}
     lenses = {
         name: retract_lens(lens, step[..., columns[name]]) for name, lens in state.cameras.items() if name in columns
     }
@@ -195,37 +195,40 @@ def retract_lens(camera: Camera, step: Array) -> Camera:
 def _private_cost(views: LinearisedViews, state: State, weight: Array) -> Array:
     """Change of the cost of the private stops' errors due to weights of views (..., n), (...)."""
     total = np.zeros(state.batch)
-    for of in views.private:
-        squares = np.sum(state.stop_errors[..., of.stop, :] ** 2, axis=-1)
-        total += ((weight[..., of.view] - 1) * squares).sum(-1)
+    for stop_views in views.private:
+        squares = np.sum(state.stop_errors[..., stop_views.stop, :] ** 2, axis=-1)
+        total += ((weight[..., stop_views.view] - 1) * squares).sum(-1)
     return total
 
 
-def _linearise_group(
-    problem: Problem, group: ViewGroup, state: State, shared_stops: IntArray
-) -> tuple[Array, Array, LinearisedViews]:
+def _linearise_group(problem: Problem, group: ViewGroup, state: State) -> tuple[Array, Array, LinearisedViews]:
+    """Costs of a group's views, (..., n), log determinant of their private stops' information, and their expansion."""
     links = chain(group, state, problem.stops)
     lens = group.camera in problem.columns
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
-    shake = problem.jitter_motion(group)
-    if shake is not None:
-        view = ViewInformation(*without_motion(*view, shake))
+    motion = problem.jitter_motion(group)
+    if motion is not None:
+        view = ViewInformation(*without_motion(*view, motion))
     rows = view.gradient.shape[-1]
     derivative, columns = unknown_jacobian(problem, group, links, state, rows)
     stops = stop_error_jacobians(group, links, state, problem.stops, rows)
-    kept = tuple(_select(stop, error, shared_stops[stop] >= 0, shared_stops) for stop, error in stops)
-    private = tuple(_select(stop, error, shared_stops[stop] < 0, None) for stop, error in stops)
-    of = _marginalise(view.gradient, view.information, private, state.stop_errors)
-    views = LinearisedViews(of.gradient, of.information, of.promised, derivative, columns, private, kept)
-    return view.cost, of.log_det, views
+    number = problem.shared_stops
+    shared = tuple(_select_views(stop, error, number[stop] >= 0, number) for stop, error in stops)
+    private = tuple(_select_views(stop, error, number[stop] < 0, None) for stop, error in stops)
+    marginal = _marginalise(view.gradient, view.information, private, state.stop_errors)
+    views = LinearisedViews(
+        marginal.gradient, marginal.information, marginal.eliminated_cost, derivative, columns, private, shared
+    )
+    return view.cost, marginal.log_det, views
 
 
-def _select(stop: IntArray, error_jacobian: Array, mask: BoolArray, number: IntArray | None) -> SharedView:
+def _select_views(stop: IntArray, error_jacobian: Array, mask: BoolArray, number: IntArray | None) -> StopViews:
+    """Views of a mask, (n,), at their stops, which `number` renumbers if it is given."""
     view = np.flatnonzero(mask)
     if len(view) == len(stop):
-        return SharedView(view, stop if number is None else number[stop], error_jacobian)
+        return StopViews(view, stop if number is None else number[stop], error_jacobian)
     chosen = stop[view]
-    return SharedView(view, chosen if number is None else number[chosen], error_jacobian[..., view, :, :])
+    return StopViews(view, chosen if number is None else number[chosen], error_jacobian[..., view, :, :])
 
 
 class _Marginal(NamedTuple):
@@ -234,32 +237,32 @@ class _Marginal(NamedTuple):
     Attributes:
         gradient: (..., n, q).
         information: (..., n, q, q).
-        promised: (..., n) decrease of the cost by the optimal step of these stops' errors alone.
+        eliminated_cost: (..., n) decrease of the cost by the optimal step of these stops' errors alone.
         log_det: (...) log determinant of I + J'HJ.
     """
 
     gradient: Array
     information: Array
-    promised: Array
+    eliminated_cost: Array
     log_det: Array
 
 
-def _marginalise(gradient: Array, information: Array, stop_views: tuple[SharedView, ...], errors: Array) -> _Marginal:
+def _marginalise(gradient: Array, information: Array, stop_views: tuple[StopViews, ...], errors: Array) -> _Marginal:
     """Eliminate the private stops of views.
 
     (I + H S)^-1 H == H - H J (I + J'HJ)^-1 J'H, whose inner matrix is positive definite for any H. With the gradient
     f = u + J'g of the errors, the cost decreases by f' (I + J'HJ)^-1 f, and g' == g - H J (I + J'HJ)^-1 f.
     """
-    if not any(len(of.view) for of in stop_views):
+    if not any(len(part.view) for part in stop_views):
         return _Marginal(gradient, information, np.zeros(gradient.shape[:-1]), np.zeros(gradient.shape[:-2]))
     by_error = np.zeros((*gradient.shape, 6 * len(stop_views)))
     force = np.zeros((*gradient.shape[:-1], 6 * len(stop_views)))
-    for i, of in enumerate(stop_views):
-        by_error[..., of.view, :, 6 * i : 6 * i + 6] = of.by_error
-        force[..., of.view, 6 * i : 6 * i + 6] = errors[..., of.stop, :]
-    transposed, carried = by_error.mT, information @ by_error
+    for i, part in enumerate(stop_views):
+        by_error[..., part.view, :, 6 * i : 6 * i + 6] = part.by_error
+        force[..., part.view, 6 * i : 6 * i + 6] = errors[..., part.stop, :]
+    transposed, weighted = by_error.mT, information @ by_error
     force += (transposed @ gradient[..., None])[..., 0]
-    inner = transposed @ carried
+    inner = transposed @ weighted
     diagonal = np.einsum("...ii->...i", inner)  # a view
     diagonal += 1.0
     # If a lens's polynomial diverges, the identity is lost in rounding; a multiple of it keeps the matrix regular.
@@ -267,11 +270,11 @@ def _marginalise(gradient: Array, information: Array, stop_views: tuple[SharedVi
     size = diagonal.max(-1)
     if not size.max() <= _ROUNDING_SCALE:
         diagonal += np.where(size > _ROUNDING_SCALE, _ROUNDING * size, 0.0)[..., None]
-    solved, log_det = _solve_systems(inner, np.concatenate([carried.mT, force[..., None]], -1))
-    taken = carried @ solved
-    symmetric = 0.5 * (taken[..., :-1] + taken[..., :-1].mT)
+    solved, log_det = _solve_systems(inner, np.concatenate([weighted.mT, force[..., None]], -1))
+    reductions = weighted @ solved
+    symmetric = 0.5 * (reductions[..., :-1] + reductions[..., :-1].mT)
     return _Marginal(
-        gradient - taken[..., -1],
+        gradient - reductions[..., -1],
         information - symmetric,
         np.sum(force * solved[..., -1], -1),
         log_det,
@@ -297,14 +300,14 @@ def _stop_errors(problem: Problem, state: State, normal: NormalEquations, step: 
     if normal.system is not None:
         shared_step = normal.system.step(step)
         errors[..., problem.shared_stops >= 0, :] += shared_step
-    for of in normal.views:
-        rest = (of.by_unknowns @ step[..., None, of.columns, None])[..., 0]
-        for part in () if normal.system is None else of.shared:
-            rest[..., part.view, :] += (part.by_error @ shared_step[..., part.stop, :, None])[..., 0]
-        force = of.gradient + (of.information @ rest[..., None])[..., 0]
-        for part in of.private:
-            pull = part.by_error.mT @ force[..., part.view, :, None]
-            errors[..., part.stop, :] = -pull[..., 0]
+    for part in normal.views:
+        tangent = (part.by_unknowns @ step[..., None, part.columns, None])[..., 0]
+        for at_stops in () if normal.system is None else part.shared:
+            tangent[..., at_stops.view, :] += (at_stops.by_error @ shared_step[..., at_stops.stop, :, None])[..., 0]
+        force = part.gradient + (part.information @ tangent[..., None])[..., 0]
+        for at_stops in part.private:
+            pull = at_stops.by_error.mT @ force[..., at_stops.view, :, None]
+            errors[..., at_stops.stop, :] = -pull[..., 0]
     return errors
 
 
@@ -313,33 +316,34 @@ def prior_equations(problem: Problem, state: State) -> tuple[Array, Array, Array
     width = problem.width
     hessian, gradient = np.zeros((*state.batch, width, width)), np.zeros((*state.batch, width))
     cost = np.zeros(state.batch)
-    for residual, jacobian, where in prior_residuals(problem, state):
+    for residual, jacobian, columns in prior_residuals(problem, state):
         transposed = jacobian.mT
         cost += np.sum(residual**2, -1)
-        hessian[..., where, where] += transposed @ jacobian
-        gradient[..., where] += (transposed @ residual[..., None])[..., 0]
+        hessian[..., columns, columns] += transposed @ jacobian
+        gradient[..., columns] += (transposed @ residual[..., None])[..., 0]
     return hessian, gradient, cost
 
 
 def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
     """Residual of each prior, in sigmas, its derivative with respect to its columns, and these columns."""
-    out = []
-    for name, where in problem.columns.items():
+    residuals = []
+    for name, columns in problem.columns.items():
         if name in problem.unknowns:
             unknown = problem.unknowns[name]
             if unknown.status == "prior":
-                out.append((*prior_residual(unknown, state.transforms[name], where.stop - where.start), where))
+                width = columns.stop - columns.start
+                residuals.append((*prior_residual(unknown, state.transforms[name], width), columns))
         elif name in problem.lenses:
             lens = problem.lenses[name]
             if lens.status == "prior" and lens.camera is not None and lens.sigma is not None:
                 error = state.cameras[name].parameters - lens.camera.parameters
-                out.append((error / lens.sigma, np.diag(1 / lens.sigma), where))
+                residuals.append((error / lens.sigma, np.diag(1 / lens.sigma), columns))
             elif lens.status == "free":
-                out += _lens_priors(state.cameras[name], where)
-    for name, of in problem.gauges.items():
+                residuals += _lens_priors(state.cameras[name], columns)
+    for name, held in problem.gauges.items():
         if name in problem.columns:
-            out.append((np.zeros(6), np.diag(of / _GAUGE_SIGMA), problem.columns[name]))
-    return out + _robot_residuals(problem, state)
+            residuals.append((np.zeros(6), np.diag(held / _GAUGE_SIGMA), problem.columns[name]))
+    return residuals + _robot_residuals(problem, state)
 
 
 def prior_residual(unknown: Unknown, value: SE3, width: int = 6) -> tuple[Array, Array]:
@@ -351,23 +355,23 @@ def prior_residual(unknown: Unknown, value: SE3, width: int = 6) -> tuple[Array,
     return error[..., :width] / unknown.sigma[:width], jacobian
 
 
-def _lens_priors(camera: Camera, rows: slice) -> list[tuple[Array, Array, slice]]:
+def _lens_priors(camera: Camera, columns: slice) -> list[tuple[Array, Array, slice]]:
     """Priors of the distortion terms of an unstated lens, from the spread of real lenses."""
     sigmas = camera.term_sigmas
-    held = np.flatnonzero(np.isfinite(sigmas))
-    if not len(held):
+    terms = np.flatnonzero(np.isfinite(sigmas))
+    if not len(terms):
         return []
-    jacobian = np.zeros((len(held), 4 + len(sigmas)))
-    jacobian[np.arange(len(held)), 4 + held] = 1 / sigmas[held]
-    return [(camera.distortion[..., held] / sigmas[held], jacobian, rows)]
+    jacobian = np.zeros((len(terms), 4 + len(sigmas)))
+    jacobian[np.arange(len(terms)), 4 + terms] = 1 / sigmas[terms]
+    return [(camera.distortion[..., terms] / sigmas[terms], jacobian, columns)]
 
 
 def _robot_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
-    out = []
+    residuals = []
     for model in filter(None, map(problem.robot_model, problem.models)):
         values = column_values(model, state.kinematics(model))
         for name in model.widths:
             sigma = model.sigmas[name]
             if sigma is not None:
-                out.append((values[name] / sigma, np.diag(1 / sigma), problem.columns[name]))
-    return out
+                residuals.append((values[name] / sigma, np.diag(1 / sigma), problem.columns[name]))
+    return residuals

@@ -17,7 +17,7 @@ _MOST_INVERTED = 400  # maximum number of stops with a full joint covariance: 2,
 
 
 @dataclass(frozen=True, eq=False)
-class SharedView:
+class StopViews:
     """Views of a group at shared, or private, stops of one robot.
 
     Attributes:
@@ -38,7 +38,7 @@ class SchurComplement:
     Attributes:
         by_unknowns: (..., k, 6, p) mixed second derivative with respect to errors and unknowns.
         solution: (..., 6 k, p + 1) inverse of the errors' information times `by_unknowns` and, last, the gradient.
-        promised: (...) decrease of the cost by the optimal step of the errors alone.
+        eliminated_cost: (...) decrease of the cost by the optimal step of the errors alone.
         log_det: (...) log determinant of the errors' information.
         precision: (..., k, 6, 6) diagonal blocks of the errors' information.
         factor: Factorisation of the errors' information; None if it is block-diagonal, and for a batch.
@@ -46,7 +46,7 @@ class SchurComplement:
 
     by_unknowns: Array
     solution: Array
-    promised: Array
+    eliminated_cost: Array
     log_det: Array
     precision: Array
     factor: scipy.sparse.linalg.SuperLU | None
@@ -91,26 +91,26 @@ class SchurAccumulator:
 
     def add(
         self,
-        shared_views: Sequence[SharedView],
+        shared_views: Sequence[StopViews],
         gradient: Array,
         information: Array,
         unknown_jacobian: Array,
         columns: IntArray,
     ) -> None:
         """Add a group's views: gradient (..., n, q), information (..., n, q, q), derivative (..., n, q, m)."""
-        for of in shared_views:
-            if not len(of.view):
+        for part in shared_views:
+            if not len(part.view):
                 continue
-            transposed = of.by_error.mT
-            carried = transposed @ information[..., of.view, :, :]
-            to_diagonal, to_unknowns = carried @ of.by_error, carried @ unknown_jacobian[..., of.view, :, :]
-            to_gradient = (transposed @ gradient[..., of.view, :, None])[..., 0]
-            if np.bincount(of.stop).max() == 1:
-                self.diagonal[..., of.stop, :, :] += to_diagonal
-                self.gradient[..., of.stop, :] += to_gradient
-                self.by_unknowns[..., of.stop[:, None, None], np.arange(6)[:, None], columns] += to_unknowns
+            transposed = part.by_error.mT
+            weighted = transposed @ information[..., part.view, :, :]
+            to_diagonal, to_unknowns = weighted @ part.by_error, weighted @ unknown_jacobian[..., part.view, :, :]
+            to_gradient = (transposed @ gradient[..., part.view, :, None])[..., 0]
+            if np.bincount(part.stop).max() == 1:
+                self.diagonal[..., part.stop, :, :] += to_diagonal
+                self.gradient[..., part.stop, :] += to_gradient
+                self.by_unknowns[..., part.stop[:, None, None], np.arange(6)[:, None], columns] += to_unknowns
                 continue
-            by_stop = GroupSums(of.stop, self.diagonal.shape[-3])
+            by_stop = GroupSums(part.stop, self.diagonal.shape[-3])
             self.diagonal += by_stop.sum(to_diagonal, -3)
             self.gradient += by_stop.sum(to_gradient, -2)
             self.by_unknowns[..., columns] += by_stop.sum(to_unknowns, -3)
@@ -124,16 +124,16 @@ class SchurAccumulator:
         self.by_unknowns[..., stop, :, : by_unknowns.shape[-1]] += by_unknowns.reshape(*gradient.shape[:-1], k, 6, -1)
         blocks = np.swapaxes(information.reshape(*information.shape[:-2], k, 6, k, 6), -3, -2)
         self.diagonal[..., stop, :, :] += blocks[..., np.arange(k), np.arange(k), :, :]
-        one, other = np.triu_indices(k, 1)
-        if len(one):
-            self.pairs.append((stop[one], stop[other], blocks[..., one, other, :, :]))
+        first, second = np.triu_indices(k, 1)
+        if len(first):
+            self.pairs.append((stop[first], stop[second], blocks[..., first, second, :, :]))
 
-    def _add_pairs(self, eye: SharedView, hand: SharedView, information: Array) -> None:
-        both, a, b = np.intersect1d(eye.view, hand.view, assume_unique=True, return_indices=True)
-        if not len(both):
+    def _add_pairs(self, eye: StopViews, hand: StopViews, information: Array) -> None:
+        views, a, b = np.intersect1d(eye.view, hand.view, assume_unique=True, return_indices=True)
+        if not len(views):
             return
         transposed = eye.by_error[..., a, :, :].mT
-        block = transposed @ information[..., both, :, :] @ hand.by_error[..., b, :, :]
+        block = transposed @ information[..., views, :, :] @ hand.by_error[..., b, :, :]
         self.pairs.append((eye.stop[a], hand.stop[b], block))
 
     def solve(self) -> SchurComplement:
@@ -145,7 +145,7 @@ class SchurAccumulator:
             solution = (np.linalg.inv(self.diagonal) @ right).reshape(*batch, 6 * k, width + 1)
             log_det = np.asarray(np.linalg.slogdet(self.diagonal)[1].sum(-1))
             return SchurComplement(
-                self.by_unknowns, solution, self._promised_decrease(solution), log_det, self.diagonal, None
+                self.by_unknowns, solution, self._eliminated_cost(solution), log_det, self.diagonal, None
             )
         right = right.reshape(*batch, 6 * k, width + 1)
         solution, log_det = np.empty_like(right), np.empty(tuple(batch))
@@ -158,10 +158,10 @@ class SchurAccumulator:
                 raise np.linalg.LinAlgError("the normal equations of the shared stops are singular") from error
             solution[entry] = factor.solve(right[entry])
             log_det[entry] = np.log(np.abs(factor.U.diagonal())).sum()
-        of_solution = solution, self._promised_decrease(solution), log_det
-        return SchurComplement(self.by_unknowns, *of_solution, self.diagonal, None if batch else factor)
+        results = solution, self._eliminated_cost(solution), log_det
+        return SchurComplement(self.by_unknowns, *results, self.diagonal, None if batch else factor)
 
-    def _promised_decrease(self, solution: Array) -> Array:
+    def _eliminated_cost(self, solution: Array) -> Array:
         """Decrease of the cost by the optimal step of the errors alone, (...)."""
         flat = self.gradient.reshape(*self.gradient.shape[:-2], -1)
         return np.asarray(np.sum(flat * solution[..., -1], -1))
@@ -176,5 +176,5 @@ class SchurAccumulator:
         at_row = 6 * np.concatenate(row)[:, None, None] + np.arange(6)[:, None]
         at_column = 6 * np.concatenate(column)[:, None, None] + np.arange(6)
         values = np.concatenate(blocks)
-        where = (np.broadcast_to(at_row, values.shape).ravel(), np.broadcast_to(at_column, values.shape).ravel())
-        return scipy.sparse.csc_array((values.ravel(), where), shape=(6 * k, 6 * k))
+        indices = (np.broadcast_to(at_row, values.shape).ravel(), np.broadcast_to(at_column, values.shape).ravel())
+        return scipy.sparse.csc_array((values.ravel(), indices), shape=(6 * k, 6 * k))

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # its parts are loaded when they are first used
 
-from basecal.estimation.least_squares.equal_pairs import AlikePairs, group_pairs
+from basecal.estimation.least_squares.equal_pairs import PairBatch, group_pairs
 from basecal.estimation.least_squares.normal_equations import NormalEquations, prior_residuals, retract
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 from basecal.numerics.batch import take
-from basecal.numerics.levenberg_marquardt import Optima, Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import Criteria, Optima, levenberg_marquardt
 from basecal.numerics.sparse_hessian import SparseHessian
 
 MANY_COLUMNS = 300
@@ -48,22 +48,22 @@ class SparseBundle:
     """Adapter of a problem that implements `numerics.levenberg_marquardt.System`."""
 
     problem: Problem
-    pairs: tuple[AlikePairs, ...]
-    weights: Sequence[Array] | None = None
+    pairs: tuple[PairBatch, ...]
+    weights: Sequence[Array] | None
 
     def linearise(self, state: State) -> SparseNormalEquations:
         """See `System`."""
-        alone = take(state, 0) if state.batch else state
-        own = tuple(pairs.state(alone) for pairs in self.pairs)
-        found = tuple(pairs.linearise(of, self.weights) for pairs, of in zip(self.pairs, own, strict=True))
-        nowhere = np.zeros(0, dtype=np.int64)
-        gradient, blocks = np.zeros(self.problem.width), [(nowhere, nowhere, np.zeros(0))]
-        cost = float(sum(of.cost.sum() for of in found))
-        for pairs, of in zip(self.pairs, found, strict=True):
-            np.add.at(gradient, pairs.columns, of.gradient)
-            blocks.append(_scatter_blocks(pairs.columns, of.hessian))
-        for residual, jacobian, where in prior_residuals(self.problem, alone):
-            columns = np.arange(where.start, where.stop)
+        single = take(state, 0) if state.batch else state
+        states = tuple(pairs.state(single) for pairs in self.pairs)
+        models = tuple(pairs.linearise(own, self.weights) for pairs, own in zip(self.pairs, states, strict=True))
+        empty = np.zeros(0, dtype=np.int64)
+        gradient, blocks = np.zeros(self.problem.width), [(empty, empty, np.zeros(0))]
+        cost = float(sum(model.cost.sum() for model in models))
+        for pairs, model in zip(self.pairs, models, strict=True):
+            np.add.at(gradient, pairs.columns, model.gradient)
+            blocks.append(_scatter_blocks(pairs.columns, model.hessian))
+        for residual, jacobian, column_slice in prior_residuals(self.problem, single):
+            columns = np.arange(column_slice.start, column_slice.stop)
             cost += float(residual @ residual)
             gradient[columns] += jacobian.T @ residual
             blocks.append(_scatter_blocks(columns[None], (jacobian.T @ jacobian)[None]))
@@ -71,17 +71,17 @@ class SparseBundle:
         matrix = scipy.sparse.csc_array(
             scipy.sparse.coo_array((values, (rows, columns)), shape=(self.problem.width, self.problem.width))
         )
-        eliminated = np.array([sum(float(of.eliminated_cost.sum()) for of in found)])
-        return SparseNormalEquations(np.array([cost]), gradient[None], SparseHessian(matrix), eliminated, found, own)
+        decrease = np.array([sum(float(model.eliminated_cost.sum()) for model in models)])
+        return SparseNormalEquations(np.array([cost]), gradient[None], SparseHessian(matrix), decrease, models, states)
 
     def retract(self, state: State, model: SparseNormalEquations, step: Array) -> State:
         """See `System`."""
         without_stops = NormalEquations(model.cost, model.gradient, np.zeros(0), np.zeros(1), np.zeros(1), (), None)
-        moved = retract(self.problem, state, without_stops, step)
+        updated = retract(self.problem, state, without_stops, step)
         errors = state.stop_errors.copy()
-        for pairs, of, own in zip(self.pairs, model.pairs, model.states, strict=True):
-            errors[0, pairs.stops] = pairs.stop_errors(own, of, step[0])
-        return State(moved.transforms, moved.cameras, errors, moved.robots)
+        for pairs, equations, states in zip(self.pairs, model.pairs, model.states, strict=True):
+            errors[0, pairs.stops] = pairs.stop_errors(states, equations, step[0])
+        return State(updated.transforms, updated.cameras, errors, updated.robots)
 
     def take(self, rows: IntArray) -> SparseBundle:
         """See `System`."""
@@ -89,10 +89,10 @@ class SparseBundle:
 
 
 def sparse_adjust(
-    problem: Problem, state: State, stop: Stop, weights: Sequence[Array] | None = None
+    problem: Problem, state: State, criteria: Criteria, weights: Sequence[Array] | None
 ) -> Optima[State, SparseNormalEquations]:
     """Minimise the cost from a state, as a batch of one; see `bundle_adjust`."""
-    return levenberg_marquardt(sparse_bundle(problem, weights), state.spread(problem, 1), stop)
+    return levenberg_marquardt(sparse_bundle(problem, weights), state.spread(problem, 1), criteria)
 
 
 def sparse_bundle(problem: Problem, weights: Sequence[Array] | None = None) -> SparseBundle:

@@ -24,9 +24,9 @@ from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.spectral import VIEW_ROUNDING, inverse_beside_identity, scaled_spectrum, spectrum
 
 _LEAST_GAIN_SHARE = 1e-9  # smallest relative reduction of a stop's variance by the views that is not rounding
-_ALONE_LEVERAGE = 1.0 - 1e-4
-_OWN_POINTS = 12
-_LEAST_VARIANCE_SHARE = 1e-3
+_LARGEST_LEVERAGE = 1.0 - 1e-4  # of a direction of a view: above, the other data predict nothing
+_FEWEST_OWN_POINTS = 12  # points of a view from which each is judged by the others of this view alone; assumed
+_LEAST_VARIANCE_SHARE = 1e-3  # smallest share of a residual's variance that the fit leaves for a prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +60,11 @@ def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> L
     """Expand a problem about a state that was fitted to the views of weight 1."""
     normal = linearise(problem, state, weights)
     covariance = spectrum(normal.hessian).inverse
-    spread = tuple(_unknown_spread(normal, covariance, k) for k in range(len(problem.groups)))
+    spread = tuple(_tangent_covariance(normal, covariance, k) for k in range(len(problem.groups)))
     return LeaveOneOut(problem, state, tuple(weights), normal, spread)
 
 
-def studentize_views(problem: Problem, state: State) -> tuple[MahalanobisSquared, ...]:
+def view_misfits(problem: Problem, state: State) -> tuple[MahalanobisSquared, ...]:
     """Squared deviation of each view from a state assumed exact, (..., n), by group; infinite behind the camera.
 
     Args:
@@ -72,37 +72,41 @@ def studentize_views(problem: Problem, state: State) -> tuple[MahalanobisSquared
         state: The state, or a batch of states.
     """
     normal = linearise(problem, state)
-    return tuple(_misfits(g, of, state, problem) for g, of in zip(problem.groups, normal.views, strict=True))
+    return tuple(
+        _group_misfits(group, expansion, state, problem)
+        for group, expansion in zip(problem.groups, normal.views, strict=True)
+    )
 
 
-def _misfits(group: ViewGroup, views: LinearisedViews, state: State, problem: Problem) -> MahalanobisSquared:
+def _group_misfits(group: ViewGroup, views: LinearisedViews, state: State, problem: Problem) -> MahalanobisSquared:
     finite = np.asarray(np.isfinite(views.information).all((-1, -2)) & np.isfinite(views.gradient).all(-1))
     information = spectrum(np.where(finite[..., None, None], views.information, 0.0), VIEW_ROUNDING)
     gradient = np.where(finite[..., None], views.gradient, 0.0)
-    lost = ~finite
+    is_lost = ~finite
     if isinstance(group.measurement, PixelMeasurement):
-        lost |= state.camera_from_target(group, problem.stops).translation[..., 2] <= 0
-    equations = group.measurement.equations()
+        is_lost |= state.camera_from_target(group, problem.stops).translation[..., 2] <= 0
+    count = group.measurement.equations()
     return MahalanobisSquared(
-        np.where(lost, np.inf, information.squared_mahalanobis(gradient)), np.where(lost, equations, information.rank)
+        np.where(is_lost, np.inf, information.squared_mahalanobis(gradient)),
+        np.where(is_lost, count, information.rank),
     )
 
 
 def studentized_views(model: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
     """Squared deviation of each view from the prediction of the others, (n,), by group."""
-    return tuple(_view_squares(model, k) for k in range(len(model.problem.groups)))
+    return tuple(_group_deviations(model, k) for k in range(len(model.problem.groups)))
 
 
-def _view_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
-    of, weight = model.normal.views[k], model.weights[k]
-    information = spectrum(of.information, VIEW_ROUNDING)
-    whitened = (information.inverse_root.mT @ of.gradient[..., None])[..., 0]
+def _group_deviations(model: LeaveOneOut, k: int) -> MahalanobisSquared:
+    views, weight = model.normal.views[k], model.weights[k]
+    information = spectrum(views.information, VIEW_ROUNDING)
+    whitened = (information.inverse_root.mT @ views.gradient[..., None])[..., 0]
     leverage = information.root.mT @ model.spread[k] @ information.root
     sign = np.where(weight > 0, -1.0, 1.0)[:, None, None]
-    left = scaled_spectrum(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _ALONE_LEVERAGE)
+    decomposed = scaled_spectrum(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _LARGEST_LEVERAGE)
     # Directions without information have whitened gradient zero and leverage zero.
-    freedoms = np.maximum(information.rank - np.count_nonzero(~left.held, axis=-1), 0)
-    return MahalanobisSquared(np.where(freedoms > 0, left.squared_mahalanobis(whitened), np.nan), freedoms)
+    freedoms = np.maximum(information.rank - np.count_nonzero(~decomposed.is_informative, axis=-1), 0)
+    return MahalanobisSquared(np.where(freedoms > 0, decomposed.squared_mahalanobis(whitened), np.nan), freedoms)
 
 
 def studentized_stops(model: LeaveOneOut) -> MahalanobisSquared:
@@ -112,13 +116,13 @@ def studentized_stops(model: LeaveOneOut) -> MahalanobisSquared:
     system = model.normal.system
     if system is None:
         return MahalanobisSquared(value, freedoms)
-    which = np.flatnonzero(model.problem.shared_stops >= 0)
-    number = np.arange(len(which))
-    by_unknowns = system.solution[:, :-1].reshape(len(which), 6, model.problem.width)
+    shared = np.flatnonzero(model.problem.shared_stops >= 0)
+    numbers = np.arange(len(shared))
+    by_unknowns = system.solution[:, :-1].reshape(len(shared), 6, model.problem.width)
     covariance = spectrum(model.normal.hessian).inverse
-    spread = system.covariance(number, number) + by_unknowns @ covariance @ by_unknowns.mT
-    learnt = scaled_spectrum(np.eye(6) - spread, _LEAST_GAIN_SHARE)
-    value[which], freedoms[which] = learnt.squared_mahalanobis(model.state.stop_errors[which]), learnt.rank
+    spread = system.covariance(numbers, numbers) + by_unknowns @ covariance @ by_unknowns.mT
+    reduction = scaled_spectrum(np.eye(6) - spread, _LEAST_GAIN_SHARE)
+    value[shared], freedoms[shared] = reduction.squared_mahalanobis(model.state.stop_errors[shared]), reduction.rank
     return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
 
 
@@ -129,15 +133,15 @@ def studentized_points(model: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
     state as well. Missing points, views without points and views of a single point, which `studentized_views` judges,
     have no degrees of freedom.
     """
-    return tuple(_point_squares(model, k) for k in range(len(model.problem.groups)))
+    return tuple(_point_deviations(model, k) for k in range(len(model.problem.groups)))
 
 
 def judged_by_view(measurement: Measurement) -> BoolArray:
     """Mask of the views, (n,), with enough points to judge each point by the rest of its view."""
-    return np.asarray(measurement.point_counts() >= _OWN_POINTS)
+    return np.asarray(measurement.point_counts() >= _FEWEST_OWN_POINTS)
 
 
-def _point_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
+def _point_deviations(model: LeaveOneOut, k: int) -> MahalanobisSquared:
     group = model.problem.groups[k]
     predicted = model.state.camera_from_target(group, model.problem.stops)
     has_columns = group.camera in model.problem.columns
@@ -148,12 +152,12 @@ def _point_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
     own = judged_by_view(group.measurement)
     if own.all():
         return _own_view_distances(rows)
-    squares = _studentize(rows.residual, rows.jacobian, _posterior(model, k, rows), rows.seen)
+    squares = _studentize(rows.residual, rows.jacobian, _posterior_covariance(model, k, rows), rows.seen)
     if not own.any():
         return squares
-    at, by_view = own[:, None], _own_view_distances(rows)
+    mask, by_view = own[:, None], _own_view_distances(rows)
     return MahalanobisSquared(
-        np.where(at, by_view.value, squares.value), np.where(at, by_view.freedoms, squares.freedoms)
+        np.where(mask, by_view.value, squares.value), np.where(mask, by_view.freedoms, squares.freedoms)
     )
 
 
@@ -164,22 +168,22 @@ def _own_view_distances(rows: PointJacobians) -> MahalanobisSquared:
     flat = jacobian.reshape(n, p * d, 6)
     pose_spread = spectrum(flat.mT @ flat, VIEW_ROUNDING).inverse
     gradient = flat.mT @ rows.residual.reshape(n, p * d, 1)
-    moved = rows.residual - (flat @ (pose_spread @ gradient)).reshape(n, p, d)
-    return _studentize(moved, jacobian, pose_spread, rows.seen)
+    residual = rows.residual - (flat @ (pose_spread @ gradient)).reshape(n, p, d)
+    return _studentize(residual, jacobian, pose_spread, rows.seen)
 
 
 def _studentize(residual: Array, jacobian: Array, covariance: Array, visible: BoolArray) -> MahalanobisSquared:
     """Squared Mahalanobis norms of residuals (n, p, d) about a fitted tangent of covariance (n, q, q)."""
     n, p, d, q = jacobian.shape
-    carried = (jacobian.reshape(n, p * d, q) @ covariance).reshape(jacobian.shape)
-    left = np.eye(d) - np.einsum("npiq,npjq->npij", carried, jacobian)
+    products = (jacobian.reshape(n, p * d, q) @ covariance).reshape(jacobian.shape)
+    residual_covariance = np.eye(d) - np.einsum("npiq,npjq->npij", products, jacobian)
     if d == 2:
-        value, certain = _pair_distances(residual, left)
+        value, certain = _pair_distances(residual, residual_covariance)
         if certain[visible].all():
             return MahalanobisSquared(np.where(visible, value, np.nan), 2 * visible.astype(np.int64))
-    known = scaled_spectrum(left, _LEAST_VARIANCE_SHARE)
-    freedoms = np.where(visible, known.rank, 0)
-    return MahalanobisSquared(np.where(freedoms > 0, known.squared_mahalanobis(residual), np.nan), freedoms)
+    decomposed = scaled_spectrum(residual_covariance, _LEAST_VARIANCE_SHARE)
+    freedoms = np.where(visible, decomposed.rank, 0)
+    return MahalanobisSquared(np.where(freedoms > 0, decomposed.squared_mahalanobis(residual), np.nan), freedoms)
 
 
 def _pair_distances(residual: Array, matrix: Array) -> tuple[Array, BoolArray]:
@@ -191,7 +195,7 @@ def _pair_distances(residual: Array, matrix: Array) -> tuple[Array, BoolArray]:
     return (c * x * x - 2 * b * x * y + a * y * y) / np.where(certain, determinant, 1.0), certain
 
 
-def _posterior(model: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
+def _posterior_covariance(model: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
     """Posterior covariance of each view's tangent, including its private stops' errors, (n, q, q)."""
     spread = model.spread[k] * (model.weights[k] > 0)[:, None, None]
     private = model.normal.views[k].private
@@ -199,38 +203,38 @@ def _posterior(model: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
     flat = rows.jacobian.reshape(n, p * d, q)
     information = flat.mT @ flat
     by_error = np.zeros((n, q, 6 * len(private)))
-    for i, of in enumerate(private):
-        by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
+    for i, stop_views in enumerate(private):
+        by_error[stop_views.view, :, 6 * i : 6 * i + 6] = stop_views.by_error
     inner = inverse_beside_identity(by_error.mT @ information @ by_error)
-    own = by_error @ inner @ by_error.mT
-    carried = np.eye(q) - own @ information
-    posterior: Array = carried @ spread @ carried.mT + own
+    stop_covariance = by_error @ inner @ by_error.mT
+    remainder = np.eye(q) - stop_covariance @ information
+    posterior: Array = remainder @ spread @ remainder.mT + stop_covariance
     return posterior
 
 
-def _unknown_spread(normal: NormalEquations, covariance: Array, k: int) -> Array:
-    of = normal.views[k]
-    derivative = of.by_unknowns
+def _tangent_covariance(normal: NormalEquations, covariance: Array, k: int) -> Array:
+    views = normal.views[k]
+    derivative = views.by_unknowns
     if normal.system is None:
-        return derivative @ covariance[np.ix_(of.columns, of.columns)] @ derivative.mT
+        return derivative @ covariance[np.ix_(views.columns, views.columns)] @ derivative.mT
     n, q, _ = derivative.shape
     full = np.zeros((n, q, len(covariance)))
-    full[:, :, of.columns] = derivative
+    full[:, :, views.columns] = derivative
     by_unknowns = normal.system.solution[:, :-1].reshape(len(normal.system.precision), 6, len(covariance))
-    for part in of.shared:
-        full[part.view] -= part.by_error @ by_unknowns[part.stop]
-    return full @ covariance @ full.mT + _stop_spread(normal, k)
+    for stop_views in views.shared:
+        full[stop_views.view] -= stop_views.by_error @ by_unknowns[stop_views.stop]
+    return full @ covariance @ full.mT + _stop_covariance(normal, k)
 
 
-def _stop_spread(normal: NormalEquations, k: int) -> Array:
+def _stop_covariance(normal: NormalEquations, k: int) -> Array:
     """Covariance of the views' tangents due to shared stops, given the unknowns, (n, q, q)."""
-    of, system = normal.views[k], normal.system
+    views, system = normal.views[k], normal.system
     assert system is not None
-    n, q = of.gradient.shape
-    out = np.zeros((n, q, q))
-    for a in of.shared:
-        for b in of.shared:
-            both, i, j = np.intersect1d(a.view, b.view, assume_unique=True, return_indices=True)
+    n, q = views.gradient.shape
+    total = np.zeros((n, q, q))
+    for a in views.shared:
+        for b in views.shared:
+            common, i, j = np.intersect1d(a.view, b.view, assume_unique=True, return_indices=True)
             block = system.covariance(a.stop[i], b.stop[j])
-            out[both] += a.by_error[i] @ block @ b.by_error[j].mT
-    return out
+            total[common] += a.by_error[i] @ block @ b.by_error[j].mT
+    return total

@@ -36,38 +36,37 @@ class TiedEquations:
     def add(self, hessian: Array, gradient: Array, problem: Problem, sums: SchurAccumulator | None) -> None:
         """Add the scene to sums over other views, whose first columns are the unknowns."""
         assert problem.tied is not None
-        carried, width = self.information @ self.by_unknowns, problem.width
-        hessian[..., :width, :width] += self.by_unknowns.mT @ carried
+        weighted, width = self.information @ self.by_unknowns, problem.width
+        hessian[..., :width, :width] += self.by_unknowns.mT @ weighted
         gradient[..., :width] += (self.by_unknowns.mT @ self.gradient[..., None])[..., 0]
         if sums is not None and len(problem.tied.stops):
             sums.add_scene(
                 problem.shared_stops[problem.tied.stops],
                 (self.by_errors.mT @ self.gradient[..., None])[..., 0],
-                self.by_errors.mT @ carried,
+                self.by_errors.mT @ weighted,
                 self.by_errors.mT @ self.information @ self.by_errors,
             )
 
 
 def linearise_scene(problem: Problem, scene: TiedViews, state: State) -> TiedEquations:
     """Expand the scene's views of a problem about a state."""
-    parts, first = [], 0
+    parts, first = [], 0  # offsets, derivatives in unknowns and derivatives in errors, to join over the views
     for group in scene.groups:
         reference = scene.camera_from_world[first : first + len(group)]
         parts.append(_linearise_group(problem, scene, group, reference, state))
         first += len(group)
-    for camera, about in scene.lenses.items():
-        off = state.cameras[camera].parameters - about.parameters
-        rows = np.zeros((*state.batch, off.shape[-1], problem.width))
-        rows[..., problem.columns[camera]] = np.eye(off.shape[-1])
-        none = np.zeros((*rows.shape[:-1], 6 * len(scene.stops)))
-        parts.append((np.broadcast_to(off, rows.shape[:-1]), rows, none))
-    offset, by_unknowns, by_errors = (np.concatenate([part[k] for part in parts], axis) for k, axis in _AXES)
-    carried = offset @ scene.information
-    cost = scene.cost + np.sum(offset * (2 * scene.gradient + carried), -1)
-    return TiedEquations(cost, scene.gradient + carried, scene.information, by_unknowns, by_errors)
-
-
-_AXES = (0, -1), (1, -2), (2, -2)
+    for camera, reference_lens in scene.lenses.items():
+        deviation = state.cameras[camera].parameters - reference_lens.parameters
+        rows = np.zeros((*state.batch, deviation.shape[-1], problem.width))
+        rows[..., problem.columns[camera]] = np.eye(deviation.shape[-1])
+        no_errors = np.zeros((*rows.shape[:-1], 6 * len(scene.stops)))
+        parts.append((np.broadcast_to(deviation, rows.shape[:-1]), rows, no_errors))
+    offset, by_unknowns, by_errors = (
+        np.concatenate(blocks, axis) for blocks, axis in zip(zip(*parts, strict=True), (-1, -2, -2), strict=True)
+    )
+    weighted = offset @ scene.information
+    cost = scene.cost + np.sum(offset * (2 * scene.gradient + weighted), -1)
+    return TiedEquations(cost, scene.gradient + weighted, scene.information, by_unknowns, by_errors)
 
 
 def _linearise_group(
@@ -76,13 +75,13 @@ def _linearise_group(
     """Tangents from the reference (..., 6 n), derivatives in unknowns (..., 6 n, p) and errors (..., 6 n, 6 k)."""
     links, n = chain(group, state, problem.stops), len(group)
     offset = (reference.inverse() @ links.camera_from_target).log()
-    turn = right_jacobian_inverse(offset)
+    log_derivative = right_jacobian_inverse(offset)
     by_unknowns = np.zeros((*offset.shape, problem.width))
     derivative, columns = unknown_jacobian(problem, group, links, state, 6)
-    by_unknowns[..., columns] = turn @ derivative
+    by_unknowns[..., columns] = log_derivative @ derivative
     by_errors = np.zeros((*offset.shape[:-1], len(scene.stops), 6, 6))
     for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):
-        by_errors[..., np.arange(n), np.searchsorted(scene.stops, stop), :, :] = turn @ by_error
+        by_errors[..., np.arange(n), np.searchsorted(scene.stops, stop), :, :] = log_derivative @ by_error
     flat = *offset.shape[:-2], 6 * n
     errors = np.swapaxes(by_errors, -3, -2).reshape(*flat, 6 * len(scene.stops))
     return offset.reshape(flat), by_unknowns.reshape(*flat, problem.width), errors

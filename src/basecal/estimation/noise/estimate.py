@@ -58,7 +58,7 @@ class NoiseEstimate:
         noise: Sigmas of views.
         factor: Factor of the inverse information in the covariance.
         estimated: Fields of `noise` that were estimated.
-        settled: Whether the estimation converged.
+        converged: Whether the estimation converged.
         robots: Estimated sigmas of robots with unstated noise, (6,) [m, rad], by name.
         cameras: Sigmas by camera; cameras without an entry have those of `noise`.
         common: Sigmas of shared errors of the likeliest model, (2,) [m, rad], by effect and robot.
@@ -77,7 +77,7 @@ class NoiseEstimate:
     noise: Noise
     factor: float
     estimated: tuple[str, ...]
-    settled: bool
+    converged: bool
     robots: Mapping[str, Array] = field(default_factory=dict)
     cameras: Mapping[str, Noise] = field(default_factory=dict)
     common: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
@@ -118,10 +118,12 @@ def degrees_of_freedom(problem: Problem) -> int:
     """Number of scalar residuals, including priors, minus the number of unknowns."""
     status = _statuses(problem)
     priors = sum(problem.column_width(name) for name in problem.columns if status[name] == "prior")
-    held = sum(
-        int(of.sum()) for name, of in problem.gauges.items() if name in problem.columns and status[name] == "free"
+    gauge_count = sum(
+        int(directions.sum())
+        for name, directions in problem.gauges.items()
+        if name in problem.columns and status[name] == "free"
     )
-    return int(sum(residual_counts(problem).values()) + priors + held - problem.width)
+    return int(sum(residual_counts(problem).values()) + priors + gauge_count - problem.width)
 
 
 def _statuses(problem: Problem) -> dict[str, str]:
@@ -149,7 +151,7 @@ def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Pro
         ratios = {}
         for f in fields:
             least = (ROUNDING / getattr(noise, f)) ** 2
-            ratios[f] = max(_ratio(problem, end, noise, f, counts[f]), least)
+            ratios[f] = max(_variance_ratio(problem, end, noise, f, counts[f]), least)
         noise = noise._replace(**{f: getattr(noise, f) * np.sqrt(r) for f, r in ratios.items()})
         problem = problem.with_noise(noise)
         end = bundle_adjust(problem, end.state, dof, iterations)
@@ -158,15 +160,15 @@ def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Pro
     return problem, end, NoiseEstimate(noise, 1.0, fields, False)
 
 
-def _ratio(problem: Problem, end: Optimum, noise: Noise, field: str, count: int) -> float:
+def _variance_ratio(problem: Problem, end: Optimum, noise: Noise, field: str, count: int) -> float:
     """Ratio of the new to the old variance of one field."""
     squares = 0.0
     for group in problem.groups:
         predicted = end.state.camera_from_target(group, problem.stops)
         squares += group.measurement.squares(predicted, end.state.cameras.get(group.camera)).get(field, 0.0)
-    heavier = noise._replace(**{field: getattr(noise, field) * np.exp(-_LOG_STEP / 2)})
-    after = linearise(problem.with_noise(heavier), end.state)
-    gamma = (_log_det(after) - _log_det(end.normal)) / _LOG_STEP
+    smaller_noise = noise._replace(**{field: getattr(noise, field) * np.exp(-_LOG_STEP / 2)})
+    normal = linearise(problem.with_noise(smaller_noise), end.state)
+    gamma = (_log_det(normal) - _log_det(end.normal)) / _LOG_STEP
     return float(np.clip(squares / max(count - gamma, 0.01 * count), 1e-8, 1e8))
 
 

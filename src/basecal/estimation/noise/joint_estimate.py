@@ -23,14 +23,14 @@ from basecal.estimation.noise.laplace import (
     integrated_covariance,
     sigma_posterior,
 )
-from basecal.estimation.noise.mixed_model import EstimatesOf, make_estimates, mixed_model, open_jitter
-from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, merge_estimates, neighbourhoods
+from basecal.estimation.noise.mixed_model import GroupEstimates, make_estimates, mixed_model, open_jitter
+from basecal.estimation.noise.neighbourhoods import merge_estimates, neighbourhoods, uses_neighbourhoods
 from basecal.estimation.noise.random_effects import has_similar_errors, shared_term
 from basecal.estimation.noise.robot_noise import (
     count_stops,
     recorded_subset,
     some_views,
-    stands,
+    stop_poses,
     with_robot_noise,
     without_errors,
 )
@@ -41,13 +41,13 @@ from basecal.geometry import Array
 from basecal.numerics.levenberg_marquardt import CONVERGED_SIGMAS
 from basecal.numerics.mixtures import probabilities
 
-_ALTERNATIONS = 6  # maximum number of alternations of sigmas and optimum: two or three suffice
+_MOST_ALTERNATIONS = 6  # maximum number of alternations of sigmas and optimum: two or three suffice
 _SETTLED_CHANGE = 0.02  # tolerance of logarithms, and of shapes in sigmas: the precision of 1000 degrees of freedom
 # Views per group that determine a sigma to 2 %, one step from the estimate of all views. A search from a distant start
 # is slow with so many views, and uses fewer first.
 MANY_VIEWS = 2000
 _SOME_VIEWS = (500, MANY_VIEWS)
-_NOMINAL = (5e-4, 1e-3)  # [m, rad] robot noise at the first optimum: within a small factor of any arm's
+_NOMINAL_SIGMAS = (5e-4, 1e-3)  # [m, rad] robot noise at the first optimum: within a small factor of any arm's
 
 
 def open_robots(problem: Problem) -> list[str]:
@@ -60,7 +60,7 @@ def estimate_jointly(
     start: State,
     iterations: int,
     guess: NoiseEstimate | None = None,
-    step: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
     """Estimate all unstated sigmas of a problem jointly.
 
@@ -69,15 +69,15 @@ def estimate_jointly(
         start: The start.
         iterations: Maximum number of steps of each descent.
         guess: Estimate from nearly the same views, to start from.
-        step: Progress callback for neighbourhoods of robots; receives the number done and the total.
+        progress: Callback for neighbourhoods of robots; receives the number done and the total.
 
     Returns:
         The problem with the most likely sigmas, its optimum, and the sigmas.
     """
     # Far from an optimum, points may lie at the camera's centre; the infinities there are expected.
     with np.errstate(all="ignore"):
-        if goes_by_neighbourhoods(problem) and not open_jitter(problem) and _is_open(problem):
-            return _estimate_neighbourhoods(problem, start, iterations, step or (lambda done, total: None))
+        if uses_neighbourhoods(problem) and not open_jitter(problem) and _is_open(problem):
+            return _estimate_neighbourhoods(problem, start, iterations, progress or (lambda done, total: None))
         return _estimate_sigmas(problem, start, iterations, guess)
 
 
@@ -88,15 +88,15 @@ def _is_open(problem: Problem) -> bool:
 
 
 def _estimate_neighbourhoods(
-    problem: Problem, start: State, iterations: int, step: Callable[[int, int], None]
+    problem: Problem, start: State, iterations: int, progress: Callable[[int, int], None]
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
     """Estimate the sigmas of each robot and its camera from its neighbourhood alone; see `estimate_jointly`."""
     parts = {part.robot: part for part in neighbourhoods(problem, start)}
-    found = {}
+    estimates = {}
     for done, (robot, part) in enumerate(parts.items()):
-        step(done, len(parts))
-        found[robot] = _estimate_sigmas(part.problem, part.state, iterations, None)[2]
-    noise = merge_estimates(found, parts)
+        progress(done, len(parts))
+        estimates[robot] = _estimate_sigmas(part.problem, part.state, iterations, None)[2]
+    noise = merge_estimates(estimates, parts)
     used = noise.apply(problem)
     end = bundle_adjust(used, without_errors(used, start), degrees_of_freedom(used), iterations)
     return used, end, noise
@@ -110,27 +110,27 @@ def _estimate_sigmas(
         return estimate_noise(problem, bundle_adjust(problem, start, dof, iterations), iterations)
     if guess is None or guess.logs is None:
         nominal = problem.with_noise(Noise())  # residuals under exact robots may not be noise of views
-        used, logs = with_robot_noise(nominal, dict.fromkeys(robots, np.repeat(_NOMINAL, 3))), None
+        used, logs = with_robot_noise(nominal, dict.fromkeys(robots, np.repeat(_NOMINAL_SIGMAS, 3))), None
         start = _clear_open_errors(problem, used, start, robots)
     else:
         used, logs = guess.apply(problem), guess.logs
         start = start if len(start.stop_errors) == len(used.stops) else without_errors(used, start)
     if max(map(len, problem.groups), default=0) > MANY_VIEWS:
-        few, few_start = recorded_subset(problem, without_errors(problem, start), MANY_VIEWS)
-        _, few_end, found = _estimate_sigmas(few, few_start, iterations, guess)
-        if few_end.converged and found.settled and found.logs is not None:
-            return _extend_estimate(found.apply(problem), few_end.state, iterations, found.logs)
-    end = bundle_adjust(used, start, dof, iterations, sigmas=ROUGH_SIGMAS)
+        subset, subset_start = recorded_subset(problem, without_errors(problem, start), MANY_VIEWS)
+        _, subset_end, estimate = _estimate_sigmas(subset, subset_start, iterations, guess)
+        if subset_end.converged and estimate.converged and estimate.logs is not None:
+            return _extend_estimate(estimate.apply(problem), subset_end.state, iterations, estimate.logs)
+    end = bundle_adjust(used, start, dof, iterations, tolerance=ROUGH_SIGMAS)
     plain = _sigma_posterior(used, end.state, robots, logs)
-    settled = logs is not None and _has_settled(plain, logs)
-    for _ in range(_ALTERNATIONS):
-        if settled:
+    has_converged = logs is not None and _has_converged(plain, logs)
+    for _ in range(_MOST_ALTERNATIONS):
+        if has_converged:
             break
         used, end = _readjust(used, end, plain, dof, iterations, ROUGH_SIGMAS)
-        before, plain = plain.logs, _sigma_posterior(used, end.state, robots, plain.logs)
-        settled = _has_settled(plain, before)
+        previous, plain = plain.logs, _sigma_posterior(used, end.state, robots, plain.logs)
+        has_converged = _has_converged(plain, previous)
     used, end = _readjust(used, end, plain, dof, iterations)
-    return used, end, _final_estimate(plain, used, settled)
+    return used, end, _final_estimate(plain, used, has_converged)
 
 
 def _extend_estimate(
@@ -138,7 +138,7 @@ def _extend_estimate(
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
     """Estimate the sigmas of all views from those of some views, one step away; see `estimate_jointly`."""
     dof = degrees_of_freedom(problem)
-    end = bundle_adjust(problem, without_errors(problem, start), dof, iterations, sigmas=ROUGH_SIGMAS)
+    end = bundle_adjust(problem, without_errors(problem, start), dof, iterations, tolerance=ROUGH_SIGMAS)
     plain = _sigma_posterior(problem, end.state, open_robots(problem), logs)
     problem, end = _readjust(problem, end, plain, dof, iterations)
     return problem, end, _final_estimate(plain, problem, True)
@@ -156,10 +156,10 @@ def _clear_open_errors(problem: Problem, nominal: Problem, state: State, robots:
     return replace(state, stop_errors=errors)
 
 
-def _has_settled(posterior: SigmaPosterior, used_logs: Array) -> bool:
+def _has_converged(posterior: SigmaPosterior, used_logs: Array) -> bool:
     """Whether sigmas and shapes of targets agree with those that were used, the former with logarithms (k,)."""
-    off = [np.abs(posterior.columns.mean[rows]).max() for rows in posterior.model.layout.shapes.values()]
-    return bool(max(*off, np.abs(posterior.logs - used_logs).max(initial=0.0), 0.0) < _SETTLED_CHANGE)
+    changes = [np.abs(posterior.columns.mean[rows]).max() for rows in posterior.model.layout.shapes.values()]
+    return bool(max(*changes, np.abs(posterior.logs - used_logs).max(initial=0.0), 0.0) < _SETTLED_CHANGE)
 
 
 def integrate_sigmas(
@@ -183,13 +183,13 @@ def integrate_sigmas(
             list(models.values()), model_priors(list(models)), np.zeros(problem.width), is_quick
         )
     best = models[likeliest]
-    found = replace(noise, covariance=covariance, minus_2_log_evidence=best.minus_2_log_evidence, models=models)
+    integrated = replace(noise, covariance=covariance, minus_2_log_evidence=best.minus_2_log_evidence, models=models)
     if not likeliest:
-        return replace(found, common={}, beside_common=None)
+        return replace(integrated, common={}, beside_common=None)
     sigmas = _estimate(best, problem)
-    beside = replace(noise, robots=sigmas.robots, cameras=sigmas.cameras, jitter_s=sigmas.jitter_s)
+    single = replace(noise, robots=sigmas.robots, cameras=sigmas.cameras, jitter_s=sigmas.jitter_s)
     common = zip((likeliest, companion_name(likeliest, models)), _shared_sigmas(best), strict=False)
-    return replace(found, common=dict(common), beside_common=beside)
+    return replace(integrated, common=dict(common), beside_common=single)
 
 
 def model_priors(names: Sequence[str]) -> Array:
@@ -265,7 +265,7 @@ def _readjust(
     posterior: SigmaPosterior,
     dof: int,
     iterations: int,
-    sigmas: float = CONVERGED_SIGMAS,
+    tolerance: float = CONVERGED_SIGMAS,
 ) -> tuple[Problem, Optimum]:
     """Update the problem with the most likely sigmas, and find its optimum from the last one."""
     # Errors of stops stay unchanged in metres and radians.
@@ -273,36 +273,36 @@ def _readjust(
     physical = end.state.stop_errors * _units(problem, robots)
     problem = _estimate(posterior, problem).apply(problem)
     state = replace(end.state, stop_errors=physical / _units(problem, robots))
-    return problem, bundle_adjust(problem, state, dof, iterations, sigmas=sigmas)
+    return problem, bundle_adjust(problem, state, dof, iterations, tolerance=tolerance)
 
 
 def _sigma_posterior(
-    base_problem: Problem,
+    problem: Problem,
     state: State,
     robots: Sequence[str],
     logs: Array | None,
     terms: Sequence[SharedTerm] = (),
-    estimates: EstimatesOf | None = None,
+    estimates: GroupEstimates | None = None,
 ) -> SigmaPosterior:
     """Posterior of the sigmas about a state, searched from `logs`, with shared errors of at most two kinds.
 
     Without start values or with shared errors, the search uses a subset of the views first. `estimates` may pass the
     result of `make_estimates` for all views.
     """
-    unit, physical = _unit_problem(base_problem, state, robots)
-    reach_m = {name: _reach(base_problem, name) for name in robots}
+    unit, physical = _unit_problem(problem, state, robots)
+    reach_m = {name: _reach(problem, name) for name in robots}
 
     def find_mode(
-        problem: Problem, state: State, start: Array | None, estimates: EstimatesOf | None = None
+        subset: Problem, subset_state: State, start: Array | None, estimates: GroupEstimates | None = None
     ) -> SigmaPosterior:
         """Find the posterior's mode from the views of a problem."""
-        model = mixed_model(problem, state, robots, [each.errors for each in terms], estimates)
+        model = mixed_model(subset, subset_state, robots, [each.errors for each in terms], estimates)
         return sigma_posterior(model, hyperpriors(model, reach_m, [each.prior for each in terms]), start)
 
-    is_near = logs is not None and not terms
-    for most in () if is_near else _SOME_VIEWS:
-        if max(map(len, unit.groups), default=0) > most:
-            logs = find_mode(*some_views(unit, physical, most), logs).logs
+    has_near_start = logs is not None and not terms
+    for count in () if has_near_start else _SOME_VIEWS:
+        if max(map(len, unit.groups), default=0) > count:
+            logs = find_mode(*some_views(unit, physical, count), logs).logs
     return find_mode(unit, physical, logs, estimates)
 
 
@@ -314,13 +314,13 @@ def _unit_problem(problem: Problem, state: State, robots: Sequence[str]) -> tupl
 
 def _units(problem: Problem, robots: Sequence[str]) -> Array:
     """Factors from sigmas to metres and radians for errors of these robots' stops, (k, 6); 1 for other robots."""
-    mine = np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
-    return np.where(mine[:, None], problem.stops.sigma, 1.0)
+    is_open = np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
+    return np.where(is_open[:, None], problem.stops.sigma, 1.0)
 
 
 def _reach(problem: Problem, robot: str) -> float:
     """Distance of a robot's flange from its base, root mean square over stops [m]."""
-    poses, seen = stands(problem, robot)
+    poses, seen = stop_poses(problem, robot)
     return float(np.sqrt(np.mean(np.sum(poses.translation[seen] ** 2, -1))))
 
 
@@ -333,11 +333,11 @@ def _shared_sigmas(posterior: SigmaPosterior) -> list[dict[str, Array]]:
     ]
 
 
-def _final_estimate(posterior: SigmaPosterior, problem: Problem, is_settled: bool) -> NoiseEstimate:
+def _final_estimate(posterior: SigmaPosterior, problem: Problem, has_converged: bool) -> NoiseEstimate:
     """Return the most likely sigmas, with the shapes of the problem."""
-    found = _estimate(posterior, problem)
-    shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in found.shapes.items()}
-    return replace(found, settled=is_settled, shapes=shapes)
+    estimate = _estimate(posterior, problem)
+    shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in estimate.shapes.items()}
+    return replace(estimate, converged=has_converged, shapes=shapes)
 
 
 def _estimate(posterior: SigmaPosterior, problem: Problem) -> NoiseEstimate:
@@ -350,8 +350,8 @@ def _estimate(posterior: SigmaPosterior, problem: Problem) -> NoiseEstimate:
         cameras[camera] = cameras.get(camera, Noise())._replace(**{name: float(values[at])})
     shapes = {}
     for target, rows in model.layout.shapes.items():
-        before = problem.shapes.get(target, np.zeros(rows.stop - rows.start))
-        shapes[target] = before + posterior.columns.mean[rows], posterior.columns.spread[rows, rows]
+        current = problem.shapes.get(target, np.zeros(rows.stop - rows.start))
+        shapes[target] = current + posterior.columns.mean[rows], posterior.columns.spread[rows, rows]
     return NoiseEstimate(
         next(iter(cameras.values()), Noise()),
         1.0,

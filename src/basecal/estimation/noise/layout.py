@@ -1,7 +1,7 @@
 """Positions of the random effects of a mixed model, in blocks of errors and in columns.
 
-Stops that views link to few others form a block with these. Stops linked to many others are columns, as are shared
-errors and shapes of targets.
+Stops that share views with few other stops form a block with them. Stops that share views with many are columns, as
+are shared errors and shapes of targets.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ from basecal.geometry import Array, IntArray
 from basecal.numerics.tied_blocks import tied_blocks
 
 # Maximum number of stops in a block: two arms that each visited one place twice.
-_MOST_TIED = 4
-_MOST_PADDING = 16_384  # numbers that are processed in the time of NumPy's calls on a chunk
-_AT_ONCE = 131_072  # numbers of an array over blocks that are processed at a time: 1 MB fits into the processor's cache
+_MOST_BLOCK_STOPS = 4
+_MOST_PADDING = 16_384  # numbers that take as long to process as NumPy's calls on one more chunk
+_CHUNK_NUMBERS = (
+    131_072  # numbers of an array over blocks that are processed at a time: 1 MB fits into the processor's cache
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,36 +61,38 @@ class Layout:
         return int(self.sizes.max(initial=0))
 
     def chunks(self, columns: int) -> Iterator[tuple[slice, slice]]:
-        """Yield slices of blocks that are processed at a time, with the rows that these blocks use at most."""
+        """Yield slices of blocks to process together, each with the slice of the rows that these blocks use."""
         first = 0
         for last in _ends_of_sizes(self.sizes, columns):
             rows = int(self.sizes[last - 1])
-            for here in chunks(last - first, rows, columns, _AT_ONCE):
+            for here in chunks(last - first, rows, columns, _CHUNK_NUMBERS):
                 yield slice(first + here.start, min(first + here.stop, last)), slice(rows)
             first = last
 
     def shared_columns(self, robot: str) -> Iterator[tuple[slice, Array]]:
         """Yield the columns of a robot's shared errors and the derivative of its flange poses, (stops, 6, k)."""
-        for at, errors in (of[robot] for of in self.shared if robot in of):
-            yield slice(at, at + len(errors.is_turn)), errors.by_stop
+        for first, errors in (by_robot[robot] for by_robot in self.shared if robot in by_robot):
+            yield slice(first, first + len(errors.is_turn)), errors.by_stop
 
 
-def place_effects(problem: Problem, kinds: Sequence[Mapping[str, SharedErrors]]) -> Layout:
+def place_effects(problem: Problem, shared_errors: Sequence[Mapping[str, SharedErrors]]) -> Layout:
     """Place the errors of stops, shared errors by kind and robot, jitter, and shapes of targets."""
     count = len(problem.stops)
     pairs = np.concatenate([np.column_stack([end.stop for end in g.ends]) for g in problem.groups])
-    of_scene = [] if problem.tied is None else problem.tied.stops.tolist()
-    of = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_TIED, of_scene)
-    row, column = np.where(of.block >= 0, 6 * of.place, -1), np.full(count, -1, dtype=np.int64)
-    jitter_rows, sizes = _jitter_layout(problem, of.block, 6 * np.bincount(of.block[of.block >= 0]))
+    scene_stops = [] if problem.tied is None else problem.tied.stops.tolist()
+    partition = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_BLOCK_STOPS, scene_stops)
+    row, column = np.where(partition.block >= 0, 6 * partition.place, -1), np.full(count, -1, dtype=np.int64)
+    jitter_rows, sizes = _jitter_layout(
+        problem, partition.block, 6 * np.bincount(partition.block[partition.block >= 0])
+    )
     order = np.argsort(sizes, kind="stable")
     number = np.append(np.argsort(order), -1)  # new number of each block; -1 stays
     width = problem.width
-    for stop in of.hubs:
+    for stop in partition.hubs:
         column[stop] = width
         width += 6
-    shared: tuple[dict[str, tuple[int, SharedErrors]], ...] = tuple({} for _ in kinds)
-    for of_kind, by_robot in zip(shared, kinds, strict=True):
+    shared_places: tuple[dict[str, tuple[int, SharedErrors]], ...] = tuple({} for _ in shared_errors)
+    for of_kind, by_robot in zip(shared_places, shared_errors, strict=True):
         for robot, errors in by_robot.items():
             of_kind[robot] = (width, errors)
             width += len(errors.is_turn)
@@ -96,8 +100,8 @@ def place_effects(problem: Problem, kinds: Sequence[Mapping[str, SharedErrors]])
     for target, count in shaped_targets(problem).items():
         shapes[target] = slice(width, width + count)
         width += count
-    jitter_rows = tuple((number[own], at) for own, at in jitter_rows)
-    return Layout(number[of.block], row, column, sizes[order], width, shared, shapes, jitter_rows)
+    jitter_rows = tuple((number[block], row_in_block) for block, row_in_block in jitter_rows)
+    return Layout(number[partition.block], row, column, sizes[order], width, shared_places, shapes, jitter_rows)
 
 
 def _jitter_layout(
@@ -110,23 +114,23 @@ def _jitter_layout(
     Returns:
         `Layout.jitter_rows`, and the number of rows of each block.
     """
-    found, taken, rows = [], set[int](), sizes.tolist()
+    places, used_blocks, rows = [], set[int](), sizes.tolist()
     for group in problem.groups:
         own, row = (np.full(len(group), -1, dtype=np.int64) for _ in range(2))
         stops = [end.stop for end in group.ends]
-        is_shaken = group.camera in problem.open_jitter or problem.jitter_motion(group) is not None
-        for view in range(len(group)) if is_shaken and group.motion is not None else ():
+        has_jitter = group.camera in problem.open_jitter or problem.jitter_motion(group) is not None
+        for view in range(len(group)) if has_jitter and group.motion is not None else ():
             of_stops = [int(block[s[view]]) for s in stops if s[view] >= 0]
-            here = max(of_stops, default=-1)
-            if here < 0:
-                here = len(rows)
+            own_block = max(of_stops, default=-1)
+            if own_block < 0:
+                own_block = len(rows)
                 rows.append(0)
-            if here not in taken:
-                taken.add(here)
-                own[view], row[view] = here, rows[here]
-                rows[here] += 1
-        found.append((own, row))
-    return tuple(found), np.array(rows, dtype=np.int64)
+            if own_block not in used_blocks:
+                used_blocks.add(own_block)
+                own[view], row[view] = own_block, rows[own_block]
+                rows[own_block] += 1
+        places.append((own, row))
+    return tuple(places), np.array(rows, dtype=np.int64)
 
 
 def _ends_of_sizes(sizes: IntArray, columns: int) -> list[int]:
@@ -136,15 +140,15 @@ def _ends_of_sizes(sizes: IntArray, columns: int) -> list[int]:
     """
     ends = (np.flatnonzero(np.diff(sizes)) + 1).tolist()
     kept, first = [], 0
-    for end, after in pairwise([*ends, len(sizes)]):
-        padding = (end - first) * (sizes[after - 1] - sizes[end - 1]) * (columns + sizes[after - 1])
+    for end, next_end in pairwise([*ends, len(sizes)]):
+        padding = (end - first) * (sizes[next_end - 1] - sizes[end - 1]) * (columns + sizes[next_end - 1])
         if padding > _MOST_PADDING:
             kept.append(end)
             first = end
     return [*kept, len(sizes)] if len(sizes) else []
 
 
-def chunks(blocks: int, rows: int, columns: int, at_once: int) -> list[slice]:
-    """Slices over blocks of the given rows and columns, each with at most `at_once` numbers or a single block."""
-    size = max(1, at_once // max(1, rows * columns))
+def chunks(blocks: int, rows: int, columns: int, max_count: int) -> list[slice]:
+    """Slices over blocks of the given rows and columns, each with at most `max_count` numbers or a single block."""
+    size = max(1, max_count // max(1, rows * columns))
     return [slice(first, first + size) for first in range(0, blocks, size)]

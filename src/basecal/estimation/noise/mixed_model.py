@@ -2,8 +2,8 @@
 
 Each view has one cost, gradient and information matrix per sigma, with respect to `camera_from_target` and the lens.
 Adjoints relate them to the unknowns and to the errors of stops. The estimation of sigmas therefore needs only sums over
-views, whose size does not grow with the number of points. Stops that views link to few others form a block with these.
-The columns are the unknowns, the errors of stops linked to many others, shared errors, and shapes of targets.
+views, whose size does not grow with the number of points. Stops that share views with few other stops form a block
+with them. The columns are the unknowns, the errors of all other stops, shared errors, and shapes of targets.
 Source: Harville 1977; docs/mathematics.md (5.2).
 """
 
@@ -52,7 +52,7 @@ class Moments:
     errors_errors: Array
 
     def __add__(self, other: Moments) -> Moments:
-        return Moments(*(getattr(self, of.name) + getattr(other, of.name) for of in fields(self)))
+        return Moments(*(getattr(self, moment.name) + getattr(other, moment.name) for moment in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,25 +88,25 @@ class MixedModel:
 
     def stop_errors(self, errors: Array, columns: Array) -> Array:
         """Errors of every stop, (k, 6), from the errors in blocks, (b, q), and the values of the columns, (m,)."""
-        of, count = self.layout, len(self.robot_of_stop)
-        out = np.zeros((count, 6))
+        layout, count = self.layout, len(self.robot_of_stop)
+        errors_of_stops = np.zeros((count, 6))
         for stop in range(count):
-            if of.block[stop] >= 0:
-                out[stop] = errors[of.block[stop], of.row[stop] : of.row[stop] + 6]
+            if layout.block[stop] >= 0:
+                errors_of_stops[stop] = errors[layout.block[stop], layout.row[stop] : layout.row[stop] + 6]
             else:
-                out[stop] = columns[of.column[stop] : of.column[stop] + 6]
+                errors_of_stops[stop] = columns[layout.column[stop] : layout.column[stop] + 6]
         for robot in set(self.robot_of_stop):
-            mine = [k for k, name in enumerate(self.robot_of_stop) if name == robot]
-            for where, by_stop in of.shared_columns(robot):
-                out[mine] += by_stop @ columns[where]
-        return out
+            stops = [k for k, name in enumerate(self.robot_of_stop) if name == robot]
+            for places, by_stop in layout.shared_columns(robot):
+                errors_of_stops[stops] += by_stop @ columns[places]
+        return errors_of_stops
 
 
-EstimatesOf = Sequence[Mapping[str, ViewEstimates]]
+GroupEstimates = Sequence[Mapping[str, ViewEstimates]]
 """Results of `view_estimates`, by group."""
 
 
-def make_estimates(problem: Problem, state: State) -> EstimatesOf:
+def make_estimates(problem: Problem, state: State) -> GroupEstimates:
     """Estimate each view alone; the result serves all models of a state, whatever their shared errors."""
     shaped = shaped_targets(problem)
     return [
@@ -121,8 +121,8 @@ def mixed_model(
     problem: Problem,
     state: State,
     robots: Sequence[str],
-    kinds: Sequence[Mapping[str, SharedErrors]] = (),
-    estimates: EstimatesOf | None = None,
+    shared_errors: Sequence[Mapping[str, SharedErrors]] = (),
+    estimates: GroupEstimates | None = None,
 ) -> MixedModel:
     """Return the mixed model of a problem about a state.
 
@@ -130,25 +130,25 @@ def mixed_model(
         problem: The problem; stops of `robots` have unit sigmas, so that their errors are in metres and radians.
         state: The state.
         robots: Robots whose sigmas are to be estimated.
-        kinds: Shared errors by robot, one mapping for each kind.
+        shared_errors: Shared errors by robot, one mapping for each kind.
         estimates: Result of `make_estimates` for the problem and the state; None to compute it.
     """
-    layout = place_effects(problem, kinds)
+    layout = place_effects(problem, shared_errors)
     estimates = make_estimates(problem, state) if estimates is None else estimates
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, float]] = {}
     for number, group in enumerate(problem.groups):
         for name, view in estimates[number].items():
             key = (group.camera, name)
-            of = _moments(problem, number, state, view, layout)
-            parts[key] = of if key not in parts else parts[key] + of
-            before = white.get(key, (0.0, 0.0))
-            white[key] = (before[0] + view.white, before[1] + view.white_count)
+            moments = _moments(problem, number, state, view, layout)
+            parts[key] = moments if key not in parts else parts[key] + moments
+            white_before = white.get(key, (0.0, 0.0))
+            white[key] = (white_before[0] + view.white, white_before[1] + view.white_count)
     if problem.tied is not None:
         parts[SCENE, STATED] = _scene_moments(problem, problem.tied, state, layout)
     prior, gradient, cost = _prior(problem, state, layout)
     open_views = sorted(key for key in parts if key[1] != STATED)
-    sigmas = SigmaPlaces.sequential(open_views, robots, open_jitter(problem), len(kinds))
+    sigmas = SigmaPlaces.sequential(open_views, robots, open_jitter(problem), len(shared_errors))
     scaled = _sigma_indices(problem, layout, sigmas)
     robot_of_stop = problem.stops.robot
     return MixedModel(parts, problem.width, prior, gradient, cost, sigmas, *scaled, white, layout, robot_of_stop)
@@ -167,69 +167,69 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     n, rows = view.gradient.shape
     rows -= 0 if by_shape is None else by_shape.stop - by_shape.start  # rows of pose and lens
     fixed = np.zeros((n, rows, layout.width))
-    of_unknowns, columns = unknown_jacobian(problem, group, links, state, rows)
-    fixed[:, :, columns] = of_unknowns
-    errors, present = np.zeros((n, rows, layout.rows)), np.zeros((n, rows))
+    jacobian, columns = unknown_jacobian(problem, group, links, state, rows)
+    fixed[:, :, columns] = jacobian
+    errors, displacement = np.zeros((n, rows, layout.rows)), np.zeros((n, rows))
     block = np.full(n, -1, dtype=np.int64)
     noisy = [end for end in group.ends if end.has_noise]
     for end, (stop, by_error) in zip(
         noisy, stop_error_jacobians(group, links, state, problem.stops, rows), strict=True
     ):
-        present += (by_error @ state.stop_errors[stop][..., None])[..., 0]
-        _place(fixed, errors, block, stop, by_error, layout)
-        for where, by_stop in layout.shared_columns(end.robot or ""):
-            fixed[:, :, where] += by_error @ by_stop[end.stand]
+        displacement += (by_error @ state.stop_errors[stop][..., None])[..., 0]
+        _place_stop_errors(fixed, errors, block, stop, by_error, layout)
+        for shared_columns, by_stop in layout.shared_columns(end.robot or ""):
+            fixed[:, :, shared_columns] += by_error @ by_stop[end.stand]
     _place_jitter(errors, block, problem, number, layout)
-    carried = (view.information[..., :rows] @ present[..., None])[..., 0]
-    gradient = view.gradient - carried
-    squares = np.vecdot(present, (carried - 2 * view.gradient)[:, :rows])
-    about = replace(view, cost=view.cost + squares, gradient=gradient)
-    return _sum_views(about, fixed, errors, block, layout, by_shape)
+    weighted = (view.information[..., :rows] @ displacement[..., None])[..., 0]
+    gradient = view.gradient - weighted
+    squares = np.vecdot(displacement, (weighted - 2 * view.gradient)[:, :rows])
+    centred = replace(view, cost=view.cost + squares, gradient=gradient)
+    return _sum_views(centred, fixed, errors, block, layout, by_shape)
 
 
 def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Layout) -> Moments:
     """Moments of the static scene; the errors of its stops are all among the columns."""
-    about = linearise_scene(problem, scene, state)
-    fixed = np.zeros((len(about.gradient), layout.width))
-    fixed[:, : problem.width] = about.by_unknowns
-    fixed[:, (layout.column[scene.stops, None] + np.arange(6)).ravel()] = about.by_errors
+    equations = linearise_scene(problem, scene, state)
+    fixed = np.zeros((len(equations.gradient), layout.width))
+    fixed[:, : problem.width] = equations.by_unknowns
+    fixed[:, (layout.column[scene.stops, None] + np.arange(6)).ravel()] = equations.by_errors
     for group in scene.groups:
-        for where, shared in layout.shared_columns((group.eye.has_noise and group.eye.robot) or ""):
+        for shared_columns, shared in layout.shared_columns((group.eye.has_noise and group.eye.robot) or ""):
             stop, first = np.unique(group.eye.stop, return_index=True)
-            by_error = about.by_errors.reshape(len(fixed), -1, 6)[:, np.searchsorted(scene.stops, stop)]
-            moved = np.einsum("qkc,kcs->qs", by_error, shared[group.eye.stand[first]])
-            fixed[:, where] += moved
-    present = about.by_errors @ state.stop_errors[scene.stops].ravel()
-    carried = about.information @ present
-    cost = float(about.cost + present @ (carried - 2 * about.gradient))
+            by_error = equations.by_errors.reshape(len(fixed), -1, 6)[:, np.searchsorted(scene.stops, stop)]
+            jacobian = np.einsum("qkc,kcs->qs", by_error, shared[group.eye.stand[first]])
+            fixed[:, shared_columns] += jacobian
+    displacement = equations.by_errors @ state.stop_errors[scene.stops].ravel()
+    weighted = equations.information @ displacement
+    cost = float(equations.cost + displacement @ (weighted - 2 * equations.gradient))
     b, q, m = layout.blocks, layout.rows, layout.width
     errors = np.zeros((b, q)), np.zeros((b, q, m)), np.zeros((b, q, q))
-    both = fixed.T @ about.information @ fixed
-    return Moments(scene.count, cost, fixed.T @ (about.gradient - carried), errors[0], both, *errors[1:])
+    information = fixed.T @ equations.information @ fixed
+    return Moments(scene.count, cost, fixed.T @ (equations.gradient - weighted), errors[0], information, *errors[1:])
 
 
 def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int, layout: Layout) -> None:
     """Write the derivative of views with respect to timing jitter: per second if it is unstated, else per sigma."""
-    group, (own, row) = problem.groups[number], layout.jitter_rows[number]
-    here = np.flatnonzero(own >= 0)
-    if len(here):
-        unit = group.motion if group.camera in problem.open_jitter else problem.jitter_motion(group)
-        assert unit is not None
-        errors[here, :6, row[here]] = unit[here]
-        block[here] = own[here]
+    group, (own_block, row) = problem.groups[number], layout.jitter_rows[number]
+    views = np.flatnonzero(own_block >= 0)
+    if len(views):
+        motion = group.motion if group.camera in problem.open_jitter else problem.jitter_motion(group)
+        assert motion is not None
+        errors[views, :6, row[views]] = motion[views]
+        block[views] = own_block[views]
 
 
-def _place(
+def _place_stop_errors(
     fixed_effects: Array, errors: Array, block: IntArray, stop: IntArray, by_error: Array, layout: Layout
 ) -> None:
     """Add the derivative with respect to a robot's stop errors to the columns, or to rows of the views' blocks."""
     for row in range(0, layout.rows - 5, 6):
-        here = np.flatnonzero((layout.block[stop] >= 0) & (layout.row[stop] == row))
-        errors[here, :, row : row + 6] += by_error[here]
-        block[here] = layout.block[stop[here]]
+        views = np.flatnonzero((layout.block[stop] >= 0) & (layout.row[stop] == row))
+        errors[views, :, row : row + 6] += by_error[views]
+        block[views] = layout.block[stop[views]]
     for view in np.flatnonzero(layout.column[stop] >= 0):
-        at = layout.column[stop[view]]
-        fixed_effects[view, :, at : at + 6] += by_error[view]
+        first = layout.column[stop[view]]
+        fixed_effects[view, :, first : first + 6] += by_error[view]
 
 
 def _sum_views(
@@ -238,31 +238,31 @@ def _sum_views(
     """Sum the moments of views; the many columns of a shape are copied, since their Jacobian is the identity."""
     n, rows, _ = fixed_effects.shape
     gradient, information = view.gradient[:, :rows], view.information[:, :rows, :rows]
-    carried = information @ fixed_effects
+    weighted = information @ fixed_effects
     if by_shape is not None:
-        carried[..., by_shape] = view.information[:, :rows, rows:]
+        weighted[..., by_shape] = view.information[:, :rows, rows:]
     flat = fixed_effects.reshape(n * rows, layout.width)
-    by_fixed, both = flat.T @ gradient.ravel(), flat.T @ carried.reshape(n * rows, layout.width)
+    by_fixed, fixed_fixed = flat.T @ gradient.ravel(), flat.T @ weighted.reshape(n * rows, layout.width)
     if by_shape is not None:
         by_fixed[by_shape] = view.gradient[:, rows:].sum(0)
-        both[by_shape] = both[:, by_shape].T
-        both[by_shape, by_shape] = view.information[:, rows:, rows:].sum(0)
+        fixed_fixed[by_shape] = fixed_fixed[:, by_shape].T
+        fixed_fixed[by_shape, by_shape] = view.information[:, rows:, rows:].sum(0)
     blocks, q, m = layout.blocks, layout.rows, layout.width
     e, ef, ee = np.zeros((blocks, q)), np.zeros((blocks, q, m)), np.zeros((blocks, q, q))
-    for some, used in layout.chunks(m):
-        here = np.flatnonzero((block >= some.start) & (block < some.stop))
-        by_error = errors[here, :, used].mT
-        sums = GroupSums(block[here] - some.start, some.stop - some.start)
-        e[some, used] = sums.sum((by_error @ gradient[here][..., None])[..., 0])
-        ef[some, used] = sums.sum(by_error @ carried[here])
-        ee[some, used, used] = sums.sum(by_error @ information[here] @ errors[here, :, used])
-    return Moments(view.count, float(view.cost.sum()), by_fixed, e, both, ef, ee)
+    for chunk, used_rows in layout.chunks(m):
+        views = np.flatnonzero((block >= chunk.start) & (block < chunk.stop))
+        by_error = errors[views, :, used_rows].mT
+        sums = GroupSums(block[views] - chunk.start, chunk.stop - chunk.start)
+        e[chunk, used_rows] = sums.sum((by_error @ gradient[views][..., None])[..., 0])
+        ef[chunk, used_rows] = sums.sum(by_error @ weighted[views])
+        ee[chunk, used_rows, used_rows] = sums.sum(by_error @ information[views] @ errors[views, :, used_rows])
+    return Moments(view.count, float(view.cost.sum()), by_fixed, e, fixed_fixed, ef, ee)
 
 
 def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array, float]:
-    known, of_unknowns, total = prior_equations(problem, state)
-    prior, gradient, cost = np.eye(layout.width), np.zeros(layout.width), float(total)
-    prior[: problem.width, : problem.width], gradient[: problem.width] = known, of_unknowns
+    information, unknown_gradient, unknown_cost = prior_equations(problem, state)
+    prior, gradient, cost = np.eye(layout.width), np.zeros(layout.width), float(unknown_cost)
+    prior[: problem.width, : problem.width], gradient[: problem.width] = information, unknown_gradient
     for target, columns in layout.shapes.items():
         mean = problem.shapes.get(target, np.zeros(columns.stop - columns.start))
         gradient[columns] = mean
@@ -274,16 +274,16 @@ def _sigma_indices(problem: Problem, layout: Layout, sigmas: SigmaPlaces) -> tup
     """Indices of the sigmas of columns and of errors in blocks; see `MixedModel`."""
     column = np.full(layout.width, -1, dtype=np.int64)
     error = np.full((layout.blocks, layout.rows), -1, dtype=np.int64)
-    first = {robot: place.start for robot, place in sigmas.stops.items()}
-    of_robot = np.array([first.get(robot, -1) for robot in problem.stops.robot], dtype=np.int64)
-    which, six = of_robot[:, None] + np.repeat([0, 1], 3), np.arange(6)
-    tied, hub = ((of_robot >= 0) & (at >= 0) for at in (layout.block, layout.column))
-    error[layout.block[tied, None], layout.row[tied, None] + six] = which[tied]
-    column[layout.column[hub, None] + six] = which[hub]
-    for group, (own, row) in zip(problem.groups, layout.jitter_rows, strict=True):
+    sigma_of_robot = {robot: place.start for robot, place in sigmas.stops.items()}
+    first_sigma = np.array([sigma_of_robot.get(robot, -1) for robot in problem.stops.robot], dtype=np.int64)
+    sigma_index, axes = first_sigma[:, None] + np.repeat([0, 1], 3), np.arange(6)
+    tied, hub = ((first_sigma >= 0) & (place >= 0) for place in (layout.block, layout.column))
+    error[layout.block[tied, None], layout.row[tied, None] + axes] = sigma_index[tied]
+    column[layout.column[hub, None] + axes] = sigma_index[hub]
+    for group, (block, row) in zip(problem.groups, layout.jitter_rows, strict=True):
         if group.camera in sigmas.jitter:
-            error[own[own >= 0], row[own >= 0]] = sigmas.jitter[group.camera]
+            error[block[block >= 0], row[block >= 0]] = sigmas.jitter[group.camera]
     for columns, places in zip(layout.shared, sigmas.shared, strict=True):
-        for robot, (at, errors) in columns.items():
-            column[at : at + len(errors.is_turn)] = places[robot].start + errors.is_turn
+        for robot, (column_start, errors) in columns.items():
+            column[column_start : column_start + len(errors.is_turn)] = places[robot].start + errors.is_turn
     return column, error

@@ -41,7 +41,7 @@ class Neighbourhood:
     targets: frozenset[str]
 
 
-def goes_by_neighbourhoods(problem: Problem) -> bool:
+def uses_neighbourhoods(problem: Problem) -> bool:
     """Whether a problem has enough unknowns and robots to estimate its sigmas by neighbourhoods."""
     return problem.width >= MANY_COLUMNS and not problem.models and len(problem.robots) > 1
 
@@ -54,14 +54,16 @@ def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
     carrier = {group.camera: group.eye.robot or group.hand.robot for group in reversed(problem.groups)}
     holder = {group.target: group.hand.robot or group.eye.robot for group in reversed(problem.groups)}
     for robot in problem.robots:
-        few, own = some_views(problem.with_groups(g for g in problem.groups if g.robot_end(robot)), state, _MOST_VIEWS)
-        base = next((end.base for end in few.robot_ends(robot)), None)  # None for the reference
+        own_problem, own_state = some_views(
+            problem.with_groups(g for g in problem.groups if g.robot_end(robot)), state, _MOST_VIEWS
+        )
+        base = next((end.base for end in own_problem.robot_ends(robot)), None)  # None for the reference
         yield Neighbourhood(
             robot,
-            replace(few, columns=_columns(few, base)),
-            own,
-            frozenset(name for name, on in carrier.items() if on == robot),
-            frozenset(name for name, on in holder.items() if on == robot),
+            replace(own_problem, columns=_columns(own_problem, base)),
+            own_state,
+            frozenset(name for name, reporter in carrier.items() if reporter == robot),
+            frozenset(name for name, reporter in holder.items() if reporter == robot),
         )
 
 
@@ -71,21 +73,23 @@ def merge_estimates(estimates: Mapping[str, NoiseEstimate], parts: Mapping[str, 
     A robot's sigma is its posterior root mean square. With few views, the most likely value would make the result look
     too certain.
     """
-    variances = {robot: of.robot_variances[robot] for robot, of in estimates.items() if robot in of.robot_variances}
+    variances = {
+        robot: each.robot_variances[robot] for robot, each in estimates.items() if robot in each.robot_variances
+    }
     cameras: dict[str, Noise] = {}
     shapes: dict[str, tuple[Array, Array]] = {}
-    for robot, of in parts.items():
-        cameras |= {name: noise for name, noise in estimates[robot].cameras.items() if name in of.cameras}
-        shapes |= {name: shape for name, shape in estimates[robot].shapes.items() if name in of.targets}
+    for robot, each in parts.items():
+        cameras |= {name: noise for name, noise in estimates[robot].cameras.items() if name in each.cameras}
+        shapes |= {name: shape for name, shape in estimates[robot].shapes.items() if name in each.targets}
     return NoiseEstimate(
         next(iter(cameras.values()), Noise()),
         1.0,
-        tuple(f for f in Noise._fields if any(f in of.estimated for of in estimates.values())),
-        all(of.settled for of in estimates.values()),
-        {robot: np.sqrt(of) for robot, of in variances.items()},
+        tuple(f for f in Noise._fields if any(f in each.estimated for each in estimates.values())),
+        all(each.converged for each in estimates.values()),
+        {robot: np.sqrt(each) for robot, each in variances.items()},
         cameras,
-        minus_2_log_evidence=sum(of.minus_2_log_evidence for of in estimates.values()),
-        plain_minus_2_log_evidence=sum(of.plain_minus_2_log_evidence for of in estimates.values()),
+        minus_2_log_evidence=sum(each.minus_2_log_evidence for each in estimates.values()),
+        plain_minus_2_log_evidence=sum(each.plain_minus_2_log_evidence for each in estimates.values()),
         shapes=shapes,
         robot_variances=variances,
     )
@@ -93,8 +97,8 @@ def merge_estimates(estimates: Mapping[str, NoiseEstimate], parts: Mapping[str, 
 
 def _columns(problem: Problem, held_base: str | None) -> dict[str, slice]:
     """Columns of the unknowns that the problem's views depend on, without those of one base."""
-    named: set[str | None] = set()
+    names: set[str | None] = set()
     for group in problem.groups:
-        named |= {*group.frames, group.camera}
-    named.discard(held_base)
-    return sequential_columns({name: problem.column_width(name) for name in problem.columns if name in named})
+        names |= {*group.frames, group.camera}
+    names.discard(held_base)
+    return sequential_columns({name: problem.column_width(name) for name in problem.columns if name in names})

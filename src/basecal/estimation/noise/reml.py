@@ -31,9 +31,9 @@ from basecal.numerics.inverse_factors import inverse_factors
 from basecal.numerics.spectral import floored_spectrum
 
 _FLOOR = 1e-11  # smallest eigenvalue of the scaled information: four digits above rounding
-_ROUNDS_ONE = 1e12  # an entry of this size leaves four digits of an identity that is added to it
+_ROUNDING_SCALE = 1e12  # an entry of this size leaves four digits of an identity that is added to it
 _ROUNDING = 1e-13  # share of such entries that is added to keep the sum regular
-_NODES_AT_ONCE = 2**19  # numbers of an array over nodes and blocks: 4 MB, the fastest size from 2^15 to 2^21
+_CHUNK_NUMBERS = 2**19  # numbers of an array over nodes and blocks: 4 MB, the fastest size from 2^15 to 2^21
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +91,14 @@ class Posterior:
 
     def slope(self) -> Array:
         """Derivative of `value` with respect to the logarithms, (k,)."""
-        k, keys, of = len(self.logs), tuple(self.model.sigmas.views), self.model
-        only = len(self.model.parts) == 1 and not self.blocks.lost.any()
-        expected, squares = self._expected_by_sums(keys) if only else self._expected_by_blocks(keys)
-        open_errors = of.of_errors[of.of_errors >= 0]
+        k, keys, model = len(self.logs), tuple(self.model.sigmas.views), self.model
+        has_single_part = len(self.model.parts) == 1 and not self.blocks.lost.any()
+        expected, squares = self._expected_by_sums(keys) if has_single_part else self._expected_by_blocks(keys)
+        open_errors = model.of_errors[model.of_errors >= 0]
         slope = 2 * (np.bincount(open_errors, minlength=k) - expected)
-        scaled = of.of_columns >= 0
+        scaled = model.of_columns >= 0
         squares_of_columns = np.diag(self.spread) + self.mean_columns**2
-        slope += np.bincount(of.of_columns[scaled], 2 * (1 - squares_of_columns[scaled]), k)
+        slope += np.bincount(model.of_columns[scaled], 2 * (1 - squares_of_columns[scaled]), k)
         for i, key in enumerate(keys):
             total = self._squares_of_mean(key) + squares[i]
             slope[i] += 2 * (self.model.parts[key].count - np.exp(-2 * self.logs[i]) * total)
@@ -119,35 +119,39 @@ class Posterior:
         """Result of `_expected_by_blocks` if there is only one part, by sums over all blocks at half the cost.
 
         B is the part's information of errors, F that of errors and columns, w its weight. I + w u B u is the inverse of
-        `own`, and w u F x its product with `back`. The squares then follow from `back` and `own` alone.
+        `own`, and w u F x its product with `coefficients`. The squares then follow from `coefficients` and `own` alone.
         """
         k, own = len(self.logs), np.einsum("bqq->bq", self.blocks.own)
         sums = np.zeros((k + 1, *self.spread.shape))
-        for here in self.model.layout.chunks(len(self.spread)):
-            back, which = self._error_coefficients(here), self.model.of_errors[here]
-            for sigma in np.unique(which):
-                rows = back[which == sigma]
+        for chunk in self.model.layout.chunks(len(self.spread)):
+            coefficients, sigma_index = self._error_coefficients(chunk), self.model.of_errors[chunk]
+            for sigma in np.unique(sigma_index):
+                rows = coefficients[sigma_index == sigma]
                 sums[sigma] += rows.T @ rows
         x = scales(self.logs, self.model.of_columns)
         sums *= x[:, None] * x
         scaled = self.model.of_errors >= 0
-        alone = np.bincount(self.model.of_errors[scaled], (own + self.mean_errors**2)[scaled], k)
-        left = own.size - own.sum() - np.vdot(self.spread, self.blocks.explained + sums.sum(0))
-        return alone + np.tensordot(sums[:k], self.spread, 2), left * np.exp(2 * self.logs[: len(keys)])
+        errors_squared = np.bincount(self.model.of_errors[scaled], (own + self.mean_errors**2)[scaled], k)
+        squares = own.size - own.sum() - np.vdot(self.spread, self.blocks.explained + sums.sum(0))
+        return errors_squared + np.tensordot(sums[:k], self.spread, 2), squares * np.exp(2 * self.logs[: len(keys)])
 
     def _expected_by_blocks(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
         """Expected squares of errors by their sigma, (k,), and contribution of the errors' spread to each part."""
-        squares, of_errors = np.zeros(len(keys)), self.mean_errors**2
+        squares, errors_squared = np.zeros(len(keys)), self.mean_errors**2
         x = scales(self.logs, self.model.of_columns)
-        for here in self.model.layout.chunks(len(self.spread)):
-            back = self._error_coefficients(here) * x
-            across = (back.reshape(-1, back.shape[-1]) @ self.spread).reshape(back.shape)
-            covariance = self.blocks.own[*here, here[1]] + across @ back.mT
-            of_errors[here] += np.diagonal(covariance, axis1=-2, axis2=-1)
+        for chunk in self.model.layout.chunks(len(self.spread)):
+            coefficients = self._error_coefficients(chunk) * x
+            cross_covariance = (coefficients.reshape(-1, coefficients.shape[-1]) @ self.spread).reshape(
+                coefficients.shape
+            )
+            covariance = self.blocks.own[*chunk, chunk[1]] + cross_covariance @ coefficients.mT
+            errors_squared[chunk] += np.diagonal(covariance, axis1=-2, axis2=-1)
             for i, key in enumerate(keys):
-                squares[i] += _squares_of_spread(self.model.parts[key], self, here, across, covariance)
+                squares[i] += _squares_of_spread(self.model.parts[key], self, chunk, cross_covariance, covariance)
         scaled = self.model.of_errors >= 0
-        return np.bincount(self.model.of_errors[scaled], of_errors[scaled], len(self.logs)).astype(np.float64), squares
+        return np.bincount(self.model.of_errors[scaled], errors_squared[scaled], len(self.logs)).astype(
+            np.float64
+        ), squares
 
     def _error_coefficients(self, here: tuple[slice, slice]) -> Array:
         """Negative derivative of the errors of some blocks with respect to the unscaled columns, (b, q, m)."""
@@ -166,16 +170,16 @@ class Posterior:
         keys = tuple(self.model.sigmas.views)
         for i, key in enumerate(keys):
             weight = np.exp(-2 * self.logs[i])
-            own[i], columns[i], errors[i] = (weight * of for of in self._mean_moments[key])
+            own[i], columns[i], errors[i] = (weight * part for part in self._mean_moments[key])
         for i in range(len(keys), k):
             columns[i] = np.where(self.model.of_columns == i, self.mean_columns, 0.0)
             errors[i] = np.where(self.model.of_errors == i, self.mean_errors, 0.0)
             own[i] = np.sum(columns[i] ** 2) + np.sum(errors[i] ** 2)
-        carried = (self.blocks.own @ errors.transpose(1, 2, 0)).transpose(2, 0, 1).reshape(k, -1)
-        scaled = carried * scales(self.logs, self.model.of_errors).ravel()
+        products = (self.blocks.own @ errors.transpose(1, 2, 0)).transpose(2, 0, 1).reshape(k, -1)
+        scaled = products * scales(self.logs, self.model.of_errors).ravel()
         by_columns = scaled @ self.blocks.by_columns.reshape(-1, columns.shape[-1])
         reduced = columns - by_columns * scales(self.logs, self.model.of_columns)
-        by_errors = errors.reshape(k, -1) @ carried.T
+        by_errors = errors.reshape(k, -1) @ products.T
         return np.asarray(4 * (np.diag(own) - reduced @ self.spread @ reduced.T - by_errors))
 
 
@@ -184,12 +188,12 @@ def posterior(model: MixedModel, logs: Array) -> Posterior:
     b, q, m = *model.of_errors.shape, len(model.prior)
     own = np.broadcast_to(np.eye(q), (b, q, q)).copy()
     blocks = _Blocks(np.zeros((b, q)), own, np.zeros((b, q, m)), np.zeros(b), np.empty((m, m)))
-    equations = Equations(*(of[None] for of in _eliminate_errors(model, logs, blocks)))
-    known = take(_solve(equations, np.arange(m)), 0)
+    equations = Equations(*(part[None] for part in _eliminate_errors(model, logs, blocks)))
+    columns = take(_solve(equations, np.arange(m)), 0)
     # The errors are those at zero columns plus the change due to the columns' mean.
-    u, at = scales(logs, model.of_errors), known.mean * scales(logs, model.of_columns)
-    errors = -(blocks.alone + (blocks.own @ (u * (blocks.by_columns @ at))[..., None])[..., 0])
-    return Posterior(model, logs, float(known.value), known.mean, errors, known.spread, blocks)
+    u, scaled_columns = scales(logs, model.of_errors), columns.mean * scales(logs, model.of_columns)
+    errors = -(blocks.alone + (blocks.own @ (u * (blocks.by_columns @ scaled_columns))[..., None])[..., 0])
+    return Posterior(model, logs, float(columns.value), columns.mean, errors, columns.spread, blocks)
 
 
 def _weights(model: MixedModel, logs: Array) -> dict[tuple[str, str], Array]:
@@ -223,14 +227,14 @@ def node_equations(model: MixedModel, nodes: Array) -> list[Equations]:
 
     Nodes are processed in chunks, since the overhead of NumPy's calls is half the time if they are processed singly.
     """
-    parts = chunks(len(nodes), model.of_errors.size, len(model.prior), _NODES_AT_ONCE)
-    return [_eliminate_errors(model, nodes[here]) for here in parts]
+    parts = chunks(len(nodes), model.of_errors.size, len(model.prior), _CHUNK_NUMBERS)
+    return [_eliminate_errors(model, nodes[chunk]) for chunk in parts]
 
 
 def solve_columns(equations: Iterable[Equations], columns: IntArray) -> Columns:
     """Solve for some columns, (c,), at all nodes of the sigmas."""
-    found = [_solve(each, columns) for each in equations]
-    return Columns(*(np.concatenate([getattr(of, name) for of in found]) for name in ("value", "mean", "spread")))
+    parts = [_solve(each, columns) for each in equations]
+    return Columns(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("value", "mean", "spread")))
 
 
 class Equations(NamedTuple):
@@ -254,19 +258,19 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
     weights = _weights(model, logs)
     x, u = scales(logs, model.of_columns), scales(logs, model.of_errors)
     cost, fixed, fixed_fixed = _weigh(model, weights, ("cost", "fixed", "fixed_fixed"), ...)
-    counted = sum(2 * model.parts[key].count * logs[..., at] for key, at in model.sigmas.views.items())
-    value, m = counted + cost + model.prior_cost, x.shape[-1]
+    log_dets_of_sigmas = sum(2 * model.parts[key].count * logs[..., at] for key, at in model.sigmas.views.items())
+    value, m = log_dets_of_sigmas + cost + model.prior_cost, x.shape[-1]
     explained, by_errors = np.zeros(fixed_fixed.shape), np.zeros(x.shape)
-    for here in model.layout.chunks(m):
-        square = (*here, here[1])
-        scale = u[..., *here]
-        bu, ux = _weigh(model, weights, ("errors", "errors_fixed"), here)
+    for chunk in model.layout.chunks(m):
+        square = (*chunk, chunk[1])
+        scale = u[..., *chunk]
+        bu, ux = _weigh(model, weights, ("errors", "errors_fixed"), chunk)
         (uu,) = _weigh(model, weights, ("errors_errors",), square)
         uu *= scale[..., :, None]
         uu *= scale[..., None, :]
         uu = with_identity(uu, np.ones(uu.shape[:-2]))
-        lost = _rounding_loss(uu)
-        root, log_dets = inverse_factors(uu if lost is None else with_identity(uu, lost))
+        rounding_loss = _rounding_loss(uu)
+        root, log_dets = inverse_factors(uu if rounding_loss is None else with_identity(uu, rounding_loss))
         scaled = root * scale[..., None, :]
         whitened, cu = scaled @ ux, (scaled @ bu[..., None])[..., 0]
         flat, flat_cu = whitened.reshape(*logs.shape[:-1], -1, m), cu.reshape(*logs.shape[:-1], -1)
@@ -274,10 +278,10 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
         explained += flat.mT @ flat
         value = value + log_dets.sum(-1) - np.sum(flat_cu**2, -1)
         if blocks is not None:
-            blocks.alone[here] = (root.mT @ cu[..., None])[..., 0]
+            blocks.alone[chunk] = (root.mT @ cu[..., None])[..., 0]
             np.matmul(root.mT, root, out=blocks.own[square])
-            blocks.by_columns[here] = ux
-            blocks.lost[here[0]] = 0.0 if lost is None else lost
+            blocks.by_columns[chunk] = ux
+            blocks.lost[chunk[0]] = 0.0 if rounding_loss is None else rounding_loss
     by_scales = x[..., :, None] * x[..., None, :]
     explained *= by_scales
     if blocks is not None:
@@ -297,12 +301,12 @@ def _solve(equations: Equations, columns: IntArray) -> Columns:
     right[..., -1] = equations.gradient * size
     try:
         factor = np.linalg.cholesky(scaled + _FLOOR * np.eye(size.shape[-1]))
-        white = np.array([dtrtrs(lower.T, of, trans=1)[0] for lower, of in zip(factor, right, strict=True)])
+        whitened = np.array([dtrtrs(lower.T, rows, trans=1)[0] for lower, rows in zip(factor, right, strict=True)])
         log_det = 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(-1)
     except np.linalg.LinAlgError:
-        held = floored_spectrum(scaled, _FLOOR)
-        white, log_det = held.inverse_root.mT @ right, held.log_det
-    root, force = white[..., :-1], white[..., -1:]
+        decomposed = floored_spectrum(scaled, _FLOOR)
+        whitened, log_det = decomposed.inverse_root.mT @ right, decomposed.log_det
+    root, force = whitened[..., :-1], whitened[..., -1:]
     value = equations.value - np.sum(force**2, (-2, -1)) + log_det - 2 * np.log(size).sum(-1)
     return Columns(value, -(root.mT @ force)[..., 0], root.mT @ root)
 
@@ -310,7 +314,7 @@ def _solve(equations: Equations, columns: IntArray) -> Columns:
 def _rounding_loss(matrices: Array) -> Array | None:
     """Multiple of I that keeps I + S regular, (...), if I is lost in rounding; None if no matrix needs it."""
     size = np.einsum("...ii->...i", matrices).max(axis=-1)  # the largest entry of a positive definite matrix
-    large = size > _ROUNDS_ONE
+    large = size > _ROUNDING_SCALE
     return np.where(large, _ROUNDING * size, 0.0) if large.any() else None
 
 
@@ -334,14 +338,14 @@ def _weigh(model: MixedModel, weights: dict[tuple[str, str], Array], fields: tup
 
 
 def _squares_of_spread(
-    part: Moments, posterior: Posterior, here: tuple[slice, slice], spread: Array, covariance: Array
+    part: Moments, posterior: Posterior, here: tuple[slice, slice], cross_covariance: Array, covariance: Array
 ) -> float:
     """Contribution of the spread of some blocks' errors to a part's expected sum of squares."""
     x, u = scales(posterior.logs, posterior.model.of_columns), scales(posterior.logs, posterior.model.of_errors[here])
-    by_x = (spread.reshape(-1, len(x)) * x).reshape(spread.shape)
-    both = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
-    by_u = np.vdot(u, np.vecdot(part.errors_errors[*here, here[1]], u[:, None, :] * covariance))
-    return float(by_u - 2 * both)
+    by_x = (cross_covariance.reshape(-1, len(x)) * x).reshape(cross_covariance.shape)
+    cross_term = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
+    own_term = np.vdot(u, np.vecdot(part.errors_errors[*here, here[1]], u[:, None, :] * covariance))
+    return float(own_term - 2 * cross_term)
 
 
 def _part_moments(part: Moments, posterior: Posterior) -> tuple[float, Array, Array]:

@@ -18,7 +18,7 @@ def count_stops(problem: Problem, robot: str) -> int:
     return len(np.unique(np.concatenate(stands))) if stands else 0
 
 
-def stands(problem: Problem, robot: str) -> tuple[SE3, BoolArray]:
+def stop_poses(problem: Problem, robot: str) -> tuple[SE3, BoolArray]:
     """Recorded flange poses of all stops of a robot, (stops,), and a mask of the stops with views, (stops,)."""
     count = _highest_stand(problem, robot) + 1
     rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
@@ -38,7 +38,8 @@ def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:
     """
     kept = np.array([name not in sigmas for name in problem.stops.robot], dtype=bool)
     renumbered = np.cumsum(kept) - 1  # new numbers of the stops that are kept
-    sigma, names = [problem.stops.sigma[kept]], [n for n, k in zip(problem.stops.robot, kept, strict=True) if k]
+    sigma = [problem.stops.sigma[kept]]
+    names = [name for name in problem.stops.robot if name not in sigmas]
     first: dict[str, int] = {}
     for robot in sorted(sigmas):
         count = _highest_stand(problem, robot) + 1
@@ -59,11 +60,11 @@ def _highest_stand(problem: Problem, robot: str) -> int:
     return max((*highest, problem.stands.get(robot, 0) - 1))
 
 
-def _renumber(end: End, rows: IntArray, first: Mapping[str, int]) -> End:
+def _renumber(end: End, numbers: IntArray, first: Mapping[str, int]) -> End:
     """Return an end with renumbered rows of its stops' errors."""
     if end.robot is not None and end.robot in first:
         return replace(end, stop=end.stand + first[end.robot])
-    return replace(end, stop=np.append(rows, -1)[end.stop])
+    return replace(end, stop=np.append(numbers, -1)[end.stop])
 
 
 def some_views(problem: Problem, state: State, max_count: int) -> tuple[Problem, State]:
@@ -80,20 +81,21 @@ def some_views(problem: Problem, state: State, max_count: int) -> tuple[Problem,
     row = np.full(len(seen), -1, dtype=np.int64)
     row[kept] = np.arange(len(kept))
     stops = Stops(problem.stops.sigma[kept], tuple(problem.stops.robot[k] for k in kept))
-    taken = (group.with_ends(lambda end: replace(end, stop=row[end.stop])) for group in groups)
-    return replace(problem.with_groups(taken), stops=stops, tied=None), replace(
-        state, stop_errors=state.stop_errors[kept]
-    )
+    renumbered = (group.with_ends(lambda end: replace(end, stop=row[end.stop])) for group in groups)
+    few = replace(problem.with_groups(renumbered), stops=stops, tied=None)
+    return few, replace(state, stop_errors=state.stop_errors[kept])
 
 
 def recorded_subset(problem: Problem, state: State, max_count: int) -> tuple[Problem, State]:
     """Return the subset of `some_views`, with the robots' stops numbered as if only these views were recorded."""
     few, state = some_views(problem, state, max_count)
-    known = {r: np.unique(np.concatenate([end.stand for end in few.robot_ends(r)])) for r in few.robots}
+    recorded = {r: np.unique(np.concatenate([end.stand for end in few.robot_ends(r)])) for r in few.robots}
 
     def renumber(end: End) -> End:
         """Renumber the stops of an end among its robot's stops in these views."""
-        return end if end.robot is None else replace(end, stand=np.searchsorted(known[end.robot], end.stand))
+        return end if end.robot is None else replace(end, stand=np.searchsorted(recorded[end.robot], end.stand))
 
-    taken = (group.with_ends(renumber) for group in few.groups)
-    return replace(few.with_groups(taken), stands={robot: len(of) for robot, of in known.items()}), state
+    renumbered = (group.with_ends(renumber) for group in few.groups)
+    return replace(
+        few.with_groups(renumbered), stands={robot: len(stands) for robot, stands in recorded.items()}
+    ), state

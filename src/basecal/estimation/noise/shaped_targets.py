@@ -14,7 +14,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
 
 _FEWEST_POINTS = 9  # with fewer points, such as a tag's four corners, shape and pose are hardly separable; assumed
-_MOST_IN_SPACE = 40  # maximum number of points of a 3-D target, with three unknowns each, to bound the time; assumed
+_MOST_POINTS_3D = 40  # maximum number of points of a 3-D target, with three unknowns each, to bound the time; assumed
 
 
 def shaped_targets(problem: Problem) -> dict[str, int]:
@@ -24,16 +24,16 @@ def shaped_targets(problem: Problem) -> dict[str, int]:
     sigmas of its pixels are stated.
     """
     open_groups = (group for group in problem.groups if group.target not in problem.exact_targets)
-    counts = {group.target: _coefficients(group) for group in open_groups}
+    counts = {group.target: _coefficient_count(group) for group in open_groups}
     return {target: count for target, count in counts.items() if count}
 
 
-def _coefficients(group: ViewGroup) -> int:
+def _coefficient_count(group: ViewGroup) -> int:
     points = shaped_points(group)
     if len(points) < _FEWEST_POINTS:
         return 0
     if not is_flat(points):
-        return points.size if len(points) <= _MOST_IN_SPACE else 0
+        return points.size if len(points) <= _MOST_POINTS_3D else 0
     unstated = group.measurement.counts()["pixel_px"] > 0
     return BOW_COEFFICIENTS if unstated and has_area(points) else 0
 

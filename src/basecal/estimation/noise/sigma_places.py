@@ -30,17 +30,17 @@ class SigmaPlaces:
 
     @staticmethod
     def sequential(
-        views: Sequence[tuple[str, str]], robots: Sequence[str], cameras: Sequence[str], kinds: int
+        views: Sequence[tuple[str, str]], robots: Sequence[str], cameras: Sequence[str], kind_count: int
     ) -> SigmaPlaces:
         """Number sigmas consecutively: of views, robots, cameras with jitter, and kinds of shared errors of robots."""
-        of_views = {key: number for number, key in enumerate(views)}
-        of_stops, at = _pairs(robots, len(of_views))
-        of_jitter = {camera: at + number for number, camera in enumerate(cameras)}
-        shared, count = list[Mapping[str, slice]](), at + len(of_jitter)
-        for _ in range(kinds):
-            of_kind, count = _pairs(robots, count)
+        views_index = {key: number for number, key in enumerate(views)}
+        of_stops, count = _number_pairs(robots, len(views_index))
+        of_jitter = {camera: count + number for number, camera in enumerate(cameras)}
+        shared, count = list[Mapping[str, slice]](), count + len(of_jitter)
+        for _ in range(kind_count):
+            of_kind, count = _number_pairs(robots, count)
             shared.append(of_kind)
-        return SigmaPlaces(of_views, of_stops, of_jitter, tuple(shared), count)
+        return SigmaPlaces(views_index, of_stops, of_jitter, tuple(shared), count)
 
     @property
     def is_of_views(self) -> BoolArray:
@@ -48,7 +48,7 @@ class SigmaPlaces:
         return np.isin(np.arange(self.count), list(self.views.values()))
 
 
-def _pairs(names: Sequence[str], first: int) -> tuple[dict[str, slice], int]:
+def _number_pairs(names: Sequence[str], first: int) -> tuple[dict[str, slice], int]:
     """Two consecutive indices for each name, starting at `first`, and the next free index."""
     places = {name: slice(first + 2 * k, first + 2 * k + 2) for k, name in enumerate(names)}
     return places, first + 2 * len(places)

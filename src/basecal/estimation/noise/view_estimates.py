@@ -53,12 +53,12 @@ def view_estimates(
         by_shape: Derivative of the target's points with respect to its shape, (p, 3, k) [m]; None if not estimated.
     """
     camera = state.cameras.get(group.camera)
-    at = state.camera_from_target(group, problem.stops)
+    camera_from_target = state.camera_from_target(group, problem.stops)
     lens = group.camera in problem.columns
     counts = group.measurement.counts()
     return {
         name: _estimates(view, counts.get(name, 0), by_shape)
-        for name, view in _parts(group.measurement, at, camera, lens, by_shape).items()
+        for name, view in _parts(group.measurement, camera_from_target, camera, lens, by_shape).items()
     }
 
 
@@ -76,10 +76,10 @@ def _parts(
     parts = {STATED: information(_INFINITE_NOISE)} if counts.get(STATED) else {}
     for name, count in counts.items():
         if name != STATED and count:
-            both = information(_INFINITE_NOISE._replace(**{name: 1.0}))
+            combined = information(_INFINITE_NOISE._replace(**{name: 1.0}))
             stated = parts.get(STATED)
             parts[name] = (
-                both if stated is None else ViewInformation(*(b - s for b, s in zip(both, stated, strict=True)))
+                combined if stated is None else ViewInformation(*(b - s for b, s in zip(combined, stated, strict=True)))
             )
     return parts
 
@@ -88,8 +88,11 @@ def _estimates(view: ViewInformation, total: int, by_shape: Array | None) -> Vie
     if by_shape is not None and by_shape.shape[-1] == by_shape[..., 0].size:
         # If each point may have its own error in the target, no residual is noise of single points alone.
         return ViewEstimates(*view, total, 0.0, 0)
-    of = spectrum(view.information)
-    counted = of.add_ridge(VIEW_ROUNDING)
-    own, count = counted.squared_mahalanobis(view.gradient), float((of.values / counted.values).clip(0.0).sum())
-    white = max(float(view.cost.sum() - own.sum()), 0.0)
-    return ViewEstimates(own, view.gradient, view.information, count, white, max(total - count, 0.0))
+    decomposed = spectrum(view.information)
+    with_ridge = decomposed.add_ridge(VIEW_ROUNDING)
+    excess, count = (
+        with_ridge.squared_mahalanobis(view.gradient),
+        float((decomposed.values / with_ridge.values).clip(0.0).sum()),
+    )
+    white = max(float(view.cost.sum() - excess.sum()), 0.0)
+    return ViewEstimates(excess, view.gradient, view.information, count, white, max(total - count, 0.0))

@@ -60,36 +60,36 @@ class Motion:
 
 def motions(problem: Problem) -> dict[str, Motion]:
     """Motion of each robot of the views, by name."""
-    found, least = {}, _least_motion(problem)
+    by_robot, least = {}, _least_motion(problem)
     for robot, base_from_flange in _poses(problem).items():
         first = base_from_flange[0]
-        turns = SE3(base_from_flange.rotation @ first.rotation.T, np.zeros((len(base_from_flange), 3))).rotvec
-        axes = principal_axes(turns).axes
-        about = np.abs(turns @ axes).max(axis=0)
-        order = np.argsort(-about)
+        rotvecs = SE3(base_from_flange.rotation @ first.rotation.T, np.zeros((len(base_from_flange), 3))).rotvec
+        axes = principal_axes(rotvecs).axes
+        extents = np.abs(rotvecs @ axes).max(axis=0)
+        order = np.argsort(-extents)
         travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
-        twists = _indistinct(base_from_flange, least.get(robot, LEAST_RMS))[0]
+        twists = _indistinct_twists(base_from_flange, least.get(robot, LEAST_RMS))[0]
         count = len({int(n) for g in problem.all_groups if g.robot_end(robot) for n in g.sample})
-        found[robot] = Motion(robot, count, travel, about[order], axes[:, order], _orientations(turns), twists)
-    return found
+        by_robot[robot] = Motion(robot, count, travel, extents[order], axes[:, order], _orientations(rotvecs), twists)
+    return by_robot
 
 
 def _poses(problem: Problem) -> dict[str, SE3]:
     """Recorded poses of each robot, (n,), one per view, by name."""
-    found = {robot: [end.base_from_flange for end in problem.robot_ends(robot)] for robot in problem.robots}
-    return {robot: concatenate(found[robot]) for robot in sorted(found)}
+    parts = {robot: [end.base_from_flange for end in problem.robot_ends(robot)] for robot in problem.robots}
+    return {robot: concatenate(parts[robot]) for robot in sorted(parts)}
 
 
-def _orientations(turns: Array) -> int:
+def _orientations(rotvecs: Array) -> int:
     """Number of distinct orientations, up to three, from rotation vectors relative to the first, (n, 3) [rad]."""
-    rotations = SE3.from_rotvec(turns, np.zeros_like(turns))
-    apart = np.ones(len(turns), dtype=bool)
+    rotations = SE3.from_rotvec(rotvecs, np.zeros_like(rotvecs))
+    is_left = np.ones(len(rotvecs), dtype=bool)
     for count in range(_FEWEST_ORIENTATIONS):
-        left = np.flatnonzero(apart)
-        if not len(left):
+        remaining = np.flatnonzero(is_left)
+        if not len(remaining):
             return count
-        off = (rotations[int(left[0])].inverse() @ rotations).rotvec
-        apart &= np.linalg.norm(off, axis=-1) > STILL_RAD
+        differences = (rotations[int(remaining[0])].inverse() @ rotations).rotvec
+        is_left &= np.linalg.norm(differences, axis=-1) > STILL_RAD
     return _FEWEST_ORIENTATIONS
 
 
@@ -99,19 +99,19 @@ def _least_motion(problem: Problem) -> dict[str, float]:
     return {name: max(LEAST_RMS, _NOISE_SIGMAS * largest) for name, largest in noise.items()}
 
 
-def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
+def _indistinct_twists(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
     """Twists of the base that all poses map to one twist of the flange, and this twist, (k, 6) each [m, rad].
 
     Args:
         base_from_flange: (n,) poses.
         least: Largest RMS difference of the mapped twists [rad], with 0.5 m equal to 1 rad.
     """
-    carried = base_from_flange.inverse().adjoint() * MOVE_SCALE / MOVE_SCALE[:, None]
-    mean = carried.mean(0)
-    off = (carried - mean).reshape(-1, 6)
-    differing = scaled_spectrum(off.T @ off / len(carried), least**2)
-    alike = differing.vectors[:, ~differing.held]
-    return alike.T * MOVE_SCALE, (mean @ alike).T * MOVE_SCALE
+    adjoints = base_from_flange.inverse().adjoint() * MOVE_SCALE / MOVE_SCALE[:, None]
+    mean = adjoints.mean(0)
+    deviations = (adjoints - mean).reshape(-1, 6)
+    scatter = scaled_spectrum(deviations.T @ deviations / len(adjoints), least**2)
+    constant = scatter.vectors[:, ~scatter.is_informative]
+    return constant.T * MOVE_SCALE, (mean @ constant).T * MOVE_SCALE
 
 
 def null_directions(problem: Problem, state: State) -> Array:
@@ -120,31 +120,29 @@ def null_directions(problem: Problem, state: State) -> Array:
     Each direction moves a robot's base and the mounts on its flange without effect on the views. Directions that would
     move a fixed transform are left out. With a target of one point, more directions may be unobservable.
     """
-    found, least = [], _least_motion(problem)
+    directions, least = [], _least_motion(problem)
     for robot, poses in _poses(problem).items():
-        at_base, at_flange = _indistinct(poses, least.get(robot, LEAST_RMS))
-        found += [_direction(problem, state, robot, *pair) for pair in zip(at_base, at_flange, strict=True)]
-    loose = [direction for direction in found if direction is not None]
-    return np.stack(loose, axis=1) if loose else np.zeros((problem.width, 0))
+        at_base, at_flange = _indistinct_twists(poses, least.get(robot, LEAST_RMS))
+        directions += [_direction(problem, state, robot, *pair) for pair in zip(at_base, at_flange, strict=True)]
+    free = [direction for direction in directions if direction is not None]
+    return np.stack(free, axis=1) if free else np.zeros((problem.width, 0))
 
 
-def _direction(problem: Problem, state: State, robot: str, base_rotvec: Array, flange_rotvec: Array) -> Array | None:
+def _direction(problem: Problem, state: State, robot: str, base_twist: Array, flange_twist: Array) -> Array | None:
     """Direction of the unknowns, (p,), for a twist of a robot's base and the opposite twist of its mounts.
 
     None if one of the transforms is fixed.
     """
     direction = np.zeros(problem.width)
-    parts = [(name, -flange_rotvec) for name in mount_names(problem, robot)]
-    parts += [
-        (name, -base_rotvec if robot == problem.reference else base_rotvec) for name in base_names(problem, robot)
-    ]
-    for name, twist in parts:
-        where = problem.columns.get(name)
-        if where is None:
+    twists = [(name, -flange_twist) for name in mount_names(problem, robot)]
+    twists += [(name, -base_twist if robot == problem.reference else base_twist) for name in base_names(problem, robot)]
+    for name, twist in twists:
+        columns = problem.columns.get(name)
+        if columns is None:
             return None
-        inward = name in mount_names(problem, robot) or robot == problem.reference
-        tangent = state.transforms[name].inverse().adjoint() @ twist if inward else twist
-        direction[where] = tangent[: where.stop - where.start]
+        is_in_parent = name in mount_names(problem, robot) or robot == problem.reference
+        tangent = state.transforms[name].inverse().adjoint() @ twist if is_in_parent else twist
+        direction[columns] = tangent[: columns.stop - columns.start]
     return direction
 
 

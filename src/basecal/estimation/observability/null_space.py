@@ -62,31 +62,31 @@ def separate_null_space(problem: Problem, state: State, vectors: Array, scale: A
         scale: (p,) unit of each column [m, rad, px].
     """
     others = [n for n in problem.columns if n not in problem.unknowns]
-    rest, of_others = _split_basis(vectors, problem.column_indices(others))
+    of_transforms, of_others = _split_basis(vectors, problem.column_indices(others))
     rotating = [row for n in problem.columns if n in problem.unknowns for row in problem.column_indices([n])[3:]]
-    translations, rotations = _split_basis(rest, np.array(rotating, dtype=np.int64))
-    found = [_other_direction(problem, of_others[:, [k]]) for k in range(of_others.shape[1])]
+    translations, rotations = _split_basis(of_transforms, np.array(rotating, dtype=np.int64))
+    directions = [_other_direction(problem, of_others[:, [k]]) for k in range(of_others.shape[1])]
     for space, is_rotation in ((translations, False), (rotations, True)):
         for cluster in _clusters(problem, space):
             # A basis of the part of the space that moves the cluster.
             rows = problem.column_indices(cluster)
-            turned = sort_by_share(space, rows)
-            basis = np.zeros((len(space), int(np.sum(turned.share > _LITTLE_SHARE))))
-            basis[rows] = turned.basis[rows, : basis.shape[1]] / turned.share[: basis.shape[1]]
-            found += _cluster_directions(problem, state, basis, cluster, scale, is_rotation)
-    return tuple(found)
+            rotated = sort_by_share(space, rows)
+            basis = np.zeros((len(space), int(np.sum(rotated.share > _LITTLE_SHARE))))
+            basis[rows] = rotated.basis[rows, : basis.shape[1]] / rotated.share[: basis.shape[1]]
+            directions += _cluster_directions(problem, state, basis, cluster, scale, is_rotation)
+    return tuple(directions)
 
 
 def orthonormal_rows(rows: Array) -> Array:
     """Orthonormal basis, (k, n), of the span of rows, without directions of small extent."""
-    of = principal_axes(rows, _LITTLE_SHARE)
-    return of.axes.T[: of.dimension]
+    principal = principal_axes(rows, _LITTLE_SHARE)
+    return principal.axes.T[: principal.dimension]
 
 
 def _split_basis(vectors: Array, rows: IntArray) -> tuple[Array, Array]:
     """Split a basis into a part with little motion of some rows, and the rest."""
-    turned = sort_by_share(vectors, rows)
-    return turned.basis[:, turned.share <= _LITTLE_SHARE], turned.basis[:, turned.share > _LITTLE_SHARE]
+    rotated = sort_by_share(vectors, rows)
+    return rotated.basis[:, rotated.share <= _LITTLE_SHARE], rotated.basis[:, rotated.share > _LITTLE_SHARE]
 
 
 def _other_direction(problem: Problem, direction: Array) -> NullDirection:
@@ -98,11 +98,11 @@ def _other_direction(problem: Problem, direction: Array) -> NullDirection:
         return NullDirection("lens", names, np.zeros((0, 6)))
     model = next(model for model in problem.models.values() if main in model.names)
     kind = model.names[main]
-    found = NullDirection("robot parameters", names, np.zeros((0, 6)), model.robot, kind)
+    null_direction = NullDirection("robot parameters", names, np.zeros((0, 6)), model.robot, kind)
     if not ROBOT_PARAMETERS[kind].is_by_joint:
-        return found
+        return null_direction
     joint = int(np.argmax(np.abs(model.columns[kind].basis @ _block(problem, direction, main))))
-    return replace(found, joint=joint, joint_name=model.chain.joint_names[joint])
+    return replace(null_direction, joint=joint, joint_name=model.chain.joint_names[joint])
 
 
 def _clusters(problem: Problem, space: Array) -> list[list[str]]:
@@ -115,8 +115,10 @@ def _clusters(problem: Problem, space: Array) -> list[list[str]]:
     clusters: list[list[str]] = []
     for name in names:
         own = _block(problem, space, name)
-        alike = {other for other in names if np.linalg.norm(own @ _block(problem, space, other).T) > _LEAST_CORRELATION}
-        touching = [c for c in clusters if not alike.isdisjoint(c)]
+        correlated = {
+            other for other in names if np.linalg.norm(own @ _block(problem, space, other).T) > _LEAST_CORRELATION
+        }
+        touching = [c for c in clusters if not correlated.isdisjoint(c)]
         clusters = [c for c in clusters if c not in touching] + [[n for c in touching for n in c] + [name]]
     return clusters
 
@@ -130,26 +132,28 @@ def _cluster_directions(
     problem: Problem, state: State, space: Array, cluster: Sequence[str], scale: Array, is_rotation: bool
 ) -> list[NullDirection]:
     """Separate a space of translations or rotations of a cluster by main unknowns, the largest motion first."""
-    found: list[NullDirection] = []
+    directions: list[NullDirection] = []
     while space.shape[1]:
         # The unknown that moves most; among similar ones the first, a base before mounts.
         size = {name: float(np.linalg.norm(space[_rotation_rows(problem, name, is_rotation)])) for name in cluster}
         main = next(name for name in cluster if size[name] >= _MAIN_SHARE * max(size.values()))
-        turned = sort_by_share(space, _rotation_rows(problem, main, is_rotation))
-        moves = turned.share > _LITTLE_SHARE * turned.share[0]
-        own, space = turned.basis[:, moves], turned.basis[:, ~moves]
-        along = {name: float(np.linalg.norm(_block(problem, own, name))) for name in cluster}
-        names = (main, *(name for name in cluster if name != main and along[name] > _COUPLED_SHARE * along[main]))
-        at = state.transforms[main]
+        rotated = sort_by_share(space, _rotation_rows(problem, main, is_rotation))
+        moves = rotated.share > _LITTLE_SHARE * rotated.share[0]
+        own, space = rotated.basis[:, moves], rotated.basis[:, ~moves]
+        sizes = {name: float(np.linalg.norm(_block(problem, own, name))) for name in cluster}
+        names = (main, *(name for name in cluster if name != main and sizes[name] > _COUPLED_SHARE * sizes[main]))
+        parent_from_main = state.transforms[main]
         tangents = (own * scale[:, None])[problem.columns[main]].T
         if is_rotation:
-            twists = tangents @ at.adjoint().T
+            twists = tangents @ parent_from_main.adjoint().T
             parts = [twists] if len(twists) == 3 else twists[:, None]
-            found += [NullDirection("rotation", names, part) for part in parts]
+            directions += [NullDirection("rotation", names, part) for part in parts]
         else:
-            directions = orthonormal_rows(tangents[:, :3] @ at.rotation.T)
-            found.append(NullDirection("translation", names, np.hstack([directions, np.zeros_like(directions)])))
-    return found
+            translations = orthonormal_rows(tangents[:, :3] @ parent_from_main.rotation.T)
+            directions.append(
+                NullDirection("translation", names, np.hstack([translations, np.zeros_like(translations)]))
+            )
+    return directions
 
 
 def _rotation_rows(problem: Problem, name: str, is_rotation: bool) -> IntArray:

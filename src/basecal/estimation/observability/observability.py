@@ -41,7 +41,7 @@ class Observability:
         condition: Largest over smallest scaled sigma; infinite if a direction has no information.
         null_space: Unobservable directions, separated by kind.
         unobservable: Names of the transforms and lenses with an unobservable direction.
-        onto_held: (p, p) projection of a step that removes directions without information.
+        onto_informative: (p, p) projection of a step that removes directions without information.
         length_m: Length of the scene, the scale of translations: median distance of targets from cameras [m].
     """
 
@@ -49,7 +49,7 @@ class Observability:
     condition: float
     null_space: tuple[NullDirection, ...]
     unobservable: frozenset[str]
-    onto_held: Array
+    onto_informative: Array
     length_m: float = 1.0
 
 
@@ -60,26 +60,26 @@ def analyse_observability(problem: Problem, state: State, hessian: Array, factor
     length = _length(problem, state)
     scale = column_scales(problem, state, length)
     noise = max(factor, _SMALLEST_FACTOR)
-    of = _information_spectrum(problem, state, hessian, noise / _NO_INFORMATION_SIGMA**2, scale)
-    values, vectors, singular = of.values, of.vectors, ~of.held
-    inverse = of.inverse
-    onto_held = of.inverse_root @ of.root.T
-    lenses = [where for name, where in problem.columns.items() if name in problem.lenses]
-    distortion = [k for where in lenses for k in range(where.start + 4, where.stop)]
-    shaping = np.linalg.norm(vectors[distortion], axis=0) ** 2 > 0.5
-    null = singular | ((values < noise / UNOBSERVABLE_SIGMA**2) & ~shaping)
+    decomposed = _information_spectrum(problem, state, hessian, noise / _NO_INFORMATION_SIGMA**2, scale)
+    values, vectors, has_no_information = decomposed.values, decomposed.vectors, ~decomposed.is_informative
+    inverse = decomposed.inverse
+    onto_informative = decomposed.inverse_root @ decomposed.root.T
+    lenses = [columns for name, columns in problem.columns.items() if name in problem.lenses]
+    distortion = [k for columns in lenses for k in range(columns.start + 4, columns.stop)]
+    is_distortion = np.linalg.norm(vectors[distortion], axis=0) ** 2 > 0.5
+    null = has_no_information | ((values < noise / UNOBSERVABLE_SIGMA**2) & ~is_distortion)
     directions = separate_null_space(problem, state, vectors[:, null], scale) if np.any(null) else ()
     names = frozenset(
         name
-        for name, where in problem.columns.items()
-        if np.abs(vectors[where][:, singular]).max(initial=0.0) > TOUCHED_SHARE
-        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _required_columns(problem, name)].max(
+        for name, columns in problem.columns.items()
+        if np.abs(vectors[columns][:, has_no_information]).max(initial=0.0) > TOUCHED_SHARE
+        or np.sqrt(noise * np.diag(inverse)[columns] / scale[columns] ** 2)[: _required_columns(problem, name)].max(
             initial=0.0
         )
         > UNOBSERVABLE_SIGMA
     )
-    condition = float(np.sqrt(values[-1] / values[0])) if not np.any(singular) else float("inf")
-    return Observability(inverse, condition, directions, names, onto_held, length)
+    condition = float(np.sqrt(values[-1] / values[0])) if not np.any(has_no_information) else float("inf")
+    return Observability(inverse, condition, directions, names, onto_informative, length)
 
 
 def sparse_observability(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> Observability | None:
@@ -103,20 +103,24 @@ def condition_number(problem: Problem, state: State, hessian: SparseHessian, fac
 
 def _information_spectrum(problem: Problem, state: State, hessian: Array, least: float, scale: Array) -> Spectrum:
     """Scaled spectrum of the information; eigenvalues that are mainly due to priors are never treated as rounding."""
-    of = scaled_spectrum(_without_null_directions(problem, state, hessian), least, 1 / scale)
-    scaled = of.vectors / of.scale[:, None]
-    of_priors = np.sum(scaled * (prior_equations(problem, state)[0] @ scaled), axis=0)
-    return replace(of, held=of.held | ((of.values > least) & (of_priors > _PRIOR_SHARE * of.values)))
+    decomposed = scaled_spectrum(_without_null_directions(problem, state, hessian), least, 1 / scale)
+    scaled = decomposed.vectors / decomposed.scale[:, None]
+    prior_values = np.sum(scaled * (prior_equations(problem, state)[0] @ scaled), axis=0)
+    return replace(
+        decomposed,
+        is_informative=decomposed.is_informative
+        | ((decomposed.values > least) & (prior_values > _PRIOR_SHARE * decomposed.values)),
+    )
 
 
 def _without_null_directions(problem: Problem, state: State, hessian: Array) -> Array:
     """Remove the information in directions that the recorded poses leave unobservable, which is due to noise alone."""
-    loose = null_directions(problem, state)
-    if not loose.shape[1]:
+    null = null_directions(problem, state)
+    if not null.shape[1]:
         return hessian
-    carried = linearise(without_priors(problem), state).hessian @ loose
-    by_noise: Array = carried @ spectrum(loose.T @ carried).inverse @ carried.T
-    return hessian - 0.5 * (by_noise + by_noise.T)
+    products = linearise(without_priors(problem), state).hessian @ null
+    noise_information: Array = products @ spectrum(null.T @ products).inverse @ products.T
+    return hessian - 0.5 * (noise_information + noise_information.T)
 
 
 def is_informed(unknown: Unknown) -> bool:
@@ -142,13 +146,13 @@ def _required_columns(problem: Problem, name: str) -> int:
 def column_scales(problem: Problem, state: State, length: float) -> Array:
     """Scale of each column, (p,): length of the scene [m], 1 rad, focal length [px], 10 for a distortion term."""
     scale = np.ones(problem.width)
-    for name, where in problem.columns.items():
+    for name, columns in problem.columns.items():
         if name in problem.unknowns:
-            scale[where.start : where.start + 3] = length
+            scale[columns.start : columns.start + 3] = length
         elif name in problem.lenses:
             camera = state.cameras[name]
-            scale[where] = _DISTORTION_SCALE
-            scale[where.start : where.start + 4] = float(camera.focal.mean())
+            scale[columns] = _DISTORTION_SCALE
+            scale[columns.start : columns.start + 4] = float(camera.focal.mean())
     for model in problem.models.values():
         for name, kind in model.names.items():
             if name in problem.columns:
@@ -158,11 +162,11 @@ def column_scales(problem: Problem, state: State, length: float) -> Array:
 
 def _length(problem: Problem, state: State) -> float:
     """Median distance of targets from cameras [m]; for points measured in 3-D, the reach of the arms."""
-    few = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]
+    thinned = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]
     distances = [
         np.full(len(g), g.reach_m)
         if isinstance(g.measurement, PointMeasurement)
         else np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1)
-        for g in few
+        for g in thinned
     ]
     return max(float(np.median(np.concatenate(distances))), 1e-3) if distances else 1.0

@@ -11,7 +11,7 @@ from typing import TypeGuard
 
 import numpy as np
 
-from basecal.estimation.least_squares.studentized_residuals import studentize_views
+from basecal.estimation.least_squares.studentized_residuals import view_misfits
 from basecal.estimation.noise.estimate import CONTRADICTED, PLAUSIBLE_PX, UNSUSPECTED_PX
 from basecal.estimation.outliers.classify import Classification, is_stated
 from basecal.estimation.outliers.inlier_mask import InlierMask
@@ -113,7 +113,7 @@ def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ..
     found: tuple[float, tuple[int, ...]] = (np.inf, ())
     numbers, row = np.unique(np.concatenate([g.sample for g in problem.groups]), return_inverse=True)
     for state in states:
-        squares = studentize_views(problem, state)
+        squares = view_misfits(problem, state)
         sigmas = np.sqrt(np.concatenate([s.value / np.maximum(s.freedoms, 1) for s in squares]))
         worst = np.zeros(len(numbers))  # view of each sample
         np.maximum.at(worst, row, sigmas)

@@ -14,7 +14,7 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import BasecalError
-from basecal.estimation.least_squares.studentized_residuals import judged_by_view, studentize_views
+from basecal.estimation.least_squares.studentized_residuals import judged_by_view, view_misfits
 from basecal.estimation.outliers.classify import (
     Classification,
     classify_inliers,
@@ -215,7 +215,7 @@ def _find_consensus(full: Problem, inliers: InlierMask, state: State, settings: 
     full, inliers = _reread_views(full, inliers, state)
     masked = without_points(full, inliers.points)
     try:
-        squares = studentize_views(masked, state)
+        squares = view_misfits(masked, state)
     except np.linalg.LinAlgError:
         return None
     scale = view_scale(masked, squares)

@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.cell import Cell, Intrinsics
 from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust_batch
-from basecal.estimation.least_squares.studentized_residuals import studentize_views
+from basecal.estimation.least_squares.studentized_residuals import view_misfits
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.outliers.inlier_mask import select_samples
 from basecal.estimation.problem.correspondence import choose_correspondence
@@ -58,7 +58,7 @@ def score(problem: Problem, state: State, uses_stated_noise: bool) -> float:
 
     It is the negative log of a Cauchy likelihood with an optimised scale, which is at least one for stated sigmas.
     """
-    every = studentize_views(problem, state)
+    every = view_misfits(problem, state)
     value = np.minimum(np.concatenate([s.value for s in every]), _FARTHEST)
     freedoms = np.concatenate([s.freedoms for s in every])
     seen = freedoms > 0
@@ -139,7 +139,7 @@ def _concentrate(problem: Problem, states: Sequence[State]) -> list[State]:
     drawn = batch_states(problem, states)
     for _ in range(_CONCENTRATIONS):
         read, _ = choose_correspondence(problem, drawn)
-        squares = studentize_views(read, drawn)
+        squares = view_misfits(read, drawn)
         ratio = [np.minimum(s.value, _FARTHEST) / np.maximum(s.freedoms, 1) for s in squares]
         limit = np.quantile(np.concatenate(ratio, axis=-1), _CONCENTRATED, axis=-1)
         weights = [(r <= limit[:, None]).astype(np.float64) for r in ratio]

@@ -63,7 +63,7 @@ def _flatten_moves(moves: Array) -> Array:
 def determined_directions(moves: Array, other_moves: Array) -> Array:
     """Orthonormal basis, (k, r), of the moves that other moves cannot absorb; see `independent_moves`."""
     left = independent_moves(moves, other_moves)
-    return np.asarray(left.vectors[:, left.held])
+    return np.asarray(left.vectors[:, left.is_informative])
 
 
 def determined_joints(moves: Array, other_moves: Array) -> IntArray:
@@ -72,7 +72,7 @@ def determined_joints(moves: Array, other_moves: Array) -> IntArray:
     `moves` has one column per joint. If joints have equal shares in a gauge, the first is held.
     """
     of = independent_moves(moves, other_moves)
-    left, held = of.vectors[:, ~of.held], list[int]()
+    left, held = of.vectors[:, ~of.is_informative], list[int]()
     for _ in range(left.shape[1]):
         share = np.round(np.linalg.norm(left, axis=-1), _SHARE_DECIMALS)
         held.append(int(np.argmax(share)))

@@ -16,7 +16,7 @@ from basecal.estimation.scene.state import Columns, SceneState, column_jacobian,
 from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import Array, Camera, IntArray
 from basecal.numerics.batch import stack, take
-from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import Criteria, Quadratic, levenberg_marquardt
 
 _MOST_STEPS = 30  # most steps of one descent
 _SHARE_LEFT = 1e-3  # its square is the relative decrease of the cost that may remain at convergence
@@ -78,7 +78,7 @@ class SceneFit(Task):
 
 def adjust(task: Task, state: SceneState) -> SceneFit:
     """Optimise a task from an initial state."""
-    optima = levenberg_marquardt(_System(task), stack([state]), Stop(_MOST_STEPS, sigmas=_SHARE_LEFT))
+    optima = levenberg_marquardt(_System(task), stack([state]), Criteria(_MOST_STEPS, tolerance=_SHARE_LEFT))
     return scene_fit(task, take(optima.state, 0))
 
 

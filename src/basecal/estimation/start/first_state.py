@@ -17,7 +17,7 @@ import numpy as np
 from basecal.cell import Cell, Unknown
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust_batch
-from basecal.estimation.least_squares.studentized_residuals import studentize_views
+from basecal.estimation.least_squares.studentized_residuals import view_misfits
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.all_pairs import place_bases, placed_by_pairs
 from basecal.estimation.start.closed_form import Loop, Triple, solve_rotations, solve_translations
@@ -300,7 +300,7 @@ def cauchy_irls(problem: Problem, states: State) -> State:
     for _ in range(_HEAVY_ROUNDS):
         try:
             states = bundle_adjust_batch(problem, states, 1, _FIRST_STEPS if weights is None else 1, weights).state
-            ratios = [np.minimum(s.value, 1e30) / np.maximum(s.freedoms, 1) for s in studentize_views(problem, states)]
+            ratios = [np.minimum(s.value, 1e30) / np.maximum(s.freedoms, 1) for s in view_misfits(problem, states)]
         except np.linalg.LinAlgError:
             break
         scale = np.maximum(np.quantile(np.concatenate(ratios, -1), _SCALE_SHARE, axis=-1, keepdims=True), 1e-30)

@@ -19,7 +19,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, view_poses
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.numerics.batch import stack, take
-from basecal.numerics.levenberg_marquardt import Optima, Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import Criteria, Optima, levenberg_marquardt
 
 _FOCAL_GUESSES = (0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
 _MOST_VIEWS = 30
@@ -89,7 +89,7 @@ def _refine_lenses(
     start: _Lenses, measurements: Sequence[PixelMeasurement], iterations: int, free: NDArray[np.intp]
 ) -> Optima[_Lenses, _About]:
     """Optimise the poses of all views and the free terms of the lenses."""
-    return levenberg_marquardt(_Views(measurements, free), start, Stop(iterations, sigmas=_CONVERGED_SHARE))
+    return levenberg_marquardt(_Views(measurements, free), start, Criteria(iterations, tolerance=_CONVERGED_SHARE))
 
 
 @dataclass(frozen=True, eq=False)

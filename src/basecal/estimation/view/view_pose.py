@@ -16,7 +16,7 @@ from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import cross, lengths, nearest_rotation, with_identity
 from basecal.numerics.batch import choose_entries, concatenate, take
-from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import Criteria, levenberg_marquardt
 from basecal.numerics.spectral import principal_axes, smallest_vectors
 
 FEWEST_3D_POINTS = 3  # 3-D points that determine a pose, unless they are collinear
@@ -184,8 +184,8 @@ def refine_poses(views: Views, start: SE3, camera: Camera | None = None, iterati
     if not iterations:
         at = views.linearise(start, camera, False)
         return _Refined(start, at.cost, at.information)
-    optima = levenberg_marquardt(_Poses(views, camera), start, Stop(iterations, sigmas=_SETTLED_GAIN))
-    return _Refined(optima.state, optima.cost, optima.about.information)
+    optima = levenberg_marquardt(_Poses(views, camera), start, Criteria(iterations, tolerance=_SETTLED_GAIN))
+    return _Refined(optima.state, optima.cost, optima.linearisation.information)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from basecal.geometry import Array, BoolArray, IntArray
-from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import Criteria, Quadratic, levenberg_marquardt
 
 _FIT_ROUNDS = 30  # half of the patches need five, one in thirty more than 30
 _RIDGE = 1e-9  # of the diagonal: keeps undetermined parameters finite
@@ -96,9 +96,9 @@ def fit_shapes(
         tolerance: Convergence tolerance relative to the residuals' norm.
     """
     pieces = _Pieces(shape, patches, has_slope, start.shape[1] - held_count)
-    optima = levenberg_marquardt(pieces, start, Stop(_FIT_ROUNDS, sigmas=tolerance))
+    optima = levenberg_marquardt(pieces, start, Criteria(_FIT_ROUNDS, tolerance=tolerance))
     lit = pieces.fit_light(shape(optima.state, patches.xy))
-    covariance = np.asarray(np.linalg.inv(_add_ridge(optima.about.hessian)), dtype=np.float64)
+    covariance = np.asarray(np.linalg.inv(_add_ridge(optima.linearisation.hessian)), dtype=np.float64)
     return Fit(optima.state, lit.light, covariance, lit.residuals, optima.converged)
 
 

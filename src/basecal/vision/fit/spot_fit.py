@@ -15,7 +15,7 @@ from scipy.linalg.lapack import dposv
 from scipy.special import ndtr
 
 from basecal.geometry import Array, BoolArray, IntArray
-from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import Criteria, Quadratic, levenberg_marquardt
 
 _ROUNDING_VARIANCE = 1 / 12
 _ROUGH_ROUNDS = 12  # twice the number for an initial error of one pixel
@@ -59,7 +59,7 @@ def fit_spot(levels: Array, mask: BoolArray, start: tuple[float, float, float]) 
     weights = mask.ravel().astype(np.float64)
     if weights.sum() < 2 * len(q):
         return None
-    near = Stop(_ROUGH_ROUNDS, max(float(weights.sum()) - len(q), 1.0), sigmas=_NEAR_SIGMAS)
+    near = Criteria(_ROUGH_ROUNDS, max(float(weights.sum()) - len(q), 1.0), tolerance=_NEAR_SIGMAS)
     q = levenberg_marquardt(_Piece(levels, weights), q[None], near).state[0]
     at = _linearise_spot(q, levels)
     covariance = _inverse((at.jacobian * weights) @ at.jacobian.T)
