@@ -34,11 +34,11 @@ def known_sketch(folder: Path, is_led: bool = False) -> Sketch:
     """
     from basecal.cell.files import read_cell
     from basecal.planning.prospects import calibrated_sketch
-    from basecal.planning.sketch import led_sketch
+    from basecal.planning.sketch import hand_guided_sketch
 
     cell = read_cell(folder)
     if is_led and cell.sees_scene:
-        return led_sketch(cell)
+        return hand_guided_sketch(cell)
     return calibrated_sketch(cell, _trusted_calibration(folder, cell))
 
 

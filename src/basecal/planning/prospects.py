@@ -29,7 +29,7 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
-from basecal.planning.sketch import Sketch, seen_views, sketch_cell
+from basecal.planning.sketch import Sketch, possible_views, sketch_cell
 
 ASSUMED_NOISE = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3, touch_m=2e-4, grip_rad=1e-3)
 """Noise of views if it is neither stated nor calibrated: typical of detectors and trackers on real images."""
@@ -186,7 +186,7 @@ def sketches(cell: Cell, calibration: Calibration | None) -> tuple[Sketch, ...]:
         if name in found:
             known = known.with_transform(name, replace(unknown, mean=found[name].mean))
     first = sketch_cell(known)
-    return tuple(replace(first, view=view) for view in seen_views(cell))
+    return tuple(replace(first, view=view) for view in possible_views(cell))
 
 
 def calibrated_sketch(cell: Cell, calibration: Calibration | None) -> Sketch:

@@ -112,7 +112,7 @@ class SceneSketch(Sketch):
         return tuple(dict.fromkeys(each.on for each in self.cell.cameras.values() if each.on != WORLD))
 
 
-def led_sketch(cell: Cell) -> Sketch:
+def hand_guided_sketch(cell: Cell) -> Sketch:
     """Sketch of a cell whose arms a person leads; a cell without targets gives a `SceneSketch`.
 
     Raises:
@@ -125,7 +125,7 @@ def led_sketch(cell: Cell) -> Sketch:
     return SceneSketch(cell, {}, (next(iter(cell.cameras)), ""))
 
 
-def seen_views(cell: Cell) -> list[View]:
+def possible_views(cell: Cell) -> list[View]:
     """Pairs of a camera and a target that it may see: all that are not mounted on the same body."""
     return [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
 
@@ -136,7 +136,7 @@ def sketch_cell(cell: Cell) -> Sketch:
     Raises:
         InputError: if there is no such pair, or a transform has no value; the message names it.
     """
-    views = seen_views(cell)
+    views = possible_views(cell)
     if not views and cell.sees_scene:
         raise InputError(
             "images of a scene are not planned: lead the arms yourself (`basecal capture CELL --freedrive`). Take 15 "

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_per_unit
+from basecal.acquisition.opcua.nodes import axis_position_nodes, named_nodes, radians_per_unit
 from basecal.errors import DriverError
 
 
@@ -46,7 +46,7 @@ def client(*devices):
 
 
 def found(*args):
-    return [node.value for node in axes_of_devices(*args)]
+    return [node.value for node in axis_position_nodes(*args)]
 
 
 def test_axes_are_in_the_order_of_their_numbers():

@@ -182,7 +182,7 @@ class Plant:
         world_from_carrier = self._carrier(carrier, now_s)
         if carrier == WORLD:
             return world_from_carrier @ self._mount(name, carrier)
-        moved = self._world.moved_by_gravity(-world_from_carrier.rotation[2])
+        moved = self._world.gravity_motion(-world_from_carrier.rotation[2])
         return world_from_carrier @ moved @ self._mount(name, carrier)
 
     def _carrier(self, carrier: str, now_s: float) -> SE3:

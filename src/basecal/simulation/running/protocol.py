@@ -53,7 +53,7 @@ def new_token() -> str:
     return secrets.token_urlsafe(_TOKEN_BYTES)
 
 
-def place_words(address: Address) -> str:
+def describe_address(address: Address) -> str:
     """Description of an address."""
     return f"a simulated cell at {HOST}:{address.port}"
 
@@ -65,14 +65,14 @@ def write_address(folder: Path, address: Address) -> Path:
         InputError: if the file cannot be written.
     """
     write_private(folder / ADDRESS_FILE, json.dumps(address.model_dump()) + "\n", base_folder=folder)
-    allow(folder, [place_words(address)])
+    allow(folder, [describe_address(address)])
     return folder / ADDRESS_FILE
 
 
 def remove_address(folder: Path, address: Address) -> None:
     """Remove the address file of a cell that has ended."""
     (folder / ADDRESS_FILE).unlink(missing_ok=True)
-    withdraw(folder, place_words(address))
+    withdraw(folder, describe_address(address))
 
 
 def read_address(folder: Path) -> Address:

@@ -46,7 +46,7 @@ class World:
         """A true transform before or after a push."""
         return self.truth[name] @ self.pushed[name] if is_pushed and name in self.pushed else self.truth[name]
 
-    def moved_by_gravity(self, down_in_flange: Array) -> SE3:
+    def gravity_motion(self, down_in_flange: Array) -> SE3:
         """Motion of a flange's load by gravity, from the direction of gravity in the flange, (3,)."""
         faults = _FAULTS.values()
         moves = (fault.move_mount(self.faults.size(fault.name), down_in_flange) for fault in faults if fault.move_mount)
