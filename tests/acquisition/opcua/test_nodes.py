@@ -67,6 +67,13 @@ def test_one_of_several_devices_is_named():
         found(client(), "eye", None)
 
 
+def test_axes_without_positions_are_an_error():
+    """A device whose axes have no positions names what to state instead."""
+    bare = Node("arm", Node("Axes", Node("A1", Node("ParameterSet"))))
+    with pytest.raises(DriverError, match="eye: the axes of 'arm' have no ActualPosition; name the nodes"):
+        found(client(bare), "eye", None)
+
+
 def test_nodes_are_named_by_id_or_path():
     """An id is asked for as it is; a path is walked, and where it ends too early what there is instead is told."""
     there = client(device("arm", "A1"))

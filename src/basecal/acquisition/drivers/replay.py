@@ -64,7 +64,8 @@ class Playback:
         if self.selected is None:
             self.selected = next((sample for sample in self.samples if is_suitable(sample)), None)
         if self.selected is None or not is_suitable(self.selected):
-            raise DriverError(f"{name}: the recording has no data of it in sample {self.selected and self.selected.sample}")
+            where = "" if self.selected is None else f" in sample {self.selected.sample}"
+            raise DriverError(f"{name}: the recording has no data of it{where}")
         return self.selected
 
     def _distance(self, sample: Sample) -> float:

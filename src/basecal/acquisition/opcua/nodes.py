@@ -42,7 +42,7 @@ def axis_position_nodes(client: Any, name: str, device: str | None) -> list[Any]
     """Position nodes of all axes of a motion device, sorted by number if all names end in a number.
 
     Raises:
-        DriverError: if the server has no such device, or has several devices and no name is given.
+        DriverError: if the server has no such device, has several devices and no name is given, or has no positions.
     """
     systems = _children(_children(client.nodes.objects).get("DeviceSet"))
     devices = {
@@ -64,7 +64,10 @@ def axis_position_nodes(client: Any, name: str, device: str | None) -> list[Any]
     numbers = {axis: re.findall(r"\d+$", axis) for axis in axes}
     ordered = sorted(axes, key=lambda axis: int(numbers[axis][0])) if all(numbers.values()) else list(axes)
     positions = [_children(_children(axes[axis]).get("ParameterSet")).get("ActualPosition") for axis in ordered]
-    return [each for each in positions if each is not None]
+    nodes = [each for each in positions if each is not None]
+    if not nodes:
+        raise DriverError(f"{name}: the axes of {device!r} have no ActualPosition; name the nodes of its `joints`")
+    return nodes
 
 
 def _children(node: Any) -> dict[str, Any]:
