@@ -181,17 +181,17 @@ def test_a_goal_begins_at_what_is_recorded(monkeypatch, recorded, calibrated):
     )
     goal = _make_goal(prospect, None, known, points)
     assert (goal.tolerance_m, goal.recorded) == (np.inf, len(recorded))
-    assert goal.now is (now if calibrated and recorded else None)
-    assert goal.beyond_m2 == pytest.approx(12e-6 - 3e-6 if goal.now else 0.0)
+    assert goal.current_error is (now if calibrated and recorded else None)
+    assert goal.unexplained_m2 == pytest.approx(12e-6 - 3e-6 if goal.current_error else 0.0)
     assert _make_goal(prospect, None, known, points, 5e-4).tolerance_m == 5e-4
     prospect.covariance = 100 * prospect.covariance
-    assert _make_goal(prospect, None, known, points).beyond_m2 == 0.0
+    assert _make_goal(prospect, None, known, points).unexplained_m2 == 0.0
     assert all(each is points for each in places)
     if not recorded:
         with pytest.raises(InputError, match="name a task point"):
             _make_goal(prospect, None, known, np.zeros((0, 3)))
     else:
-        assert _make_goal(prospect, None, known, np.zeros((0, 3))).now is None
+        assert _make_goal(prospect, None, known, np.zeros((0, 3))).current_error is None
 
 
 def test_the_best_are_chosen_and_counted():

@@ -166,11 +166,11 @@ def _send_arms(taker: Taker, goal: Sample) -> float:
     plan_check = check_plan(taker.sketch, here, [goal], limits, goal_checks(moving))
     if plan_check.refusals:
         raise Unfit(f"{plan_check.refusals[0].what}; nothing was sent")
-    for path in plan_check.ways:
+    for path in plan_check.paths:
         taker.show_goal(path.robot, goal.robots[path.robot])
         moving[path.robot].move(goal.robots[path.robot], path.joint_rad_s)
     return max(
-        _joint_travel_rad(here[path.robot], goal.robots[path.robot]) / path.joint_rad_s for path in plan_check.ways
+        _joint_travel_rad(here[path.robot], goal.robots[path.robot]) / path.joint_rad_s for path in plan_check.paths
     )
 
 
