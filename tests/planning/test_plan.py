@@ -376,3 +376,11 @@ def test_a_budget_contains_the_variance_beyond_the_noise(monkeypatch):
     meetings = [SimpleNamespace(name=name, mean_square_m2=lambda of: 3.0 * of) for name in ("a", "b")]
     goal = SimpleNamespace(meetings=meetings, excess_m2=lambda count: 1.0 / count)
     assert plans._budget(SimpleNamespace(covariance=2.0), goal, 4) == ("b", 6.25, {})
+
+
+def test_no_sample_is_a_choice():
+    """Of zero samples the choice is empty, and the covariance stays."""
+    prior = np.diag([2.0, 3.0])
+    chosen, covariance = plans.choose_best(SimpleNamespace(covariance=prior), np.ones((3, 2, 1)), np.eye(2), 0)
+    assert chosen == []
+    np.testing.assert_array_equal(covariance, prior)

@@ -278,8 +278,10 @@ def outlook(
 
 def choose_best(prospect: Prospects, roots: Array, weight: Array, count: int) -> tuple[list[int], Array]:
     """Choose `count` candidates greedily with exchange; their indices, and the covariance with them, (p, p)."""
-    steps = list(islice(greedy(roots, prospect.covariance, weight), count))
-    return exchange(roots, [best for best, _ in steps], steps[-1][1], weight)
+    chosen, covariance = list[int](), prospect.covariance
+    for best, covariance in islice(greedy(roots, prospect.covariance, weight), count):  # noqa: B007
+        chosen.append(best)
+    return exchange(roots, chosen, covariance, weight)
 
 
 def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: int, seed: int = 0) -> list[Offer]:
