@@ -122,7 +122,7 @@ def stations_for_task(
     points_m: Array,
     tolerance_m: float | None,
     count: int | None,
-    seed: int = 0,
+    seed: int,
 ) -> Plan:
     """Plan the stations of programmed shifts, near current and recorded robot states, that lower the error the most.
 
